@@ -1,0 +1,93 @@
+//! Seconds of each kernel on one workload, for finding where time goes: `profile [gaussians] [width] [height] [scale]`.
+
+#[path = "../tests/scenes/mod.rs"]
+mod scenes;
+
+use std::time::Instant;
+
+use gs_kernels::config::{AdamConfig, RasterizeConfig, ShConfig};
+use gs_kernels::cpu::{adam, intersect, projection, rasterize, sh, ssim};
+
+fn main() {
+    let arg = |i: usize, default: f64| std::env::args().nth(i).map_or(default, |a| a.parse().expect("a number"));
+    let (n, w, h) = (arg(1, 1e5) as usize, arg(2, 640.0) as u32, arg(3, 480.0) as u32);
+    let scene = scenes::Scene::<f32>::cloud(n, w, h, arg(4, 1.0));
+    let config = RasterizeConfig { width: w, height: h, channels: 3, depth: false };
+    let sh_config = ShConfig { degree: 3, coefficients: 16 };
+    let target = vec![0.4_f32; (w * h * 3) as usize];
+    let opacities = scene.opacities();
+    let mut best = [f64::MAX; 9];
+    let mut pairs = 0;
+    for _ in 0..7 {
+        let mut times = Vec::new();
+        let mut start = Instant::now();
+        let mut lap = || {
+            times.push(start.elapsed().as_secs_f64());
+            start = Instant::now();
+        };
+        let rows = scene.project();
+        lap();
+        let colors = sh::forward(&scene.means, &scene.sh, &scene.viewmat, &rows, &sh_config);
+        lap();
+        let lists = intersect::intersect(&rows, &opacities, &colors, w, h, 3);
+        lap();
+        let lists = lists.as_slices();
+        let image = rasterize::forward(&config, &rows, &opacities, &colors, &[0.0; 3], lists);
+        lap();
+        let rgb: Vec<f32> = image.chunks(4).flat_map(|p| p[..3].to_vec()).collect();
+        let l = {
+            let start = Instant::now();
+            let f = ssim::forward(&rgb, &target, w as usize, h as usize, 3);
+            let v = ssim::backward(&rgb, &target, &f.saved, w as usize, h as usize, 3, 0.8, -0.2);
+            std::hint::black_box(v);
+            start.elapsed().as_secs_f64()
+        };
+        let v: Vec<f32> = image.iter().map(|x| (x - 0.4) / (w * h) as f32).collect();
+        let _ = lap();
+        let r = rasterize::backward(&config, &rows, &opacities, &colors, &[0.0; 3], lists, &v);
+        lap();
+        let s = sh::backward(&scene.means, &scene.sh, &scene.viewmat, &rows, &sh_config, &r.features);
+        lap();
+        let p = projection::backward(
+            &scene.means,
+            &scene.quats,
+            &scene.log_scales,
+            &scene.viewmat,
+            &scene.config,
+            &rows,
+            &r.projected,
+        );
+        lap();
+        let (mut m, mut v2, mut params) = (s.sh.clone(), s.sh.clone(), scene.sh.clone());
+        v2.iter_mut().for_each(|v| *v = v.abs());
+        let _ = lap();
+        adam::step(
+            &mut params,
+            &s.sh,
+            &mut m,
+            &mut v2,
+            &AdamConfig { lr: 1e-3, beta1: 0.9, beta2: 0.999, eps: 1e-15, step: 3 },
+        );
+        lap();
+        std::hint::black_box((p, params));
+        pairs = lists.gaussian_ids.len();
+        let kept = [times[0], times[1], times[2], times[3], l, times[5], times[6], times[7], times[9]];
+        best.iter_mut().zip(kept).for_each(|(b, t)| *b = b.min(t));
+    }
+    let names = [
+        "project",
+        "sh",
+        "intersect",
+        "rasterize",
+        "ssim fwd+bwd",
+        "rasterize bwd",
+        "sh bwd",
+        "project bwd",
+        "adam (sh)",
+    ];
+    println!("{n} Gaussians, {w}x{h}, {pairs} tile pairs, {} threads", rayon::current_num_threads());
+    for (name, t) in names.iter().zip(best) {
+        println!("{name:>14}  {:8.2} ms  {:6.2} G tile-pairs/s", t * 1e3, pairs as f64 * 256.0 / t / 1e9);
+    }
+    println!("{:>14}  {:8.2} ms", "sum", best.iter().sum::<f64>() * 1e3);
+}

@@ -1,0 +1,114 @@
+//! What a kernel is told beside its buffers; shared by the CPU kernels and their CubeCL twins.
+
+use crate::constants::{EPS2D, FAR, NEAR, TILE};
+
+/// A pinhole camera's image and the limits of projection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProjectionConfig {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Focal length along x, pixels.
+    pub fx: f64,
+    /// Focal length along y, pixels.
+    pub fy: f64,
+    /// Principal point, pixels from the left edge.
+    pub cx: f64,
+    /// Principal point, pixels from the top edge.
+    pub cy: f64,
+    /// Gaussians with a centre nearer than this (camera z, scene units) are culled.
+    pub near: f64,
+    /// Gaussians with a centre farther than this are culled.
+    pub far: f64,
+    /// Variance added to the projected covariance, square pixels.
+    pub eps2d: f64,
+    /// Whether the opacity compensation of Mip-Splatting (Yu et al. 2024, Eq. 9) is computed; otherwise it is 1.
+    pub antialiased: bool,
+}
+
+impl Default for ProjectionConfig {
+    fn default() -> Self {
+        Self {
+            width: 1,
+            height: 1,
+            fx: 1.0,
+            fy: 1.0,
+            cx: 0.5,
+            cy: 0.5,
+            near: NEAR,
+            far: FAR,
+            eps2d: EPS2D,
+            antialiased: false,
+        }
+    }
+}
+
+impl ProjectionConfig {
+    /// Bounds of `x / z` and `y / z` at which the Jacobian is evaluated: `[x_min, x_max, y_min, y_max]`.
+    pub fn frustum_limits(&self) -> [f64; 4] {
+        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        let margin_x = crate::constants::FRUSTUM_MARGIN * 0.5 * w / self.fx;
+        let margin_y = crate::constants::FRUSTUM_MARGIN * 0.5 * h / self.fy;
+        [
+            -(self.cx / self.fx + margin_x),
+            (w - self.cx) / self.fx + margin_x,
+            -(self.cy / self.fy + margin_y),
+            (h - self.cy) / self.fy + margin_y,
+        ]
+    }
+}
+
+/// Spherical harmonics: how many coefficients are stored and how many are used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShConfig {
+    /// Active degree, 0 to 3; at most the stored one.
+    pub degree: u32,
+    /// Coefficients stored per Gaussian and channel: 1, 4, 9 or 16.
+    pub coefficients: usize,
+}
+
+/// The image a rasterization writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RasterizeConfig {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Feature channels per Gaussian.
+    pub channels: usize,
+    /// Whether depth is accumulated as one more channel (without background) behind the features.
+    pub depth: bool,
+}
+
+impl RasterizeConfig {
+    /// Values per output pixel: features, depth if asked for, alpha.
+    pub fn output_channels(&self) -> usize {
+        self.channels + usize::from(self.depth) + 1
+    }
+
+    /// Tiles along x and y.
+    pub fn tiles(&self) -> (usize, usize) {
+        tile_grid(self.width, self.height)
+    }
+}
+
+/// Tiles along x and y of an image in pixels.
+pub fn tile_grid(width: u32, height: u32) -> (usize, usize) {
+    ((width as usize).div_ceil(TILE), (height as usize).div_ceil(TILE))
+}
+
+/// One Adam update (Kingma and Ba 2015).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdamConfig {
+    /// Learning rate, in the parameter's unit a step.
+    pub lr: f64,
+    /// Decay of the first moment.
+    pub beta1: f64,
+    /// Decay of the second moment.
+    pub beta2: f64,
+    /// Added to the root of the second moment; protects parameters that never had a gradient.
+    pub eps: f64,
+    /// Number of this step, from 1; used for the bias correction.
+    pub step: u64,
+}

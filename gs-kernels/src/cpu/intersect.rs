@@ -1,0 +1,265 @@
+//! Which Gaussian touches which tile, in depth order.
+//!
+//! The test is exact: the part of the cut-off ellipse inside a row of tiles is convex, so the pixels it can reach in
+//! that row are one interval, known in closed form. Gaussians are sorted by depth once, then dealt to the tiles in that
+//! order, so no list of (tile, depth) keys is ever sorted.
+
+use rayon::prelude::*;
+
+use crate::config::tile_grid;
+use crate::constants::{ALPHA_MIN, FEATURE_MAX, TILE};
+use crate::cpu::Real;
+use crate::cpu::parallel::{CHUNK, Disjoint};
+use crate::cpu::sort::sort_by_key;
+use crate::rows::{PROJECTED, ProjectedRow};
+
+/// Relative and absolute slack of the cut-off, in units of sigma. Pixels decide exactly; the slack only makes sure that
+/// rounding never hides a tile from them.
+const SLACK: (f64, f64) = (1e-5, 1e-3);
+/// Slack of a pixel bound, pixels.
+const PIXEL_SLACK: f64 = 0.02;
+
+/// Tiles and the Gaussians that touch them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Intersections {
+    /// `[tiles + 1]`: tile `t` (row-major) owns `gaussian_ids[tile_offsets[t]..tile_offsets[t + 1]]`.
+    pub tile_offsets: Vec<i32>,
+    /// `[M]`, by tile, then depth, then index.
+    pub gaussian_ids: Vec<i32>,
+    /// `[N + 1]`: Gaussian `g` owns `positions[gaussian_offsets[g]..gaussian_offsets[g + 1]]`.
+    pub gaussian_offsets: Vec<i32>,
+    /// `[M]`: places in `gaussian_ids`, rising for each Gaussian.
+    pub positions: Vec<i32>,
+}
+
+/// Borrowed [`Intersections`].
+#[derive(Clone, Copy, Debug)]
+pub struct IntersectionSlices<'a> {
+    /// See [`Intersections::tile_offsets`].
+    pub tile_offsets: &'a [i32],
+    /// See [`Intersections::gaussian_ids`].
+    pub gaussian_ids: &'a [i32],
+    /// See [`Intersections::gaussian_offsets`].
+    pub gaussian_offsets: &'a [i32],
+    /// See [`Intersections::positions`].
+    pub positions: &'a [i32],
+}
+
+impl Intersections {
+    /// Borrows all lists.
+    pub fn as_slices(&self) -> IntersectionSlices<'_> {
+        IntersectionSlices {
+            tile_offsets: &self.tile_offsets,
+            gaussian_ids: &self.gaussian_ids,
+            gaussian_offsets: &self.gaussian_offsets,
+            positions: &self.positions,
+        }
+    }
+}
+
+/// Tiles of one row that a Gaussian touches: columns `first..=last`.
+#[derive(Clone, Copy)]
+struct Span {
+    row: u16,
+    first: u16,
+    last: u16,
+}
+
+/// Spans of a run of Gaussians.
+struct Spans {
+    spans: Vec<Span>,
+    /// Per Gaussian of the run: end in `spans`.
+    ends: Vec<u32>,
+    /// Per Gaussian of the run: number of tiles.
+    counts: Vec<u32>,
+}
+
+/// Finds all (tile, Gaussian) pairs.
+///
+/// `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`. Left out are culled Gaussians, those whose opacity is
+/// below the cut-off or above any number, and those with a feature that is not finite or not below [`FEATURE_MAX`].
+///
+/// # Panics
+/// When the slices disagree in length, when an image side exceeds 2^20 pixels, or when there are more than 2^31 pairs
+/// (16 GB of lists).
+pub fn intersect<F: Real>(
+    projected: &[F],
+    opacities: &[F],
+    features: &[F],
+    width: u32,
+    height: u32,
+    channels: usize,
+) -> Intersections {
+    let count = projected.len() / PROJECTED;
+    assert_eq!(opacities.len(), count, "opacities must be [N] for {count} projected rows");
+    assert_eq!(features.len(), count * channels, "features must be [N, {channels}] for {count} projected rows");
+    assert!(width <= 1 << 20 && height <= 1 << 20, "image of {width}x{height} pixels is beyond 2^20 a side");
+    let (columns, rows) = tile_grid(width, height);
+
+    let runs: Vec<Spans> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|run| {
+            let members = run * CHUNK..((run + 1) * CHUNK).min(count);
+            spans_of(members, projected, opacities, features, channels, [width, height])
+        })
+        .collect();
+
+    let mut gaussian_offsets = Vec::with_capacity(count + 1);
+    gaussian_offsets.push(0);
+    let mut total = 0_u64;
+    for n in runs.iter().flat_map(|run| &run.counts) {
+        total += u64::from(*n);
+        gaussian_offsets.push(total as i32);
+    }
+    assert!(total <= i32::MAX as u64, "{total} tile intersections exceed 2^31");
+
+    let visible: Vec<u32> =
+        (0..count as u32).filter(|&i| runs[i as usize / CHUNK].counts[i as usize % CHUNK] > 0).collect();
+    let order = sort_by_key(&visible, |i| ProjectedRow::read(projected, i as usize).depth);
+
+    deal(&runs, &order, gaussian_offsets, columns * rows, columns, total as usize)
+}
+
+/// Deals the Gaussians to the tiles in `order`. The order is cut into as many pieces as there are threads; each piece
+/// knows by a count where its entries begin in every tile, so the result does not depend on the cut.
+fn deal(
+    runs: &[Spans],
+    order: &[u32],
+    gaussian_offsets: Vec<i32>,
+    tiles: usize,
+    columns: usize,
+    total: usize,
+) -> Intersections {
+    let pieces = rayon::current_num_threads().min(16).max(1);
+    let piece_len = order.len().div_ceil(pieces).max(1);
+    let mut starts: Vec<Vec<u32>> = order
+        .par_chunks(piece_len)
+        .map(|piece| {
+            let mut counts = vec![0_u32; tiles];
+            for &i in piece {
+                for span in spans(runs, i) {
+                    let row = span.row as usize * columns;
+                    counts[row + span.first as usize..=row + span.last as usize].iter_mut().for_each(|n| *n += 1);
+                }
+            }
+            counts
+        })
+        .collect();
+
+    let mut tile_offsets = Vec::with_capacity(tiles + 1);
+    let mut sum = 0_u32;
+    for tile in 0..tiles {
+        tile_offsets.push(sum as i32);
+        for piece in &mut starts {
+            sum += std::mem::replace(&mut piece[tile], sum);
+        }
+    }
+    tile_offsets.push(sum as i32);
+
+    let mut gaussian_ids = vec![0_i32; total];
+    let mut positions = vec![0_i32; total];
+    let (ids, places) = (Disjoint::new(&mut gaussian_ids), Disjoint::new(&mut positions));
+    order.par_chunks(piece_len).zip(starts.par_iter_mut()).for_each(|(piece, cursors)| {
+        for &i in piece {
+            let begin = gaussian_offsets[i as usize] as usize;
+            let len = gaussian_offsets[i as usize + 1] as usize - begin;
+            // SAFETY: each Gaussian is in one piece, and owns this range of positions.
+            let mut places = unsafe { places.slice_mut(begin, len) }.iter_mut();
+            for span in spans(runs, i) {
+                for column in span.first..=span.last {
+                    let cursor = &mut cursors[span.row as usize * columns + column as usize];
+                    // SAFETY: the counts of the first pass give every entry a place of its own.
+                    let id = unsafe { ids.slice_mut(*cursor as usize, 1) };
+                    id[0] = i as i32;
+                    *places.next().expect("as many places as tiles counted") = *cursor as i32;
+                    *cursor += 1;
+                }
+            }
+        }
+    });
+    Intersections { tile_offsets, gaussian_ids, gaussian_offsets, positions }
+}
+
+fn spans(runs: &[Spans], i: u32) -> &[Span] {
+    let (run, k) = (&runs[i as usize / CHUNK], i as usize % CHUNK);
+    let begin = if k == 0 { 0 } else { run.ends[k - 1] as usize };
+    &run.spans[begin..run.ends[k] as usize]
+}
+
+fn spans_of<F: Real>(
+    members: std::ops::Range<usize>,
+    projected: &[F],
+    opacities: &[F],
+    features: &[F],
+    channels: usize,
+    size: [u32; 2],
+) -> Spans {
+    let mut out = Spans {
+        spans: Vec::new(),
+        ends: Vec::with_capacity(members.len()),
+        counts: Vec::with_capacity(members.len()),
+    };
+    let limit = F::of(FEATURE_MAX);
+    for i in members {
+        let row = ProjectedRow::read(projected, i);
+        let opacity = opacities[i];
+        let usable = features[i * channels..][..channels].iter().all(|f| f.abs() < limit);
+        let begin = out.spans.len();
+        if row.radius > F::ZERO && usable && opacity >= F::of(ALPHA_MIN) && opacity.is_finite() {
+            push_spans(&row, opacity, size, &mut out.spans);
+        }
+        out.ends.push(out.spans.len() as u32);
+        out.counts.push(out.spans[begin..].iter().map(|s| u32::from(s.last - s.first) + 1).sum());
+    }
+    out
+}
+
+/// Tile spans of the ellipse `d1 (dx + l dy)^2 + d2 dy^2 <= k` about the mean.
+///
+/// In a strip of `dy` its rightmost point is where the whole ellipse's rightmost point lies, held inside the strip,
+/// since the right edge is a concave function of `dy`; likewise on the left.
+fn push_spans<F: Real>(row: &ProjectedRow<F>, opacity: F, [width, height]: [u32; 2], spans: &mut Vec<Span>) {
+    let [d1, l, d2] = row.conic;
+    let k = F::of(2.0) * (opacity / F::of(ALPHA_MIN)).ln();
+    let k = k * F::of(1.0 + SLACK.0) + F::of(SLACK.1);
+    let reach_y = (k / d2).sqrt();
+    let Some((first_y, last_y)) = pixel_range(row.mean[1] - reach_y, row.mean[1] + reach_y, height) else { return };
+    let tile = F::of(TILE as f64);
+    let half = F::of(0.5);
+    // dy of the rightmost point: Cxy / sqrt(Cxx) sqrt(k), with Cxy = -l / d2 and Cxx = 1 / d1 + l^2 / d2.
+    let cxx = F::ONE / d1 + l * l / d2;
+    let turn = -(l / d2) * (k / cxx).sqrt();
+    for tile_row in first_y / TILE as u32..=last_y / TILE as u32 {
+        let top = F::of(tile_row.into()) * tile + half;
+        let bottom = (top + tile - F::ONE).least(F::of(height.into()) - half);
+        let low = (top - row.mean[1]).greatest(-reach_y);
+        let high = (bottom - row.mean[1]).least(reach_y);
+        if low > high + F::of(PIXEL_SLACK) {
+            continue;
+        }
+        let edge = |dy: F, sign: F| {
+            let dy = dy.greatest(low).least(high);
+            let rest = (k - d2 * dy * dy).greatest(F::ZERO) / d1;
+            sign * rest.sqrt() - l * dy
+        };
+        let (left, right) = (edge(-turn, -F::ONE), edge(turn, F::ONE));
+        if let Some((first, last)) = pixel_range(row.mean[0] + left, row.mean[0] + right, width) {
+            let (first, last) = (first / TILE as u32, last / TILE as u32);
+            spans.push(Span { row: tile_row as u16, first: first as u16, last: last as u16 });
+        }
+    }
+}
+
+/// Pixels whose centres lie in `low..=high`, with slack, inside an image of `size` pixels.
+#[inline(always)]
+fn pixel_range<F: Real>(low: F, high: F, size: u32) -> Option<(u32, u32)> {
+    let slack = F::of(PIXEL_SLACK + 0.5);
+    let end = F::of(size.into());
+    let first = -(-(low - slack)).floor();
+    let last = (high + slack - F::ONE).floor();
+    // NaN fails the comparison, and what is far outside never reaches the integer conversion.
+    if !(first < end && last >= F::ZERO && first <= last) {
+        return None;
+    }
+    Some((first.greatest(F::ZERO).to_f64() as u32, last.least(end - F::ONE).to_f64() as u32))
+}

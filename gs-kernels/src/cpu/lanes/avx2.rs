@@ -1,0 +1,142 @@
+//! Lanes in two 256-bit registers.
+
+use std::arch::x86_64::*;
+
+use super::{EXP2_F32, LANES, Lanes};
+use crate::cpu::real::LaneTask;
+
+/// Sixteen `f32` lanes. Values exist only inside [`run`], where the processor is known to have the instructions;
+/// that is what makes the `unsafe` calls below sound.
+#[derive(Clone, Copy)]
+pub struct Avx2(__m256, __m256);
+
+/// Runs a task compiled for AVX2 with FMA.
+///
+/// # Safety
+/// The processor must have AVX2 and FMA.
+#[target_feature(enable = "avx2,fma,bmi1,bmi2")]
+pub unsafe fn run<T: LaneTask<f32>>(task: T) -> T::Output {
+    task.run::<Avx2>()
+}
+
+/// Runs a task on portable doubles compiled for AVX2 with FMA.
+///
+/// # Safety
+/// The processor must have AVX2 and FMA.
+#[target_feature(enable = "avx2,fma,bmi1,bmi2")]
+pub unsafe fn run_f64<T: LaneTask<f64>>(task: T) -> T::Output {
+    task.run::<super::Portable<f64>>()
+}
+
+/// Sum of eight lanes by halves.
+///
+/// # Safety
+/// The processor must have AVX.
+#[inline(always)]
+pub unsafe fn sum8(v: __m256) -> f32 {
+    unsafe {
+        let b = _mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
+        let c = _mm_add_ps(b, _mm_movehl_ps(b, b));
+        _mm_cvtss_f32(_mm_add_ss(c, _mm_shuffle_ps::<1>(c, c)))
+    }
+}
+
+#[inline(always)]
+unsafe fn exp2(x: __m256) -> __m256 {
+    unsafe {
+        let x = _mm256_max_ps(x, _mm256_set1_ps(super::EXP2_LOWEST));
+        let n = _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x);
+        let f = _mm256_sub_ps(x, n);
+        let mut p = _mm256_set1_ps(EXP2_F32[0]);
+        for c in &EXP2_F32[1..] {
+            p = _mm256_fmadd_ps(p, f, _mm256_set1_ps(*c));
+        }
+        let exponent = _mm256_slli_epi32::<23>(_mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127)));
+        _mm256_mul_ps(p, _mm256_castsi256_ps(exponent))
+    }
+}
+
+impl Lanes for Avx2 {
+    type Real = f32;
+    type Mask = (__m256, __m256);
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        let v = unsafe { _mm256_set1_ps(x) };
+        Self(v, v)
+    }
+    #[inline(always)]
+    fn load(from: &[f32; LANES]) -> Self {
+        unsafe { Self(_mm256_loadu_ps(from.as_ptr()), _mm256_loadu_ps(from.as_ptr().add(8))) }
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f32; LANES]) {
+        unsafe {
+            _mm256_storeu_ps(to.as_mut_ptr(), self.0);
+            _mm256_storeu_ps(to.as_mut_ptr().add(8), self.1);
+        }
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        unsafe { Self(_mm256_add_ps(self.0, b.0), _mm256_add_ps(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        unsafe { Self(_mm256_sub_ps(self.0, b.0), _mm256_sub_ps(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        unsafe { Self(_mm256_mul_ps(self.0, b.0), _mm256_mul_ps(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        unsafe { Self(_mm256_div_ps(self.0, b.0), _mm256_div_ps(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        unsafe { Self(_mm256_fmadd_ps(self.0, a.0, b.0), _mm256_fmadd_ps(self.1, a.1, b.1)) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        unsafe { Self(_mm256_fnmadd_ps(self.0, a.0, b.0), _mm256_fnmadd_ps(self.1, a.1, b.1)) }
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        unsafe { Self(_mm256_min_ps(self.0, b.0), _mm256_min_ps(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        unsafe { Self(_mm256_max_ps(self.0, b.0), _mm256_max_ps(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        unsafe {
+            let sign = _mm256_set1_ps(-0.0);
+            Self(_mm256_andnot_ps(sign, self.0), _mm256_andnot_ps(sign, self.1))
+        }
+    }
+    #[inline(always)]
+    fn ge(self, b: Self) -> (__m256, __m256) {
+        unsafe { (_mm256_cmp_ps::<_CMP_GE_OQ>(self.0, b.0), _mm256_cmp_ps::<_CMP_GE_OQ>(self.1, b.1)) }
+    }
+    #[inline(always)]
+    fn both(a: (__m256, __m256), b: (__m256, __m256)) -> (__m256, __m256) {
+        unsafe { (_mm256_and_ps(a.0, b.0), _mm256_and_ps(a.1, b.1)) }
+    }
+    #[inline(always)]
+    fn select(mask: (__m256, __m256), a: Self, b: Self) -> Self {
+        unsafe { Self(_mm256_blendv_ps(b.0, a.0, mask.0), _mm256_blendv_ps(b.1, a.1, mask.1)) }
+    }
+    #[inline(always)]
+    fn bits(mask: (__m256, __m256)) -> u16 {
+        unsafe { (_mm256_movemask_ps(mask.0) as u16) | ((_mm256_movemask_ps(mask.1) as u16) << 8) }
+    }
+    #[inline(always)]
+    fn exp2_nonpositive(self) -> Self {
+        unsafe { Self(exp2(self.0), exp2(self.1)) }
+    }
+    #[inline(always)]
+    fn sum(self) -> f32 {
+        unsafe { sum8(_mm256_add_ps(self.0, self.1)) }
+    }
+}

@@ -1,0 +1,378 @@
+//! Blending backward.
+//!
+//! Per tile, the forward walk is replayed and every alpha and transmittance kept (a pixel blends at most 2,346
+//! Gaussians, since each takes 1/255 of the light and the pixel ends at 1e-4); nothing is rebuilt by division. Then the
+//! list is walked back to front with the light `S` behind each Gaussian as one running number per pixel:
+//!
+//! `q = f . v`, `v_alpha = T q - S / (1 - alpha)`, `S += alpha T q`, where `v` is the gradient by the pixel's channels.
+//!
+//! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients by the ellipse are moments of `s` over the
+//! tile. Every (tile, Gaussian) pair gets a gradient row of its own; a Gaussian's rows are added in tile order, so no
+//! thread's timing can show in a sum.
+
+use rayon::prelude::*;
+
+use super::tile::{FeatureLanes, Inputs, TilePlane, fresh_transmittance};
+use crate::config::RasterizeConfig;
+use crate::constants::{ALPHA_MAX, TILE};
+use crate::cpu::Real;
+use crate::cpu::blend::{Rows, TileGaussian, is_open};
+use crate::cpu::intersect::IntersectionSlices;
+use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::parallel::{CHUNK, Disjoint, zeros};
+use crate::cpu::real::LaneTask;
+use crate::rows::{PROJECTED, ProjectedRow, SCREEN};
+
+/// Gradients of [`super::forward`], each in the shape of its argument.
+#[derive(Clone, Debug)]
+pub struct RasterizeGradients<F> {
+    /// `[N, 8]`; zero for compensation and radius.
+    pub projected: Vec<F>,
+    /// `[N]`
+    pub opacities: Vec<F>,
+    /// `[N, C]`
+    pub features: Vec<F>,
+    /// `[C]`
+    pub background: Vec<F>,
+    /// `[N, 4]`, see [`SCREEN`].
+    pub screen: Vec<F>,
+}
+
+/// A pair's gradient row: mean (2), conic (3), opacity, absolute screen gradient (2), then the blended channels.
+const FIXED: usize = 8;
+
+/// Backward of [`super::forward`] from `v_output` `[H, W, C + depth + 1]`.
+///
+/// A Gaussian whose gradient is not finite receives zero.
+///
+/// # Panics
+/// When the slices disagree in length.
+pub fn backward<F: Real>(
+    config: &RasterizeConfig,
+    projected: &[F],
+    opacities: &[F],
+    features: &[F],
+    background: &[F],
+    lists: IntersectionSlices<'_>,
+    v_output: &[F],
+) -> RasterizeGradients<F> {
+    let inputs = Inputs::new(config, projected, opacities, features, background, lists);
+    let pixels = config.width as usize * config.height as usize;
+    assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must be [H, W, C + depth + 1]");
+    let (columns, rows) = config.tiles();
+    let mut pairs = zeros(lists.gaussian_ids.len() * (FIXED + inputs.blended));
+    let shared = Disjoint::new(&mut pairs);
+    let backgrounds: Vec<Vec<F>> = (0..columns * rows)
+        .into_par_iter()
+        .map_init(Scratch::default, |scratch, tile| {
+            let (inputs, pairs) = (&inputs, &shared);
+            match inputs.blended {
+                1 => F::with_lanes(TileBackward::<F, 1> { inputs, tile, pairs, v_output, scratch }),
+                2 => F::with_lanes(TileBackward::<F, 2> { inputs, tile, pairs, v_output, scratch }),
+                3 => F::with_lanes(TileBackward::<F, 3> { inputs, tile, pairs, v_output, scratch }),
+                4 => F::with_lanes(TileBackward::<F, 4> { inputs, tile, pairs, v_output, scratch }),
+                _ => F::with_lanes(TileBackward::<F, 0> { inputs, tile, pairs, v_output, scratch }),
+            }
+        })
+        .collect();
+    let mut v_background: Vec<F> = zeros(config.channels);
+    for tile in &backgrounds {
+        v_background.iter_mut().zip(tile).for_each(|(sum, &v)| *sum += v);
+    }
+    if v_background.iter().any(|v| !v.is_finite()) {
+        v_background.fill(F::ZERO);
+    }
+    gather(&inputs, &pairs, v_background)
+}
+
+/// Adds each Gaussian's pair rows in tile order.
+fn gather<F: Real>(inputs: &Inputs<'_, F>, pairs: &[F], background: Vec<F>) -> RasterizeGradients<F> {
+    let (count, channels) = (inputs.opacities.len(), inputs.config.channels);
+    let stride = FIXED + inputs.blended;
+    let mut out = RasterizeGradients {
+        projected: zeros(count * PROJECTED),
+        opacities: zeros(count),
+        features: zeros(count * channels),
+        background,
+        screen: zeros(count * SCREEN),
+    };
+    let (rows, opacities, features, screen) = (
+        Disjoint::new(&mut out.projected),
+        Disjoint::new(&mut out.opacities),
+        Disjoint::new(&mut out.features),
+        Disjoint::new(&mut out.screen),
+    );
+    (0..count.div_ceil(CHUNK)).into_par_iter().for_each(|chunk| {
+        let mut sum = vec![F::ZERO; stride];
+        for id in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+            let begin = inputs.lists.gaussian_offsets[id] as usize;
+            let end = inputs.lists.gaussian_offsets[id + 1] as usize;
+            if begin == end {
+                continue;
+            }
+            sum.fill(F::ZERO);
+            for &position in &inputs.lists.positions[begin..end] {
+                let pair = &pairs[position as usize * stride..][..stride];
+                sum.iter_mut().zip(pair).for_each(|(sum, &v)| *sum += v);
+            }
+            if !sum.iter().all(|v| v.is_finite()) {
+                continue;
+            }
+            let depth = if inputs.config.depth { sum[FIXED + channels] } else { F::ZERO };
+            let row = ProjectedRow {
+                mean: [sum[0], sum[1]],
+                conic: [sum[2], sum[3], sum[4]],
+                depth,
+                compensation: F::ZERO,
+                radius: F::ZERO,
+            };
+            // SAFETY: every Gaussian belongs to one chunk.
+            unsafe {
+                rows.slice_mut(id * PROJECTED, PROJECTED).copy_from_slice(&row.pack());
+                opacities.slice_mut(id, 1)[0] = sum[5];
+                features.slice_mut(id * channels, channels).copy_from_slice(&sum[FIXED..FIXED + channels]);
+                screen.slice_mut(id * SCREEN, SCREEN).copy_from_slice(&[sum[0], sum[1], sum[6], sum[7]]);
+            }
+        }
+    });
+    out
+}
+
+/// What the replay of a tile keeps.
+struct Scratch<F> {
+    /// Per blended row of a Gaussian: alpha and the transmittance before it.
+    steps: Vec<[[F; LANES]; 2]>,
+    gaussians: Vec<Replayed<F>>,
+    /// Gradient by the pixels, one plane per output channel.
+    v: Vec<TilePlane<F>>,
+}
+
+impl<F> Default for Scratch<F> {
+    fn default() -> Self {
+        Self { steps: Vec::new(), gaussians: Vec::new(), v: Vec::new() }
+    }
+}
+
+struct Replayed<F> {
+    id: usize,
+    position: usize,
+    gaussian: TileGaussian<F>,
+    rows: Rows<F>,
+    /// Rows in which some pixel blended it; their steps begin at `first_step`.
+    blended: u16,
+    first_step: usize,
+}
+
+/// One tile; `UNROLL` is the number of blended channels, or 0 for any.
+struct TileBackward<'a, F, const UNROLL: usize> {
+    inputs: &'a Inputs<'a, F>,
+    tile: usize,
+    pairs: &'a Disjoint<'a, F>,
+    v_output: &'a [F],
+    scratch: &'a mut Scratch<F>,
+}
+
+impl<F: Real, const UNROLL: usize> LaneTask<F> for TileBackward<'_, F, UNROLL> {
+    /// The tile's share of the background's gradient, `[C + depth]`.
+    type Output = Vec<F>;
+
+    #[inline(always)]
+    fn run<L: Lanes<Real = F>>(mut self) -> Vec<F> {
+        let origin = self.inputs.origin(self.tile);
+        self.load_v(origin);
+        let transmittance = self.replay::<L>(origin);
+        let (mut behind, v_background) = self.behind_everything::<L>(&transmittance);
+        self.walk_back::<L>(&mut behind);
+        v_background
+    }
+}
+
+impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
+    #[inline(always)]
+    fn channels(&self) -> usize {
+        if UNROLL > 0 { UNROLL } else { self.inputs.blended }
+    }
+
+    /// Spreads the pixels' gradients into planes; zero outside the image.
+    #[inline(always)]
+    fn load_v(&mut self, origin: [usize; 2]) {
+        let stride = self.inputs.blended + 1;
+        let [columns, rows] = self.inputs.inside(origin);
+        let v = &mut self.scratch.v;
+        v.clear();
+        v.resize(stride, [[F::ZERO; LANES]; TILE]);
+        for r in 0..rows {
+            let first = ((origin[1] + r) * self.inputs.config.width as usize + origin[0]) * stride;
+            for (x, pixel) in self.v_output[first..][..columns * stride].chunks_exact(stride).enumerate() {
+                for (c, &value) in pixel.iter().enumerate() {
+                    v[c][r][x] = value;
+                }
+            }
+        }
+    }
+
+    /// The forward walk again, keeping every step; returns the final transmittance, signs as [`crate::cpu::blend`] has them.
+    #[inline(always)]
+    fn replay<L: Lanes<Real = F>>(&mut self, origin: [usize; 2]) -> TilePlane<F> {
+        let inputs = self.inputs;
+        let Scratch { steps, gaussians, .. } = &mut *self.scratch;
+        steps.clear();
+        gaussians.clear();
+        let (mut transmittance, mut ended) = fresh_transmittance::<F>(inputs.inside(origin));
+        let (ids, begin) = inputs.list(self.tile);
+        for (k, &id) in ids.iter().enumerate() {
+            inputs.prefetch(ids, k);
+            let id = id as usize;
+            let (_, gaussian) = inputs.gaussian(id, origin);
+            let rows = gaussian.rows::<L>(inputs.limits[id]);
+            let dx = gaussian.dx::<L>();
+            let first_step = steps.len();
+            steps.reserve(TILE);
+            let mut blended = 0;
+            let mut active = rows.reached & !ended;
+            while active != 0 {
+                let r = active.trailing_zeros() as usize;
+                active &= active - 1;
+                let t = L::load(&transmittance[r]);
+                let step = gaussian.blend(gaussian.u(dx, &rows, r), &rows, r, t);
+                step.after.store(&mut transmittance[r]);
+                if L::bits(step.alpha.ge(L::splat(F::of(crate::constants::ALPHA_MIN)))) != 0 {
+                    blended |= 1 << r;
+                    steps.push([step.alpha.to_array(), t.to_array()]);
+                }
+                if !is_open(step.after) {
+                    ended |= 1 << r;
+                }
+            }
+            if blended != 0 {
+                gaussians.push(Replayed { id, position: begin + k, gaussian, rows, blended, first_step });
+            }
+            if ended == u16::MAX {
+                break;
+            }
+        }
+        transmittance
+    }
+
+    /// `S` behind the last Gaussian, `T (background . v - v_alpha)`, and the gradient by the background, `sum T v`.
+    #[inline(always)]
+    fn behind_everything<L: Lanes<Real = F>>(&self, transmittance: &TilePlane<F>) -> (TilePlane<F>, Vec<F>) {
+        let channels = self.channels();
+        let v = &self.scratch.v;
+        let mut behind = [[F::ZERO; LANES]; TILE];
+        let mut v_background = vec![F::ZERO; channels];
+        for r in 0..TILE {
+            let t = L::load(&transmittance[r]).abs();
+            let mut s = L::splat(F::ZERO).sub(L::load(&v[channels][r]));
+            for c in 0..channels {
+                let v = L::load(&v[c][r]);
+                s = v.mul_add(L::splat(self.inputs.background[c]), s);
+                v_background[c] += t.mul(v).sum();
+            }
+            s.mul(t).store(&mut behind[r]);
+        }
+        (behind, v_background)
+    }
+
+    #[inline(always)]
+    fn walk_back<L: Lanes<Real = F>>(&mut self, behind: &mut TilePlane<F>) {
+        let channels = self.channels();
+        let stride = FIXED + channels;
+        let Scratch { steps, gaussians, v } = &*self.scratch;
+        let zero = L::splat(F::ZERO);
+        let mut features = FeatureLanes::<L, UNROLL>::new(channels);
+        let mut v_features = FeatureLanes::<L, UNROLL>::new(channels);
+        for replayed in gaussians.iter().rev() {
+            let features = features.read(self.inputs, replayed.id);
+            let v_features = v_features.lanes();
+            v_features.fill(zero);
+            let row = ProjectedRow::read(self.inputs.projected, replayed.id);
+            let [d1, l, d2] = row.conic;
+            let dx = replayed.gaussian.dx::<L>();
+            let mut moments = Moments::<L>::new();
+            let mut active = replayed.blended;
+            let mut step = replayed.first_step;
+            while active != 0 {
+                let r = active.trailing_zeros() as usize;
+                active &= active - 1;
+                let [alpha, t] = [L::load(&steps[step][0]), L::load(&steps[step][1])];
+                step += 1;
+                let weight = alpha.mul(t);
+                let mut q = zero;
+                for ((plane, &feature), v_feature) in v.iter().zip(features).zip(&mut *v_features) {
+                    let v = L::load(&plane[r]);
+                    q = v.mul_add(feature, q);
+                    *v_feature = weight.mul_add(v, *v_feature);
+                }
+                let s_behind = L::load(&behind[r]);
+                let open = L::splat(F::ONE).sub(alpha);
+                let v_alpha = t.mul(q).sub(s_behind.div(open));
+                weight.mul_add(q, s_behind).store(&mut behind[r]);
+                // A capped alpha does not move with sigma or opacity; where nothing was blended alpha is zero.
+                let capped = alpha.ge(L::splat(F::of(ALPHA_MAX)));
+                let s = L::select(capped, zero, zero.sub(alpha.mul(v_alpha)));
+                let u = replayed.gaussian.u(dx, &replayed.rows, r);
+                moments.add(s, u, replayed.rows.dy[r], [d1, l, d2]);
+            }
+            // SAFETY: every pair of the sorted list belongs to one tile.
+            let out = unsafe { self.pairs.slice_mut(replayed.position * stride, stride) };
+            let opacity = self.inputs.opacities[replayed.id];
+            out[..FIXED].copy_from_slice(&moments.gradients([d1, l, d2], opacity));
+            for c in 0..channels {
+                out[FIXED + c] = v_features[c].sum();
+            }
+        }
+    }
+}
+
+/// Moments of `s = v_sigma` over the tile's pixels, lane by lane.
+struct Moments<L> {
+    s: L,
+    s_dy: L,
+    s_dy2: L,
+    s_u: L,
+    s_u_dy: L,
+    s_u2: L,
+    abs_x: L,
+    abs_y: L,
+}
+
+impl<L: Lanes> Moments<L> {
+    #[inline(always)]
+    fn new() -> Self {
+        let z = L::splat(L::Real::ZERO);
+        Self { s: z, s_dy: z, s_dy2: z, s_u: z, s_u_dy: z, s_u2: z, abs_x: z, abs_y: z }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, s: L, u: L, dy: L::Real, [d1, l, d2]: [L::Real; 3]) {
+        let y = L::splat(dy);
+        let (su, sy) = (s.mul(u), s.mul(y));
+        self.s = self.s.add(s);
+        self.s_dy = self.s_dy.add(sy);
+        self.s_dy2 = sy.mul_add(y, self.s_dy2);
+        self.s_u = self.s_u.add(su);
+        self.s_u_dy = su.mul_add(y, self.s_u_dy);
+        self.s_u2 = su.mul_add(u, self.s_u2);
+        self.abs_x = self.abs_x.add(su.abs());
+        self.abs_y = self.abs_y.add(su.mul_add(L::splat(d1 * l), sy.mul(L::splat(d2))).abs());
+    }
+
+    /// By mean, conic and opacity, and the absolute screen gradient.
+    #[inline(always)]
+    fn gradients(&self, [d1, l, d2]: [L::Real; 3], opacity: L::Real) -> [L::Real; FIXED] {
+        let half = L::Real::of(0.5);
+        let s_u = self.s_u.sum();
+        [
+            -(d1 * s_u),
+            -(d1 * l * s_u + d2 * self.s_dy.sum()),
+            half * self.s_u2.sum(),
+            d1 * self.s_u_dy.sum(),
+            half * self.s_dy2.sum(),
+            -(self.s.sum() / opacity),
+            d1 * self.abs_x.sum(),
+            self.abs_y.sum(),
+        ]
+    }
+}
+

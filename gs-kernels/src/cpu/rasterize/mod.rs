@@ -1,0 +1,12 @@
+//! The walk over tiles around [`crate::cpu::blend`].
+//!
+//! A tile is 16 x 16 pixels and one task. Per Gaussian of the tile's list a closed form finds the rows it can reach;
+//! each such row is one vector. A row whose pixels have all ended is never visited again, and the tile stops when no row
+//! is left.
+
+mod backward;
+mod forward;
+mod tile;
+
+pub use backward::{RasterizeGradients, backward};
+pub use forward::forward;

@@ -1,0 +1,150 @@
+//! What forward and backward share: the inputs of a rasterization and the pixels of one tile.
+
+use rayon::prelude::*;
+
+use crate::config::RasterizeConfig;
+use crate::constants::{ALPHA_MIN, TILE};
+use crate::cpu::Real;
+use crate::cpu::blend::{OUTSIDE, TileGaussian};
+use crate::cpu::intersect::IntersectionSlices;
+use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::parallel::{CHUNK, prefetch, zeros};
+use crate::rows::{DEPTH, PROJECTED, ProjectedRow};
+
+/// Channel counts up to this get code of their own with every accumulator in registers.
+pub(super) const UNROLLED: usize = 4;
+
+/// How far ahead Gaussians are fetched: a pair takes about 100 ns, memory about as long.
+const PREFETCH: usize = 4;
+
+/// One value per pixel of a tile, row by row.
+pub(super) type TilePlane<F> = [[F; LANES]; TILE];
+
+/// Everything a rasterization reads.
+pub(super) struct Inputs<'a, F> {
+    pub config: &'a RasterizeConfig,
+    pub projected: &'a [F],
+    pub opacities: &'a [F],
+    pub features: &'a [F],
+    pub lists: IntersectionSlices<'a>,
+    /// Background per feature channel, not finite values as 0, then 0 for depth.
+    pub background: Vec<F>,
+    /// `log2(opacity / ALPHA_MIN)` per Gaussian.
+    pub limits: Vec<F>,
+    /// Channels blended: features, and depth if asked for.
+    pub blended: usize,
+}
+
+impl<'a, F: Real> Inputs<'a, F> {
+    pub fn new(
+        config: &'a RasterizeConfig,
+        projected: &'a [F],
+        opacities: &'a [F],
+        features: &'a [F],
+        background: &[F],
+        lists: IntersectionSlices<'a>,
+    ) -> Self {
+        let count = opacities.len();
+        let (columns, rows) = config.tiles();
+        assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8] for {count} opacities");
+        assert_eq!(features.len(), count * config.channels, "features must be [N, C] for {count} opacities");
+        assert_eq!(background.len(), config.channels, "background must be [C]");
+        assert_eq!(lists.tile_offsets.len(), columns * rows + 1, "tile_offsets must be [tiles + 1]");
+        assert_eq!(lists.gaussian_offsets.len(), count + 1, "gaussian_offsets must be [N + 1]");
+        assert_eq!(lists.positions.len(), lists.gaussian_ids.len(), "positions must be as long as gaussian_ids");
+        let mut limits = zeros(count);
+        limits.par_chunks_mut(CHUNK).zip(opacities.par_chunks(CHUNK)).for_each(|(limits, opacities)| {
+            for (limit, &opacity) in limits.iter_mut().zip(opacities) {
+                *limit = (opacity / F::of(ALPHA_MIN)).ln() * F::of(std::f64::consts::LOG2_E);
+            }
+        });
+        let finite = |&b: &F| if b.is_finite() { b } else { F::ZERO };
+        let mut background: Vec<F> = background.iter().map(finite).collect();
+        background.extend(config.depth.then_some(F::ZERO));
+        let blended = background.len();
+        Self { config, projected, opacities, features, lists, background, limits, blended }
+    }
+
+    /// The Gaussians of a tile, front to back, and where they stand in the sorted list.
+    pub fn list(&self, tile: usize) -> (&'a [i32], usize) {
+        let begin = self.lists.tile_offsets[tile] as usize;
+        let end = self.lists.tile_offsets[tile + 1] as usize;
+        (&self.lists.gaussian_ids[begin..end], begin)
+    }
+
+    /// First pixel of a tile.
+    pub fn origin(&self, tile: usize) -> [usize; 2] {
+        let columns = self.config.tiles().0;
+        [tile % columns * TILE, tile / columns * TILE]
+    }
+
+    /// Rows and columns of the tile inside the image.
+    pub fn inside(&self, [x, y]: [usize; 2]) -> [usize; 2] {
+        [(self.config.width as usize - x).min(TILE), (self.config.height as usize - y).min(TILE)]
+    }
+
+    /// Gaussian `id` prepared for the tile at `origin`.
+    #[inline(always)]
+    pub fn gaussian(&self, id: usize, origin: [usize; 2]) -> (ProjectedRow<F>, TileGaussian<F>) {
+        let row = ProjectedRow::read(self.projected, id);
+        (row, TileGaussian::new(&row, self.opacities[id], origin))
+    }
+
+    /// Fetches ahead what the walk will read of the Gaussian a few places further in its list.
+    #[inline(always)]
+    pub fn prefetch(&self, ids: &[i32], k: usize) {
+        if let Some(&id) = ids.get(k + PREFETCH) {
+            let id = id as usize;
+            prefetch(self.projected, id * PROJECTED);
+            prefetch(self.opacities, id);
+            prefetch(self.limits, id);
+            prefetch(self.features, id * self.config.channels);
+        }
+    }
+
+    /// Blended channel `c` of Gaussian `id`.
+    #[inline(always)]
+    pub fn feature(&self, id: usize, c: usize) -> F {
+        if c < self.config.channels {
+            self.features[id * self.config.channels + c]
+        } else {
+            self.projected[id * PROJECTED + DEPTH]
+        }
+    }
+}
+
+/// A Gaussian's blended channels, one vector each; in registers for `UNROLL` channels, in memory for any number (0).
+pub(super) struct FeatureLanes<L, const UNROLL: usize> {
+    small: [L; UNROLL],
+    large: Vec<L>,
+}
+
+impl<L: Lanes, const UNROLL: usize> FeatureLanes<L, UNROLL> {
+    #[inline(always)]
+    pub fn new(channels: usize) -> Self {
+        let zero = L::splat(L::Real::ZERO);
+        Self { small: [zero; UNROLL], large: if UNROLL > 0 { Vec::new() } else { vec![zero; channels] } }
+    }
+
+    #[inline(always)]
+    pub fn lanes(&mut self) -> &mut [L] {
+        if UNROLL > 0 { &mut self.small } else { &mut self.large }
+    }
+
+    /// The channels of Gaussian `id` in every lane.
+    #[inline(always)]
+    pub fn read(&mut self, inputs: &Inputs<'_, L::Real>, id: usize) -> &[L] {
+        let lanes = self.lanes();
+        lanes.iter_mut().enumerate().for_each(|(c, lane)| *lane = L::splat(inputs.feature(id, c)));
+        lanes
+    }
+}
+
+/// Transmittance 1 inside the image, [`OUTSIDE`] elsewhere; and the rows wholly outside as bits.
+pub(super) fn fresh_transmittance<F: Real>([columns, rows]: [usize; 2]) -> (TilePlane<F>, u16) {
+    let mut plane = [[F::of(OUTSIDE); LANES]; TILE];
+    for row in &mut plane[..rows] {
+        row[..columns].fill(F::ONE);
+    }
+    (plane, !(((1_u32 << rows) - 1) as u16))
+}

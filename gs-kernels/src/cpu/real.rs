@@ -1,0 +1,145 @@
+//! The float a CPU kernel computes in.
+
+use crate::cpu::lanes::Lanes;
+
+/// `f32` for training, `f64` to judge it.
+pub trait Real:
+    Copy
+    + Send
+    + Sync
+    + PartialOrd
+    + Default
+    + std::fmt::Debug
+    + std::ops::Add<Output = Self>
+    + std::ops::Sub<Output = Self>
+    + std::ops::Mul<Output = Self>
+    + std::ops::Div<Output = Self>
+    + std::ops::Neg<Output = Self>
+    + std::ops::AddAssign
+    + std::ops::SubAssign
+    + std::ops::MulAssign
+    + 'static
+{
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+    /// The nearest value to a double.
+    fn of(value: f64) -> Self;
+    /// The value as a double.
+    fn to_f64(self) -> f64;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Natural exponential.
+    fn exp(self) -> Self;
+    /// Natural logarithm.
+    fn ln(self) -> Self;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// Largest integer not above.
+    fn floor(self) -> Self;
+    /// `self * a + b`, rounded once where the processor can.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// `2^self`.
+    fn exp2(self) -> Self;
+    /// Neither infinite nor NaN.
+    fn is_finite(self) -> bool;
+    /// Bits that order positive finite values as unsigned integers do.
+    fn order_bits(self) -> u64;
+    /// Number of significant bits in [`Real::order_bits`].
+    const ORDER_BITS: u32;
+    /// Runs `task` with the widest lanes this machine has for the type.
+    fn with_lanes<T: LaneTask<Self>>(task: T) -> T::Output;
+
+    /// The smaller; `other` when `self` is NaN.
+    #[inline(always)]
+    fn least(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+    /// The larger; `other` when `self` is NaN.
+    #[inline(always)]
+    fn greatest(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+}
+
+/// Work written once for any vector unit; see [`Real::with_lanes`].
+pub trait LaneTask<F: Real> {
+    /// What the work returns.
+    type Output;
+    /// Does the work with lanes `L`. Implementations mark it `#[inline(always)]`, so that the caller's processor
+    /// features apply to all of it.
+    fn run<L: Lanes<Real = F>>(self) -> Self::Output;
+}
+
+macro_rules! real {
+    ($float:ident, $bits:expr, $with_lanes:item) => {
+        impl Real for $float {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const ORDER_BITS: u32 = $bits;
+            #[inline(always)]
+            fn of(value: f64) -> Self {
+                value as Self
+            }
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                self.sqrt()
+            }
+            #[inline(always)]
+            fn exp(self) -> Self {
+                self.exp()
+            }
+            #[inline(always)]
+            fn ln(self) -> Self {
+                self.ln()
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                self.abs()
+            }
+            #[inline(always)]
+            fn floor(self) -> Self {
+                self.floor()
+            }
+            #[inline(always)]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                self.mul_add(a, b)
+            }
+            #[inline(always)]
+            fn exp2(self) -> Self {
+                self.exp2()
+            }
+            #[inline(always)]
+            fn is_finite(self) -> bool {
+                self.is_finite()
+            }
+            #[inline(always)]
+            fn order_bits(self) -> u64 {
+                self.to_bits().into()
+            }
+            $with_lanes
+        }
+    };
+}
+
+real!(
+    f32,
+    32,
+    #[inline]
+    fn with_lanes<T: LaneTask<f32>>(task: T) -> T::Output {
+        crate::cpu::lanes::with_f32_lanes(task)
+    }
+);
+real!(
+    f64,
+    64,
+    #[inline]
+    fn with_lanes<T: LaneTask<f64>>(task: T) -> T::Output {
+        crate::cpu::lanes::with_f64_lanes(task)
+    }
+);
