@@ -34,13 +34,7 @@ impl<F: Copy> ProjectedRow<F> {
     #[inline(always)]
     pub fn read(rows: &[F], index: usize) -> Self {
         let r: &[F; PROJECTED] = rows[index * PROJECTED..][..PROJECTED].try_into().expect("a whole row");
-        Self {
-            mean: [r[0], r[1]],
-            conic: [r[2], r[3], r[4]],
-            depth: r[DEPTH],
-            compensation: r[6],
-            radius: r[7],
-        }
+        Self { mean: [r[0], r[1]], conic: [r[2], r[3], r[4]], depth: r[DEPTH], compensation: r[6], radius: r[7] }
     }
 
     /// The row as packed floats.

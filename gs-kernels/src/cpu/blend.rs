@@ -81,10 +81,7 @@ impl<F: Real> TileGaussian<F> {
         let open = next.ge(L::splat(F::of(TRANSMITTANCE_MIN)));
         let zero = L::splat(F::ZERO);
         let after = L::select(open, next, zero.sub(t.abs()));
-        Blend {
-            alpha: L::select(L::both(visible, open), alpha, zero),
-            after: L::select(visible, after, t),
-        }
+        Blend { alpha: L::select(L::both(visible, open), alpha, zero), after: L::select(visible, after, t) }
     }
 }
 

@@ -194,11 +194,8 @@ fn spans_of<F: Real>(
     channels: usize,
     size: [u32; 2],
 ) -> Spans {
-    let mut out = Spans {
-        spans: Vec::new(),
-        ends: Vec::with_capacity(members.len()),
-        counts: Vec::with_capacity(members.len()),
-    };
+    let mut out =
+        Spans { spans: Vec::new(), ends: Vec::with_capacity(members.len()), counts: Vec::with_capacity(members.len()) };
     let limit = F::of(FEATURE_MAX);
     for i in members {
         let row = ProjectedRow::read(projected, i);

@@ -98,7 +98,9 @@ fn basis_vjp<F: Real>(degree: u32, [x, y, z]: Vec3<F>, v: &[F; MAX_COEFFICIENTS]
             - two * k13 * xy
             - two * k14 * yz
             - six * k15 * xy;
-        gz += k10 * xy + eight * k11 * yz + k12 * (six * zz - three * xx - three * yy)
+        gz += k10 * xy
+            + eight * k11 * yz
+            + k12 * (six * zz - three * xx - three * yy)
             + eight * k13 * xz
             + k14 * (xx - yy);
     }
@@ -216,8 +218,7 @@ pub fn backward<F: Real>(
                 if !colour.iter().chain(&v_colour).all(|c| c.is_finite()) {
                     continue;
                 }
-                let v: Vec3<F> =
-                    std::array::from_fn(|c| if colour[c] > F::ZERO { v_colour[c] } else { F::ZERO });
+                let v: Vec3<F> = std::array::from_fn(|c| if colour[c] > F::ZERO { v_colour[c] } else { F::ZERO });
                 let mut v_basis = [F::ZERO; MAX_COEFFICIENTS];
                 let v_coefficients = &mut v_sh[k * stride..][..stride];
                 for j in 0..used {

@@ -345,7 +345,13 @@ impl<F: Real> LaneTask<F> for StripBackward<'_, F> {
             for i in 0..len {
                 let (x, y) = (clean(xs[i]), clean(ys[i]));
                 let similarity = maps[0][i] + F::of(2.0) * x * maps[1][i] + y * maps[2][i];
-                let sign = if x > y { v_l1 } else if x < y { -v_l1 } else { F::ZERO };
+                let sign = if x > y {
+                    v_l1
+                } else if x < y {
+                    -v_l1
+                } else {
+                    F::ZERO
+                };
                 out[i] = if x == xs[i] { v_ssim * similarity + sign } else { F::ZERO };
             }
         }

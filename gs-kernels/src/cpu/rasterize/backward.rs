@@ -19,7 +19,7 @@ use crate::cpu::Real;
 use crate::cpu::blend::{Rows, TileGaussian, is_open};
 use crate::cpu::intersect::IntersectionSlices;
 use crate::cpu::lanes::{LANES, Lanes};
-use crate::cpu::parallel::{CHUNK, Disjoint, zeros};
+use crate::cpu::parallel::{CHUNK, Disjoint, prefetch, zeros};
 use crate::cpu::real::LaneTask;
 use crate::rows::{PROJECTED, ProjectedRow, SCREEN};
 
@@ -40,6 +40,9 @@ pub struct RasterizeGradients<F> {
 
 /// A pair's gradient row: mean (2), conic (3), opacity, absolute screen gradient (2), then the blended channels.
 const FIXED: usize = 8;
+
+/// How many rows ahead the gathering of rows fetches: adding one takes a few ns, memory about a hundred.
+const GATHER_AHEAD: usize = 16;
 
 /// Backward of [`super::forward`] from `v_output` `[H, W, C + depth + 1]`.
 ///
@@ -111,7 +114,12 @@ fn gather<F: Real>(inputs: &Inputs<'_, F>, pairs: &[F], background: Vec<F>) -> R
                 continue;
             }
             sum.fill(F::ZERO);
-            for &position in &inputs.lists.positions[begin..end] {
+            for (k, &position) in inputs.lists.positions[begin..end].iter().enumerate() {
+                // The next Gaussians' places follow in the same list, wherever they point.
+                if let Some(&ahead) = inputs.lists.positions.get(begin + k + GATHER_AHEAD) {
+                    prefetch(pairs, ahead as usize * stride);
+                    prefetch(pairs, (ahead as usize + 1) * stride - 1);
+                }
                 let pair = &pairs[position as usize * stride..][..stride];
                 sum.iter_mut().zip(pair).for_each(|(sum, &v)| *sum += v);
             }
@@ -375,4 +383,3 @@ impl<L: Lanes> Moments<L> {
         ]
     }
 }
-

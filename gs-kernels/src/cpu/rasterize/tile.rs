@@ -97,7 +97,7 @@ impl<'a, F: Real> Inputs<'a, F> {
             let id = id as usize;
             prefetch(self.projected, id * PROJECTED);
             prefetch(self.opacities, id);
-            prefetch(self.limits, id);
+            prefetch(&self.limits, id);
             prefetch(self.features, id * self.config.channels);
         }
     }
