@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::config::tile_grid;
 use crate::constants::{ALPHA_MIN, FEATURE_MAX, TILE};
 use crate::cpu::Real;
-use crate::cpu::parallel::{CHUNK, Disjoint};
+use crate::cpu::parallel::{CHUNK, Disjoint, prefetch};
 use crate::cpu::sort::sort_by_key;
 use crate::rows::{PROJECTED, ProjectedRow};
 
@@ -18,6 +18,10 @@ use crate::rows::{PROJECTED, ProjectedRow};
 const SLACK: (f64, f64) = (1e-5, 1e-3);
 /// Slack of a pixel bound, pixels.
 const PIXEL_SLACK: f64 = 0.02;
+/// Pieces of the depth order dealt in parallel; each needs a counter per tile.
+const MAX_PIECES: usize = 16;
+/// How far ahead memory is fetched while Gaussians are visited in depth order, which is no order in memory.
+const PREFETCH: usize = 8;
 
 /// Tiles and the Gaussians that touch them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -130,54 +134,75 @@ fn deal(
     columns: usize,
     total: usize,
 ) -> Intersections {
-    let pieces = rayon::current_num_threads().min(16).max(1);
-    let piece_len = order.len().div_ceil(pieces).max(1);
-    let mut starts: Vec<Vec<u32>> = order
-        .par_chunks(piece_len)
-        .map(|piece| {
-            let mut counts = vec![0_u32; tiles];
-            for &i in piece {
-                for span in spans(runs, i) {
-                    let row = span.row as usize * columns;
-                    counts[row + span.first as usize..=row + span.last as usize].iter_mut().for_each(|n| *n += 1);
-                }
-            }
-            counts
-        })
-        .collect();
+    let piece_len = order.len().div_ceil(rayon::current_num_threads().min(MAX_PIECES)).max(1);
+    let mut pieces: Vec<Piece> =
+        order.par_chunks(piece_len).map(|ids| Piece::count(runs, ids, tiles, columns)).collect();
 
     let mut tile_offsets = Vec::with_capacity(tiles + 1);
     let mut sum = 0_u32;
     for tile in 0..tiles {
         tile_offsets.push(sum as i32);
-        for piece in &mut starts {
-            sum += std::mem::replace(&mut piece[tile], sum);
+        for piece in &mut pieces {
+            sum += std::mem::replace(&mut piece.cursors[tile], sum);
         }
     }
     tile_offsets.push(sum as i32);
 
     let mut gaussian_ids = vec![0_i32; total];
     let mut positions = vec![0_i32; total];
-    let (ids, places) = (Disjoint::new(&mut gaussian_ids), Disjoint::new(&mut positions));
-    order.par_chunks(piece_len).zip(starts.par_iter_mut()).for_each(|(piece, cursors)| {
-        for &i in piece {
+    let (all_ids, all_places) = (Disjoint::new(&mut gaussian_ids), Disjoint::new(&mut positions));
+    order.par_chunks(piece_len).zip(pieces.par_iter_mut()).for_each(|(ids, piece)| {
+        let mut spans = piece.spans.iter();
+        for (k, &i) in ids.iter().enumerate() {
+            if let Some(&ahead) = ids.get(k + PREFETCH) {
+                prefetch(&gaussian_offsets, ahead as usize);
+            }
             let begin = gaussian_offsets[i as usize] as usize;
             let len = gaussian_offsets[i as usize + 1] as usize - begin;
             // SAFETY: each Gaussian is in one piece, and owns this range of positions.
-            let mut places = unsafe { places.slice_mut(begin, len) }.iter_mut();
-            for span in spans(runs, i) {
-                for column in span.first..=span.last {
-                    let cursor = &mut cursors[span.row as usize * columns + column as usize];
+            let places = unsafe { all_places.slice_mut(begin, len) };
+            let mut place = 0;
+            while place < len {
+                let span = spans.next().expect("as many spans as counted");
+                let row = span.row as usize * columns;
+                for cursor in &mut piece.cursors[row + span.first as usize..=row + span.last as usize] {
                     // SAFETY: the counts of the first pass give every entry a place of its own.
-                    let id = unsafe { ids.slice_mut(*cursor as usize, 1) };
+                    let id = unsafe { all_ids.slice_mut(*cursor as usize, 1) };
                     id[0] = i as i32;
-                    *places.next().expect("as many places as tiles counted") = *cursor as i32;
+                    places[place] = *cursor as i32;
+                    place += 1;
                     *cursor += 1;
                 }
             }
         }
     });
     Intersections { tile_offsets, gaussian_ids, gaussian_offsets, positions }
+}
+
+/// A run of the depth order: its spans, and per tile first their count, then where the next one goes.
+struct Piece {
+    spans: Vec<Span>,
+    cursors: Vec<u32>,
+}
+
+impl Piece {
+    fn count(runs: &[Spans], ids: &[u32], tiles: usize, columns: usize) -> Self {
+        let mut piece = Self { spans: Vec::with_capacity(2 * ids.len()), cursors: vec![0; tiles] };
+        for (k, &i) in ids.iter().enumerate() {
+            if let Some(&ahead) = ids.get(k + PREFETCH) {
+                prefetch(&runs[ahead as usize / CHUNK].ends, ahead as usize % CHUNK);
+            }
+            if let Some(&ahead) = ids.get(k + PREFETCH / 2) {
+                prefetch(spans(runs, ahead), 0);
+            }
+            for span in spans(runs, i) {
+                let row = span.row as usize * columns;
+                piece.cursors[row + span.first as usize..=row + span.last as usize].iter_mut().for_each(|n| *n += 1);
+                piece.spans.push(*span);
+            }
+        }
+        piece
+    }
 }
 
 fn spans(runs: &[Spans], i: u32) -> &[Span] {
@@ -250,13 +275,13 @@ fn push_spans<F: Real>(row: &ProjectedRow<F>, opacity: F, [width, height]: [u32;
 /// Pixels whose centres lie in `low..=high`, with slack, inside an image of `size` pixels.
 #[inline(always)]
 fn pixel_range<F: Real>(low: F, high: F, size: u32) -> Option<(u32, u32)> {
-    let slack = F::of(PIXEL_SLACK + 0.5);
-    let end = F::of(size.into());
-    let first = -(-(low - slack)).floor();
-    let last = (high + slack - F::ONE).floor();
-    // NaN fails the comparison, and what is far outside never reaches the integer conversion.
-    if !(first < end && last >= F::ZERO && first <= last) {
+    // NaN or an empty range fails this comparison.
+    if !(low <= high) {
         return None;
     }
-    Some((first.greatest(F::ZERO).to_f64() as u32, last.least(end - F::ONE).to_f64() as u32))
+    let slack = F::of(PIXEL_SLACK + 0.5);
+    let last_pixel = size as i32 - 1;
+    let first = (-((slack - low).floor_i32())).max(0);
+    let last = (high + slack - F::ONE).floor_i32().min(last_pixel);
+    (first <= last_pixel && last >= 0 && first <= last).then_some((first as u32, last as u32))
 }

@@ -162,6 +162,10 @@ pub fn backward<F: Real>(
                     continue;
                 }
                 let v = ProjectedRow::read(v_projected, i);
+                // Hidden behind others: a trained scene has many, and all that follows is linear in v.
+                if v.pack() == [F::ZERO; PROJECTED] {
+                    continue;
+                }
                 let gradient = one_backward(&projector, row(means, i), row(quats, i), row(log_scales, i), v);
                 if let Some(g) = gradient {
                     v_means[k * 3..][..3].copy_from_slice(&g.mean);

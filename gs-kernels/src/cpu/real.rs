@@ -36,8 +36,11 @@ pub trait Real:
     fn ln(self) -> Self;
     /// Magnitude.
     fn abs(self) -> Self;
-    /// Largest integer not above.
-    fn floor(self) -> Self;
+    /// Largest integer not above, held inside the range of `i32`; NaN gives 0. (The library's `floor` is a call on
+    /// processors without a rounding instruction in their base set, this is not.)
+    fn floor_i32(self) -> i32;
+    /// The integer as a float.
+    fn of_i32(value: i32) -> Self;
     /// `self * a + b`, rounded once where the processor can.
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// `2^self`.
@@ -103,8 +106,13 @@ macro_rules! real {
                 self.abs()
             }
             #[inline(always)]
-            fn floor(self) -> Self {
-                self.floor()
+            fn floor_i32(self) -> i32 {
+                let towards_zero = self as i32;
+                if towards_zero as Self > self { towards_zero.saturating_sub(1) } else { towards_zero }
+            }
+            #[inline(always)]
+            fn of_i32(value: i32) -> Self {
+                value as Self
             }
             #[inline(always)]
             fn mul_add(self, a: Self, b: Self) -> Self {
