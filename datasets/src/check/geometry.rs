@@ -1,0 +1,113 @@
+//! Measurements on poses and points that show a wrong convention or a bad reconstruction at a glance.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::formats::colmap::model::Model;
+use crate::lens::Lens;
+use crate::pose;
+use crate::raw::{RawFrame, RawPoints};
+use crate::scene::mean;
+
+/// Distances between where points are seen and where they project, pixels of the distorted image.
+pub(super) struct Reprojection {
+    pub median: f64,
+    mean: f64,
+    /// The mean of the errors the model stores, each weighted by the number of its point's observations.
+    stored_mean: f64,
+    observations: usize,
+}
+
+impl fmt::Display for Reprojection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "Points reproject with an error of {:.3} pixels (median; mean {:.3}, the model says {:.3}) over {} observations.",
+            self.median, self.mean, self.stored_mean, self.observations
+        )
+    }
+}
+
+/// Recomputes the reprojection error through pose, distortion and intrinsics; `None` without usable observations.
+pub(super) fn reprojection(model: &Model, cameras_file: &Path) -> Option<Reprojection> {
+    let points: HashMap<u64, usize> = model.points.iter().enumerate().map(|(i, (id, _))| (*id, i)).collect();
+    let (mut errors, mut stored) = (Vec::new(), 0.0);
+    for image in &model.images {
+        let lens =
+            model.cameras.get(&image.camera_id).and_then(|camera| camera.lens(image.camera_id, cameras_file).ok());
+        let c2w = pose::from_world_to_camera(image.q, image.t, cameras_file, &image.name).ok();
+        let (Some(lens), Some(c2w)) = (lens, c2w) else { continue };
+        let w2c = c2w.inverse();
+        for (x, y, id) in &image.observations {
+            let Some((_, point)) = points.get(id).and_then(|i| model.points.get(*i)) else { continue };
+            let seen = project(&lens, w2c.transform_point3(point.position));
+            let distance = seen.map(|(u, v)| (u - x).hypot(v - y)).filter(|distance| distance.is_finite());
+            if let Some(distance) = distance {
+                errors.push(distance);
+                stored += point.error;
+            }
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    let count = errors.len() as f64;
+    Some(Reprojection {
+        median: *errors.get(errors.len() / 2)?,
+        mean: errors.iter().sum::<f64>() / count,
+        stored_mean: stored / count,
+        observations: errors.len(),
+    })
+}
+
+/// Where the photo (with its distortion) shows a point in camera coordinates, pixels; `None` behind the camera.
+fn project(lens: &Lens, point: DVec3) -> Option<(f64, f64)> {
+    let intrinsics = lens.intrinsics(lens.width?, lens.height?)?;
+    if point.z <= 0.0 {
+        return None;
+    }
+    let (x, y) = lens.distortion.apply(point.x / point.z, point.y / point.z);
+    Some((x * intrinsics.fx + intrinsics.cx, y * intrinsics.fy + intrinsics.cy))
+}
+
+pub(super) fn describe_model(model: &Model) -> String {
+    let mut names: Vec<&str> = model.cameras.values().map(|camera| camera.model).collect();
+    names.sort_unstable();
+    names.dedup();
+    format!(
+        "It lists cameras: {} ({}); images: {}; points: {}.",
+        model.cameras.len(),
+        names.join(", "),
+        model.images.len(),
+        model.points.len()
+    )
+}
+
+pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
+    let Some(points) = points.filter(|points| !points.positions.is_empty()) else {
+        return "There are no points to start from.".to_string();
+    };
+    let low = points.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = points.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    format!("{} points to start from lie between {low:.2} and {high:.2}.", points.positions.len())
+}
+
+/// How far cameras stand apart and whether they look at something together.
+pub(super) fn describe_cameras(frames: &[RawFrame]) -> String {
+    let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
+    let Some(middle) = mean(&centres) else { return "There are no cameras.".to_string() };
+    let mut distances: Vec<f64> = centres.iter().map(|centre| centre.distance(middle)).collect();
+    distances.sort_by(f64::total_cmp);
+    let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+    let farthest = distances.last().copied().unwrap_or(0.0);
+    let gaze = frames.iter().map(|frame| frame.c2w.z_axis.truncate()).sum::<DVec3>().length() / frames.len() as f64;
+    let look = if gaze > 0.9 {
+        "they face one way"
+    } else if gaze < 0.4 {
+        "they look from all around"
+    } else {
+        "they look from several sides"
+    };
+    format!("Cameras stand around {middle:.2}, at distances of {median:.2} (median) to {farthest:.2}; {look}.")
+}

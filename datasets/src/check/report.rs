@@ -1,0 +1,58 @@
+//! The result of [`check`](crate::check), for people and for programs.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use crate::scene::SceneFormat;
+
+/// What a data set holds and what is wrong with it. `Display` prints it whole, one sentence a line.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CheckReport {
+    /// What was examined.
+    pub path: PathBuf,
+    /// The layout; `None` if none was recognised.
+    pub format: Option<SceneFormat>,
+    /// Views that would train.
+    pub train: usize,
+    /// Views that would be held out.
+    pub test: usize,
+    /// Points to start from.
+    pub points: usize,
+    /// Median distance between where a COLMAP model's points are seen and where they project, pixels of the full-size,
+    /// distorted image.
+    pub reprojection_median: Option<f64>,
+    /// What is there, in sentences.
+    pub facts: Vec<String>,
+    /// What loading would repair or leave out, in sentences.
+    pub warnings: Vec<String>,
+    /// What keeps the data set from loading, in sentences.
+    pub errors: Vec<String>,
+}
+
+impl CheckReport {
+    /// Whether the data set would load.
+    pub fn is_ok(&self) -> bool {
+        self.errors.is_empty()
+    }
+}
+
+impl fmt::Display for CheckReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.format {
+            Some(format) => writeln!(f, "{}: {format}", self.path.display())?,
+            None => writeln!(f, "{}: not recognised", self.path.display())?,
+        }
+        for (label, sentences) in [("", &self.facts), ("warning: ", &self.warnings), ("error: ", &self.errors)] {
+            for sentence in sentences {
+                writeln!(f, "  {label}{sentence}")?;
+            }
+        }
+        match (self.errors.len(), self.warnings.len()) {
+            (0, 0) => write!(f, "Good to load."),
+            (0, 1) => write!(f, "Good to load, with 1 warning."),
+            (0, warnings) => write!(f, "Good to load, with {warnings} warnings."),
+            (1, _) => write!(f, "Cannot be loaded: 1 error."),
+            (errors, _) => write!(f, "Cannot be loaded: {errors} errors."),
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! COLMAP sparse models, text and binary. `rigs` and `frames` files of newer versions are not needed: images carry their
+//! full pose.
+
+mod binary;
+pub(crate) mod model;
+mod text;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use self::model::Model;
+use crate::error::DatasetError;
+use crate::lens::Lens;
+use crate::options::{LoadOptions, MaskUse};
+use crate::raw::{Findings, MaskFile, RawFrame, RawPoints, RawScene, White, some_names};
+use crate::scene::SceneFormat;
+use crate::{names, pose};
+
+/// Where models lie below a scene's folder; the last is for a path that is the model itself.
+const MODEL_FOLDERS: [&str; 7] =
+    ["sparse/0", "sparse", "colmap/sparse/0", "sparse_bin/0", "dense/sparse", "dense/sparse/0", ""];
+
+/// How many images are looked for to tell which folder holds them.
+const PROBED: usize = 50;
+
+/// A model's files.
+pub(crate) struct ModelFiles {
+    /// What the user gave.
+    pub scene: PathBuf,
+    /// Where cameras, images and points3D are.
+    pub folder: PathBuf,
+    pub format: SceneFormat,
+}
+
+impl ModelFiles {
+    pub fn file(&self, stem: &str) -> PathBuf {
+        let extension = if self.format == SceneFormat::ColmapBinary { "bin" } else { "txt" };
+        self.folder.join(format!("{stem}.{extension}"))
+    }
+}
+
+/// The model at or below `path`. Binary wins where a folder has both, as in COLMAP.
+pub(crate) fn find(path: &Path) -> Option<ModelFiles> {
+    for below in MODEL_FOLDERS {
+        let folder = path.join(below);
+        for (extension, format) in [("bin", SceneFormat::ColmapBinary), ("txt", SceneFormat::ColmapText)] {
+            let has = |stem: &str| folder.join(format!("{stem}.{extension}")).is_file();
+            if has("cameras") && has("images") {
+                return Some(ModelFiles { scene: path.to_path_buf(), folder, format });
+            }
+        }
+    }
+    None
+}
+
+/// Reads the three files. Observations are kept only when asked for: they are most of a model.
+pub(crate) fn read_model(
+    files: &ModelFiles,
+    keep_observations: bool,
+    findings: &mut Findings,
+) -> Result<Model, DatasetError> {
+    let is_binary = files.format == SceneFormat::ColmapBinary;
+    let (path, mut model) = (files.file("cameras"), Model::default());
+    let cameras = if is_binary { binary::cameras(&path) } else { text::cameras(&path) };
+    for (id, camera) in findings.take(cameras)?.unwrap_or_default() {
+        if model.cameras.insert(id, camera).is_some() {
+            let twice = DatasetError::malformed(&path, format!("camera {id}"), "each camera id once", "it twice");
+            findings.take::<()>(Err(twice))?;
+        }
+    }
+    let path = files.file("images");
+    let images =
+        if is_binary { binary::images(&path, keep_observations) } else { text::images(&path, keep_observations) };
+    model.images = findings.take(images)?.unwrap_or_default();
+    let path = files.file("points3D");
+    if !path.is_file() {
+        findings.warn(format!("{}: there are no points ({} is missing)", files.folder.display(), path.display()));
+        return Ok(model);
+    }
+    let points = if is_binary { binary::points(&path) } else { text::points(&path) };
+    model.points = findings.take(points)?.unwrap_or_default();
+    let broken = model
+        .points
+        .iter()
+        .find(|(_, point)| !point.position.is_finite() || point.position.abs().max_element() > f64::from(f32::MAX));
+    if let Some((id, point)) = broken {
+        let found = point.position.to_string();
+        let error = DatasetError::malformed(&path, format!("point {id}"), "a finite position", found);
+        findings.take::<()>(Err(error))?;
+        model.points.retain(|(_, point)| point.position.is_finite());
+    }
+    Ok(model)
+}
+
+/// Reads a scene.
+pub(crate) fn read(
+    files: &ModelFiles,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<RawScene, DatasetError> {
+    let model = read_model(files, false, findings)?;
+    scene(files, model, options, findings)
+}
+
+/// The scene of a model that was read.
+pub(crate) fn scene(
+    files: &ModelFiles,
+    model: Model,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<RawScene, DatasetError> {
+    let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
+    let image_folder = image_folder(files, &model, options)?;
+    let mask_folder = mask_folder(&image_folder, options.masks);
+    let mut lenses: HashMap<u32, Lens> = HashMap::new();
+    let (mut frames, mut missing) = (Vec::new(), Vec::new());
+    let total = model.images.len();
+    for image in &model.images {
+        let Some(image_path) = names::find_image(&image_folder, &image.name) else {
+            missing.push(image.name.as_str());
+            continue;
+        };
+        let camera = model.cameras.get(&image.camera_id).ok_or_else(|| {
+            DatasetError::malformed(
+                &images_file,
+                format!("image {:?}", image.name),
+                format!("a camera that {} lists", cameras_file.display()),
+                format!("camera {}", image.camera_id),
+            )
+        });
+        let lens = match lenses.get(&image.camera_id) {
+            Some(lens) => Ok(lens.clone()),
+            None => camera.and_then(|camera| camera.lens(image.camera_id, &cameras_file)),
+        };
+        let c2w = pose::from_world_to_camera(image.q, image.t, &images_file, &image.name);
+        let (Some(lens), Some(c2w)) = (findings.take(lens)?, findings.take(c2w)?) else { continue };
+        lenses.insert(image.camera_id, lens.clone());
+        frames.push(RawFrame {
+            name: names::view_name(&image_folder, &image.name),
+            masks: mask(mask_folder.as_deref(), &image.name, options.masks).into_iter().collect(),
+            image_path,
+            c2w,
+            lens,
+            time: None,
+            camera_id: Some(image.camera_id.to_string()),
+            part: None,
+            file: cameras_file.clone(),
+        });
+    }
+    if !missing.is_empty() {
+        findings.warn(format!(
+            "{}: {} of {total} images do not exist in {}; they were left out ({})",
+            images_file.display(),
+            missing.len(),
+            image_folder.display(),
+            some_names(&missing)
+        ));
+    }
+    if frames.is_empty() && !findings.lenient {
+        let found = match total {
+            0 => format!("no image in {}", images_file.display()),
+            _ => format!("none of the {total} images in {}", image_folder.display()),
+        };
+        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
+    }
+    let points = (!model.points.is_empty()).then(|| RawPoints {
+        positions: model.points.iter().map(|(_, point)| point.position).collect(),
+        colors: model.points.iter().map(|(_, point)| point.color).collect(),
+    });
+    Ok(RawScene { format: files.format, frames, points })
+}
+
+/// The folder that holds most of the images: `images` of the scene or near the model, or one of those folders itself.
+fn image_folder(files: &ModelFiles, model: &Model, options: &LoadOptions) -> Result<PathBuf, DatasetError> {
+    if let Some(chosen) = &options.images {
+        let below = files.scene.join(chosen);
+        let folder = if below.is_dir() { below } else { chosen.clone() };
+        return if folder.is_dir() {
+            Ok(folder)
+        } else {
+            Err(DatasetError::Option {
+                path: files.scene.clone(),
+                option: "images",
+                expected: "a folder with images".to_string(),
+                found: format!("{}, which is no folder", chosen.display()),
+            })
+        };
+    }
+    let mut candidates = Vec::new();
+    let near = [Some(files.scene.as_path()), Some(files.folder.as_path())];
+    let above = files.folder.ancestors().skip(1).take(3).map(Some);
+    for base in near.into_iter().chain(above).flatten() {
+        candidates.push(base.join("images"));
+        candidates.push(base.to_path_buf());
+    }
+    let found = |folder: &Path| {
+        model.images.iter().take(PROBED).filter(|image| names::find_image(folder, &image.name).is_some()).count()
+    };
+    let mut best = (0, files.scene.join("images"));
+    for folder in candidates.into_iter().filter(|folder| folder.is_dir()) {
+        let count = found(&folder);
+        if count > best.0 {
+            best = (count, folder);
+        }
+    }
+    Ok(best.1)
+}
+
+/// COLMAP's masks: `masks/<image name>.png` (or with the image's own extension replaced), black = ignore.
+fn mask_folder(image_folder: &Path, masks: MaskUse) -> Option<PathBuf> {
+    let folder = image_folder.parent()?.join("masks");
+    (masks != MaskUse::Ignore && folder.is_dir()).then_some(folder)
+}
+
+fn mask(folder: Option<&Path>, image: &str, masks: MaskUse) -> Option<MaskFile> {
+    let folder = folder?;
+    let whole = names::with_slashes(image);
+    let stem = whole.rsplit_once('.').map_or(whole.as_str(), |(stem, _)| stem);
+    let path = [folder.join(format!("{whole}.png")), folder.join(format!("{stem}.png"))]
+        .into_iter()
+        .find(|path| path.is_file())?;
+    let white = if masks == MaskUse::KeepBlack { White::Ignore } else { White::Keep };
+    Some(MaskFile { path, white })
+}

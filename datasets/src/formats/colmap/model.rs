@@ -1,0 +1,133 @@
+//! A COLMAP sparse model in memory, and its camera models.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::error::DatasetError;
+use crate::lens::{Distortion, Focal, Lens};
+
+/// COLMAP's camera models by id: name and number of parameters. All must be known to read past them in binary files.
+const MODELS: [(&str, usize); 18] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
+];
+
+/// The models that can be undistorted to a pinhole here.
+const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or FULL_OPENCV \
+                         (colmap image_undistorter makes PINHOLE of the others)";
+
+/// Name and number of parameters of a model by its number in binary files.
+pub(super) fn model_by_id(id: i32) -> Option<(&'static str, usize)> {
+    usize::try_from(id).ok().and_then(|id| MODELS.get(id)).copied()
+}
+
+/// Name and number of parameters of a model by its name in text files.
+pub(super) fn model_by_name(name: &str) -> Option<(&'static str, usize)> {
+    MODELS.iter().find(|(known, _)| *known == name).copied()
+}
+
+/// A camera as stored.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Camera {
+    pub model: &'static str,
+    pub width: u64,
+    pub height: u64,
+    pub params: Vec<f64>,
+}
+
+/// Where an image shows a point: pixels and the point's id.
+pub(crate) type Observation = (f64, f64, u64);
+
+/// An image as stored: world-to-camera pose.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Image {
+    pub q: [f64; 4],
+    pub t: [f64; 3],
+    pub camera_id: u32,
+    pub name: String,
+    /// Those with a point; empty unless asked for.
+    pub observations: Vec<Observation>,
+}
+
+/// A point as stored.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Point {
+    pub position: DVec3,
+    pub color: [u8; 3],
+    /// Mean reprojection error, pixels.
+    pub error: f64,
+}
+
+/// The three lists. Images and points keep the file's order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Model {
+    pub cameras: HashMap<u32, Camera>,
+    pub images: Vec<Image>,
+    pub points: Vec<(u64, Point)>,
+}
+
+impl Camera {
+    /// The lens in this crate's terms; an error names a model that is not a pinhole with radial distortion.
+    pub fn lens(&self, id: u32, file: &Path) -> Result<Lens, DatasetError> {
+        let (focal, centre, k, p, d) = match (self.model, self.params.as_slice()) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], [0.0; 4], [0.0; 2], [0.0; 3]),
+            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], [0.0; 4], [0.0; 2], [0.0; 3]),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], [k, 0.0, 0.0, 0.0], [0.0; 2], [0.0; 3]),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], [k1, k2, 0.0, 0.0], [0.0; 2], [0.0; 3]),
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
+                ([fx, fy], [cx, cy], [k1, k2, 0.0, 0.0], [p1, p2], [0.0; 3])
+            }
+            ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                ([fx, fy], [cx, cy], [k1, k2, k3, 0.0], [p1, p2], [k4, k5, k6])
+            }
+            _ => {
+                return Err(DatasetError::Unsupported {
+                    path: file.to_path_buf(),
+                    what: format!("the camera model {} of camera {id}", self.model),
+                    expected: SUPPORTED.to_string(),
+                });
+            }
+        };
+        let distortion = Distortion { k, d, p };
+        let sound = focal.iter().all(|f| f.is_finite() && *f > 0.0)
+            && centre.iter().all(|c| c.is_finite())
+            && distortion.is_finite()
+            && (1..=1_000_000).contains(&self.width)
+            && (1..=1_000_000).contains(&self.height);
+        if !sound {
+            return Err(DatasetError::malformed(
+                file,
+                format!("camera {id} ({})", self.model),
+                "sides of 1 to 1000000 pixels, focal lengths above 0 and finite parameters",
+                format!("{} x {}, {:?}", self.width, self.height, self.params),
+            ));
+        }
+        Ok(Lens {
+            focal_x: Some(Focal::Pixels(focal[0])),
+            focal_y: Some(Focal::Pixels(focal[1])),
+            cx: Some(centre[0]),
+            cy: Some(centre[1]),
+            width: Some(self.width as f64),
+            height: Some(self.height as f64),
+            distortion,
+        })
+    }
+}

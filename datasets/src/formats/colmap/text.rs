@@ -1,0 +1,141 @@
+//! COLMAP text files.
+
+use std::path::Path;
+use std::str::{FromStr, SplitAsciiWhitespace};
+
+use glam::DVec3;
+
+use super::model::{Camera, Image, Point, model_by_name};
+use crate::error::DatasetError;
+
+/// The words of one line.
+struct Line<'a> {
+    file: &'a Path,
+    number: usize,
+    words: SplitAsciiWhitespace<'a>,
+}
+
+impl<'a> Line<'a> {
+    fn new(file: &'a Path, number: usize, text: &'a str) -> Self {
+        Self { file, number, words: text.split_ascii_whitespace() }
+    }
+
+    fn wrong(&self, expected: &str, found: &str) -> DatasetError {
+        let found = if found.is_empty() { "the end of the line".to_string() } else { format!("{found:?}") };
+        DatasetError::malformed(self.file, format!("line {}", self.number), expected, found)
+    }
+
+    fn next<T: FromStr>(&mut self, expected: &str) -> Result<T, DatasetError> {
+        let word = self.words.next().unwrap_or("");
+        word.parse().map_err(|_| self.wrong(expected, word))
+    }
+
+    fn array<const N: usize>(&mut self, expected: &str) -> Result<[f64; N], DatasetError> {
+        let mut out = [0.0; N];
+        for value in &mut out {
+            *value = self.next(expected)?;
+        }
+        Ok(out)
+    }
+}
+
+fn read(path: &Path) -> Result<String, DatasetError> {
+    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    String::from_utf8(bytes).map_err(|error| {
+        let offset = error.utf8_error().valid_up_to();
+        DatasetError::malformed(path, format!("byte {offset}"), "text in UTF-8", "bytes that are not UTF-8")
+    })
+}
+
+/// Lines with their numbers, comments left out and blank lines kept.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.trim_start().starts_with('#'))
+}
+
+/// cameras.txt: `ID MODEL WIDTH HEIGHT PARAMS...`
+pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, Camera)>, DatasetError> {
+    let text = read(path)?;
+    let mut cameras = Vec::new();
+    for (number, text) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
+        let mut line = Line::new(path, number, text);
+        let id = line.next("a camera id")?;
+        let name: String = line.next("a camera model")?;
+        let (model, count) = model_by_name(&name).ok_or_else(|| line.wrong("a COLMAP camera model", &name))?;
+        let (width, height) = (line.next("a width")?, line.next("a height")?);
+        let params = (0..count)
+            .map(|_| line.next(&format!("{count} parameters for {model}")))
+            .collect::<Result<Vec<f64>, _>>()?;
+        if let Some(extra) = line.words.next() {
+            return Err(line.wrong(&format!("{count} parameters for {model}"), &format!("one more: {extra}")));
+        }
+        cameras.push((id, Camera { model, width, height, params }));
+    }
+    Ok(cameras)
+}
+
+/// images.txt: two lines an image, `ID QW QX QY QZ TX TY TZ CAMERA_ID NAME` and `(X Y POINT3D_ID)...`, of which the
+/// second may be empty.
+pub(super) fn images(path: &Path, keep_observations: bool) -> Result<Vec<Image>, DatasetError> {
+    let text = read(path)?;
+    let mut images = Vec::new();
+    let mut lines = lines(&text);
+    while let Some((number, header)) = lines.next() {
+        if header.trim().is_empty() {
+            continue;
+        }
+        let mut line = Line::new(path, number, header);
+        let _: u32 = line.next("an image id")?;
+        let q = line.array("a quaternion of 4 numbers")?;
+        let t = line.array("a translation of 3 numbers")?;
+        let camera_id = line.next("a camera id")?;
+        let name = after_words(header, 9).to_string();
+        if name.is_empty() {
+            return Err(line.wrong("an image name", ""));
+        }
+        let observations = match lines.next() {
+            Some((number, text)) => observations(Line::new(path, number, text), keep_observations)?,
+            None => Vec::new(),
+        };
+        images.push(Image { q, t, camera_id, name, observations });
+    }
+    Ok(images)
+}
+
+/// The line is parsed in full even when it is not kept: a missing one shows by the next image standing in its place.
+fn observations(mut line: Line, keep: bool) -> Result<Vec<(f64, f64, u64)>, DatasetError> {
+    const EXPECTED: &str = "observations (X Y POINT3D_ID)";
+    let mut observations = Vec::new();
+    while let Some(word) = line.words.next() {
+        let x: f64 = word.parse().map_err(|_| line.wrong(EXPECTED, word))?;
+        let y: f64 = line.next(EXPECTED)?;
+        let point: i64 = line.next(EXPECTED)?;
+        if let (true, Ok(point)) = (keep, u64::try_from(point)) {
+            observations.push((x, y, point));
+        }
+    }
+    Ok(observations)
+}
+
+/// What follows the first `count` words: names may contain spaces.
+fn after_words(line: &str, count: usize) -> &str {
+    let mut rest = line.trim();
+    for _ in 0..count {
+        rest = rest.find(|c: char| c.is_ascii_whitespace()).map_or("", |end| rest[end..].trim_start());
+    }
+    rest
+}
+
+/// points3D.txt: `ID X Y Z R G B ERROR (IMAGE_ID POINT2D_IDX)...`
+pub(super) fn points(path: &Path) -> Result<Vec<(u64, Point)>, DatasetError> {
+    let text = read(path)?;
+    let mut points = Vec::new();
+    for (number, text) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
+        let mut line = Line::new(path, number, text);
+        let id = line.next("a point id")?;
+        let position = DVec3::from_array(line.array("a position of 3 numbers")?);
+        let color = [line.next("a red value")?, line.next("a green value")?, line.next("a blue value")?];
+        let error = line.next("a reprojection error")?;
+        points.push((id, Point { position, color, error }));
+    }
+    Ok(points)
+}

@@ -1,0 +1,142 @@
+//! The frames of one transforms.json file: flat, or nested by camera as NVFi writes them.
+
+use std::path::Path;
+
+use glam::DMat4;
+use serde_json::{Map, Value};
+
+use super::json::{self, Keys};
+use super::lens;
+use crate::error::DatasetError;
+use crate::lens::Lens;
+use crate::pose;
+use crate::raw::Findings;
+
+/// One frame as written, checked but without its image.
+pub(super) struct Entry {
+    /// `file_path` as written; `None` in camera paths.
+    pub file_path: Option<String>,
+    /// Camera to world, OpenCV axes.
+    pub c2w: DMat4,
+    pub lens: Lens,
+    pub time: Option<f64>,
+    pub camera_id: Option<String>,
+    pub mask_path: Option<String>,
+}
+
+/// Reads all frames of a file in file order.
+pub(super) fn read(top: &Map<String, Value>, file: &Path, findings: &mut Findings) -> Result<Vec<Entry>, DatasetError> {
+    let mut scaled = Vec::new();
+    let mut entries = Vec::new();
+    for (frame, camera) in listed(top, file)? {
+        let entry = read_entry(frame, camera, top, file, &mut scaled);
+        entries.extend(findings.take(entry)?);
+    }
+    if let Some((name, scale)) = scaled.first() {
+        findings.warn(format!(
+            "{}: the rotations of {} frames have a scale, which was divided out ({scale:.5} in frame {name:?})",
+            file.display(),
+            scaled.len()
+        ));
+    }
+    Ok(entries)
+}
+
+type Object = Map<String, Value>;
+
+/// A camera of the nested layout: its key and its object.
+type Camera<'a> = (&'a str, &'a Object);
+
+/// The frames with the camera they are nested in, if any.
+fn listed<'a>(top: &'a Object, file: &Path) -> Result<Vec<(&'a Object, Option<Camera<'a>>)>, DatasetError> {
+    let object = |value: &'a Value, location: String| {
+        value.as_object().ok_or_else(|| DatasetError::malformed(file, location, "an object", json::kind(value)))
+    };
+    let frames_of = |holder: &'a Object, location: &str| -> Result<Vec<&'a Object>, DatasetError> {
+        let frames = holder.get("frames").unwrap_or(&Value::Null);
+        let list = frames.as_array().ok_or_else(|| {
+            DatasetError::malformed(file, format!("{location}, key `frames`"), "a list of frames", json::kind(frames))
+        })?;
+        list.iter().enumerate().map(|(i, value)| object(value, format!("{location}, frame {i}"))).collect()
+    };
+    match top.get("data") {
+        Some(Value::Object(cameras)) if !top.contains_key("frames") => {
+            let mut all = Vec::new();
+            for (key, camera) in cameras {
+                let location = format!("camera {key:?}");
+                let camera = object(camera, location.clone())?;
+                all.extend(
+                    frames_of(camera, &location)?.into_iter().map(|frame| (frame, Some((key.as_str(), camera)))),
+                );
+            }
+            Ok(all)
+        }
+        _ => Ok(frames_of(top, "top level")?.into_iter().map(|frame| (frame, None)).collect()),
+    }
+}
+
+fn read_entry(
+    frame: &Object,
+    camera: Option<Camera>,
+    top: &Object,
+    file: &Path,
+    scaled: &mut Vec<(String, f64)>,
+) -> Result<Entry, DatasetError> {
+    let mut objects = vec![frame];
+    objects.extend(camera.map(|(_, object)| object));
+    let mut own = Keys { file, location: "a frame".to_string(), objects: objects.clone() };
+    let file_path = own.text("file_path")?.filter(|path| !path.trim().is_empty()).map(str::to_string);
+    let label = file_path.clone().unwrap_or_else(|| "without file_path".to_string());
+    own.location = format!("frame {label:?}");
+
+    let rows = matrix(&own, "transform_matrix")?;
+    let rigid = pose::rigid(&rows, file, &label)?;
+    scaled.extend(rigid.scale.map(|scale| (label, scale)));
+
+    objects.push(top);
+    let all = Keys { file, location: own.location.clone(), objects };
+    let camera_id = match own.get("camera_id") {
+        Some(Value::String(id)) => Some(id.clone()),
+        Some(Value::Number(id)) => Some(id.to_string()),
+        _ => camera.map(|(key, _)| key.to_string()),
+    };
+    Ok(Entry {
+        file_path,
+        c2w: pose::opencv_from_opengl(rigid.c2w),
+        lens: lens::read(&all)?,
+        time: own.number("time")?,
+        camera_id,
+        mask_path: own.text("mask_path")?.map(str::to_string),
+    })
+}
+
+/// A 4 x 4 matrix, or 3 x 4 with the last row understood. Non-finite entries pass: the pose check names them.
+fn matrix(keys: &Keys, key: &str) -> Result<[[f64; 4]; 4], DatasetError> {
+    let value = keys.get(key).unwrap_or(&Value::Null);
+    let read = || -> Option<[[f64; 4]; 4]> {
+        let list = value.as_array().filter(|list| list.len() == 3 || list.len() == 4)?;
+        let mut rows = [[0.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
+        for (row, values) in rows.iter_mut().zip(list) {
+            let values = values.as_array().filter(|values| values.len() == 4)?;
+            for (entry, value) in row.iter_mut().zip(values) {
+                *entry = json::as_f64(value)?;
+            }
+        }
+        Some(rows)
+    };
+    read().ok_or_else(|| {
+        let found = match value {
+            Value::Array(rows) => {
+                let lengths: Vec<String> = rows
+                    .iter()
+                    .take(5)
+                    .map(|row| row.as_array().map_or_else(|| json::kind(row), |row| row.len().to_string()))
+                    .collect();
+                format!("rows of {}", lengths.join(", "))
+            }
+            Value::Null => "nothing".to_string(),
+            other => json::kind(other),
+        };
+        keys.wrong(key, "4 (or 3) rows of 4 numbers", found)
+    })
+}

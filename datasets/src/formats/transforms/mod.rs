@@ -1,0 +1,298 @@
+//! The transforms.json family: instant-ngp, nerfstudio, Blender/NeRF, D-NeRF and NVFi.
+
+mod frames;
+mod json;
+mod lens;
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
+
+use self::frames::Entry;
+use self::json::Keys;
+use crate::error::DatasetError;
+use crate::frame::CameraPose;
+use crate::names;
+use crate::options::{LoadOptions, MaskUse};
+use crate::raw::{Findings, MaskFile, Part, RawFrame, RawPoints, RawScene, White, some_names};
+use crate::scene::SceneFormat;
+use crate::{pixels, ply};
+
+/// The JSON files of a scene, each with the part of the split it stands for.
+pub(crate) struct Sources {
+    pub scene: PathBuf,
+    pub files: Vec<(PathBuf, Option<Part>)>,
+}
+
+/// The JSON files at `path`: the file itself, or in a folder transforms_{train,val,test}.json, else transforms.json.
+pub(crate) fn find(path: &Path, is_folder: bool) -> Option<Sources> {
+    let files = if is_folder {
+        let parts = [("train", Part::Train), ("val", Part::Val), ("test", Part::Test)];
+        let split: Vec<(PathBuf, Option<Part>)> = parts
+            .into_iter()
+            .map(|(name, part)| (path.join(format!("transforms_{name}.json")), Some(part)))
+            .filter(|(file, _)| file.is_file())
+            .collect();
+        let whole = path.join("transforms.json");
+        if split.iter().any(|(_, part)| *part == Some(Part::Train)) || !whole.is_file() {
+            split
+        } else {
+            vec![(whole, None)]
+        }
+    } else {
+        let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+        if is_json { vec![(path.to_path_buf(), None)] } else { Vec::new() }
+    };
+    (!files.is_empty()).then(|| Sources { scene: path.to_path_buf(), files })
+}
+
+/// Reads all files of a scene.
+pub(crate) fn read(
+    sources: &Sources,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<RawScene, DatasetError> {
+    let mut scene = RawScene { format: SceneFormat::Transforms, frames: Vec::new(), points: None };
+    let mut listed = 0;
+    // A lone train file is a whole data set that has yet to be split.
+    let splits = sources.files.len() > 1;
+    for (file, part) in &sources.files {
+        let Some(top) = findings.take(json::read(file))? else { continue };
+        let root = folder_of(file);
+        let parsed = frames::read(&top, file, findings);
+        let Some(entries) = findings.take(parsed)? else { continue };
+        listed += entries.len();
+        let found = attach_images(entries, &top, root, file, options, findings)?;
+        let found = assign_parts(found, &top, file, part.filter(|_| splits), findings)?;
+        scene.frames.extend(found);
+        if scene.points.is_none() {
+            let points = read_points(&top, root, file, findings);
+            scene.points = findings.take(points)?.flatten();
+        }
+    }
+    if scene.frames.is_empty() && !findings.lenient {
+        let found =
+            if listed == 0 { "an empty list of frames".to_string() } else { format!("none of {listed} images") };
+        return Err(DatasetError::NoFrames { path: sources.scene.clone(), found });
+    }
+    Ok(scene)
+}
+
+/// Reads the cameras of a JSON file, or of the first of transforms_render.json, transforms.json, transforms_test.json
+/// and transforms_train.json in a folder. Images are only opened for their size, where the file gives none.
+pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
+    let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
+    let file = if metadata.is_dir() {
+        let choices = ["transforms_render.json", "transforms.json", "transforms_test.json", "transforms_train.json"];
+        let found = choices.iter().map(|name| path.join(name)).find(|file| file.is_file());
+        found.ok_or_else(|| DatasetError::UnknownFormat {
+            path: path.to_path_buf(),
+            expected: format!("one of {}", choices.join(", ")),
+            found: "none of them".to_string(),
+        })?
+    } else {
+        path.to_path_buf()
+    };
+    let top = json::read(&file)?;
+    let root = folder_of(&file);
+    let mut findings = Findings::default();
+    let entries = frames::read(&top, &file, &mut findings)?;
+    if entries.is_empty() {
+        return Err(DatasetError::NoFrames { path: file, found: "an empty list of frames".to_string() });
+    }
+    let mut cameras = Vec::with_capacity(entries.len());
+    for (index, entry) in entries.iter().enumerate() {
+        cameras.push(camera(index, entry, root, &file)?);
+    }
+    names::make_unique(cameras.iter_mut().map(|camera| &mut camera.name));
+    for warning in &findings.warnings {
+        tracing::warn!("{warning}");
+    }
+    Ok(cameras)
+}
+
+fn camera(index: usize, entry: &Entry, root: &Path, file: &Path) -> Result<CameraPose, DatasetError> {
+    let name = entry.file_path.as_ref().map_or_else(|| format!("{index:05}"), |path| names::view_name(root, path));
+    let declared = match (entry.lens.width, entry.lens.height) {
+        (Some(width), Some(height)) => (width.round() as u32, height.round() as u32),
+        _ => {
+            let image = entry.file_path.as_ref().and_then(|path| names::find_image(root, path));
+            let image = image.ok_or_else(|| {
+                let location = format!("frame {name:?}");
+                DatasetError::malformed(file, location, "w and h, or an image to take the size from", "neither")
+            })?;
+            pixels::size_of(&image)?
+        }
+    };
+    let resolved = entry.lens.resolve(declared, file, file)?;
+    Ok(CameraPose {
+        name,
+        c2w: entry.c2w,
+        intrinsics: resolved.intrinsics,
+        width: declared.0 as usize,
+        height: declared.1 as usize,
+        time: entry.time,
+    })
+}
+
+fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Finds the image and masks of each frame. Frames without an image are dropped with a warning.
+fn attach_images(
+    entries: Vec<Entry>,
+    top: &Map<String, Value>,
+    root: &Path,
+    file: &Path,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<Vec<RawFrame>, DatasetError> {
+    let total = entries.len();
+    let white = mask_rule(top, file, options.masks, &entries, findings)?;
+    let (mut missing, mut missing_masks) = (Vec::new(), Vec::new());
+    let mut found = Vec::new();
+    for entry in entries {
+        let Some(written) = entry.file_path else {
+            missing.push("a frame without file_path".to_string());
+            continue;
+        };
+        let Some(image_path) = names::find_image(root, &written) else {
+            missing.push(written);
+            continue;
+        };
+        let mut masks = Vec::new();
+        if let (Some(path), Some(white)) = (&entry.mask_path, white) {
+            match names::find_image(root, path) {
+                Some(path) => masks.push(MaskFile { path, white }),
+                None => missing_masks.push(path.clone()),
+            }
+        }
+        masks.extend(dynamic_mask(&image_path, options.masks));
+        found.push(RawFrame {
+            name: names::view_name(root, &written),
+            image_path,
+            c2w: entry.c2w,
+            lens: entry.lens,
+            time: entry.time,
+            camera_id: entry.camera_id,
+            masks,
+            part: None,
+            file: file.to_path_buf(),
+        });
+    }
+    for (list, what) in [(missing, "images"), (missing_masks, "masks")] {
+        if !list.is_empty() {
+            let effect = if what == "images" { "their frames were left out" } else { "their frames are not masked" };
+            findings.warn(format!(
+                "{}: {} of {total} {what} do not exist; {effect} ({})",
+                file.display(),
+                list.len(),
+                some_names(&list)
+            ));
+        }
+    }
+    Ok(found)
+}
+
+/// What white means in `mask_path` files; `None` when they are not to be used.
+fn mask_rule(
+    top: &Map<String, Value>,
+    file: &Path,
+    masks: MaskUse,
+    entries: &[Entry],
+    findings: &mut Findings,
+) -> Result<Option<White>, DatasetError> {
+    if entries.iter().all(|entry| entry.mask_path.is_none()) {
+        return Ok(None);
+    }
+    match masks {
+        MaskUse::Ignore => return Ok(None),
+        MaskUse::KeepWhite => return Ok(Some(White::Keep)),
+        MaskUse::KeepBlack => return Ok(Some(White::Ignore)),
+        MaskUse::Auto => {}
+    }
+    let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
+    match keys.text("mask_meaning")? {
+        None | Some("keep") => Ok(Some(White::Keep)),
+        Some("ignore") => Ok(Some(White::Ignore)),
+        Some("dynamic") => {
+            findings.warn(format!(
+                "{}: mask_path marks moving objects (mask_meaning is \"dynamic\"); the masks are not used",
+                file.display()
+            ));
+            Ok(None)
+        }
+        Some(other) => Err(keys.wrong("mask_meaning", "\"keep\", \"ignore\" or \"dynamic\"", format!("{other:?}"))),
+    }
+}
+
+/// instant-ngp's mask beside the image: `dynamic_mask_<stem>.png`, where anything but black is ignored.
+fn dynamic_mask(image: &Path, masks: MaskUse) -> Option<MaskFile> {
+    if masks == MaskUse::Ignore {
+        return None;
+    }
+    let stem = image.file_stem()?.to_str()?;
+    let path = image.with_file_name(format!("dynamic_mask_{stem}.png"));
+    path.is_file().then_some(MaskFile { path, white: White::Ignore })
+}
+
+/// Marks frames by the file they are in, or by nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`.
+fn assign_parts(
+    mut found: Vec<RawFrame>,
+    top: &Map<String, Value>,
+    file: &Path,
+    part: Option<Part>,
+    findings: &mut Findings,
+) -> Result<Vec<RawFrame>, DatasetError> {
+    if part.is_some() {
+        found.iter_mut().for_each(|frame| frame.part = part);
+        return Ok(found);
+    }
+    let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
+    let root = folder_of(file);
+    let mut lists = Vec::new();
+    for (key, part) in [("train_filenames", Part::Train), ("val_filenames", Part::Val), ("test_filenames", Part::Test)]
+    {
+        if let Some(list) = keys.texts(key)? {
+            let list: HashSet<String> = list.into_iter().map(|path| names::view_name(root, path)).collect();
+            lists.push((list, part));
+        }
+    }
+    if lists.is_empty() {
+        return Ok(found);
+    }
+    let train_listed = lists.iter().any(|(_, part)| *part == Part::Train);
+    for frame in &mut found {
+        let listed = lists.iter().find(|(list, _)| list.contains(&frame.name)).map(|(_, part)| *part);
+        frame.part = listed.or((!train_listed).then_some(Part::Train));
+    }
+    let before = found.len();
+    found.retain(|frame| frame.part.is_some());
+    if found.len() < before {
+        let left_out = before - found.len();
+        findings.warn(format!("{}: {left_out} frames are in none of the split's lists and left out", file.display()));
+    }
+    Ok(found)
+}
+
+/// The points of `ply_file_path`. They are in the saved world, as the poses are; `applied_transform` concerns neither.
+fn read_points(
+    top: &Map<String, Value>,
+    root: &Path,
+    file: &Path,
+    findings: &mut Findings,
+) -> Result<Option<RawPoints>, DatasetError> {
+    let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
+    let Some(written) = keys.text("ply_file_path")? else { return Ok(None) };
+    let path = root.join(names::with_slashes(written));
+    if !path.is_file() {
+        findings.warn(format!("{}: the points of ply_file_path do not exist ({})", file.display(), path.display()));
+        return Ok(None);
+    }
+    ply::read(&path).map(Some)
+}

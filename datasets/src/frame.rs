@@ -1,0 +1,78 @@
+//! One photo with its camera: [`View`], and the camera alone: [`CameraPose`].
+
+use std::path::PathBuf;
+
+/// Pinhole intrinsics in pixels; the centre of the top left pixel is at (0.5, 0.5).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Intrinsics {
+    /// Focal length along x, pixels.
+    pub fx: f64,
+    /// Focal length along y, pixels.
+    pub fy: f64,
+    /// Principal point x, pixels from the left edge.
+    pub cx: f64,
+    /// Principal point y, pixels from the top edge.
+    pub cy: f64,
+}
+
+impl Intrinsics {
+    /// The intrinsics of the same photo resized by `x` horizontally and `y` vertically (new size over old size).
+    /// Exact, because pixel coordinates are measured from the image's corner and not from the first pixel's centre.
+    pub fn scaled(&self, x: f64, y: f64) -> Self {
+        Self { fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
+    }
+}
+
+/// An RGB image with 8 bits a channel, row by row from the top left.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RgbImage8 {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `[height, width, 3]`, as the file encodes colour (sRGB, no conversion to linear light).
+    pub data: Vec<u8>,
+}
+
+/// One undistorted photo at training size with the camera that took it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// Path of the image relative to the scene, without extension, separated by `/`; unique in the scene and free of
+    /// `..`, so that it can name output files.
+    pub name: String,
+    /// The image file.
+    pub image_path: PathBuf,
+    /// Camera to world, OpenCV camera axes (x right, y down, z forward), in scene units, scene origin subtracted.
+    pub c2w: glam::DMat4,
+    /// Intrinsics of `image` (after undistortion and resizing).
+    pub intrinsics: Intrinsics,
+    /// Width of `image`, pixels.
+    pub width: usize,
+    /// Height of `image`, pixels.
+    pub height: usize,
+    /// Time as the file gives it (D-NeRF: 0 to 1); `None` in a static scene.
+    pub time: Option<f64>,
+    /// Which physical camera took it, where the file says so.
+    pub camera_id: Option<String>,
+    /// The photo; RGBA is already composited on the chosen background.
+    pub image: RgbImage8,
+    /// `[height, width]`: 255 = compare this pixel, 0 = ignore it; `None` when every pixel counts.
+    pub mask: Option<Vec<u8>>,
+}
+
+/// A camera without an image, for rendering.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraPose {
+    /// Name for output files, as [`View::name`]; unique in the list.
+    pub name: String,
+    /// Camera to world, OpenCV camera axes, in the file's world: no scene origin is subtracted.
+    pub c2w: glam::DMat4,
+    /// Pinhole intrinsics for `width` x `height`; a lens distortion in the file is left out.
+    pub intrinsics: Intrinsics,
+    /// Width to render, pixels.
+    pub width: usize,
+    /// Height to render, pixels.
+    pub height: usize,
+    /// Time as the file gives it.
+    pub time: Option<f64>,
+}

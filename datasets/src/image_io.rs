@@ -1,0 +1,108 @@
+//! Writing images: atomically, so that a reader never meets half a file.
+
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, Vec2, WritableImage,
+};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+use crate::error::DatasetError;
+
+/// Writes an 8-bit PNG atomically. `data` is `[height, width, channels]` with 1 (grey), 3 (RGB) or 4 (RGBA) channels,
+/// told from its length. Parent folders are made.
+///
+/// # Errors
+/// When `data` fits none of these shapes or the file cannot be written; then `path` is as it was before.
+pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<(), DatasetError> {
+    let pixels = width.saturating_mul(height);
+    let color = match data.len() {
+        _ if pixels == 0 => None,
+        n if n == pixels => Some(ExtendedColorType::L8),
+        n if n == pixels.saturating_mul(3) => Some(ExtendedColorType::Rgb8),
+        n if n == pixels.saturating_mul(4) => Some(ExtendedColorType::Rgba8),
+        _ => None,
+    };
+    let (Some(color), Ok(w), Ok(h)) = (color, u32::try_from(width), u32::try_from(height)) else {
+        return Err(wrong_shape(path, width, height, data.len()));
+    };
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(data, w, h, color)
+        .map_err(|error| DatasetError::write(path, std::io::Error::other(error)))?;
+    write_atomic(path, &bytes)
+}
+
+/// Writes an OpenEXR file of 32-bit float channels atomically. Each channel is a name ("R", "G", "B", "Z", "A") and
+/// `[height, width]` values. Parent folders are made.
+///
+/// # Errors
+/// When a channel has not `width * height` values or the file cannot be written; then `path` is as it was before.
+pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[(&str, &[f32])]) -> Result<(), DatasetError> {
+    let pixels = width.saturating_mul(height);
+    let mut list: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
+    for (name, values) in channels {
+        if values.len() != pixels || pixels == 0 {
+            return Err(wrong_shape(path, width, height, values.len()));
+        }
+        let name = exr::prelude::Text::new_or_none(name)
+            .ok_or_else(|| DatasetError::malformed(path, "channel", "a name in ASCII", format!("{name:?}")))?;
+        list.push(AnyChannel::new(name, FlatSamples::F32(values.to_vec())));
+    }
+    if list.is_empty() {
+        return Err(wrong_shape(path, width, height, 0));
+    }
+    let layer =
+        Layer::new(Vec2(width, height), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, AnyChannels::sort(list));
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer)
+        .write()
+        .to_buffered(&mut bytes)
+        .map_err(|error| DatasetError::write(path, std::io::Error::other(error)))?;
+    write_atomic(path, bytes.get_ref())
+}
+
+/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`: whoever opens `path` finds the old
+/// file or the whole new one. Parent folders are made.
+///
+/// # Errors
+/// When the folder or file cannot be written (a full disk, for one); the temporary file is then removed.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    fs::create_dir_all(folder).map_err(|error| DatasetError::write(folder, error))?;
+    let temporary = temporary_beside(path);
+    let written = fs::File::create(&temporary)
+        .and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        })
+        .and_then(|()| fs::rename(&temporary, path));
+    written.map_err(|error| {
+        // The first failure is the one to report; a temporary file that cannot be removed either adds nothing to it.
+        let _ = fs::remove_file(&temporary);
+        DatasetError::write(path, error)
+    })
+}
+
+/// A name beside `path` that no other thread or process uses.
+fn temporary_beside(path: &Path) -> PathBuf {
+    static COUNTER: AtomicU64 = AtomicU64::new(0);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
+    path.with_file_name(format!(".{name}.{}.{unique}.tmp", std::process::id()))
+}
+
+fn wrong_shape(path: &Path, width: usize, height: usize, found: usize) -> DatasetError {
+    DatasetError::malformed(
+        path,
+        "image to write",
+        format!("{width} x {height} pixels of whole channels"),
+        format!("{found} values"),
+    )
+}

@@ -1,0 +1,45 @@
+//! Readers for posed photo sets, and a small synthetic world.
+//!
+//! [`load`] turns a folder into a [`Scene`]: photos undistorted and resized, cameras in one convention (OpenCV axes,
+//! camera to world), points to start from, and a split into training and held-out views. It reads the transforms.json
+//! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi) and COLMAP models (text and binary). [`check`] says what
+//! is in a folder and what is wrong with it, [`load_cameras`] reads a camera path, and [`synthetic`] writes a scene with
+//! known ground truth. The crate knows nothing of tensors; the trainer turns a `Scene` into them.
+//!
+//! ```no_run
+//! use gs_datasets::{LoadOptions, load};
+//!
+//! # fn main() -> Result<(), gs_datasets::DatasetError> {
+//! let options = LoadOptions { max_width: Some(480), ..LoadOptions::default() };
+//! let scene = load("my-photos".as_ref(), &options)?;
+//! println!("{} views to learn from, {} held out", scene.train.len(), scene.test.len());
+//! # Ok(())
+//! # }
+//! ```
+
+mod check;
+mod error;
+mod formats;
+mod frame;
+pub mod image_io;
+mod lens;
+mod loader;
+mod mask;
+mod names;
+mod options;
+mod pixels;
+mod ply;
+mod pose;
+mod raw;
+mod resize;
+mod scene;
+mod split;
+pub mod synthetic;
+mod undistort;
+
+pub use check::{CheckReport, check};
+pub use error::DatasetError;
+pub use frame::{CameraPose, Intrinsics, RgbImage8, View};
+pub use loader::{load, load_cameras};
+pub use options::{DEFAULT_HOLDOUT, Holdout, LoadOptions, MaskUse, RECENTRE_DISTANCE};
+pub use scene::{PointCloud, Scene, SceneFormat};

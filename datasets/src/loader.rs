@@ -1,0 +1,269 @@
+//! [`load`]: read the description, split, then decode, undistort and resize every photo in parallel.
+
+use std::path::Path;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::DatasetError;
+use crate::formats;
+use crate::frame::{CameraPose, RgbImage8, View};
+use crate::mask::{self, Mask};
+use crate::names;
+use crate::options::{LoadOptions, RECENTRE_DISTANCE};
+use crate::pixels::{self, Photo};
+use crate::raw::{Findings, RawFrame, RawPoints, some_names};
+use crate::resize::{AreaResampler, target_size};
+use crate::scene::{PointCloud, Scene, mean};
+use crate::split::{Split, split};
+use crate::undistort::{Undistortion, sample};
+
+/// A new pixel counts when at least this share of the area it covers does. All of it, up to rounding: otherwise colours
+/// from masked or undefined pixels would be mixed into ones that are learned from.
+const COVERAGE_MIN: f32 = 0.999;
+
+/// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, or a folder
+/// with a COLMAP model and its images.
+///
+/// Lens distortion is removed (keeping focal lengths and principal point; pixels that the photo does not show are masked
+/// out), transparency is composited, images are downscaled to `options.max_width` with an area filter, and the views
+/// are split. Images that do not exist are left out with a warning.
+///
+/// # Errors
+/// When a file is missing, unreadable, cut off or contradicts its format; when a pose, point or intrinsic is not finite
+/// or a pose is not rigid; when an image's proportions contradict its intrinsics; when a camera model is not a pinhole
+/// with radial and tangential distortion; when no training view is left.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
+    check_options(path, options)?;
+    let mut findings = Findings::default();
+    let raw = formats::read(path, options, &mut findings)?;
+    let frames = sort_and_name(raw.frames, &mut findings);
+    let origin = origin(&frames, options);
+    let Split { train, test, rule } = split(frames, &options.holdout, path)?;
+    let (train, mut notes) = load_views(&train, options, origin)?;
+    let (test, more) = load_views(&test, options, origin)?;
+    tracing::info!("{}: {} training views, {} held out ({rule})", path.display(), train.len(), test.len());
+    notes.extend(more);
+    summarise(path, &notes, &mut findings);
+    let time_range = time_range(train.iter().chain(&test), &mut findings);
+    for warning in &findings.warnings {
+        tracing::warn!("{warning}");
+    }
+    Ok(Scene {
+        train,
+        test,
+        points: raw.points.map(|points| point_cloud(&points, origin)).filter(|points| !points.is_empty()),
+        origin,
+        format: raw.format,
+        warnings: findings.warnings,
+        time_range,
+    })
+}
+
+/// Reads the cameras of a transforms.json file for rendering, in file order; images need not exist if the file gives
+/// `w` and `h`. In a folder, the first of transforms_render.json, transforms.json, transforms_test.json and
+/// transforms_train.json is read.
+///
+/// # Errors
+/// As [`load`], and when a frame has neither `w` and `h` nor an image to take the size from.
+pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
+    formats::transforms::read_cameras(path)
+}
+
+pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), DatasetError> {
+    let wrong = |option: &'static str, expected: &str, found: String| {
+        Err(DatasetError::Option { path: path.to_path_buf(), option, expected: expected.to_string(), found })
+    };
+    if options.max_width == Some(0) {
+        return wrong("max_width", "a width of at least 1 pixel", "0".to_string());
+    }
+    if options.background.iter().any(|value| !(0.0..=1.0).contains(value)) {
+        return wrong("background", "values from 0 to 1", format!("{:?}", options.background));
+    }
+    Ok(())
+}
+
+/// Sorts by name as every published split does, drops repeated frames and makes names unique.
+pub(crate) fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawFrame> {
+    frames.sort_by(|a, b| a.name.cmp(&b.name).then_with(|| a.image_path.cmp(&b.image_path)));
+    let mut repeated = Vec::new();
+    frames.dedup_by(|later, first| {
+        let same = later.image_path == first.image_path && later.time == first.time;
+        if same {
+            repeated.push(later.name.clone());
+        }
+        same
+    });
+    if !repeated.is_empty() {
+        findings.warn(format!(
+            "{} frames are listed more than once; the first of each was kept ({})",
+            repeated.len(),
+            some_names(&repeated)
+        ));
+    }
+    names::make_unique(frames.iter_mut().map(|frame| &mut frame.name));
+    frames
+}
+
+pub(crate) fn origin(frames: &[RawFrame], options: &LoadOptions) -> DVec3 {
+    let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
+    match mean(&centres) {
+        Some(mean) if options.recentre && mean.length() > RECENTRE_DISTANCE => mean,
+        _ => DVec3::ZERO,
+    }
+}
+
+fn point_cloud(points: &RawPoints, origin: DVec3) -> PointCloud {
+    PointCloud {
+        positions: points.positions.iter().map(|position| (*position - origin).as_vec3().to_array()).collect(),
+        colors: points.colors.clone(),
+    }
+}
+
+/// What loading one view found, for warnings about many.
+struct Note {
+    name: String,
+    /// Declared and actual size, where intrinsics were rescaled.
+    rescaled: Option<((f64, f64), (usize, usize))>,
+    /// Share of the photo that mask files ignore; `None` without one.
+    masked: Option<f64>,
+    /// No pixel of the view counts.
+    is_blank: bool,
+}
+
+fn load_views(
+    frames: &[RawFrame],
+    options: &LoadOptions,
+    origin: DVec3,
+) -> Result<(Vec<View>, Vec<Note>), DatasetError> {
+    let loaded: Vec<Result<(View, Note), DatasetError>> =
+        frames.par_iter().map(|frame| load_view(frame, options, origin)).collect();
+    // Collected before looking for errors, so that the first one by name is reported and not the first by chance.
+    loaded.into_iter().collect::<Result<Vec<_>, _>>().map(|pairs| pairs.into_iter().unzip())
+}
+
+fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(View, Note), DatasetError> {
+    let photo = pixels::open(&frame.image_path, options.background)?;
+    let size = photo.size();
+    let resolved = frame.lens.resolve((size.0 as u32, size.1 as u32), &frame.image_path, &frame.file)?;
+    let masks: Vec<Mask> = frame.masks.iter().map(|file| Mask::open(file, size)).collect::<Result<_, _>>()?;
+    let undistortion = Undistortion::new(frame.lens.distortion, resolved.intrinsics, size);
+    let target = target_size(size, options.max_width);
+    let masked = (!masks.is_empty()).then(|| mask::ignored_share(&masks, size));
+    let (data, mask) = resample(photo, &masks, undistortion.as_ref(), target);
+    let (scale_x, scale_y) = (target.0 as f64 / size.0 as f64, target.1 as f64 / size.1 as f64);
+    let mut c2w = frame.c2w;
+    c2w.w_axis -= origin.extend(0.0);
+    let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
+    let view = View {
+        name: frame.name.clone(),
+        image_path: frame.image_path.clone(),
+        c2w,
+        intrinsics: resolved.intrinsics.scaled(scale_x, scale_y),
+        width: target.0,
+        height: target.1,
+        time: frame.time,
+        camera_id: frame.camera_id.clone(),
+        image: RgbImage8 { width: target.0, height: target.1, data },
+        mask,
+    };
+    let rescaled = resolved.rescaled_from.map(|declared| (declared, size));
+    Ok((view, Note { name: frame.name.clone(), rescaled, masked, is_blank }))
+}
+
+/// Undistorts, masks and downscales row by row: beside the decoded photo only one row is held in floats.
+fn resample(
+    photo: Photo,
+    masks: &[Mask],
+    undistortion: Option<&Undistortion>,
+    target: (usize, usize),
+) -> (Vec<u8>, Option<Vec<u8>>) {
+    let size = photo.size();
+    let plain = masks.is_empty() && undistortion.is_none();
+    let photo = match photo {
+        Photo::Rgb8(image) if plain && size == target => return (image.into_raw(), None),
+        other => other,
+    };
+    let mut colors = AreaResampler::<3>::new(size, target);
+    let mut coverage = (!plain).then(|| AreaResampler::<1>::new(size, target));
+    let (mut row, mut row_coverage) = (vec![0.0; 3 * size.0], vec![1.0; size.0]);
+    for y in 0..size.1 {
+        match undistortion {
+            Some(undistortion) => undistort_row(&photo, undistortion, y, &mut row, &mut row_coverage),
+            None => photo.copy_row(y, &mut row),
+        }
+        colors.push_row(&row);
+        if let Some(coverage) = &mut coverage {
+            mask_row(masks, undistortion, y, size, &mut row_coverage);
+            coverage.push_row(&row_coverage);
+        }
+    }
+    let data = colors.finish().into_iter().map(|value| value.round().clamp(0.0, 255.0) as u8).collect();
+    let mask = coverage.map(|coverage| {
+        coverage.finish().into_iter().map(|share| if share >= COVERAGE_MIN { 255 } else { 0 }).collect::<Vec<u8>>()
+    });
+    (data, mask.filter(|mask| mask.contains(&0)))
+}
+
+fn undistort_row(photo: &Photo, undistortion: &Undistortion, y: usize, row: &mut [f32], coverage: &mut [f32]) {
+    for (x, (color, cover)) in row.chunks_exact_mut(3).zip(coverage).enumerate() {
+        let place = undistortion.observed(x as f64 + 0.5, y as f64 + 0.5);
+        color.copy_from_slice(&place.map_or([0.0; 3], |(u, v)| sample(photo, u, v)));
+        *cover = if place.is_some() { 1.0 } else { 0.0 };
+    }
+}
+
+/// Takes what mask files ignore out of a row's coverage.
+fn mask_row(masks: &[Mask], undistortion: Option<&Undistortion>, y: usize, size: (usize, usize), coverage: &mut [f32]) {
+    if masks.is_empty() {
+        return;
+    }
+    for (x, cover) in coverage.iter_mut().enumerate() {
+        let ideal = (x as f64 + 0.5, y as f64 + 0.5);
+        let place = undistortion.map_or(Some(ideal), |undistortion| undistortion.observed(ideal.0, ideal.1));
+        let counts = place.is_some_and(|(u, v)| masks.iter().all(|mask| mask.keeps(u, v, size)));
+        *cover = if counts { 1.0 } else { 0.0 };
+    }
+}
+
+fn summarise(path: &Path, notes: &[Note], findings: &mut Findings) {
+    let rescaled: Vec<&Note> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
+    if let Some(Note { name, rescaled: Some((declared, actual)), .. }) = rescaled.first() {
+        findings.warn(format!(
+            "{}: the images of {} views have another size than their intrinsics, which were rescaled \
+             ({name}: declared {} x {}, found {} x {})",
+            path.display(),
+            rescaled.len(),
+            declared.0,
+            declared.1,
+            actual.0,
+            actual.1
+        ));
+    }
+    let blank: Vec<&str> = notes.iter().filter(|note| note.is_blank).map(|note| note.name.as_str()).collect();
+    if !blank.is_empty() {
+        findings.warn(format!(
+            "{}: no pixel counts in {} views, by their masks or their lens distortion ({})",
+            path.display(),
+            blank.len(),
+            some_names(&blank)
+        ));
+    }
+    let masked = notes.iter().filter_map(|note| note.masked).collect();
+    findings.warnings.extend(mask::suspicion(path, masked));
+}
+
+fn time_range<'a>(views: impl Iterator<Item = &'a View>, findings: &mut Findings) -> Option<(f64, f64)> {
+    let (mut range, mut without) = (None, Vec::new());
+    for view in views {
+        match (view.time, range) {
+            (Some(time), Some((low, high))) => range = Some((time.min(low), time.max(high))),
+            (Some(time), None) => range = Some((time, time)),
+            (None, _) => without.push(view.name.as_str()),
+        }
+    }
+    if range.is_some() && !without.is_empty() {
+        findings.warn(format!("{} views have no time although others do ({})", without.len(), some_names(&without)));
+    }
+    range
+}

@@ -1,0 +1,90 @@
+//! Paths as data sets write them, and the view names made from them.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Endings that are an image's extension rather than a part of its name.
+const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "gif"];
+
+/// Tried, in this order, where a data set leaves the extension out.
+const TRIED: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
+
+/// The path with `/` for separators: data sets exported on Windows have backslashes.
+pub(crate) fn with_slashes(written: &str) -> String {
+    written.replace('\\', "/")
+}
+
+/// The file that `written` names relative to `root`, trying extensions if it has none. `None` if there is none.
+pub(crate) fn find_image(root: &Path, written: &str) -> Option<PathBuf> {
+    let path = root.join(with_slashes(written));
+    if path.is_file() {
+        return Some(path);
+    }
+    if has_image_extension(written) {
+        return None;
+    }
+    TRIED.iter().map(|extension| PathBuf::from(format!("{}.{extension}", path.display()))).find(|path| path.is_file())
+}
+
+fn has_image_extension(written: &str) -> bool {
+    Path::new(written)
+        .extension()
+        .and_then(|extension| extension.to_str())
+        .is_some_and(|extension| EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str()))
+}
+
+/// A view's name from the path the data set writes: relative to `root`, without extension, and without `.`, `..` and
+/// drive letters, since output files are named after it.
+pub(crate) fn view_name(root: &Path, written: &str) -> String {
+    let slashed = with_slashes(written);
+    let relative = match Path::new(&slashed).strip_prefix(root) {
+        Ok(relative) => relative.to_string_lossy().into_owned(),
+        Err(_) => slashed,
+    };
+    let parts: Vec<&str> = relative
+        .split('/')
+        .filter(|part| !matches!(*part, "" | "." | "..") && !part.ends_with(':') && !part.contains('\0'))
+        .collect();
+    let joined = parts.join("/");
+    let stem =
+        if has_image_extension(&joined) { joined.rsplit_once('.').map_or("", |(stem, _)| stem) } else { &joined };
+    if stem.is_empty() || stem.ends_with('/') { "unnamed".to_string() } else { stem.to_string() }
+}
+
+/// Makes names unique by appending `_2`, `_3`, ... to later ones.
+pub(crate) fn make_unique<'a>(names: impl Iterator<Item = &'a mut String>) {
+    let mut seen = HashSet::new();
+    for name in names {
+        if !seen.insert(name.clone()) {
+            let free = (2..).map(|n| format!("{name}_{n}")).find(|candidate| !seen.contains(candidate));
+            if let Some(free) = free {
+                seen.insert(free.clone());
+                *name = free;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_relative_and_cannot_leave_a_folder() {
+        let root = Path::new("/data/scene");
+        assert_eq!(view_name(root, "./train/r_000"), "train/r_000");
+        assert_eq!(view_name(root, "images\\a b.JPG"), "images/a b");
+        assert_eq!(view_name(root, "/data/scene/images/1.png"), "images/1");
+        assert_eq!(view_name(root, "../../etc/passwd"), "etc/passwd");
+        assert_eq!(view_name(root, "C:\\photos\\v1.5"), "photos/v1.5");
+        assert_eq!(view_name(root, ".."), "unnamed");
+        assert_eq!(view_name(root, "images/.png"), "images/.png");
+    }
+
+    #[test]
+    fn equal_names_get_numbers() {
+        let mut names = ["a".to_string(), "a_2".to_string(), "a".to_string(), "a".to_string()];
+        make_unique(names.iter_mut());
+        assert_eq!(names, ["a", "a_2", "a_3", "a_4"]);
+    }
+}

@@ -1,0 +1,70 @@
+//! What a user can choose about loading: [`LoadOptions`].
+
+use std::path::PathBuf;
+
+/// Which views are held out of training.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Holdout {
+    /// Every n-th of all views sorted by name, beginning with the first (index % n == 0).
+    Every(usize),
+    /// The data set's own split where it has one (transforms_test.json, else transforms_val.json; nerfstudio's
+    /// `test_filenames`, else `val_filenames`), otherwise every 8th.
+    Dataset,
+    /// These views, by file stem ("0012") or whole name ("images/0012"); each must exist.
+    Names(Vec<String>),
+    /// None: all views train.
+    None,
+}
+
+/// The literature's held-out share for photo sets without a split of their own (Mip-NeRF 360 and everything after it).
+pub const DEFAULT_HOLDOUT: usize = 8;
+
+/// How mask files are used. White means any pixel that is not black.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MaskUse {
+    /// By the rules of the format: `mask_path` (nerfstudio) and COLMAP's `masks` folder ignore where black;
+    /// instant-ngp's `dynamic_mask_<stem>.png` ignores where white. A transforms.json that says
+    /// `"mask_meaning": "dynamic"` marks moving objects, and its `mask_path` is then left alone.
+    Auto,
+    /// No mask file is read.
+    Ignore,
+    /// `mask_path` and `masks` files keep what is white, whatever `mask_meaning` says.
+    KeepWhite,
+    /// `mask_path` and `masks` files keep what is black: for masks of moving objects in a static reconstruction.
+    KeepBlack,
+}
+
+/// How to load a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadOptions {
+    /// Wider images are downscaled to this width, pixels, with an area filter; `None` keeps the full size.
+    pub max_width: Option<usize>,
+    /// What transparent pixels show, 0 to 1 per channel (encoded as the images are). Default black.
+    pub background: [f32; 3],
+    /// Which views are held out. Default [`Holdout::Dataset`].
+    pub holdout: Holdout,
+    /// The image folder of a COLMAP model, where it is not one of the usual ones; absolute, or relative to the scene.
+    pub images: Option<PathBuf>,
+    /// Whether a scene far from its world's origin is moved to the origin. See [`RECENTRE_DISTANCE`]. Default yes.
+    pub recentre: bool,
+    /// How mask files are used. Default [`MaskUse::Auto`].
+    pub masks: MaskUse,
+}
+
+/// A scene is moved to the origin when the mean of its camera centres is farther from it than this, in scene units.
+/// At 1000 the spacing of f32 is 6e-5: in metres, millimetres survive a few dozen roundings. City coordinates (1e4 and
+/// more) would lose them, while an ordinary scene stays in its file's world, where exported files match other tools.
+pub const RECENTRE_DISTANCE: f64 = 1000.0;
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self {
+            max_width: None,
+            background: [0.0; 3],
+            holdout: Holdout::Dataset,
+            images: None,
+            recentre: true,
+            masks: MaskUse::Auto,
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Decoding photos: opaque colour out, transparency composited on the chosen background.
+
+use std::path::Path;
+
+use image::{DynamicImage, ImageReader, Limits};
+
+use crate::error::DatasetError;
+
+/// Longest side of an image that is opened. Larger ones are broken headers rather than photos.
+const SIDE_MAX: u32 = 65_535;
+
+/// Most memory that decoding one image may take, bytes. Room for 250 megapixels.
+const DECODE_MAX: u64 = 1 << 30;
+
+/// A decoded photo without transparency.
+pub(crate) enum Photo {
+    /// What most photos are; kept in bytes to be lean.
+    Rgb8(image::RgbImage),
+    /// Values 0 to 1: composited images, 16-bit images.
+    Rgb32(image::Rgb32FImage),
+}
+
+impl Photo {
+    /// Width and height, pixels; neither is 0.
+    pub fn size(&self) -> (usize, usize) {
+        let (width, height) = match self {
+            Self::Rgb8(image) => image.dimensions(),
+            Self::Rgb32(image) => image.dimensions(),
+        };
+        (width as usize, height as usize)
+    }
+
+    /// Writes the colours (0 to 255) of row `y` (inside the image) to `row`, `[width, 3]`.
+    pub fn copy_row(&self, y: usize, row: &mut [f32]) {
+        let start = y * row.len();
+        match self {
+            Self::Rgb8(image) => {
+                for (out, value) in row.iter_mut().zip(&image.as_raw()[start..]) {
+                    *out = f32::from(*value);
+                }
+            }
+            Self::Rgb32(image) => {
+                for (out, value) in row.iter_mut().zip(&image.as_raw()[start..]) {
+                    *out = 255.0 * value;
+                }
+            }
+        }
+    }
+}
+
+/// Opens an image file within limits. The format is told from the content, because wrong extensions are common.
+pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
+    let reader = ImageReader::open(path).map_err(|error| DatasetError::read(path, error))?;
+    let mut reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(SIDE_MAX);
+    limits.max_image_height = Some(SIDE_MAX);
+    limits.max_alloc = Some(DECODE_MAX);
+    reader.limits(limits);
+    let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
+    let image = reader.decode().map_err(|error| wrong(error.to_string()))?;
+    if image.width() == 0 || image.height() == 0 {
+        return Err(wrong(format!("an image of {} x {} pixels", image.width(), image.height())));
+    }
+    Ok(image)
+}
+
+/// Width and height from the file's header.
+pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
+    let reader = ImageReader::open(path).map_err(|error| DatasetError::read(path, error))?;
+    let reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
+    reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })
+}
+
+/// Opens a photo and composites it on `background`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
+/// floats and before any resampling. Resampling first would mix in the hidden colour of transparent pixels.
+pub(crate) fn open(path: &Path, background: [f32; 3]) -> Result<Photo, DatasetError> {
+    Ok(match decode(path)? {
+        DynamicImage::ImageRgb8(image) => Photo::Rgb8(image),
+        image @ DynamicImage::ImageLuma8(_) => Photo::Rgb8(image.into_rgb8()),
+        image if !image.color().has_alpha() => Photo::Rgb32(image.into_rgb32f()),
+        image => {
+            let rgba = image.into_rgba32f();
+            let mut rgb = image::Rgb32FImage::new(rgba.width(), rgba.height());
+            for (out, pixel) in rgb.pixels_mut().zip(rgba.pixels()) {
+                let [r, g, b, alpha] = pixel.0;
+                let mix = |value: f32, behind: f32| value * alpha + behind * (1.0 - alpha);
+                out.0 = [mix(r, background[0]), mix(g, background[1]), mix(b, background[2])];
+            }
+            Photo::Rgb32(rgb)
+        }
+    })
+}

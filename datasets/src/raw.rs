@@ -1,0 +1,99 @@
+//! What a format reader hands to the loader: frames that are described but not yet loaded.
+
+use std::path::PathBuf;
+
+use glam::{DMat4, DVec3};
+
+use crate::error::DatasetError;
+use crate::lens::Lens;
+use crate::scene::SceneFormat;
+
+/// Which list of the data set's own split a frame is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Part {
+    Train,
+    Val,
+    Test,
+}
+
+/// What white (any pixel that is not black) means in a mask file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum White {
+    Keep,
+    Ignore,
+}
+
+/// A mask file that exists or is at least named by the data set.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct MaskFile {
+    pub path: PathBuf,
+    pub white: White,
+}
+
+/// One frame as its file describes it.
+#[derive(Debug, Clone)]
+pub(crate) struct RawFrame {
+    /// See [`View::name`](crate::View::name).
+    pub name: String,
+    pub image_path: PathBuf,
+    /// Camera to world, OpenCV axes, in the file's world.
+    pub c2w: DMat4,
+    pub lens: Lens,
+    pub time: Option<f64>,
+    pub camera_id: Option<String>,
+    pub masks: Vec<MaskFile>,
+    /// `None` where the data set does not split.
+    pub part: Option<Part>,
+    /// The file with the intrinsics, for messages.
+    pub file: PathBuf,
+}
+
+/// Points as the file gives them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct RawPoints {
+    pub positions: Vec<DVec3>,
+    pub colors: Vec<[u8; 3]>,
+}
+
+/// A scene as its files describe it. Images of all frames exist; they have not been opened.
+#[derive(Debug, Clone)]
+pub(crate) struct RawScene {
+    pub format: SceneFormat,
+    pub frames: Vec<RawFrame>,
+    pub points: Option<RawPoints>,
+}
+
+/// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
+#[derive(Debug, Default)]
+pub(crate) struct Findings {
+    /// Keep reading after an error.
+    pub lenient: bool,
+    pub warnings: Vec<String>,
+    pub errors: Vec<DatasetError>,
+}
+
+impl Findings {
+    /// Notes something that was repaired or left out.
+    pub fn warn(&mut self, text: impl Into<String>) {
+        self.warnings.push(text.into());
+    }
+
+    /// Passes a value on. An error is returned, or noted and turned into `None` when reading goes on.
+    pub fn take<T>(&mut self, result: Result<T, DatasetError>) -> Result<Option<T>, DatasetError> {
+        match result {
+            Ok(value) => Ok(Some(value)),
+            Err(error) if self.lenient => {
+                self.errors.push(error);
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// "3 frames: a, b, c" with at most three names, for warnings about many.
+pub(crate) fn some_names<S: AsRef<str>>(names: &[S]) -> String {
+    let shown: Vec<&str> = names.iter().take(3).map(AsRef::as_ref).collect();
+    let more = if names.len() > shown.len() { ", ..." } else { "" };
+    format!("{}{more}", shown.join(", "))
+}

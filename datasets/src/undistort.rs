@@ -1,0 +1,112 @@
+//! Removing lens distortion: for each pixel of the ideal pinhole image, where the photo shows it.
+//!
+//! The ideal image has the photo's size and fx, fy, cx, cy. The lens model runs forward (ideal to observed), so nothing
+//! is inverted. Colours are interpolated between the four pixels around the observed place; ideal pixels whose observed
+//! place lies outside the photo, or where the lens model folds back on itself, have no colour and are masked out.
+
+use crate::frame::Intrinsics;
+use crate::lens::Distortion;
+use crate::pixels::Photo;
+
+/// From ideal pixels to places in the photo.
+pub(crate) struct Undistortion {
+    distortion: Distortion,
+    intrinsics: Intrinsics,
+    /// 1/fx and 1/fy.
+    inverse: (f64, f64),
+    width: f64,
+    height: f64,
+    valid_radius2: f64,
+}
+
+impl Undistortion {
+    /// For a photo of `size` pixels with these intrinsics; `None` when there is nothing to undo.
+    pub fn new(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
+        if distortion.is_none() {
+            return None;
+        }
+        let (width, height) = (size.0 as f64, size.1 as f64);
+        let far = |side: f64, c: f64, f: f64| (c / f).abs().max(((side - c) / f).abs());
+        let (x, y) = (far(width, intrinsics.cx, intrinsics.fx), far(height, intrinsics.cy, intrinsics.fy));
+        let valid_radius2 = distortion.valid_radius2(x * x + y * y);
+        let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
+        Some(Self { distortion, intrinsics, inverse, width, height, valid_radius2 })
+    }
+
+    /// Where the photo shows the ideal image's point (u, v), in pixels from the corner; `None` outside the photo.
+    pub fn observed(&self, u: f64, v: f64) -> Option<(f64, f64)> {
+        let Intrinsics { fx, fy, cx, cy } = self.intrinsics;
+        let (x, y) = ((u - cx) * self.inverse.0, (v - cy) * self.inverse.1);
+        if x * x + y * y > self.valid_radius2 {
+            return None;
+        }
+        let (x, y) = self.distortion.apply(x, y);
+        let (u, v) = (x * fx + cx, y * fy + cy);
+        (u >= 0.0 && u <= self.width && v >= 0.0 && v <= self.height).then_some((u, v))
+    }
+}
+
+/// The colour (0 to 255) at a place inside the photo, in pixels from the corner: bilinear between pixel centres, the
+/// border pixels' colour in the outermost half pixel.
+#[inline]
+pub(crate) fn sample(photo: &Photo, u: f64, v: f64) -> [f32; 3] {
+    match photo {
+        Photo::Rgb8(image) => bilinear(image.as_raw(), photo.size(), u, v, f32::from),
+        Photo::Rgb32(image) => bilinear(image.as_raw(), photo.size(), u, v, |value| 255.0 * value),
+    }
+}
+
+/// Bilinear interpolation in `[height, width, 3]` data.
+#[inline]
+fn bilinear<T: Copy>(data: &[T], size: (usize, usize), u: f64, v: f64, value: impl Fn(T) -> f32) -> [f32; 3] {
+    let (width, height) = size;
+    let (x, y) = ((u - 0.5).max(0.0) as f32, (v - 0.5).max(0.0) as f32);
+    let (x0, y0) = ((x as u32 as usize).min(width - 1), (y as u32 as usize).min(height - 1));
+    let (right, down) = (3 * usize::from(x0 + 1 < width), 3 * width * usize::from(y0 + 1 < height));
+    let (tx, ty) = (x - x0 as f32, y - y0 as f32);
+    let start = 3 * (y0 * width + x0);
+    let top = &data[start..start + right + 3];
+    let bottom = &data[start + down..start + down + right + 3];
+    let mut out = [0.0; 3];
+    for (i, out) in out.iter_mut().enumerate() {
+        let (a, b, c, d) = (value(top[i]), value(top[i + right]), value(bottom[i]), value(bottom[i + right]));
+        let upper = a + tx * (b - a);
+        let lower = c + tx * (d - c);
+        *out = upper + ty * (lower - upper);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(k1: f64) -> Distortion {
+        Distortion { k: [k1, 0.0, 0.0, 0.0], ..Distortion::default() }
+    }
+
+    #[test]
+    fn without_distortion_there_is_nothing_to_undo() {
+        let intrinsics = Intrinsics { fx: 10.0, fy: 10.0, cx: 5.0, cy: 5.0 };
+        assert!(Undistortion::new(lens(0.0), intrinsics, (10, 10)).is_none());
+    }
+
+    #[test]
+    fn one_point_by_hand() {
+        // x = 0.5, y = 0: r2 = 0.25, g = 1 + 0.2 * 0.25 = 1.05, so x' = 0.525.
+        let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 100.0, cy: 50.0 };
+        let undo = Undistortion::new(lens(0.2), intrinsics, (200, 100)).expect("distorted");
+        let (u, v) = undo.observed(150.0, 50.0).expect("inside");
+        assert!((u - 152.5).abs() < 1e-9 && (v - 50.0).abs() < 1e-9);
+        assert!(undo.observed(200.0, 100.0).is_none(), "the corner is observed outside the photo");
+    }
+
+    #[test]
+    fn a_folding_lens_is_cut_at_the_fold() {
+        // r (1 - r^2) grows up to r = 1/sqrt(3); beyond that it shows the photo a second time.
+        let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 100.0, cy: 100.0 };
+        let undo = Undistortion::new(lens(-1.0), intrinsics, (200, 200)).expect("distorted");
+        assert!(undo.observed(155.0, 100.0).is_some());
+        assert!(undo.observed(160.0, 100.0).is_none());
+    }
+}

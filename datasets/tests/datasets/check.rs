@@ -1,0 +1,58 @@
+//! The report on a data set that may be broken.
+
+use gs_datasets::{LoadOptions, SceneFormat, check};
+use serde_json::json;
+
+use crate::colmap;
+use crate::fixtures::{Folder, ring_scene};
+
+#[test]
+fn a_sound_scene_is_described() {
+    let (folder, top) = ring_scene(9);
+    folder.write_json("transforms.json", &top);
+    let report = check(folder.path(), &LoadOptions { max_width: Some(16), ..LoadOptions::default() });
+    assert!(report.is_ok() && report.warnings.is_empty(), "{report}");
+    assert_eq!((report.format, report.train, report.test), (Some(SceneFormat::Transforms), 7, 2));
+    let text = report.to_string();
+    for part in [
+        "9 images are 32 x 24 pixels, loaded at 16 x 12",
+        "30.00 by 31.00",
+        "7 views train, 2 are held out",
+        "Good to load.",
+    ] {
+        assert!(text.contains(part), "{part:?} is not in\n{text}");
+    }
+}
+
+#[test]
+fn all_errors_are_listed() {
+    let (folder, mut top) = ring_scene(5);
+    top["frames"][1]["transform_matrix"][0][0] = json!("NaN");
+    top["frames"][2]["fl_x"] = json!(-3);
+    folder.write("images/03.png", b"not an image");
+    folder.write_json("transforms.json", &top);
+    let report = check(folder.path(), &LoadOptions::default());
+    assert_eq!(report.errors.len(), 3, "{report}");
+    for (error, part) in report.errors.iter().zip(["images/01.png", "images/02.png", "images/03.png"]) {
+        assert!(error.contains(part), "{error}");
+    }
+    assert!(report.to_string().ends_with("Cannot be loaded: 3 errors."));
+}
+
+#[test]
+fn a_folder_of_nothing_is_an_error_in_the_report() {
+    let folder = Folder::new();
+    let report = check(folder.path(), &LoadOptions::default());
+    assert!(report.errors[0].contains("an empty folder"), "{report}");
+    assert!(!check(&folder.file("nowhere"), &LoadOptions::default()).is_ok());
+}
+
+#[test]
+fn the_reprojection_error_of_an_exact_model_is_zero() {
+    let folder = Folder::new();
+    let model = colmap::example(&folder);
+    model.write_text(&folder, "sparse/0");
+    let report = check(folder.path(), &LoadOptions::default());
+    assert!(report.is_ok(), "{report}");
+    assert!(report.reprojection_median.expect("observations") < 1e-9, "{report}");
+}

@@ -1,0 +1,97 @@
+//! Writers of small data sets.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec3};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// A folder that disappears with the test.
+pub struct Folder(TempDir);
+
+impl Folder {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        let path = self.file(name);
+        std::fs::create_dir_all(path.parent().expect("a parent")).expect("a folder");
+        std::fs::write(path, bytes).expect("written");
+    }
+
+    pub fn write_json(&self, name: &str, value: &Value) {
+        self.write(name, value.to_string());
+    }
+
+    /// An RGB image of one colour that depends on the name, so that images differ.
+    pub fn photo(&self, name: &str, width: usize, height: usize) {
+        let tint = name.bytes().fold(17_u8, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte));
+        self.rgb(name, width, height, |x, y| [tint, (x * 7 % 256) as u8, (y * 5 % 256) as u8]);
+    }
+
+    pub fn rgb(&self, name: &str, width: usize, height: usize, color: impl Fn(usize, usize) -> [u8; 3]) {
+        self.pixels(name, width, height, color);
+    }
+
+    pub fn rgba(&self, name: &str, width: usize, height: usize, color: impl Fn(usize, usize) -> [u8; 4]) {
+        self.pixels(name, width, height, color);
+    }
+
+    pub fn grey(&self, name: &str, width: usize, height: usize, level: impl Fn(usize, usize) -> u8) {
+        self.pixels(name, width, height, |x, y| [level(x, y)]);
+    }
+
+    fn pixels<const N: usize>(&self, name: &str, width: usize, height: usize, color: impl Fn(usize, usize) -> [u8; N]) {
+        let data: Vec<u8> = (0..width * height).flat_map(|i| color(i % width, i / width)).collect();
+        let kind = [ExtendedColorType::L8, ExtendedColorType::Rgb8, ExtendedColorType::Rgba8][N / 2];
+        let mut png = Vec::new();
+        PngEncoder::new(&mut png).write_image(&data, width as u32, height as u32, kind).expect("encoded");
+        self.write(name, png);
+    }
+}
+
+/// Rows of a camera at `eye` that looks at `target` with z up, OpenGL axes, as transforms.json stores it.
+pub fn look_at(eye: DVec3, target: DVec3) -> Value {
+    let back = (eye - target).normalize();
+    let right = DVec3::Z.cross(back).normalize();
+    let up = back.cross(right);
+    rows(DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)))
+}
+
+/// Rows of a matrix.
+pub fn rows(matrix: DMat4) -> Value {
+    json!([0, 1, 2, 3].map(|row| matrix.row(row).to_array()))
+}
+
+/// The `index`-th of a ring of cameras around the origin.
+pub fn ring(index: usize) -> Value {
+    let turn = index as f64 * 0.9;
+    look_at(DVec3::new(4.0 * turn.cos(), 4.0 * turn.sin(), 1.0), DVec3::ZERO)
+}
+
+/// A folder with `count` photos of 32 x 24 pixels, images/00.png and on, and the JSON that describes them.
+pub fn ring_scene(count: usize) -> (Folder, Value) {
+    let folder = Folder::new();
+    let frames: Vec<Value> = (0..count)
+        .map(|i| {
+            folder.photo(&format!("images/{i:02}.png"), 32, 24);
+            json!({ "file_path": format!("images/{i:02}.png"), "transform_matrix": ring(i) })
+        })
+        .collect();
+    (folder, json!({ "fl_x": 30.0, "fl_y": 31.0, "cx": 15.5, "cy": 12.5, "w": 32, "h": 24, "frames": frames }))
+}
+
+/// Names of views.
+pub fn names(views: &[gs_datasets::View]) -> Vec<&str> {
+    views.iter().map(|view| view.name.as_str()).collect()
+}

@@ -1,0 +1,210 @@
+//! Broken and hostile input: an error that names the file, never a panic.
+
+use gs_datasets::{LoadOptions, check, load, load_cameras};
+use proptest::prelude::*;
+use serde_json::json;
+
+use crate::colmap;
+use crate::fixtures::{Folder, ring_scene};
+
+fn error_of(folder: &Folder) -> String {
+    load(folder.path(), &LoadOptions::default()).expect_err("broken").to_string()
+}
+
+/// Everything that reads a data set; the answers do not matter here.
+fn read_all(folder: &Folder) {
+    let options = LoadOptions { max_width: Some(7), ..LoadOptions::default() };
+    let loaded = load(folder.path(), &options);
+    let report = check(folder.path(), &options);
+    if loaded.is_ok() {
+        assert!(report.is_ok(), "what loads is good by the report: {report}");
+    } else {
+        assert!(!report.is_ok(), "what does not load is bad by the report: {:?}", loaded.err());
+    }
+    let _ = load_cameras(folder.path());
+}
+
+#[test]
+fn json_that_is_not_a_scene() {
+    let folder = Folder::new();
+    let deep = "[".repeat(100_000);
+    for text in [
+        "",
+        "{",
+        "[]",
+        "null",
+        "{}",
+        r#"{"frames": []}"#,
+        r#"{"frames": 3}"#,
+        r#"{"frames": [3]}"#,
+        "{\"a\": NaN",
+        &deep,
+    ] {
+        folder.write("transforms.json", text);
+        let error = error_of(&folder);
+        assert!(error.contains("transforms.json") || error.contains("empty list of frames"), "{text:.20}: {error}");
+        read_all(&folder);
+    }
+    folder.write("transforms.json", [0xff, 0xfe, 0x00]);
+    assert!(error_of(&folder).contains("UTF-8"));
+}
+
+#[test]
+fn wrong_types_name_the_key() {
+    for (key, value) in [
+        ("fl_x", json!("long")),
+        ("fl_x", json!(0)),
+        ("w", json!(-5)),
+        ("h", json!(1e300)),
+        ("cx", json!([1])),
+        ("k1", json!({})),
+        ("camera_model", json!(7)),
+        ("camera_angle_x", json!(4)),
+        ("train_filenames", json!([1, 2])),
+        ("ply_file_path", json!(1)),
+    ] {
+        let (folder, mut top) = ring_scene(2);
+        if key == "camera_angle_x" {
+            top.as_object_mut().expect("an object").retain(|key, _| !key.starts_with("fl"));
+        }
+        top[key] = value;
+        folder.write_json("transforms.json", &top);
+        let error = error_of(&folder);
+        assert!(error.contains("transforms.json") && error.contains(key), "{key}: {error}");
+    }
+    for value in [json!(null), json!(3), json!([[1, 2], [3, 4]]), json!([[1, 0, 0, 0], [0, 1, 0], [0, 0, 1, 0]])] {
+        let (folder, mut top) = ring_scene(2);
+        top["frames"][1]["transform_matrix"] = value;
+        folder.write_json("transforms.json", &top);
+        let error = error_of(&folder);
+        assert!(error.contains("images/01.png") && error.contains("transform_matrix"), "{error}");
+    }
+}
+
+#[test]
+fn an_unreadable_image_is_named() {
+    let (folder, top) = ring_scene(3);
+    folder.write_json("transforms.json", &top);
+    let whole = std::fs::read(folder.file("images/01.png")).expect("read");
+    for bytes in [&b""[..], b"no image at all", &whole[..whole.len() / 2]] {
+        folder.write("images/01.png", bytes);
+        let error = error_of(&folder);
+        assert!(error.contains("images/01.png"), "{error}");
+    }
+    // A header that promises 4 gigapixels.
+    let mut huge = whole.clone();
+    huge[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
+    folder.write("images/01.png", huge);
+    assert!(error_of(&folder).contains("images/01.png"));
+}
+
+#[test]
+fn options_without_meaning_are_refused() {
+    let (folder, top) = ring_scene(3);
+    folder.write_json("transforms.json", &top);
+    let zero = LoadOptions { max_width: Some(0), ..LoadOptions::default() };
+    assert!(load(folder.path(), &zero).expect_err("0 pixels").to_string().contains("max_width"));
+    let dark = LoadOptions { background: [f32::NAN; 3], ..LoadOptions::default() };
+    assert!(load(folder.path(), &dark).expect_err("NaN").to_string().contains("background"));
+}
+
+#[test]
+fn a_binary_model_cut_anywhere_names_the_file() {
+    let folder = Folder::new();
+    let whole = colmap::example(&folder).binary();
+    let files = ["cameras.bin", "images.bin", "points3D.bin"];
+    for (i, file) in files.iter().enumerate() {
+        for (bytes, other) in whole.iter().zip(files) {
+            folder.write(&format!("sparse/0/{other}"), bytes);
+        }
+        for length in 0..whole[i].len() {
+            folder.write(&format!("sparse/0/{file}"), &whole[i][..length]);
+            let error = error_of(&folder);
+            assert!(error.contains(file) && error.contains("byte "), "{error}");
+        }
+        let longer: Vec<u8> = whole[i].iter().copied().chain([0]).collect();
+        folder.write(&format!("sparse/0/{file}"), longer);
+        assert!(error_of(&folder).contains("1 more bytes"));
+    }
+}
+
+#[test]
+fn binary_counts_are_bounded_by_the_file() {
+    let folder = Folder::new();
+    let whole = colmap::example(&folder).binary();
+    for (i, file) in ["cameras.bin", "images.bin", "points3D.bin"].into_iter().enumerate() {
+        for (bytes, other) in whole.iter().zip(["cameras.bin", "images.bin", "points3D.bin"]) {
+            folder.write(&format!("sparse/0/{other}"), bytes);
+        }
+        for count in [u64::MAX, u64::MAX / 48, 1 << 40] {
+            let mut bytes = whole[i].clone();
+            bytes[..8].copy_from_slice(&count.to_le_bytes());
+            folder.write(&format!("sparse/0/{file}"), bytes);
+            assert!(error_of(&folder).contains(file));
+        }
+    }
+    let mut unknown = whole[0].clone();
+    unknown[12..16].copy_from_slice(&18_i32.to_le_bytes());
+    folder.write("sparse/0/cameras.bin", unknown);
+    assert!(error_of(&folder).contains("model 18"));
+}
+
+#[test]
+fn points_and_poses_that_are_not_finite_are_named() {
+    let folder = Folder::new();
+    let mut model = colmap::example(&folder);
+    model.points[3].position[1] = f64::NAN;
+    model.write_binary(&folder, "sparse/0");
+    assert!(error_of(&folder).contains("point 14"));
+    let mut model = colmap::example(&folder);
+    model.images[2].q = [0.0; 4];
+    model.write_binary(&folder, "sparse/0");
+    assert!(error_of(&folder).contains("a photo.png"));
+}
+
+proptest! {
+    #[test]
+    fn garbage_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..300), which in 0..6_usize) {
+        let (folder, mut top) = ring_scene(2);
+        top["ply_file_path"] = json!("points.ply");
+        folder.write_json("transforms.json", &top);
+        let file = ["transforms.json", "points.ply", "images/00.png"].get(which).copied();
+        if let Some(file) = file {
+            let ply = b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+            let head = if which == 1 { &ply[..] } else { &[] };
+            folder.write(file, [head, &bytes].concat());
+        } else {
+            std::fs::remove_file(folder.file("transforms.json")).expect("removed");
+            colmap::example(&folder).write_binary(&folder, "sparse/0");
+            folder.write(&format!("sparse/0/{}.bin", ["cameras", "images", "points3D"][which - 3]), bytes);
+        }
+        read_all(&folder);
+    }
+
+    #[test]
+    fn a_flipped_byte_never_panics(which in 0..8_usize, at in any::<prop::sample::Index>(), value in any::<u8>(), cut in any::<bool>()) {
+        let folder = Folder::new();
+        let file = if which == 0 {
+            let (_, top) = ring_scene(2);
+            folder.photo("images/00.png", 32, 24);
+            folder.photo("images/01.png", 32, 24);
+            folder.write_json("transforms.json", &top);
+            "transforms.json".to_string()
+        } else if which == 7 {
+            let (_, top) = ring_scene(2);
+            folder.photo("images/00.png", 32, 24);
+            folder.write_json("transforms.json", &top);
+            "images/00.png".to_string()
+        } else {
+            let model = colmap::example(&folder);
+            let stem = ["cameras", "images", "points3D"][(which - 1) % 3];
+            if which < 4 { model.write_binary(&folder, "sparse/0") } else { model.write_text(&folder, "sparse/0") }
+            format!("sparse/0/{stem}.{}", if which < 4 { "bin" } else { "txt" })
+        };
+        let mut bytes = std::fs::read(folder.file(&file)).expect("read");
+        let at = at.index(bytes.len());
+        if cut { bytes.truncate(at) } else { bytes[at] = value }
+        folder.write(&file, bytes);
+        read_all(&folder);
+    }
+}

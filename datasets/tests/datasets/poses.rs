@@ -1,0 +1,89 @@
+//! Poses that are not rigid, and scenes far from their origin.
+
+use gs_datasets::{Holdout, LoadOptions, load};
+use serde_json::{Value, json};
+
+use crate::fixtures::ring_scene;
+
+fn load_with_pose(pose: Value) -> Result<gs_datasets::Scene, String> {
+    let (folder, mut top) = ring_scene(2);
+    top["frames"][1]["transform_matrix"] = pose;
+    folder.write_json("transforms.json", &top);
+    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
+    load(folder.path(), &options).map_err(|error| error.to_string())
+}
+
+fn diagonal(x: f64, y: f64, z: f64) -> Value {
+    json!([[x, 0, 0, 1], [0, y, 0, 2], [0, 0, z, 3], [0, 0, 0, 1]])
+}
+
+#[test]
+fn a_pose_that_is_not_rigid_names_its_frame() {
+    let sheared = json!([[1, 0.3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    let last_row = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0.5, 1]]);
+    let cases = [
+        (diagonal(1.0, 1.0, -1.0), "reflection"),
+        (diagonal(2.0, 2.0, 2.0), "scale of 2"),
+        (diagonal(1.0, 1.0, 0.0), "singular"),
+        (diagonal(1.02, 1.0, 0.9), "unevenly scaled"),
+        (sheared, "sheared"),
+        (last_row, "last row"),
+    ];
+    for (pose, problem) in cases {
+        let error = load_with_pose(pose).expect_err(problem);
+        assert!(error.contains("images/01.png") && error.contains(problem), "{error}");
+    }
+}
+
+#[test]
+fn a_number_that_is_not_finite_names_its_frame() {
+    // Python writes NaN and Infinity as bare words.
+    for word in ["NaN", "Infinity", "-Infinity"] {
+        let (folder, mut top) = ring_scene(2);
+        top["frames"][1]["transform_matrix"][0][3] = json!("HERE");
+        folder.write("transforms.json", top.to_string().replace("\"HERE\"", word));
+        let error = load(folder.path(), &LoadOptions::default()).expect_err(word).to_string();
+        assert!(error.contains("images/01.png") && error.contains("row 0, column 3"), "{error}");
+    }
+}
+
+#[test]
+fn a_slight_scale_is_divided_out_with_a_warning() {
+    let scene = load_with_pose(diagonal(1.01, 1.01, 1.01)).expect("loaded");
+    let c2w = scene.train[1].c2w;
+    assert!((c2w.x_axis.length() - 1.0).abs() < 1e-12 && c2w.w_axis.to_array() == [1.0, 2.0, 3.0, 1.0]);
+    assert!(scene.warnings[0].contains("scale"), "{:?}", scene.warnings);
+    let scene = load_with_pose(diagonal(1.0001, 0.9999, 1.0)).expect("rounding is no scale");
+    assert!(scene.warnings.is_empty());
+    let c2w = scene.train[1].c2w;
+    assert!((c2w.x_axis.length() - 1.0).abs() < 1e-12 && (c2w.y_axis.length() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
+    let (folder, mut top) = ring_scene(4);
+    let far = [4_321_000.125, -98_765.5, 250.0];
+    for frame in top["frames"].as_array_mut().expect("a list") {
+        for (row, offset) in far.iter().enumerate() {
+            let value = frame["transform_matrix"][row][3].as_f64().expect("a number");
+            frame["transform_matrix"][row][3] = json!(value + offset);
+        }
+    }
+    top["ply_file_path"] = json!("points.ply");
+    folder.write("points.ply", format!(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double z\nend_header\n{} {} {}\n",
+        far[0] + 0.001, far[1], far[2]
+    ));
+    folder.write_json("transforms.json", &top);
+    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    assert!(scene.origin.distance(glam::DVec3::from_array(far)) < 5.0);
+    let point = glam::Vec3::from_array(scene.points.expect("points").positions[0]).as_dvec3() + scene.origin;
+    assert!((point.x - far[0] - 0.001).abs() < 1e-6, "{point}");
+    for view in scene.train.iter().chain(&scene.test) {
+        let centre = view.c2w.w_axis.truncate();
+        assert!(centre.length() < 10.0);
+    }
+    let still = load(folder.path(), &LoadOptions { recentre: false, ..LoadOptions::default() }).expect("loaded");
+    assert_eq!(still.origin, glam::DVec3::ZERO);
+    assert!((still.train[0].c2w.w_axis - scene.train[0].c2w.w_axis - scene.origin.extend(0.0)).length() < 1e-8);
+}
