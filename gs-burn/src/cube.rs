@@ -1,0 +1,274 @@
+//! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers and go to
+//! [`gs_kernels::cube`]. Everything computes in `f32`, and nothing leaves the device but the number of intersections.
+
+use burn::tensor::{DType, Shape};
+use burn_cubecl::cubecl::client::Client;
+use burn_cubecl::kernel::into_contiguous;
+use burn_cubecl::tensor::CubeTensor;
+use burn_cubecl::{CubeBackend, CubeDevice};
+use gs_kernels::config::{AdamConfig, ProjectionConfig, ShConfig};
+use gs_kernels::cube::buffer::Buffer;
+use gs_kernels::cube::error::CubeError;
+use gs_kernels::cube::{adam, intersect, projection, rasterize, sh, ssim};
+use gs_kernels::rows::{PROJECTED, SCREEN};
+
+use crate::ops::adam::{AdamKernels, AdamState};
+use crate::ops::intersect::{IntersectKernels, IntersectionLists};
+use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
+use crate::ops::rasterize::{RasterizeGradients, RasterizeInputs, RasterizeKernels};
+use crate::ops::sh::{ShGradients, ShKernels};
+use crate::ops::ssim::{SsimForward, SsimKernels};
+
+/// The device a call runs on, and the way back from buffers to tensors.
+struct Place {
+    client: Client,
+    device: CubeDevice,
+}
+
+impl Place {
+    fn of(tensor: &CubeTensor) -> Self {
+        Self { client: tensor.client.clone(), device: tensor.device.clone() }
+    }
+
+    /// # Panics
+    /// When the tensor does not hold `f32`.
+    fn floats(&self, tensor: CubeTensor) -> Buffer {
+        assert!(tensor.dtype == DType::F32, "Gaussian splatting on a GPU computes in f32, not in {:?}", tensor.dtype);
+        self.buffer(tensor)
+    }
+
+    /// # Panics
+    /// When the tensor does not hold whole numbers of 32 bits.
+    fn ints(&self, tensor: CubeTensor) -> Buffer {
+        let fits = matches!(tensor.dtype, DType::I32 | DType::U32);
+        assert!(fits, "lists of intersections hold i32, not {:?}", tensor.dtype);
+        self.buffer(tensor)
+    }
+
+    fn buffer(&self, tensor: CubeTensor) -> Buffer {
+        let tensor = into_contiguous(tensor);
+        let len = tensor.meta.shape().num_elements();
+        Buffer::from_handle(&self.client, tensor.handle, len)
+    }
+
+    fn float_tensor<const D: usize>(&self, buffer: Buffer, shape: [usize; D]) -> CubeTensor {
+        self.tensor(buffer, shape, DType::F32)
+    }
+
+    fn int_tensor(&self, buffer: Buffer) -> CubeTensor {
+        let len = buffer.len();
+        self.tensor(buffer, [len], DType::I32)
+    }
+
+    fn tensor<const D: usize>(&self, buffer: Buffer, shape: [usize; D], dtype: DType) -> CubeTensor {
+        let handle = buffer.into_handle();
+        CubeTensor::new_contiguous(self.client.clone(), self.device.clone(), Shape::new(shape), handle, dtype)
+    }
+
+    fn lists(&self, lists: IntersectionLists<CubeBackend>) -> intersect::Intersections {
+        intersect::Intersections {
+            tile_offsets: self.ints(lists.tile_offsets),
+            gaussian_ids: self.ints(lists.gaussian_ids),
+            gaussian_offsets: self.ints(lists.gaussian_offsets),
+            positions: self.ints(lists.positions),
+        }
+    }
+}
+
+/// Burn's operations return tensors, not results, so what the device cannot carry ends here.
+fn unwrap<T>(result: Result<T, CubeError>) -> T {
+    result.unwrap_or_else(|error| panic!("{error}"))
+}
+
+impl ProjectionKernels for CubeBackend {
+    fn projection_forward(
+        means: CubeTensor,
+        quats: CubeTensor,
+        log_scales: CubeTensor,
+        viewmat: CubeTensor,
+        config: &ProjectionConfig,
+    ) -> CubeTensor {
+        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
+        let [means, quats, log_scales, viewmat] = [means, quats, log_scales, viewmat].map(|t| place.floats(t));
+        let rows = projection::forward(&place.client, &means, &quats, &log_scales, &viewmat, config);
+        place.float_tensor(unwrap(rows), [count, PROJECTED])
+    }
+
+    fn projection_backward(
+        means: CubeTensor,
+        quats: CubeTensor,
+        log_scales: CubeTensor,
+        viewmat: CubeTensor,
+        config: &ProjectionConfig,
+        projected: CubeTensor,
+        v_projected: CubeTensor,
+    ) -> ProjectionGradients<Self> {
+        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
+        let [means, quats, log_scales, viewmat, projected, v_projected] =
+            [means, quats, log_scales, viewmat, projected, v_projected].map(|t| place.floats(t));
+        let gradients = unwrap(projection::backward(
+            &place.client,
+            &means,
+            &quats,
+            &log_scales,
+            &viewmat,
+            config,
+            &projected,
+            &v_projected,
+        ));
+        ProjectionGradients {
+            means: place.float_tensor(gradients.means, [count, 3]),
+            quats: place.float_tensor(gradients.quats, [count, 4]),
+            log_scales: place.float_tensor(gradients.log_scales, [count, 3]),
+            viewmat: place.float_tensor(gradients.viewmat, [4, 4]),
+        }
+    }
+}
+
+impl ShKernels for CubeBackend {
+    fn sh_forward(
+        means: CubeTensor,
+        sh: CubeTensor,
+        viewmat: CubeTensor,
+        projected: CubeTensor,
+        config: &ShConfig,
+    ) -> CubeTensor {
+        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
+        let [means, sh, viewmat, projected] = [means, sh, viewmat, projected].map(|t| place.floats(t));
+        let colors = sh::forward(&place.client, &means, &sh, &viewmat, &projected, config);
+        place.float_tensor(unwrap(colors), [count, 3])
+    }
+
+    fn sh_backward(
+        means: CubeTensor,
+        sh: CubeTensor,
+        viewmat: CubeTensor,
+        projected: CubeTensor,
+        config: &ShConfig,
+        v_colors: CubeTensor,
+    ) -> ShGradients<Self> {
+        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
+        let [means, sh, viewmat, projected, v_colors] =
+            [means, sh, viewmat, projected, v_colors].map(|t| place.floats(t));
+        let gradients =
+            unwrap(sh::backward(&place.client, &means, &sh, &viewmat, &projected, config, &v_colors));
+        ShGradients {
+            means: place.float_tensor(gradients.means, [count, 3]),
+            sh: place.float_tensor(gradients.sh, [count, config.coefficients, 3]),
+            viewmat: place.float_tensor(gradients.viewmat, [4, 4]),
+        }
+    }
+}
+
+impl IntersectKernels for CubeBackend {
+    fn intersect_forward(
+        projected: CubeTensor,
+        opacities: CubeTensor,
+        features: CubeTensor,
+        width: u32,
+        height: u32,
+    ) -> IntersectionLists<Self> {
+        let (place, channels) = (Place::of(&projected), features.meta.shape()[1]);
+        let [projected, opacities, features] = [projected, opacities, features].map(|t| place.floats(t));
+        let lists =
+            intersect::intersect(&place.client, &projected, &opacities, &features, width, height, channels);
+        let lists = unwrap(lists);
+        IntersectionLists {
+            tile_offsets: place.int_tensor(lists.tile_offsets),
+            gaussian_ids: place.int_tensor(lists.gaussian_ids),
+            gaussian_offsets: place.int_tensor(lists.gaussian_offsets),
+            positions: place.int_tensor(lists.positions),
+        }
+    }
+}
+
+impl RasterizeKernels for CubeBackend {
+    fn rasterize_forward(inputs: RasterizeInputs<Self>) -> CubeTensor {
+        let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
+        let place = Place::of(&projected);
+        let [projected, opacities, features, background] =
+            [projected, opacities, features, background].map(|t| place.floats(t));
+        let lists = place.lists(intersections);
+        let image =
+            rasterize::forward(&place.client, &config, &projected, &opacities, &features, &background, &lists);
+        place.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.output_channels()])
+    }
+
+    // The kernel walks front to back once more for what it needs, so it has no use for the output.
+    fn rasterize_backward(
+        inputs: RasterizeInputs<Self>,
+        _output: CubeTensor,
+        v_output: CubeTensor,
+    ) -> RasterizeGradients<Self> {
+        let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
+        let (place, count) = (Place::of(&projected), projected.meta.shape()[0]);
+        let [projected, opacities, features, background, v_output] =
+            [projected, opacities, features, background, v_output].map(|t| place.floats(t));
+        let lists = place.lists(intersections);
+        let gradients = unwrap(rasterize::backward(
+            &place.client,
+            &config,
+            &projected,
+            &opacities,
+            &features,
+            &background,
+            &lists,
+            &v_output,
+        ));
+        RasterizeGradients {
+            projected: place.float_tensor(gradients.projected, [count, PROJECTED]),
+            opacities: place.float_tensor(gradients.opacities, [count]),
+            features: place.float_tensor(gradients.features, [count, config.channels]),
+            background: place.float_tensor(gradients.background, [config.channels]),
+            screen: place.float_tensor(gradients.screen, [count, SCREEN]),
+        }
+    }
+}
+
+impl SsimKernels for CubeBackend {
+    fn ssim_forward(image: CubeTensor, target: CubeTensor) -> SsimForward<Self> {
+        let place = Place::of(&image);
+        let [height, width, channels] = image.meta.shape().dims();
+        let [image, target] = [image, target].map(|t| place.floats(t));
+        let result = unwrap(ssim::forward(&place.client, &image, &target, width, height, channels));
+        SsimForward {
+            terms: place.float_tensor(result.means, [2]),
+            saved: place.float_tensor(result.saved, [3, height, width, channels]),
+        }
+    }
+
+    fn ssim_backward(
+        image: CubeTensor,
+        target: CubeTensor,
+        saved: CubeTensor,
+        v_terms: CubeTensor,
+    ) -> CubeTensor {
+        let place = Place::of(&image);
+        let [height, width, channels] = image.meta.shape().dims();
+        let [image, target, saved, v_terms] = [image, target, saved, v_terms].map(|t| place.floats(t));
+        let v_image =
+            ssim::backward(&place.client, &image, &target, &saved, width, height, channels, &v_terms);
+        place.float_tensor(unwrap(v_image), [height, width, channels])
+    }
+}
+
+impl AdamKernels for CubeBackend {
+    fn adam_update(
+        param: CubeTensor,
+        grad: CubeTensor,
+        m: CubeTensor,
+        v: CubeTensor,
+        config: &AdamConfig,
+    ) -> AdamState<Self> {
+        let place = Place::of(&param);
+        // Memory that another tensor shares is copied before it is written.
+        let [param, m, v] = [param, m, v].map(|tensor| {
+            let tensor = into_contiguous(tensor);
+            if tensor.can_mut() { tensor } else { tensor.copy() }
+        });
+        let buffers = [&param, &grad, &m, &v].map(|tensor| place.floats(tensor.clone()));
+        let [b_param, b_grad, b_m, b_v] = &buffers;
+        adam::step(&place.client, b_param, b_grad, b_m, b_v, config);
+        AdamState { param, m, v }
+    }
+}

@@ -1,0 +1,338 @@
+//! Devices by name, for command lines and configuration files.
+//!
+//! ```
+//! use gs_burn::device;
+//!
+//! let device = device::select("auto")?.autodiff();
+//! assert!(device::select("flax").is_err());
+//! # Ok::<(), gs_burn::device::DeviceError>(())
+//! ```
+
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
+
+use burn::tensor::{Device, Tensor};
+
+/// What computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// The first that works of CUDA, Metal, Vulkan, wgpu, Flex and NdArray; never a software GPU, which is slower than
+    /// the CPU backends.
+    Auto,
+    /// CPU, Burn's Flex.
+    Flex,
+    /// CPU, Burn's NdArray.
+    NdArray,
+    /// GPU, on whichever graphics interface the platform offers.
+    Wgpu,
+    /// GPU through Vulkan.
+    Vulkan,
+    /// GPU through Metal.
+    Metal,
+    /// NVIDIA GPU through CUDA.
+    Cuda,
+}
+
+use DeviceKind::{Auto, Cuda, Flex, Metal, NdArray, Vulkan, Wgpu};
+
+/// All kinds, the order in which [`DeviceKind::Auto`] tries them.
+const KINDS: [DeviceKind; 7] = [Auto, Cuda, Metal, Vulkan, Wgpu, Flex, NdArray];
+
+/// A kind of device and, where there are several, which one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DeviceChoice {
+    /// What computes.
+    pub kind: DeviceKind,
+    /// Place in the list of devices of this kind, from 0; none means the platform's default.
+    pub index: Option<usize>,
+}
+
+/// Why there is no such device.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DeviceError {
+    /// Not a name of the form `kind[:index]`.
+    #[error(
+        "unknown device `{name}`: expected auto, flex, ndarray, wgpu, vulkan, metal or cuda, for a GPU optionally with \
+         an index, as in cuda:1"
+    )]
+    Unknown {
+        /// What was asked for.
+        name: String,
+    },
+    /// The kind has no index.
+    #[error("device `{kind}` takes no index")]
+    NoIndex {
+        /// The kind asked for.
+        kind: DeviceKind,
+    },
+    /// This build lacks the backend.
+    #[error("device `{kind}` is not part of this build: add `--features {kind}` to the cargo command")]
+    NotBuilt {
+        /// The kind asked for, also the name of the feature.
+        kind: DeviceKind,
+    },
+    /// There are fewer devices.
+    #[error("device `{kind}:{index}` does not exist: found {count} {kind} device(s)")]
+    NoSuchIndex {
+        /// The kind asked for.
+        kind: DeviceKind,
+        /// The index asked for.
+        index: usize,
+        /// How many devices there are.
+        count: usize,
+    },
+    /// The device does not come up or does not compute.
+    #[error("device `{choice}` does not work here: {reason}")]
+    Unavailable {
+        /// What was asked for.
+        choice: DeviceChoice,
+        /// What the driver or Burn said.
+        reason: String,
+    },
+}
+
+/// Finds the device called `name`: `auto`, `flex`, `ndarray`, `wgpu`, `vulkan`, `metal` or `cuda`, for a GPU optionally
+/// with an index (`cuda:1`). Call [`Device::autodiff`] on it to record gradients.
+///
+/// # Errors
+/// When the name is unknown, its backend is not part of this build, or the device does not work. Never panics.
+pub fn select(name: &str) -> Result<Device, DeviceError> {
+    name.parse::<DeviceChoice>()?.open()
+}
+
+impl FromStr for DeviceChoice {
+    type Err = DeviceError;
+
+    fn from_str(name: &str) -> Result<Self, DeviceError> {
+        let unknown = || DeviceError::Unknown { name: name.to_owned() };
+        let (kind, index) = match name.split_once(':') {
+            Some((kind, index)) => (kind, Some(index.parse().map_err(|_| unknown())?)),
+            None => (name, None),
+        };
+        let kind = KINDS.into_iter().find(|known| known.name().eq_ignore_ascii_case(kind)).ok_or_else(unknown)?;
+        if index.is_some() && matches!(kind, Auto | Flex | NdArray) {
+            return Err(DeviceError::NoIndex { kind });
+        }
+        Ok(Self { kind, index })
+    }
+}
+
+impl fmt::Display for DeviceChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.index {
+            Some(index) => write!(f, "{}:{index}", self.kind),
+            None => write!(f, "{}", self.kind),
+        }
+    }
+}
+
+impl fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl DeviceChoice {
+    /// Opens the device and sees whether it computes.
+    ///
+    /// # Errors
+    /// When its backend is not part of this build, or the device does not work. Never panics.
+    pub fn open(self) -> Result<Device, DeviceError> {
+        if self.kind == Auto {
+            return open_best();
+        }
+        if !self.kind.is_built() {
+            return Err(DeviceError::NotBuilt { kind: self.kind });
+        }
+        let unavailable = |reason| DeviceError::Unavailable { choice: self, reason };
+        let device = match self.index {
+            None => self.kind.default_device(),
+            Some(index) => {
+                let devices = quietly(|| self.kind.list()).map_err(unavailable)?;
+                let count = devices.len();
+                let missing = DeviceError::NoSuchIndex { kind: self.kind, index, count };
+                devices.into_iter().nth(index).ok_or(missing)?
+            }
+        };
+        probe(&device).map_err(unavailable)?;
+        Ok(device)
+    }
+}
+
+/// The first device that works.
+fn open_best() -> Result<Device, DeviceError> {
+    for kind in KINDS.into_iter().filter(|kind| kind.is_built()) {
+        let works = |device: &Device| probe(device).is_ok();
+        if let Some(device) = kind.hardware().into_iter().find(works) {
+            return Ok(device);
+        }
+    }
+    Err(DeviceError::NotBuilt { kind: Flex })
+}
+
+impl DeviceKind {
+    fn name(self) -> &'static str {
+        match self {
+            Auto => "auto",
+            Flex => "flex",
+            NdArray => "ndarray",
+            Wgpu => "wgpu",
+            Vulkan => "vulkan",
+            Metal => "metal",
+            Cuda => "cuda",
+        }
+    }
+
+    /// Whether the backend is part of this build.
+    fn is_built(self) -> bool {
+        match self {
+            Auto => false,
+            Flex => cfg!(feature = "flex"),
+            NdArray => cfg!(feature = "ndarray"),
+            Wgpu => cfg!(feature = "wgpu"),
+            Vulkan => cfg!(feature = "vulkan"),
+            Metal => cfg!(feature = "metal"),
+            Cuda => cfg!(feature = "cuda"),
+        }
+    }
+
+    /// The platform's own choice among the devices of a kind that is built. Nothing is opened yet.
+    fn default_device(self) -> Device {
+        match self {
+            #[cfg(feature = "flex")]
+            Flex => Device::flex(),
+            // Burn 0.22 deprecates NdArray in favour of Flex; it can be chosen until the release that drops it.
+            #[cfg(feature = "ndarray")]
+            #[allow(deprecated)]
+            NdArray => Device::ndarray(),
+            #[cfg(feature = "wgpu")]
+            Wgpu => Device::wgpu(Default::default()),
+            #[cfg(feature = "vulkan")]
+            Vulkan => Device::vulkan(Default::default()),
+            #[cfg(feature = "metal")]
+            Metal => Device::metal(Default::default()),
+            #[cfg(feature = "cuda")]
+            Cuda => Device::cuda(0_usize),
+            other => unreachable!("{other} is not built"),
+        }
+    }
+
+    /// All devices of a GPU kind that is built.
+    fn list(self) -> Vec<Device> {
+        #[allow(unused_imports)] // A build for the CPU alone lists nothing.
+        use burn::tensor::DeviceType;
+        match self {
+            #[cfg(feature = "wgpu")]
+            Wgpu => Device::enumerate(DeviceType::Wgpu).into_vec(),
+            #[cfg(feature = "vulkan")]
+            Vulkan => Device::enumerate(DeviceType::Vulkan).into_vec(),
+            #[cfg(feature = "metal")]
+            Metal => Device::enumerate(DeviceType::Metal).into_vec(),
+            #[cfg(feature = "cuda")]
+            Cuda => Device::enumerate(DeviceType::Cuda).into_vec(),
+            other => unreachable!("{other} has no index or is not built"),
+        }
+    }
+
+    /// Candidates for [`DeviceKind::Auto`] of a kind that is built: no software GPU among them.
+    fn hardware(self) -> Vec<Device> {
+        #[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal"))]
+        {
+            use burn::tensor::DeviceKind::{DiscreteGpu, IntegratedGpu, VirtualGpu};
+            let gpus = [DiscreteGpu(0), IntegratedGpu(0), VirtualGpu(0)].into_iter();
+            match self {
+                #[cfg(feature = "wgpu")]
+                Wgpu => return gpus.map(Device::wgpu).collect(),
+                #[cfg(feature = "vulkan")]
+                Vulkan => return gpus.map(Device::vulkan).collect(),
+                #[cfg(feature = "metal")]
+                Metal => return gpus.map(Device::metal).collect(),
+                _ => {}
+            }
+        }
+        vec![self.default_device()]
+    }
+}
+
+/// Computes something small and reads it back.
+fn probe(device: &Device) -> Result<(), String> {
+    let sum = quietly(|| Tensor::<1>::ones([4], device).sum().try_into_scalar::<f32>())?;
+    match sum {
+        Ok(4.0) => Ok(()),
+        Ok(wrong) => Err(format!("it computes 1 + 1 + 1 + 1 = {wrong}")),
+        Err(error) => Err(format!("{error:?}")),
+    }
+}
+
+/// Runs `task`; a panic becomes its message.
+///
+/// Opening a GPU is lazy in Burn and panics where there is no adapter or no driver: there is no call that returns an
+/// error instead. The panic hook is silenced meanwhile, since it would print a backtrace for what is an ordinary answer.
+/// The hook belongs to the whole process, so open devices before starting threads.
+fn quietly<T>(task: impl FnOnce() -> T) -> Result<T, String> {
+    // Two at once would each put back what they found, and the second would find the silence of the first.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
+    let result = catch_unwind(AssertUnwindSafe(task));
+    std::panic::set_hook(hook);
+    result.map_err(|panic| match (panic.downcast_ref::<String>(), panic.downcast_ref::<&str>()) {
+        (Some(message), _) => message.clone(),
+        (_, Some(message)) => (*message).to_owned(),
+        _ => "it fails without a message".to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_choices_correspond() {
+        for name in ["auto", "flex", "ndarray", "wgpu", "vulkan:3", "metal", "cuda:1"] {
+            assert_eq!(name.parse::<DeviceChoice>().unwrap().to_string(), name);
+        }
+        assert_eq!("CUDA:0".parse(), Ok(DeviceChoice { kind: Cuda, index: Some(0) }));
+    }
+
+    #[test]
+    fn bad_names_are_errors() {
+        for name in ["", "gpu", "cuda:", "cuda:-1", "cuda:x", "cuda:1:2", "cuda:99999999999999999999", ":"] {
+            assert_eq!(name.parse::<DeviceChoice>(), Err(DeviceError::Unknown { name: name.to_owned() }));
+        }
+        assert_eq!("flex:0".parse::<DeviceChoice>(), Err(DeviceError::NoIndex { kind: Flex }));
+    }
+
+    #[test]
+    fn what_is_not_built_names_its_feature() {
+        for kind in KINDS.into_iter().filter(|kind| *kind != Auto && !kind.is_built()) {
+            let error = select(kind.name()).unwrap_err();
+            assert!(error.to_string().contains(&format!("--features {kind}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn every_built_device_opens_or_says_why() {
+        assert!(select("auto").is_ok());
+        for kind in KINDS.into_iter().filter(|kind| kind.is_built()) {
+            match select(kind.name()) {
+                Ok(_) => {}
+                Err(DeviceError::Unavailable { .. }) => assert!(!matches!(kind, Flex | NdArray)),
+                Err(other) => panic!("{other}"),
+            }
+            if !matches!(kind, Flex | NdArray) {
+                let error = select(&format!("{kind}:4000")).unwrap_err();
+                assert!(matches!(error, DeviceError::NoSuchIndex { .. } | DeviceError::Unavailable { .. }), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_panic_becomes_its_message() {
+        assert_eq!(quietly(|| panic!("no {}", "adapter")).map(|(): ()| 0), Err("no adapter".to_owned()));
+        assert_eq!(quietly(|| 3), Ok(3));
+    }
+}

@@ -1,0 +1,48 @@
+//! Gaussian splatting for [Burn](https://burn.dev): a differentiable rasterizer of 3D Gaussians on its CPU and GPU backends.
+//!
+//! [`Gaussians`] is a Burn module; [`render`] turns it and a [`Camera`] into an image through which gradients flow to
+//! every parameter and to the camera's pose. The steps between are [`ops`] of their own, each with an accelerated
+//! forward and backward and with a reference in plain tensor operations. [`ply`] reads and writes scenes as other
+//! viewers do; [`device`] finds a device by name. The arithmetic itself lives in `gs-kernels`, which knows nothing of
+//! Burn.
+//!
+//! ```
+//! use burn::tensor::Tensor;
+//! use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, glam::DMat4, render};
+//!
+//! let device = device::select("auto")?.autodiff();
+//! let gaussians = Gaussians::from_tensors(
+//!     Tensor::from_floats([[-0.5, 0.0, 3.0], [0.0, 0.2, 4.0], [0.5, 0.0, 5.0]], &device),
+//!     Tensor::from_floats([[1.0, 0.0, 0.0, 0.0]; 3], &device),
+//!     Tensor::from_floats([[-1.5; 3]; 3], &device),
+//!     Tensor::from_floats([2.0; 3], &device),
+//!     Tensor::from_floats([[[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]]], &device),
+//! );
+//! // A camera at the origin that looks along z.
+//! let intrinsics = Intrinsics { fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
+//! let camera = Camera::from_c2w(DMat4::IDENTITY, intrinsics, 64, 48, &device);
+//!
+//! let rendering = render(&gaussians, &camera, &RenderOptions::default());
+//! assert_eq!(rendering.color.dims(), [48, 64, 3]);
+//!
+//! let gradients = rendering.color.mean().backward();
+//! assert_eq!(gaussians.means.grad(&gradients).unwrap().dims(), [3, 3]);
+//! # Ok::<(), gs_burn::device::DeviceError>(())
+//! ```
+#![recursion_limit = "256"]
+
+pub mod camera;
+pub mod device;
+pub mod gaussians;
+pub mod ops;
+pub mod ply;
+pub mod render;
+
+mod slices;
+#[cfg(test)]
+mod testing;
+
+pub use camera::{Camera, Intrinsics};
+pub use gaussians::Gaussians;
+pub use glam;
+pub use render::{RenderOptions, Rendering, render, render_with_screen_gradients};

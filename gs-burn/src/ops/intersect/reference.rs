@@ -1,0 +1,72 @@
+//! The intersection of ellipses and tiles in plain tensor operations.
+
+use burn::tensor::{DType, Int, Tensor};
+use gs_kernels::config::tile_grid;
+use gs_kernels::constants::{ALPHA_MIN, TILE};
+
+use super::TileIntersections;
+use crate::ops::columns;
+use crate::ops::pixels::{depth_order, drawn, raw_alphas};
+
+/// Reference of [`intersect`](super::intersect): every Gaussian at every pixel, so small scenes only.
+///
+/// A pair is listed when the Gaussian reaches the alpha cut-off at the centre of some pixel of the tile. The kernels
+/// list a few pairs more, since they look at ellipses and not at pixels and allow for rounding; those change no pixel.
+///
+/// # Panics
+/// When shapes or float types disagree.
+pub fn intersect_reference(
+    projected: Tensor<2>,
+    opacities: Tensor<1>,
+    features: Tensor<2>,
+    width: usize,
+    height: usize,
+) -> TileIntersections {
+    super::check(&projected, &opacities, &features);
+    let device = projected.device();
+    let [count, _] = projected.dims();
+    let (tile_columns, tile_rows) = tile_grid(width as u32, height as u32);
+    let order: Vec<usize> = depth_order(&projected).into_data().iter::<i64>().map(|id| id as usize).collect();
+
+    let mut touched = vec![false; tile_columns * tile_rows * count];
+    if count > 0 {
+        for (place, reached) in reached(projected, opacities, features, [width, height]).iter().enumerate() {
+            let (pixel, gaussian) = (place / count, place % count);
+            let tile = pixel / width / TILE * tile_columns + pixel % width / TILE;
+            touched[tile * count + gaussian] |= reached;
+        }
+    }
+
+    let mut tile_offsets = vec![0];
+    let mut gaussian_ids = Vec::new();
+    let mut positions = vec![Vec::new(); count];
+    for tile in 0..tile_columns * tile_rows {
+        for &gaussian in order.iter().filter(|gaussian| touched[tile * count + *gaussian]) {
+            positions[gaussian].push(gaussian_ids.len() as i32);
+            gaussian_ids.push(gaussian as i32);
+        }
+        tile_offsets.push(gaussian_ids.len() as i32);
+    }
+    let mut gaussian_offsets = vec![0];
+    for places in &positions {
+        gaussian_offsets.push(gaussian_offsets[gaussian_offsets.len() - 1] + places.len() as i32);
+    }
+    let tensor = |values: Vec<i32>| Tensor::<1, Int>::from_data(values.as_slice(), (&device, DType::I32));
+    TileIntersections {
+        tile_offsets: tensor(tile_offsets),
+        gaussian_ids: tensor(gaussian_ids),
+        gaussian_offsets: tensor(gaussian_offsets),
+        positions: tensor(positions.concat()),
+    }
+}
+
+/// Whether each Gaussian reaches the cut-off at each pixel, `[pixels, N]` flat.
+fn reached(projected: Tensor<2>, opacities: Tensor<1>, features: Tensor<2>, size: [usize; 2]) -> Vec<bool> {
+    let [projected, features] = [projected, features].map(Tensor::inner);
+    let opacities = opacities.inner();
+    let drawn = drawn(&projected, &opacities, &features).transpose();
+    let (means, conics) = (columns::mean(projected.clone()), columns::conic(projected));
+    let alphas = raw_alphas(means, conics, opacities.unsqueeze_dim(1), size);
+    let shape = alphas.dims();
+    (alphas.greater_equal_elem(ALPHA_MIN) & drawn.expand(shape)).into_data().iter::<bool>().collect()
+}

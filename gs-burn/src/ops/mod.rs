@@ -1,0 +1,37 @@
+//! The differentiable operations, one concept a file, each usable alone.
+//!
+//! Every op is built alike:
+//!
+//! - a function on Burn tensors (`project`, `rasterize`, ...), which checks shapes at the door;
+//! - a `..._reference` in plain Burn tensor operations, differentiable by Burn itself, slow and obvious: it defines
+//!   what is correct;
+//! - a `...Kernels` trait: the raw forward and backward of a backend, on primitives without gradients. The CPU backends
+//!   (Flex, NdArray) share one implementation over slices; **a new backend implements these traits and nothing else**;
+//! - a `...Ops` trait, which Burn's dispatch calls. It is implemented for every backend with kernels, and for
+//!   `Autodiff` around such a backend, with the gradient beside it.
+//!
+//! Counts may be zero: an empty scene has `[0, ...]` tensors, and kernels must return what the shapes say.
+
+pub mod adam;
+pub mod channels;
+pub mod intersect;
+pub mod projection;
+pub mod rasterize;
+pub mod sh;
+pub mod ssim;
+
+pub(crate) mod columns;
+mod gradient;
+mod pixels;
+
+use burn::tensor::Tensor;
+
+/// Panics unless both tensors hold the same float type; kernels never convert.
+fn assert_same_dtype<const D1: usize, const D2: usize>(name: &str, tensor: &Tensor<D1>, of: &str, like: &Tensor<D2>) {
+    assert!(
+        tensor.dtype() == like.dtype(),
+        "{name} must have the float type of {of}, {:?}; it has {:?}",
+        like.dtype(),
+        tensor.dtype()
+    );
+}

@@ -1,0 +1,94 @@
+//! Scenes as PLY files in the layout of 3DGS, which other viewers and trainers read.
+//!
+//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel by
+//! channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as little-endian
+//! binary; read also as big-endian binary or text, with properties in any order and any others beside them.
+
+mod header;
+mod read;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::io;
+use std::path::PathBuf;
+
+pub use read::read_ply;
+pub use write::write_ply;
+
+/// Why a scene could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum PlyError {
+    /// The file system refused.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The header is not that of a PLY file with Gaussians.
+    #[error("{path}: {message}", path = path.display())]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and what was found.
+        message: String,
+    },
+    /// A vertex lacks something a Gaussian needs.
+    #[error("{path}: expected vertex property `{name}` of a Gaussian splatting scene, found none", path = path.display())]
+    MissingProperty {
+        /// The file.
+        path: PathBuf,
+        /// The first property that is missing.
+        name: String,
+    },
+    /// The file ends too early.
+    #[error(
+        "{path}: expected at least {expected} bytes for {count} vertices, found {found}; the file is cut short",
+        path = path.display()
+    )]
+    Cut {
+        /// The file.
+        path: PathBuf,
+        /// Vertices the header promises.
+        count: u64,
+        /// Bytes they need with the header.
+        expected: u64,
+        /// Bytes there are.
+        found: u64,
+    },
+    /// A value is no number where a number is needed.
+    #[error("{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}", path = path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// Index of the vertex, from 0.
+        vertex: usize,
+        /// Name of its property.
+        property: String,
+        /// What stands there.
+        found: String,
+    },
+}
+
+/// Coefficients above degree 0 that a file may hold per channel: those of degrees 0 to 3.
+const REST_PER_CHANNEL: [usize; 4] = [0, 3, 8, 15];
+
+/// Names of the properties of a Gaussian with `rest` coefficients per channel above degree 0, in the order of the
+/// packed record that reader and writer share: means, quats, log_scales, opacity logit, sh `[S, 3]`.
+fn record_names(rest: usize) -> Vec<String> {
+    let fixed = ["x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity"];
+    let dc = ["f_dc_0", "f_dc_1", "f_dc_2"];
+    let names = fixed.into_iter().chain(dc).map(str::to_owned);
+    // The file goes channel by channel, memory coefficient by coefficient.
+    let rest = (0..rest).flat_map(|k| (0..3).map(move |channel| format!("f_rest_{}", channel * rest + k)));
+    names.chain(rest).collect()
+}
+
+/// Values of a record before the spherical harmonics.
+const RECORD_MEANS: std::ops::Range<usize> = 0..3;
+const RECORD_QUATS: std::ops::Range<usize> = 3..7;
+const RECORD_LOG_SCALES: std::ops::Range<usize> = 7..10;
+const RECORD_OPACITY: usize = 10;
+const RECORD_SH: usize = 11;

@@ -1,0 +1,256 @@
+//! Reading a scene.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::header::{Element, Encoding, Header, Scalar};
+use super::{
+    PlyError, RECORD_LOG_SCALES, RECORD_MEANS, RECORD_OPACITY, RECORD_QUATS, RECORD_SH, REST_PER_CHANNEL, record_names,
+};
+use crate::Gaussians;
+
+/// Reads a scene onto a device.
+///
+/// # Errors
+/// When the file cannot be read, is no PLY file, lacks a property, is cut short, or holds a value that is not finite.
+pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, PlyError> {
+    let records = Reader::open(path.as_ref())?.read()?;
+    let count = records.opacity_logits.len();
+    let coefficients = records.rest + 1;
+    fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
+        Tensor::from_data(TensorData::new(values, shape), device)
+    }
+    Ok(Gaussians::from_tensors(
+        tensor(records.means, [count, 3], device),
+        tensor(records.quats, [count, 4], device),
+        tensor(records.log_scales, [count, 3], device),
+        tensor(records.opacity_logits, [count], device),
+        tensor(records.sh, [count, coefficients, 3], device),
+    ))
+}
+
+/// Gaussians on the host.
+#[derive(Default)]
+struct Records {
+    means: Vec<f32>,
+    quats: Vec<f32>,
+    log_scales: Vec<f32>,
+    opacity_logits: Vec<f32>,
+    sh: Vec<f32>,
+    /// Coefficients per channel above degree 0.
+    rest: usize,
+}
+
+impl Records {
+    fn with_capacity(count: usize, rest: usize) -> Self {
+        let floats = |each: usize| Vec::with_capacity(count * each);
+        Self {
+            means: floats(3),
+            quats: floats(4),
+            log_scales: floats(3),
+            opacity_logits: floats(1),
+            sh: floats(3 * (rest + 1)),
+            rest,
+        }
+    }
+
+    fn push(&mut self, record: &[f32]) {
+        self.means.extend_from_slice(&record[RECORD_MEANS]);
+        self.quats.extend_from_slice(&record[RECORD_QUATS]);
+        self.log_scales.extend_from_slice(&record[RECORD_LOG_SCALES]);
+        self.opacity_logits.push(record[RECORD_OPACITY]);
+        self.sh.extend_from_slice(&record[RECORD_SH..]);
+    }
+}
+
+/// Where a value of the packed record stands in a vertex.
+struct Column {
+    name: String,
+    /// Place among the properties.
+    place: usize,
+    /// Bytes before it in a binary vertex.
+    offset: usize,
+    scalar: Scalar,
+}
+
+struct Reader {
+    path: PathBuf,
+    file: BufReader<File>,
+    file_len: u64,
+    header: Header,
+    /// Index of the element `vertex`.
+    vertex: usize,
+    rest: usize,
+    columns: Vec<Column>,
+}
+
+impl Reader {
+    fn open(path: &Path) -> Result<Self, PlyError> {
+        let io = |source| PlyError::Io { path: path.to_owned(), source };
+        let file = File::open(path).map_err(io)?;
+        let file_len = file.metadata().map_err(io)?.len();
+        let mut file = BufReader::with_capacity(1 << 20, file);
+        let header = Header::read(path, &mut file)?;
+        let bad = |message: String| PlyError::Header { path: path.to_owned(), message };
+        let vertex = header.elements.iter().position(|element| element.name == "vertex");
+        let vertex = vertex.ok_or_else(|| bad("expected an element `vertex`, found none".into()))?;
+        let element = &header.elements[vertex];
+        if let Some(list) = element.properties.iter().find(|property| property.scalar.is_none()) {
+            return Err(bad(format!("expected numbers in element `vertex`, found the list `{}`", list.name)));
+        }
+        let rest = rest_per_channel(element).map_err(bad)?;
+        let columns = columns(path, element, rest)?;
+        Ok(Self { path: path.to_owned(), file, file_len, header, vertex, rest, columns })
+    }
+
+    fn read(mut self) -> Result<Records, PlyError> {
+        match self.header.encoding {
+            Encoding::Ascii => self.read_text(),
+            encoding => {
+                self.skip_binary()?;
+                self.read_binary(encoding)
+            }
+        }
+    }
+
+    fn element(&self) -> &Element {
+        &self.header.elements[self.vertex]
+    }
+
+    /// Refuses a file that is shorter than its vertices, before anything is allocated for them.
+    fn check_length(&self, before: u64, each: u64) -> Result<usize, PlyError> {
+        let count = self.element().count;
+        let expected = count.saturating_mul(each).saturating_add(before);
+        if expected > self.file_len {
+            return Err(PlyError::Cut { path: self.path.clone(), count, expected, found: self.file_len });
+        }
+        Ok(count as usize)
+    }
+
+    /// Bytes of header and of the elements in front of the vertices, which are skipped.
+    fn skip_binary(&mut self) -> Result<(), PlyError> {
+        let mut skipped = 0_u64;
+        for element in &self.header.elements[..self.vertex] {
+            let stride = element.stride().ok_or_else(|| PlyError::Header {
+                path: self.path.clone(),
+                message: format!("expected element `vertex` first, found `{}` with a list before it", element.name),
+            })?;
+            skipped = skipped.saturating_add(element.count.saturating_mul(stride as u64));
+        }
+        let stride = self.element().stride().expect("a vertex without lists");
+        self.header.len = self.header.len.saturating_add(skipped);
+        self.check_length(self.header.len, stride as u64)?;
+        std::io::copy(&mut self.file.by_ref().take(skipped), &mut std::io::sink()).map_err(|source| self.io(source))?;
+        Ok(())
+    }
+
+    fn read_binary(&mut self, encoding: Encoding) -> Result<Records, PlyError> {
+        let stride = self.element().stride().expect("a vertex without lists");
+        let count = self.check_length(self.header.len, stride as u64)?;
+        let mut records = Records::with_capacity(count, self.rest);
+        let mut bytes = vec![0; stride];
+        let mut record = vec![0.0; self.columns.len()];
+        for vertex in 0..count {
+            self.file.read_exact(&mut bytes).map_err(|source| self.io(source))?;
+            for (value, column) in record.iter_mut().zip(&self.columns) {
+                let found = column.scalar.decode(&bytes[column.offset..], encoding);
+                *value = self.finite(found, vertex, column)?;
+            }
+            records.push(&record);
+        }
+        Ok(records)
+    }
+
+    fn read_text(&mut self) -> Result<Records, PlyError> {
+        let properties = self.element().properties.len();
+        // Every number takes a digit and a separator; the last line may lack its end.
+        let count = self.check_length(self.header.len.saturating_sub(1), 2 * properties as u64)?;
+        let before: u64 =
+            self.header.elements[..self.vertex].iter().fold(0, |sum, element| sum.saturating_add(element.count));
+        let mut line = String::new();
+        for _ in 0..before {
+            self.next_line(&mut line)?;
+        }
+        let mut records = Records::with_capacity(count, self.rest);
+        let mut record = vec![0.0; self.columns.len()];
+        for vertex in 0..count {
+            self.next_line(&mut line)?;
+            let words: Vec<&str> = line.split_whitespace().collect();
+            if words.len() != properties {
+                let message =
+                    format!("vertex {vertex}: expected {properties} numbers on a line, found {}", words.len());
+                return Err(PlyError::Header { path: self.path.clone(), message });
+            }
+            for (value, column) in record.iter_mut().zip(&self.columns) {
+                let word = words[column.place];
+                *value =
+                    self.finite(word.parse().unwrap_or(f64::NAN), vertex, column).map_err(|error| match error {
+                        PlyError::NotFinite { path, vertex, property, .. } => {
+                            PlyError::NotFinite { path, vertex, property, found: format!("`{word}`") }
+                        }
+                        other => other,
+                    })?;
+            }
+            records.push(&record);
+        }
+        Ok(records)
+    }
+
+    /// The next line that is not blank.
+    fn next_line(&mut self, line: &mut String) -> Result<(), PlyError> {
+        loop {
+            line.clear();
+            if self.file.read_line(line).map_err(|source| self.io(source))? == 0 {
+                let count = self.element().count;
+                let (path, found) = (self.path.clone(), self.file_len);
+                return Err(PlyError::Cut { path, count, expected: found + 1, found });
+            }
+            if !line.trim().is_empty() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn finite(&self, found: f64, vertex: usize, column: &Column) -> Result<f32, PlyError> {
+        let value = found as f32;
+        if value.is_finite() {
+            return Ok(value);
+        }
+        let (path, property) = (self.path.clone(), column.name.clone());
+        Err(PlyError::NotFinite { path, vertex, property, found: found.to_string() })
+    }
+
+    fn io(&self, source: std::io::Error) -> PlyError {
+        PlyError::Io { path: self.path.clone(), source }
+    }
+}
+
+/// How many coefficients per channel above degree 0 there are.
+fn rest_per_channel(element: &Element) -> Result<usize, String> {
+    let found = element.properties.iter().filter(|property| property.name.starts_with("f_rest_")).count();
+    REST_PER_CHANNEL
+        .into_iter()
+        .find(|rest| 3 * rest == found)
+        .ok_or_else(|| format!("expected 0, 9, 24 or 45 properties `f_rest_*`, found {found}"))
+}
+
+fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, PlyError> {
+    let mut offsets = Vec::new();
+    let mut offset = 0;
+    for property in &element.properties {
+        offsets.push(offset);
+        offset += property.scalar.map_or(0, Scalar::size);
+    }
+    let column = |name: String| {
+        let place = element.properties.iter().position(|property| property.name == name);
+        let found = place.and_then(|place| Some((place, element.properties[place].scalar?)));
+        match found {
+            Some((place, scalar)) => Ok(Column { name, place, offset: offsets[place], scalar }),
+            None => Err(PlyError::MissingProperty { path: path.to_owned(), name }),
+        }
+    };
+    record_names(rest).into_iter().map(column).collect()
+}

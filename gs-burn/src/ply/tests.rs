@@ -1,0 +1,173 @@
+use std::fs;
+
+use super::*;
+use crate::testing::{Scene, assert_close, device, values};
+
+/// A scene in single precision and a folder to write it to.
+fn scene(degree: usize) -> (crate::Gaussians, tempfile::TempDir) {
+    let scene = Scene::random(5, degree, 30);
+    (scene.gaussians(), tempfile::tempdir().unwrap())
+}
+
+/// Bytes of a written scene of degree 1, for tampering.
+fn written() -> (Vec<u8>, tempfile::TempDir, PathBuf) {
+    let (gaussians, folder) = scene(1);
+    let path = folder.path().join("scene.ply");
+    write_ply(&path, &gaussians).unwrap();
+    (fs::read(&path).unwrap(), folder, path)
+}
+
+fn header_len(bytes: &[u8]) -> usize {
+    let end = b"end_header\n";
+    bytes.windows(end.len()).position(|window| window == end).unwrap() + end.len()
+}
+
+#[track_caller]
+fn assert_refused(path: &std::path::Path, bytes: &[u8], message: &str) {
+    fs::write(path, bytes).unwrap();
+    let error = read_ply(path, &device()).unwrap_err().to_string();
+    assert!(error.contains(message) && error.contains("scene.ply"), "{error}");
+}
+
+#[test]
+fn a_scene_comes_back() {
+    for degree in 0..=3 {
+        let (gaussians, folder) = scene(degree);
+        let path = folder.path().join("scene.ply");
+        write_ply(&path, &gaussians).unwrap();
+        let back = read_ply(&path, &device()).unwrap();
+        assert_eq!((back.len(), back.sh_degree()), (5, degree));
+        assert_close("means", &back.means.val(), &gaussians.means.val(), 1e-7);
+        assert_close("quats", &back.quats.val(), &gaussians.quats.val(), 1e-7);
+        assert_close("log_scales", &back.log_scales.val(), &gaussians.log_scales.val(), 1e-7);
+        assert_close("opacity_logits", &back.opacity_logits.val(), &gaussians.opacity_logits.val(), 1e-7);
+        assert_close("sh", &back.sh.val(), &gaussians.sh.val(), 1e-7);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside the file");
+    }
+}
+
+#[test]
+fn the_layout_is_that_of_3dgs() {
+    let (bytes, _folder, _) = written();
+    let header = String::from_utf8_lossy(&bytes[..header_len(&bytes)]).into_owned();
+    let names: Vec<&str> = header.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
+    let expected = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 \
+                    f_rest_6 f_rest_7 f_rest_8 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    assert_eq!(names.join(" "), expected);
+    // f_rest goes channel by channel: f_rest_3 is the first coefficient above degree 0 of green.
+    let sh = values(&Scene::random(5, 1, 30).sh);
+    let float = |place: usize| {
+        let bytes: [u8; 4] = bytes[header_len(&bytes) + 4 * place..][..4].try_into().unwrap();
+        f64::from(f32::from_le_bytes(bytes))
+    };
+    assert!((float(9 + 3) - sh[3 + 1]).abs() < 1e-7);
+}
+
+#[test]
+fn any_encoding_and_order_is_read() {
+    let names = ["red", "opacity", "x", "y", "z", "f_dc_2", "f_dc_1", "f_dc_0", "rot_3", "rot_0", "rot_1", "rot_2"];
+    let names = names.into_iter().chain(["scale_0", "scale_1", "scale_2"]);
+    let numbers: Vec<f64> = (0..30).map(|i| 0.25 * f64::from(i)).collect();
+    let header = |format: &str| {
+        let types = |name: &str| if name == "red" { "uchar" } else { "double" };
+        let properties: String = names.clone().map(|name| format!("property {} {name}\r\n", types(name))).collect();
+        format!(
+            "ply\r\nformat {format} 1.0\r\ncomment made by hand\r\nelement camera 2\r\nproperty short id\r\n\
+             element vertex 2\r\n{properties}element face 1\r\nproperty list uchar int vertex_indices\r\nend_header\r\n"
+        )
+    };
+    let text: String =
+        numbers.chunks(15).map(|row| row.iter().map(|x| format!("{x} ")).collect::<String>() + "\n").collect();
+    let binary = |bytes: fn(f64) -> [u8; 8]| {
+        let mut data = vec![7_u8; 4];
+        for (i, x) in numbers.iter().enumerate() {
+            if i % 15 == 0 { data.push(1) } else { data.extend(bytes(*x)) }
+        }
+        data.extend([9_u8; 5]);
+        data
+    };
+    let files = [
+        [header("ascii").into_bytes(), format!("1\n\n2\n{text}3 0 1 1\n").into_bytes()].concat(),
+        [header("binary_little_endian").into_bytes(), binary(f64::to_le_bytes)].concat(),
+        [header("binary_big_endian").into_bytes(), binary(f64::to_be_bytes)].concat(),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for bytes in files {
+        let path = folder.path().join("scene.ply");
+        fs::write(&path, bytes).unwrap();
+        let scene = read_ply(&path, &device()).unwrap();
+        assert_eq!(values(&scene.means.val()), [0.5, 0.75, 1.0, 4.25, 4.5, 4.75]);
+        assert_eq!(values(&scene.quats.val()), [2.25, 2.5, 2.75, 2.0, 6.0, 6.25, 6.5, 5.75]);
+        assert_eq!(values(&scene.opacity_logits.val()), [0.25, 4.0]);
+        assert_eq!(values(&scene.sh.val()), [1.75, 1.5, 1.25, 5.5, 5.25, 5.0]);
+    }
+}
+
+#[test]
+fn cut_files_are_refused_at_every_length() {
+    let (bytes, _folder, path) = written();
+    for len in (0..bytes.len()).step_by(7) {
+        fs::write(&path, &bytes[..len]).unwrap();
+        assert!(read_ply(&path, &device()).is_err(), "{len} bytes");
+    }
+    assert_refused(&path, &bytes[..bytes.len() - 1], &format!("expected at least {} bytes", bytes.len()));
+}
+
+#[test]
+fn bad_headers_are_refused() {
+    let (bytes, _folder, path) = written();
+    let len = header_len(&bytes);
+    let header = String::from_utf8_lossy(&bytes[..len]).into_owned();
+    let with = |from: &str, to: &str| [header.replacen(from, to, 1).into_bytes(), bytes[len..].to_vec()].concat();
+    assert_refused(&path, &with("ply", "obj"), "begins with the line `ply`");
+    assert_refused(&path, &with("vertex 5", "vertex 18446744073709551615"), "expected at least");
+    assert_refused(&path, &with("vertex 5", "vertex 4000000000"), "expected at least");
+    assert_refused(&path, &with("vertex 5", "vertex -1"), "element vertex -1");
+    assert_refused(&path, &with("element vertex", "element point"), "element `vertex`");
+    assert_refused(&path, &with("float opacity", "float opaque"), "`opacity`");
+    assert_refused(&path, &with("float rot_3", "float rot_4"), "`rot_3`");
+    assert_refused(&path, &with("float f_rest_8", "float f_rest_9"), "`f_rest_8`");
+    assert_refused(&path, &with("float f_rest_8", "float other"), "found 8");
+    assert_refused(&path, &with("float nx", "list uchar float nx"), "list `nx`");
+    assert_refused(&path, &with("float nx", "half nx"), "property half nx");
+    assert_refused(&path, &with("little", "middle"), "binary_middle_endian");
+    assert_refused(&path, &[b"ply\n".to_vec(), vec![b'a'; 1 << 20]].concat(), "end_header");
+    assert_refused(&path, b"", "begins with the line `ply`");
+    let ascii = "ply\nformat ascii 1.0\nelement vertex 99999999\nproperty float x\nend_header\n1\n";
+    assert_refused(&path, ascii.replace("float x", "float y").as_bytes(), "`x`");
+}
+
+#[test]
+fn values_that_are_not_finite_are_refused() {
+    let (bytes, folder, path) = written();
+    let mut bad = bytes.clone();
+    // Vertex 2, property `x`: 26 floats a vertex.
+    let place = header_len(&bytes) + 2 * 26 * 4;
+    bad[place..place + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert_refused(&path, &bad, "vertex 2: expected a finite number for `x`, found NaN");
+
+    let mut scene = Scene::random(3, 0, 31);
+    scene.quats = crate::testing::tensor([vec![0.5; 7], vec![f64::INFINITY], vec![0.5; 4]].concat(), [3, 4]);
+    let target = folder.path().join("bad.ply");
+    let error = write_ply(&target, &scene.gaussians()).unwrap_err().to_string();
+    assert!(error.contains("vertex 1") && error.contains("`rot_3`"), "{error}");
+    assert!(!target.exists());
+}
+
+#[test]
+fn a_missing_folder_is_named() {
+    let (gaussians, folder) = scene(0);
+    let path = folder.path().join("missing").join("scene.ply");
+    for error in [write_ply(&path, &gaussians).unwrap_err(), read_ply(&path, &device()).unwrap_err()] {
+        assert!(matches!(error, PlyError::Io { .. }) && error.to_string().contains("missing"));
+    }
+}
+
+#[test]
+fn an_empty_scene_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    write_ply(&path, &Scene::random(0, 2, 32).gaussians()).unwrap();
+    let back = read_ply(&path, &device()).unwrap();
+    assert_eq!((back.len(), back.sh_degree()), (0, 2));
+}

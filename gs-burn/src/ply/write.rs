@@ -1,0 +1,121 @@
+//! Writing a scene.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Tensor;
+
+use super::{PlyError, RECORD_OPACITY, RECORD_SH, record_names};
+use crate::Gaussians;
+
+/// Writes a scene as little-endian binary in the layout of 3DGS.
+///
+/// The file appears whole or not at all: it is written beside its place and then renamed.
+///
+/// # Errors
+/// When the file cannot be written, or a Gaussian holds a value that is not finite, which no viewer could show.
+pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<(), PlyError> {
+    let path = path.as_ref();
+    let records = Records::of(gaussians);
+    records.check(path)?;
+    let io = |source| PlyError::Io { path: path.to_owned(), source };
+    let partial = beside(path);
+    let written = write(&partial, &records).and_then(|()| fs::rename(&partial, path));
+    if written.is_err() {
+        // The error at hand says more than one about the leftover would.
+        let _ = fs::remove_file(&partial);
+    }
+    written.map_err(io)
+}
+
+/// A name in the same folder, so that the rename stays on one file system.
+fn beside(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.{}.partial", std::process::id()))
+}
+
+/// Parameters on the host, each with its values per Gaussian, in the order of the packed record.
+struct Records {
+    groups: [(Vec<f32>, usize); 5],
+    count: usize,
+    rest: usize,
+}
+
+impl Records {
+    fn of(gaussians: &Gaussians) -> Self {
+        fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+            tensor.into_data().iter::<f32>().collect()
+        }
+        let rest = (gaussians.sh_degree() + 1).pow(2) - 1;
+        let groups = [
+            (floats(gaussians.means.val()), 3),
+            (floats(gaussians.quats.val()), 4),
+            (floats(gaussians.log_scales.val()), 3),
+            (floats(gaussians.opacity_logits.val()), 1),
+            (floats(gaussians.sh.val()), 3 * (rest + 1)),
+        ];
+        Self { groups, count: gaussians.len(), rest }
+    }
+
+    /// The packed record of a Gaussian.
+    fn record(&self, index: usize, record: &mut Vec<f32>) {
+        record.clear();
+        for (values, each) in &self.groups {
+            record.extend_from_slice(&values[index * each..][..*each]);
+        }
+    }
+
+    fn check(&self, path: &Path) -> Result<(), PlyError> {
+        if self.groups.iter().all(|(values, _)| values.iter().all(|value| value.is_finite())) {
+            return Ok(());
+        }
+        let mut record = Vec::new();
+        for vertex in 0..self.count {
+            self.record(vertex, &mut record);
+            if let Some(place) = record.iter().position(|value| !value.is_finite()) {
+                let (path, property) = (path.to_owned(), record_names(self.rest).swap_remove(place));
+                return Err(PlyError::NotFinite { path, vertex, property, found: record[place].to_string() });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn write(path: &Path, records: &Records) -> io::Result<()> {
+    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    let layout = layout(records.rest);
+    writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}", records.count)?;
+    for (name, _) in &layout {
+        writeln!(file, "property float {name}")?;
+    }
+    writeln!(file, "end_header")?;
+    let mut record = Vec::new();
+    for index in 0..records.count {
+        records.record(index, &mut record);
+        for (_, place) in &layout {
+            file.write_all(&place.map_or(0.0, |place| record[place]).to_le_bytes())?;
+        }
+    }
+    file.into_inner()?.sync_all()
+}
+
+/// Properties in the order of 3DGS, each with its place in the packed record; normals have none.
+fn layout(rest: usize) -> Vec<(String, Option<usize>)> {
+    let names = record_names(rest);
+    let of_record = |name: String| {
+        let place = names.iter().position(|known| *known == name);
+        (name, place)
+    };
+    let rest_names = (0..3 * rest).map(|k| format!("f_rest_{k}"));
+    let colour = names[RECORD_SH..RECORD_SH + 3].iter().cloned().chain(rest_names);
+    let scales_and_quats = names[7..RECORD_OPACITY].iter().chain(&names[3..7]).cloned();
+    ["x", "y", "z", "nx", "ny", "nz"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(colour)
+        .chain([names[RECORD_OPACITY].clone()])
+        .chain(scales_and_quats)
+        .map(of_record)
+        .collect()
+}

@@ -1,0 +1,150 @@
+//! Gaussians and a camera to an image.
+
+use burn::tensor::Tensor;
+use gs_kernels::config::{ProjectionConfig, RasterizeConfig};
+use gs_kernels::constants::{EPS2D, FAR, NEAR};
+
+use crate::ops::channels::channels;
+use crate::ops::columns;
+use crate::ops::intersect::intersect;
+use crate::ops::projection::project;
+use crate::ops::rasterize::rasterize;
+use crate::ops::sh::sh_colors;
+use crate::{Camera, Gaussians};
+
+/// How to render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderOptions {
+    /// Active degree of the spherical harmonics; capped at the stored one. Default 3.
+    pub sh_degree: usize,
+    /// Colour behind everything, 0..1. Default black.
+    pub background: [f32; 3],
+    /// Gaussians nearer than this (camera z, scene units) are culled. Default 0.01.
+    pub near: f64,
+    /// Gaussians farther than this are culled. Default 1e10.
+    pub far: f64,
+    /// Variance added to every projected Gaussian, square pixels; smaller sharpens and aliases. Default 0.3.
+    pub eps2d: f64,
+    /// Lower the opacity of Gaussians that `eps2d` widens, so that they keep their light when the image is scaled
+    /// (Mip-Splatting). Use the setting the scene was trained with. Default off.
+    pub antialiased: bool,
+    /// Also accumulate depth. Default off.
+    pub depth: bool,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self {
+            sh_degree: 3,
+            background: [0.0; 3],
+            near: NEAR,
+            far: FAR,
+            eps2d: EPS2D,
+            antialiased: false,
+            depth: false,
+        }
+    }
+}
+
+/// What [`render`] returns.
+#[derive(Clone, Debug)]
+pub struct Rendering {
+    /// Colour over the background, `[H, W, 3]`.
+    pub color: Tensor<3>,
+    /// Opacity of each pixel, `[H, W, 1]`.
+    pub alpha: Tensor<3>,
+    /// Depth (camera z, scene units) summed with the blending weights, `[H, W, 1]`; see [`Rendering::expected_depth`].
+    pub depth: Option<Tensor<3>>,
+    /// Rows of [`project`], `[N, 8]`.
+    pub projected: Tensor<2>,
+    /// Number of (tile, Gaussian) pairs that were blended.
+    pub intersections: usize,
+}
+
+impl Rendering {
+    /// Mean depth of what a pixel shows, `depth / alpha`, `[H, W, 1]`; 0 where nothing is.
+    pub fn expected_depth(&self) -> Option<Tensor<3>> {
+        // Any alpha a pixel can have is at least ALPHA_MIN; the floor only keeps 0 / 0 away.
+        self.depth.clone().map(|depth| depth / self.alpha.clone().clamp_min(1e-6))
+    }
+
+    /// Bounding radii in the image, `[N]`, pixels; 0 for a culled Gaussian.
+    pub fn radii(&self) -> Tensor<1> {
+        columns::radius(self.projected.clone()).squeeze_dim(1)
+    }
+}
+
+/// Renders the Gaussians as the camera sees them; differentiable by every parameter and by the camera's `viewmat`.
+///
+/// # Panics
+/// When the parameters' shapes disagree or the image has no pixels.
+pub fn render(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Rendering {
+    compose(gaussians, camera, options, None)
+}
+
+/// Like [`render`], with the statistic that density control needs.
+///
+/// `screen` `[N, 4]` holds zeros and requires a gradient. After the backward pass its gradient is, per Gaussian, the
+/// gradient of the loss by its centre in pixels (x, y), and the sum over pixels of the absolute contributions to it.
+///
+/// # Panics
+/// When the parameters' shapes disagree or the image has no pixels.
+pub fn render_with_screen_gradients(
+    gaussians: &Gaussians,
+    camera: &Camera,
+    options: &RenderOptions,
+    screen: Tensor<2>,
+) -> Rendering {
+    compose(gaussians, camera, options, Some(screen))
+}
+
+fn compose(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions, screen: Option<Tensor<2>>) -> Rendering {
+    let means = gaussians.means.val();
+    let viewmat = camera.viewmat.clone().cast(means.dtype());
+    let (width, height) = (camera.width, camera.height);
+    assert!(width > 0 && height > 0, "the camera's image must have pixels, it has {width} x {height}");
+
+    let projected = project(
+        means.clone(),
+        gaussians.quats.val(),
+        gaussians.log_scales.val(),
+        viewmat.clone(),
+        &projection_config(camera, options),
+    );
+    let degree = options.sh_degree.min(gaussians.sh_degree());
+    let colors = sh_colors(means, gaussians.sh.val(), viewmat, projected.clone(), degree);
+    let mut opacities = gaussians.opacities();
+    if options.antialiased {
+        opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);
+    }
+    let intersections = intersect(projected.clone(), opacities.clone(), colors.clone(), width, height);
+    let background = Tensor::from_data(options.background, (&colors.device(), colors.dtype()));
+    let image = RasterizeConfig { width: width as u32, height: height as u32, channels: 3, depth: options.depth };
+    let output = rasterize(projected.clone(), opacities, colors, background, screen, &intersections, &image);
+
+    Rendering {
+        color: channels(output.clone(), 0, 3),
+        depth: options.depth.then(|| channels(output.clone(), 3, 1)),
+        alpha: channels(output, image.output_channels() - 1, 1),
+        projected,
+        intersections: intersections.count(),
+    }
+}
+
+fn projection_config(camera: &Camera, options: &RenderOptions) -> ProjectionConfig {
+    ProjectionConfig {
+        width: camera.width as u32,
+        height: camera.height as u32,
+        fx: camera.intrinsics.fx,
+        fy: camera.intrinsics.fy,
+        cx: camera.intrinsics.cx,
+        cy: camera.intrinsics.cy,
+        near: options.near,
+        far: options.far,
+        eps2d: options.eps2d,
+        antialiased: options.antialiased,
+    }
+}
+
+#[cfg(test)]
+mod tests;

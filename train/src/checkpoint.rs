@@ -1,0 +1,352 @@
+//! The whole state of a run in one safetensors file: parameters, moments, density statistics, step and configuration.
+//!
+//! A checkpoint appears under its name only when it is whole and on the disk: it is written beside it, synchronised, renamed,
+//! and the folder synchronised. Random numbers need no state (see [`crate::random`]), the order of views follows from seed and
+//! step, and no clock enters, so equal runs write equal files.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::{Device, Tensor, TensorData};
+use glam::DVec3;
+use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, View};
+use serde::{Deserialize, Serialize};
+
+use crate::density::{Adaptive, Density, Strategy};
+use crate::experiment::{Config, ConfigError};
+use crate::optimiser::Optimiser;
+use crate::parameters::{Group, Parameters};
+use crate::step::Trainer;
+
+/// What the metadata calls the format.
+const FORMAT: &str = "gsburn-checkpoint";
+
+/// Changes whenever an older program could misread a file.
+const VERSION: &str = "1";
+
+/// When the state is saved.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CheckpointConfig {
+    /// Steps from one checkpoint to the next, which is also what a killed run loses at most; 0: only at the end.
+    pub every: usize,
+    /// Checkpoints kept; older ones are removed once a new one is whole.
+    pub keep: usize,
+}
+
+impl Default for CheckpointConfig {
+    fn default() -> Self {
+        Self { every: 1000, keep: 1 }
+    }
+}
+
+/// A saved run.
+#[derive(Debug, Clone)]
+pub struct Checkpoint {
+    /// The state after [`Trainer::step`] steps.
+    pub trainer: Trainer,
+    /// The resolved configuration.
+    pub config: Config,
+    /// The data set's path.
+    pub dataset: PathBuf,
+    /// What was subtracted from every position of the data set's world.
+    pub origin: DVec3,
+}
+
+/// What can be wrong with a checkpoint; one sentence each.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointError {
+    /// It cannot be opened or read.
+    #[error("{}: cannot read the checkpoint: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's answer.
+        source: io::Error,
+    },
+    /// It cannot be written; nothing was changed.
+    #[error("{}: cannot write the checkpoint: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's answer.
+        source: io::Error,
+    },
+    /// It is no checkpoint at all.
+    #[error("{}: expected a gsburn checkpoint, found {found}", path.display())]
+    NotACheckpoint {
+        /// The file.
+        path: PathBuf,
+        /// What it looks like.
+        found: String,
+    },
+    /// It was written by another version of the format.
+    #[error("{}: expected checkpoint format {VERSION}, found format {found}: it was written by another version of gsburn", path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// The version it names.
+        found: String,
+    },
+    /// It was a checkpoint and is cut short or changed.
+    #[error("{}: the checkpoint is damaged: {found}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        found: String,
+    },
+    /// Its configuration is not one of this version.
+    #[error("{}: the checkpoint's configuration does not fit this version of gsburn: {source}", path.display())]
+    Config {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        source: ConfigError,
+    },
+}
+
+impl Checkpoint {
+    /// Writes the checkpoint atomically.
+    ///
+    /// # Errors
+    /// When it cannot be written (a full disk, for one); then nothing is left behind and older checkpoints are untouched.
+    pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
+        let failed = |source| CheckpointError::Write { path: path.into(), source };
+        let columns: Vec<(String, Column)> = self.columns();
+        let metadata = self.metadata(&columns);
+        let temporary = path.with_extension("part");
+        let written = safetensors::serialize_to_file(columns, Some(metadata), &temporary)
+            .map_err(|error| match error {
+                SafeTensorError::IoError(error) => error,
+                other => io::Error::other(other.to_string()),
+            })
+            .and_then(|()| File::open(&temporary)?.sync_all())
+            .and_then(|()| fs::rename(&temporary, path))
+            .and_then(|()| sync_folder(path));
+        written.map_err(|error| {
+            // The write error is the one to report.
+            let _ = fs::remove_file(&temporary);
+            failed(error)
+        })
+    }
+
+    /// Reads a checkpoint to `device` (without autodiff).
+    ///
+    /// # Errors
+    /// A sentence that names the file and says what is wrong with it.
+    pub fn load(path: &Path, device: &Device) -> Result<Self, CheckpointError> {
+        let bytes = fs::read(path).map_err(|source| CheckpointError::Read { path: path.into(), source })?;
+        let damaged = |found: String| CheckpointError::Damaged { path: path.into(), found };
+        let metadata = read_metadata(&bytes, path)?;
+        let file = SafeTensors::deserialize(&bytes)
+            .map_err(|error| damaged(format!("{error} ({} bytes in the file)", bytes.len())))?;
+        let reader = Reader { file, metadata, path };
+
+        let config = Config::from_toml(reader.text("config")?, "configuration")
+            .map_err(|source| CheckpointError::Config { path: path.into(), source })?;
+        let groups = |prefix: &str| -> Result<[Tensor<2>; 5], CheckpointError> {
+            let mut tensors = Vec::new();
+            for group in Group::ALL {
+                tensors.push(reader.tensor::<2>(&format!("{prefix}.{}", group.name()), device)?);
+            }
+            Ok(tensors.try_into().expect("one tensor per group"))
+        };
+        let (parameters, first, second) = (groups("parameters")?, groups("first")?, groups("second")?);
+        check_shapes(&parameters, &first, &second).map_err(damaged)?;
+        let rows = parameters[0].dims()[0];
+        let density = match config.density.strategy {
+            Strategy::None => Density::None,
+            Strategy::Mcmc => Density::Mcmc,
+            Strategy::Default => {
+                let (gradient, views) = (reader.tensor::<1>("density.gradient", device)?, reader.tensor::<1>("density.views", device)?);
+                if gradient.dims() != [rows] || views.dims() != [rows] {
+                    return Err(damaged(format!("density statistics of another number of Gaussians than {rows}")));
+                }
+                Density::Adaptive(Adaptive { gradient, views })
+            }
+        };
+        let trainer = Trainer {
+            parameters: Parameters::new(parameters),
+            optimiser: Optimiser { first, second, updates: reader.number("updates")? },
+            density,
+            step: reader.number("step")?,
+            skipped: reader.number("skipped")?,
+            extent: reader.number("extent")?,
+        };
+        let origin = DVec3::new(reader.number("origin_x")?, reader.number("origin_y")?, reader.number("origin_z")?);
+        Ok(Self { trainer, config, dataset: PathBuf::from(reader.text("dataset")?), origin })
+    }
+
+    fn columns(&self) -> Vec<(String, Column)> {
+        let trainer = &self.trainer;
+        let mut columns = Vec::new();
+        for group in Group::ALL {
+            let mut add = |prefix: &str, tensor: &Tensor<2>| {
+                columns.push((format!("{prefix}.{}", group.name()), Column::new(tensor.clone())));
+            };
+            add("parameters", trainer.parameters.get(group));
+            add("first", &trainer.optimiser.first[group as usize]);
+            add("second", &trainer.optimiser.second[group as usize]);
+        }
+        if let Density::Adaptive(adaptive) = &trainer.density {
+            columns.push(("density.gradient".into(), Column::new(adaptive.gradient.clone())));
+            columns.push(("density.views".into(), Column::new(adaptive.views.clone())));
+        }
+        columns
+    }
+
+    fn metadata(&self, columns: &[(String, Column)]) -> HashMap<String, String> {
+        let trainer = &self.trainer;
+        let mut entries = vec![
+            ("format", FORMAT.into()),
+            ("version", VERSION.into()),
+            ("step", trainer.step.to_string()),
+            ("skipped", trainer.skipped.to_string()),
+            ("updates", trainer.optimiser.updates.to_string()),
+            // Rust prints the shortest number that reads back as the same bits.
+            ("extent", trainer.extent.to_string()),
+            ("origin_x", self.origin.x.to_string()),
+            ("origin_y", self.origin.y.to_string()),
+            ("origin_z", self.origin.z.to_string()),
+            ("dataset", self.dataset.display().to_string()),
+            ("config", self.config.to_toml()),
+        ];
+        let sums: Vec<(String, String)> = columns
+            .iter()
+            .map(|(name, column)| (format!("crc32.{name}"), format!("{:08x}", crc32fast::hash(&column.data()))))
+            .collect();
+        entries.extend(sums.iter().map(|(name, sum)| (name.as_str(), sum.clone())));
+        entries.into_iter().map(|(name, text)| (name.to_string(), text)).collect()
+    }
+}
+
+/// A tensor on its way into the file; read from the device only when it is its turn, so that one copy exists at a time.
+struct Column {
+    tensor: Tensor<1>,
+    shape: Vec<usize>,
+}
+
+impl Column {
+    fn new<const D: usize>(tensor: Tensor<D>) -> Self {
+        let shape = tensor.dims().to_vec();
+        Self { tensor: tensor.reshape([shape.iter().product::<usize>()]), shape }
+    }
+}
+
+impl View for Column {
+    fn dtype(&self) -> Dtype {
+        Dtype::F32
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        let data = self.tensor.to_data();
+        let values = data.as_slice::<f32>().expect("tensors of this crate hold f32");
+        if cfg!(target_endian = "little") {
+            return Cow::Owned(data.as_bytes().to_vec());
+        }
+        Cow::Owned(values.iter().flat_map(|value| value.to_le_bytes()).collect())
+    }
+
+    fn data_len(&self) -> usize {
+        4 * self.shape.iter().product::<usize>()
+    }
+}
+
+/// A file whose header was understood.
+struct Reader<'a> {
+    file: SafeTensors<'a>,
+    metadata: HashMap<String, String>,
+    path: &'a Path,
+}
+
+impl Reader<'_> {
+    fn damaged(&self, found: String) -> CheckpointError {
+        CheckpointError::Damaged { path: self.path.into(), found }
+    }
+
+    fn text(&self, key: &str) -> Result<&str, CheckpointError> {
+        self.metadata.get(key).map(String::as_str).ok_or_else(|| self.damaged(format!("`{key}` is missing")))
+    }
+
+    fn number<T: std::str::FromStr>(&self, key: &str) -> Result<T, CheckpointError> {
+        let text = self.text(key)?;
+        text.parse().map_err(|_| self.damaged(format!("`{key}` is no number but {text:?}")))
+    }
+
+    fn tensor<const D: usize>(&self, name: &str, device: &Device) -> Result<Tensor<D>, CheckpointError> {
+        let view = self.file.tensor(name).map_err(|error| self.damaged(error.to_string()))?;
+        let shape: [usize; D] = match view.shape().try_into() {
+            Ok(shape) if view.dtype() == Dtype::F32 => shape,
+            _ => return Err(self.damaged(format!("{name} has type {:?} and shape {:?}", view.dtype(), view.shape()))),
+        };
+        let sum = format!("{:08x}", crc32fast::hash(view.data()));
+        if self.text(&format!("crc32.{name}"))? != sum {
+            return Err(self.damaged(format!("the checksum of {name} does not match its content")));
+        }
+        let values: Vec<f32> = view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        Ok(Tensor::from_data(TensorData::new(values, shape), device))
+    }
+}
+
+/// The metadata of a file that calls itself a checkpoint of this version. The header is read by hand, so that a file cut
+/// short still says what it was.
+fn read_metadata(bytes: &[u8], path: &Path) -> Result<HashMap<String, String>, CheckpointError> {
+    let foreign = |found: &str| CheckpointError::NotACheckpoint { path: path.into(), found: found.into() };
+    let Some((length, rest)) = bytes.split_first_chunk::<8>() else {
+        return Err(foreign(&format!("a file of {} bytes", bytes.len())));
+    };
+    let length = u64::from_le_bytes(*length);
+    // A header that starts like JSON but goes on beyond the end belongs to a safetensors file cut short.
+    let Some(header) = usize::try_from(length).ok().and_then(|length| rest.get(..length)) else {
+        let cut = rest.first() == Some(&b'{') && length < 1 << 30;
+        let found = format!("it is cut short within its header ({} bytes in the file)", bytes.len());
+        return Err(if cut { CheckpointError::Damaged { path: path.into(), found } } else { foreign("another kind of file") });
+    };
+    #[derive(Deserialize)]
+    struct Header {
+        #[serde(rename = "__metadata__", default)]
+        metadata: HashMap<String, String>,
+    }
+    let header: Header = serde_json::from_slice(header).map_err(|_| foreign("another kind of file"))?;
+    match (header.metadata.get("format").map(String::as_str), header.metadata.get("version").map(String::as_str)) {
+        (Some(FORMAT), Some(VERSION)) => Ok(header.metadata),
+        (Some(FORMAT), version) => {
+            Err(CheckpointError::Version { path: path.into(), found: version.unwrap_or("none").into() })
+        }
+        _ => Err(foreign("a safetensors file of something else")),
+    }
+}
+
+/// Each group must have its columns, and all the same number of rows.
+fn check_shapes(parameters: &[Tensor<2>; 5], first: &[Tensor<2>; 5], second: &[Tensor<2>; 5]) -> Result<(), String> {
+    let rows = parameters[0].dims()[0];
+    for group in Group::ALL {
+        let i = group as usize;
+        let [found, columns] = parameters[i].dims();
+        if found != rows || first[i].dims() != [rows, columns] || second[i].dims() != [rows, columns] {
+            return Err(format!("{} and its moments do not all have {rows} rows", group.name()));
+        }
+        if !(0..=3).any(|degree| group.columns(degree) == columns) {
+            return Err(format!("{} has {columns} columns", group.name()));
+        }
+    }
+    Ok(())
+}
+
+/// Makes a rename in the folder of `path` survive a power cut.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    // Only Unix lets a folder be opened as a file; elsewhere the file system orders the rename itself.
+    if cfg!(unix) && let Some(folder) = path.parent() {
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(())
+}

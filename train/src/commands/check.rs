@@ -1,0 +1,20 @@
+//! `gsburn check`.
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+
+use crate::cli::CheckArgs;
+use crate::commands::print;
+use crate::commands::train::resolve;
+
+/// Prints what is in a data set; fails when it cannot be trained on.
+///
+/// # Errors
+/// When the configuration is not valid. A bad data set is no error but a finding, and exit code 1.
+pub fn run(args: &CheckArgs) -> Result<ExitCode> {
+    let config = resolve(&args.config, &[])?;
+    let report = gs_datasets::check(&args.dataset, &config.data.options());
+    print(&report);
+    Ok(if report.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}

@@ -1,0 +1,87 @@
+//! `gsburn info`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::Result;
+
+use crate::cli::InfoArgs;
+use crate::commands::print;
+use crate::density::ops::sigmoid;
+use crate::export::load_scene;
+use crate::memory::megabytes;
+use crate::parameters::to_host;
+
+/// The backends this program can be built with.
+const FEATURES: [(&str, bool); 6] = [
+    ("flex", cfg!(feature = "flex")),
+    ("ndarray", cfg!(feature = "ndarray")),
+    ("wgpu", cfg!(feature = "wgpu")),
+    ("vulkan", cfg!(feature = "vulkan")),
+    ("metal", cfg!(feature = "metal")),
+    ("cuda", cfg!(feature = "cuda")),
+];
+
+/// Prints what the program can do, or what a scene holds.
+///
+/// # Errors
+/// One sentence saying what was wrong with the scene.
+pub fn run(args: &InfoArgs) -> Result<ExitCode> {
+    match &args.scene {
+        Some(path) => about_scene(path)?,
+        None => about_program(),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn about_program() {
+    print(format!("gsburn {} ({})", env!("CARGO_PKG_VERSION"), std::env::consts::ARCH));
+    print(format!("threads  {}", rayon::current_num_threads()));
+    for (name, compiled) in FEATURES {
+        let state = match (compiled, compiled.then(|| gs_burn::device::select(name))) {
+            (false, _) | (_, None) => format!("not compiled in (build with --features {name})"),
+            (true, Some(Ok(device))) => crate::commands::describe(&device),
+            (true, Some(Err(error))) => format!("compiled in, but {error}"),
+        };
+        print(format!("{name:8} {state}"));
+    }
+}
+
+fn about_scene(path: &Path) -> Result<()> {
+    let loaded = load_scene(path, &gs_burn::device::select("auto")?)?;
+    let gaussians = &loaded.gaussians;
+    let floats = 11 + 3 * (gaussians.sh_degree() + 1).pow(2);
+    print(format!("scene        {}", path.display()));
+    if let Some(step) = loaded.step {
+        print(format!("steps taken  {step}"));
+    }
+    if let Some(dataset) = &loaded.dataset {
+        print(format!("data set     {}", dataset.display()));
+    }
+    print(format!("Gaussians    {}", gaussians.len()));
+    print(format!("SH degree    {}", gaussians.sh_degree()));
+    print(format!("parameters   {}", megabytes(4 * (floats * gaussians.len()) as u64)));
+    if gaussians.is_empty() {
+        return Ok(());
+    }
+    let opacities = to_host(gaussians.opacity_logits.val()).iter().map(|x| sigmoid(f64::from(*x))).collect();
+    let sizes = to_host(gaussians.log_scales.val())
+        .chunks_exact(3)
+        .map(|s| f64::from(s[0].max(s[1]).max(s[2])).exp())
+        .collect();
+    print(format!("opacity      {}", quantiles(opacities)));
+    print(format!("largest size {}", quantiles(sizes)));
+    let means = to_host(gaussians.means.val());
+    let axis = |axis: usize| -> Vec<f64> { means.iter().skip(axis).step_by(3).map(|x| f64::from(*x)).collect() };
+    for (name, values) in ["x", "y", "z"].into_iter().zip([axis(0), axis(1), axis(2)]) {
+        print(format!("{name:12} {}", quantiles(values)));
+    }
+    Ok(())
+}
+
+/// The 5 %, 50 % and 95 % quantiles.
+fn quantiles(mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    let [low, middle, high] = [0.05, 0.5, 0.95].map(|share| values[((values.len() - 1) as f64 * share) as usize]);
+    format!("{low:.4} to {high:.4}, median {middle:.4} (5 % to 95 %)")
+}

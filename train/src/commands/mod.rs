@@ -1,0 +1,38 @@
+//! One file per command: from arguments to what the program needs, call, print.
+
+pub mod bench;
+pub mod chart;
+pub mod check;
+pub mod demo;
+pub mod eval;
+pub mod export;
+pub mod info;
+pub mod render;
+pub mod train;
+
+use std::io::Write;
+
+use anyhow::Result;
+use burn::tensor::Device;
+
+use crate::cli::DeviceArgs;
+
+/// The device that was asked for, without autodiff.
+fn device(args: &DeviceArgs) -> Result<Device> {
+    Ok(gs_burn::device::select(&args.device)?)
+}
+
+/// A device in words: its backend and, for a GPU, its name.
+pub fn describe(device: &Device) -> String {
+    #[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda"))]
+    if let Some(identity) = device.identity() {
+        return format!("{device:?} ({})", identity.name);
+    }
+    format!("{device:?}")
+}
+
+/// Prints to stdout. A reader that left (`gsburn info | head -1`) is no error.
+fn print(text: impl std::fmt::Display) {
+    // Stdout is where results go; when it is gone there is nobody left to tell.
+    let _ = writeln!(std::io::stdout(), "{text}");
+}

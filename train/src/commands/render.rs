@@ -1,0 +1,97 @@
+//! `gsburn render`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use gs_burn::{Camera, RenderOptions, Rendering, render};
+use gs_datasets::image_io::{write_atomic, write_exr, write_png};
+use gs_datasets::{CameraPose, load_cameras};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+use crate::cli::{ImageFormat, RenderArgs};
+use crate::commands::{device, print};
+use crate::data::intrinsics;
+use crate::export::load_scene;
+use crate::parameters::to_host;
+use crate::report::pictures::image_bytes;
+use crate::step::RenderConfig;
+
+/// Steps of depth in a 16-bit PNG per scene unit: millimetres where the unit is metres, as nerfstudio has it.
+const DEPTH_STEPS: f32 = 1000.0;
+
+/// Renders every camera of a file.
+///
+/// # Errors
+/// One sentence saying what was wrong with the scene, the cameras or the disk.
+pub fn run(args: &RenderArgs) -> Result<ExitCode> {
+    let device = device(&args.device)?;
+    let loaded = load_scene(&args.scene, &device)?;
+    let cameras = load_cameras(&args.cameras)?;
+    let run = loaded.config.as_ref();
+    let background = match &args.background {
+        Some(text) => parse_color(text)?,
+        None => run.map_or([0.0; 3], |config| config.data.background),
+    };
+    let settings = run.map_or_else(RenderConfig::default, |config| config.render.clone());
+    let degree = args.sh_degree.map_or(3, usize::from);
+    let options = RenderOptions {
+        depth: true,
+        antialiased: args.antialiased || settings.antialiased,
+        ..settings.options(degree, background)
+    };
+    for pose in &cameras {
+        // A scene far from its world's origin was trained near zero.
+        let c2w = glam::DMat4::from_translation(-loaded.origin) * pose.c2w;
+        let camera = Camera::from_c2w(c2w, intrinsics(&pose.intrinsics), pose.width, pose.height, &device);
+        write(&args.out, pose, &render(&loaded.gaussians, &camera, &options), args.format)?;
+    }
+    print(format!("{} images in {}", cameras.len(), args.out.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn write(folder: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFormat) -> Result<()> {
+    let (width, height) = (pose.width, pose.height);
+    let depth = to_host(rendering.expected_depth().expect("depth was asked for"));
+    let path = |suffix: &str| folder.join(format!("{}{suffix}", pose.name));
+    match format {
+        ImageFormat::Png => {
+            write_png(&path(".png"), width, height, &image_bytes(rendering.color.clone()))?;
+            write_png(&path("_alpha.png"), width, height, &image_bytes(rendering.alpha.clone()))?;
+            write_depth_png(&path("_depth.png"), width, height, &depth)?;
+        }
+        ImageFormat::Exr => {
+            let color = to_host(rendering.color.clone());
+            let channel = |c: usize| -> Vec<f32> { color.iter().skip(c).step_by(3).copied().collect() };
+            let (red, green, blue) = (channel(0), channel(1), channel(2));
+            let alpha = to_host(rendering.alpha.clone());
+            let channels: [(&str, &[f32]); 5] = [("R", &red), ("G", &green), ("B", &blue), ("A", &alpha), ("Z", &depth)];
+            write_exr(&path(".exr"), width, height, &channels)?;
+        }
+    }
+    Ok(())
+}
+
+/// Depth in steps of 1/1000 scene unit as 16-bit grey; what is farther than 65.535 is clamped to it.
+fn write_depth_png(path: &Path, width: usize, height: usize, depth: &[f32]) -> Result<()> {
+    let bytes: Vec<u8> = depth.iter().flat_map(|d| ((d * DEPTH_STEPS + 0.5) as u16).to_ne_bytes()).collect();
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(&bytes, width as u32, height as u32, ExtendedColorType::L16)
+        .with_context(|| format!("{}: cannot encode", path.display()))?;
+    Ok(write_atomic(path, &png)?)
+}
+
+/// black, white, or three numbers from 0 to 1.
+fn parse_color(text: &str) -> Result<[f32; 3]> {
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|c| (0.0..=1.0).contains(c)) => Ok([r, g, b]),
+        _ => bail!("--background: expected black, white or three numbers from 0 to 1 as r,g,b, found {text:?}"),
+    }
+}

@@ -1,0 +1,119 @@
+//! `gsburn train`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+
+use crate::cli::{ConfigArgs, TrainArgs};
+use crate::commands::{device, print};
+use crate::experiment::Config;
+use crate::interrupt;
+use crate::run::{Ending, RunRequest, run as run_training};
+use crate::run_folder::{EvalFile, RunFolder};
+
+/// Where runs go when nobody says otherwise.
+pub(super) const RUNS: &str = "runs";
+
+/// Trains, or continues.
+///
+/// # Errors
+/// One sentence saying what was wrong with the arguments, the data or the disk.
+pub fn run(args: &TrainArgs) -> Result<ExitCode> {
+    let device = device(&args.device)?;
+    let request = if args.resume { resumed(args, device)? } else { begun(args, device)? };
+    execute(&request)
+}
+
+/// Runs a request until it ends or Ctrl-C is pressed, and says how it went.
+pub(super) fn execute(request: &RunRequest) -> Result<ExitCode> {
+    interrupt::watch();
+    match run_training(request)? {
+        Ending::Finished(eval) => {
+            print(verdict(&eval, &request.folder));
+            Ok(ExitCode::SUCCESS)
+        }
+        Ending::Interrupted(step) => {
+            let folder = request.folder.path().display();
+            eprintln!("stopped and saved after step {step}; continue with: gsburn train --resume --out {folder}");
+            Ok(ExitCode::from(interrupt::EXIT_CODE as u8))
+        }
+    }
+}
+
+fn begun(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
+    let dataset = args.dataset.clone().expect("clap asks for the data set unless --resume is given");
+    let config = resolve(&args.config, &shortcuts(args))?;
+    if !dataset.exists() {
+        bail!("{}: expected a data set, found nothing", dataset.display());
+    }
+    let folder = match &args.out {
+        Some(path) => RunFolder::vacant(path)?,
+        None => RunFolder::vacant(next_folder(&stem(&dataset)))?,
+    };
+    Ok(request(dataset, config, folder, device, args))
+}
+
+fn resumed(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
+    if args.config.config.is_some() || !args.config.set.is_empty() || !shortcuts(args).is_empty() {
+        bail!("--resume continues with the configuration saved in the run folder; leave out --config, --set, --steps, --cap and --seed");
+    }
+    let folder = match (&args.out, &args.dataset) {
+        (Some(path), _) => RunFolder::at(path),
+        (None, Some(dataset)) => match newest_folder(&stem(dataset)) {
+            Some(path) => RunFolder::at(path),
+            None => bail!("{RUNS}/{}: expected a run to continue, found none", stem(dataset)),
+        },
+        (None, None) => bail!("--resume needs to know what to continue: name the run folder with --out, or the data set"),
+    };
+    let (config, dataset) = folder.read_config()?;
+    Ok(request(args.dataset.clone().unwrap_or(dataset), config, folder, device, args))
+}
+
+fn request(dataset: PathBuf, config: Config, folder: RunFolder, device: burn::tensor::Device, args: &TrainArgs) -> RunRequest {
+    let device_name = crate::commands::describe(&device);
+    RunRequest { dataset, config, folder, device, device_name, resume: args.resume, stop_at: None, quiet: args.quiet }
+}
+
+/// The configuration of `args` with `more` overrides on top.
+pub(super) fn resolve(args: &ConfigArgs, more: &[String]) -> Result<Config> {
+    let overrides: Vec<String> = args.set.iter().chain(more).cloned().collect();
+    Ok(Config::resolve(args.config.as_deref(), &overrides)?)
+}
+
+/// The short options in the words of `--set`.
+fn shortcuts(args: &TrainArgs) -> Vec<String> {
+    let steps = args.steps.map(|n| format!("steps={n}"));
+    let cap = args.cap.map(|n| format!("density.cap={n}"));
+    let seed = args.seed.map(|n| format!("seed={n}"));
+    [steps, cap, seed].into_iter().flatten().collect()
+}
+
+/// The data set's name: its folder, or the folder of its file.
+fn stem(dataset: &Path) -> String {
+    let path = std::fs::canonicalize(dataset).unwrap_or_else(|_| dataset.to_path_buf());
+    let folder = if path.is_file() { path.parent().unwrap_or(&path) } else { &path };
+    folder.file_name().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// runs/NAME, or runs/NAME-2, -3, ... when there is one already.
+pub(super) fn next_folder(name: &str) -> PathBuf {
+    let numbered = (2..).map(|n| format!("{name}-{n}"));
+    let names = std::iter::once(name.to_string()).chain(numbered);
+    names.map(|name| Path::new(RUNS).join(name)).find(|path| !path.exists()).expect("one of endless names is free")
+}
+
+/// The last of runs/NAME, runs/NAME-2, -3, ...
+fn newest_folder(name: &str) -> Option<PathBuf> {
+    let numbered = (2..).map(|n| format!("{name}-{n}"));
+    let names = std::iter::once(name.to_string()).chain(numbered);
+    names.map(|name| Path::new(RUNS).join(name)).take_while(|path| path.exists()).last()
+}
+
+/// What a finished run says.
+fn verdict(eval: &EvalFile, folder: &RunFolder) -> String {
+    let missing = [&eval.last.ms_ssim_reason, &eval.last.lpips_reason];
+    let missing: String = missing.into_iter().flatten().map(|reason| format!("\n{reason}")).collect();
+    let report = std::fs::canonicalize(folder.report()).unwrap_or_else(|_| folder.report());
+    format!("{}{missing}\nscene  {}\nreport {}", eval.last.line(), folder.ply().display(), report.display())
+}

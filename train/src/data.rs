@@ -1,0 +1,235 @@
+//! The data set as the trainer wants it: what to load ([`DataConfig`]), which view comes next ([`Sampler`]), and views
+//! as tensors ([`Photos`]).
+
+use std::path::{Path, PathBuf};
+
+use burn::tensor::{Device, Tensor, TensorData};
+use gs_burn::{Camera, Intrinsics};
+use gs_datasets::{DatasetError, Holdout, LoadOptions, MaskUse, Scene, View};
+use rand::seq::SliceRandom;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::random::{Purpose, stream};
+
+/// Which views are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HoldoutChoice {
+    /// The data set's own split, or every 8th view where it has none.
+    Dataset,
+    /// Every `holdout_every`-th view by name.
+    Every,
+    /// The views of `holdout_names`.
+    Names,
+    /// None; the result is then measured on training views.
+    None,
+}
+
+/// How mask files are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskChoice {
+    /// By the rules of the data set's format.
+    Auto,
+    /// No mask is read.
+    Ignore,
+    /// Masks keep what is white.
+    KeepWhite,
+    /// Masks keep what is black.
+    KeepBlack,
+}
+
+/// How the data set is read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DataConfig {
+    /// Wider photos are downscaled to this width, pixels; 0 keeps the full size.
+    pub max_width: usize,
+    /// Which views are held out.
+    pub holdout: HoldoutChoice,
+    /// Every how many views one is held out, for `holdout = "every"`.
+    pub holdout_every: usize,
+    /// The views held out, by name or file stem, for `holdout = "names"`.
+    pub holdout_names: Vec<String>,
+    /// Image folder of a COLMAP model where it is not a usual one; empty: found by itself.
+    pub images: String,
+    /// Colour behind the scene and behind transparent pixels, 0 to 1 per channel.
+    pub background: [f32; 3],
+    /// How mask files are used.
+    pub masks: MaskChoice,
+    /// Photos are kept as floats up to this many MB in all; the rest is converted from 8 bits in each step.
+    pub cache_mb: usize,
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            max_width: 0,
+            holdout: HoldoutChoice::Dataset,
+            holdout_every: gs_datasets::DEFAULT_HOLDOUT,
+            holdout_names: Vec::new(),
+            images: String::new(),
+            background: [0.0; 3],
+            masks: MaskChoice::Auto,
+            cache_mb: 64,
+        }
+    }
+}
+
+impl DataConfig {
+    /// Reads the data set at `path`.
+    ///
+    /// # Errors
+    /// A sentence naming the file, what was expected and what was found.
+    pub fn load(&self, path: &Path) -> Result<Scene, DatasetError> {
+        gs_datasets::load(path, &self.options())
+    }
+
+    /// The same choices in the words of the readers.
+    pub fn options(&self) -> LoadOptions {
+        LoadOptions {
+            max_width: (self.max_width > 0).then_some(self.max_width),
+            background: self.background,
+            holdout: match self.holdout {
+                HoldoutChoice::Dataset => Holdout::Dataset,
+                HoldoutChoice::Every => Holdout::Every(self.holdout_every),
+                HoldoutChoice::Names => Holdout::Names(self.holdout_names.clone()),
+                HoldoutChoice::None => Holdout::None,
+            },
+            images: (!self.images.is_empty()).then(|| PathBuf::from(&self.images)),
+            masks: match self.masks {
+                MaskChoice::Auto => MaskUse::Auto,
+                MaskChoice::Ignore => MaskUse::Ignore,
+                MaskChoice::KeepWhite => MaskUse::KeepWhite,
+                MaskChoice::KeepBlack => MaskUse::KeepBlack,
+            },
+            ..LoadOptions::default()
+        }
+    }
+}
+
+/// Which view each step uses: every view once an epoch, in an order drawn from the seed. Step `s` has the same view
+/// whether the run was interrupted or not.
+#[derive(Debug, Clone)]
+pub struct Sampler {
+    seed: u64,
+    count: usize,
+    epoch: Option<u64>,
+    order: Vec<usize>,
+}
+
+impl Sampler {
+    /// A sampler over `count` views, at least one.
+    pub fn new(seed: u64, count: usize) -> Self {
+        assert!(count > 0, "a scene without training views is refused when it is loaded");
+        Self { seed, count, epoch: None, order: (0..count).collect() }
+    }
+
+    /// The index of the view of `step` (from 1).
+    pub fn pick(&mut self, step: usize) -> usize {
+        let epoch = ((step - 1) / self.count) as u64;
+        if self.epoch != Some(epoch) {
+            self.order = (0..self.count).collect();
+            self.order.shuffle(&mut stream(self.seed, Purpose::Views, epoch));
+            self.epoch = Some(epoch);
+        }
+        self.order[(step - 1) % self.count]
+    }
+}
+
+/// One view on the device.
+#[derive(Debug, Clone)]
+pub struct Photo {
+    /// Its camera.
+    pub camera: Camera,
+    /// `[H, W, 3]`, 0 to 1, encoded as the file is.
+    pub image: Tensor<3>,
+    /// `[H, W, 1]`: 1 = compare, 0 = ignore; `None` when every pixel counts.
+    pub mask: Option<Tensor<3>>,
+}
+
+/// Views as tensors, converted when asked for and kept while they fit the cache.
+#[derive(Debug)]
+pub struct Photos<'a> {
+    views: &'a [View],
+    device: Device,
+    kept: Vec<Option<Photo>>,
+    room: usize,
+}
+
+impl<'a> Photos<'a> {
+    /// `views` for `device` (without autodiff), keeping at most `cache_bytes` of converted photos.
+    pub fn new(views: &'a [View], device: &Device, cache_bytes: usize) -> Self {
+        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes }
+    }
+
+    /// The views themselves.
+    pub fn views(&self) -> &'a [View] {
+        self.views
+    }
+
+    /// View `index` on the device.
+    pub fn get(&mut self, index: usize) -> Photo {
+        if let Some(photo) = &self.kept[index] {
+            return photo.clone();
+        }
+        let view = &self.views[index];
+        let photo = upload(view, &self.device);
+        let bytes = view.width * view.height * 4 * (3 + usize::from(view.mask.is_some()));
+        if bytes <= self.room {
+            self.room -= bytes;
+            self.kept[index] = Some(photo.clone());
+        }
+        photo
+    }
+}
+
+/// The camera of a view.
+pub fn camera(view: &View, device: &Device) -> Camera {
+    Camera::from_c2w(view.c2w, intrinsics(&view.intrinsics), view.width, view.height, device)
+}
+
+/// Pinhole intrinsics in the words of `gs-burn`.
+pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
+    Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy }
+}
+
+fn upload(view: &View, device: &Device) -> Photo {
+    let to_floats = |bytes: &[u8]| bytes.par_iter().with_min_len(1 << 14).map(|b| f32::from(*b) / 255.0).collect();
+    let tensor = |values: Vec<f32>, channels| {
+        Tensor::from_data(TensorData::new(values, [view.height, view.width, channels]), device)
+    };
+    Photo {
+        camera: camera(view, device),
+        image: tensor(to_floats(&view.image.data), 3),
+        mask: view.mask.as_ref().map(|mask| tensor(to_floats(mask), 1)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_epoch_holds_every_view_once() {
+        let mut sampler = Sampler::new(3, 10);
+        let first: Vec<usize> = (1..=10).map(|step| sampler.pick(step)).collect();
+        let second: Vec<usize> = (11..=20).map(|step| sampler.pick(step)).collect();
+        let sorted = |mut order: Vec<usize>| {
+            order.sort_unstable();
+            order
+        };
+        assert_eq!(sorted(first.clone()), (0..10).collect::<Vec<_>>());
+        assert_eq!(sorted(second.clone()), (0..10).collect::<Vec<_>>());
+        assert_ne!(first, second);
+    }
+
+    #[test]
+    fn a_resumed_sampler_continues() {
+        let mut whole = Sampler::new(3, 7);
+        let order: Vec<usize> = (1..=30).map(|step| whole.pick(step)).collect();
+        let mut resumed = Sampler::new(3, 7);
+        assert_eq!((17..=30).map(|step| resumed.pick(step)).collect::<Vec<_>>(), order[16..]);
+    }
+}

@@ -1,0 +1,160 @@
+//! Classic adaptive density control (3DGS, section 5.2): clone small Gaussians and split large ones where the screen
+//! gradient is high, remove transparent and oversized ones, and lower opacities now and then.
+
+use burn::tensor::{Device, Tensor};
+use glam::Vec3;
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::density::ops::{Draft, logit, sigmoid};
+use crate::density::{Changes, DensityConfig, Moment, Observation};
+use crate::optimiser::Optimiser;
+use crate::parameters::{Group, Parameters, from_host, to_host};
+use crate::random::{Purpose, normal_pair, stream};
+use crate::schedule::due;
+
+/// A split Gaussian's parts are smaller by this factor (3DGS: phi).
+const SPLIT_SHRINK: f64 = 1.6;
+
+/// Opacities are lowered to at most this many times the dead one's (3DGS: 0.01 for 0.005).
+const RESET_TO: f64 = 2.0;
+
+/// How opacities are lowered so that Gaussians nobody needs die.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OpacityPolicy {
+    /// All at once every `reset_every` steps (3DGS); the image is dim for a while after.
+    Reset,
+    /// By a small share at each change (Brush).
+    Decay,
+    /// Never.
+    None,
+}
+
+/// The statistics of classic adaptive control since the last change.
+#[derive(Debug, Clone)]
+pub struct Adaptive {
+    /// Sum over views of the norm of the screen gradient, `[N]`, in half image widths.
+    pub gradient: Tensor<1>,
+    /// Views in which the Gaussian was seen, `[N]`.
+    pub views: Tensor<1>,
+}
+
+impl Adaptive {
+    /// Empty statistics of `n` Gaussians.
+    pub fn new(n: usize, device: &Device) -> Self {
+        Self { gradient: Tensor::zeros([n], device), views: Tensor::zeros([n], device) }
+    }
+
+    /// Adds one view. The gradient is taken by image coordinates from -1 to 1, as 3DGS does, so that one threshold serves
+    /// every resolution.
+    pub fn gather(&mut self, screen: &Tensor<2>, observation: &Observation, absolute: bool) {
+        let n = screen.dims()[0];
+        let first = if absolute { 2 } else { 0 };
+        let column = |index: usize, pixels: usize| {
+            screen.clone().slice([0..n, index..index + 1]).reshape([n]) * (0.5 * pixels as f64)
+        };
+        let (x, y) = (column(first, observation.width), column(first + 1, observation.height));
+        let norm = (x.clone() * x + y.clone() * y).sqrt();
+        self.gradient = self.gradient.clone() + norm;
+        self.views = self.views.clone() + observation.radii.clone().greater_elem(0.0).float();
+    }
+
+    /// Clones, splits and removes, never above `config.cap`; the statistics begin anew.
+    pub fn refine(
+        &mut self,
+        parameters: &mut Parameters,
+        optimiser: &mut Optimiser,
+        config: &DensityConfig,
+        moment: &Moment,
+    ) -> Changes {
+        let mut draft = Draft::read(parameters);
+        let before = draft.len();
+        let mut chosen = self.above_threshold(config.gradient);
+        // When the budget does not allow all, those that need it most.
+        chosen.truncate(config.cap.saturating_sub(before));
+        let split = split_or_clone(&mut draft, parameters, chosen.iter().map(|(row, _)| *row), config, moment);
+
+        let opacities_were_lowered = config.opacity_policy != OpacityPolicy::Reset || moment.step > config.reset_every;
+        let largest = if opacities_were_lowered { config.prune_size * moment.extent } else { f64::INFINITY };
+        let grown = draft.len();
+        draft.retain(|draft, row| {
+            // A comparison with NaN is false: what is not a number is removed too.
+            !split.get(row).is_some_and(|split| *split)
+                && draft.opacity(row) > config.min_opacity
+                && draft.size(row) <= largest
+        });
+        let after = draft.len();
+        draft.commit(parameters, optimiser);
+        *self = Self::new(after, &parameters.device());
+        Changes { added: grown - before, moved: 0, removed: grown - after }
+    }
+
+    /// Rows whose mean gradient is at least `threshold`, highest first, ties by row.
+    fn above_threshold(&self, threshold: f64) -> Vec<(usize, f32)> {
+        let (sums, views) = (to_host(self.gradient.clone()), to_host(self.views.clone()));
+        let means = sums.iter().zip(&views).map(|(sum, views)| sum / views.max(1.0));
+        let mut rows: Vec<(usize, f32)> = means.enumerate().filter(|(_, mean)| f64::from(*mean) >= threshold).collect();
+        rows.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        rows
+    }
+}
+
+/// Appends a copy of each small row as it is, and two smaller parts, placed at random inside it, of each large one. Returns
+/// which of the old rows were split and should go; that leaves one more Gaussian per chosen row either way.
+fn split_or_clone(
+    draft: &mut Draft,
+    parameters: &Parameters,
+    rows: impl Iterator<Item = usize>,
+    config: &DensityConfig,
+    moment: &Moment,
+) -> Vec<bool> {
+    let mut rng = stream(moment.seed, Purpose::Density, moment.step as u64);
+    let quats = parameters.read(Group::Quats);
+    let mut split = vec![false; draft.len()];
+    for row in rows {
+        if draft.size(row) <= config.split_size * moment.extent {
+            draft.duplicate(row);
+            continue;
+        }
+        split[row] = true;
+        let [w, x, y, z] = [0, 1, 2, 3].map(|c| quats[4 * row + c]);
+        let rotation = glam::Quat::from_xyzw(x, y, z, w).normalize();
+        for _ in 0..2 {
+            let part = draft.duplicate(row);
+            let size = Vec3::from(draft.log_scales[row]).exp();
+            let offset = rotation * (size * normal_triple(&mut rng));
+            draft.means[part] = (Vec3::from(draft.means[row]) + offset).to_array();
+            draft.scale(part, 1.0 / SPLIT_SHRINK);
+        }
+    }
+    split
+}
+
+/// Lowers opacities where `config.opacity_policy` asks for it after this step.
+pub fn lower_opacities(
+    parameters: &mut Parameters,
+    optimiser: &mut Optimiser,
+    config: &DensityConfig,
+    moment: &Moment,
+) {
+    if !config.active(moment.step, moment.steps) {
+        return;
+    }
+    let lower: Box<dyn Fn(f64) -> f64> = match config.opacity_policy {
+        OpacityPolicy::Reset if due(moment.step, config.reset_every) => {
+            optimiser.forget(Group::Opacity);
+            Box::new(|opacity| opacity.min(RESET_TO * config.min_opacity))
+        }
+        OpacityPolicy::Decay if due(moment.step, config.every) => Box::new(|opacity| opacity * (1.0 - config.decay)),
+        _ => return,
+    };
+    let logits = parameters.read(Group::Opacity);
+    let lowered = logits.iter().map(|x| logit(lower(sigmoid(f64::from(*x)))) as f32).collect();
+    *parameters.get_mut(Group::Opacity) = from_host(lowered, 1, &parameters.device());
+}
+
+fn normal_triple(rng: &mut impl Rng) -> Vec3 {
+    let ([x, y], [z, _]) = (normal_pair(rng), normal_pair(rng));
+    glam::DVec3::new(x, y, z).as_vec3()
+}

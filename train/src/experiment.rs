@@ -1,0 +1,380 @@
+//! Arguments + configuration file + defaults -> one resolved [`Config`], which is saved with the run.
+//!
+//! A file holds only differences: it may name a `base` file beside it, and what it does not mention keeps its default.
+//! `--set density.cap=50000` overrides one value. A key that does not exist is an error naming the nearest one that does.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use crate::checkpoint::CheckpointConfig;
+use crate::data::DataConfig;
+use crate::density::DensityConfig;
+use crate::evaluate::EvalConfig;
+use crate::losses::LossConfig;
+use crate::optimiser::OptimiserConfig;
+use crate::scene_init::InitConfig;
+use crate::step::{ModelConfig, RenderConfig};
+
+/// Files that may be stacked by `base`; more is taken for a circle.
+const MAX_BASES: usize = 8;
+
+/// Everything a run depends on, except the data set's path and the device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// The one seed of all random draws.
+    pub seed: u64,
+    /// Optimisation steps; one photo is compared in each.
+    pub steps: usize,
+    /// How the data set is read.
+    pub data: DataConfig,
+    /// How the scene begins.
+    pub init: InitConfig,
+    /// What a Gaussian stores.
+    pub model: ModelConfig,
+    /// How images are formed.
+    pub render: RenderConfig,
+    /// What is minimised.
+    pub loss: LossConfig,
+    /// Learning rates.
+    pub optimiser: OptimiserConfig,
+    /// Where Gaussians are added, moved and removed.
+    pub density: DensityConfig,
+    /// When and how the result is measured.
+    pub eval: EvalConfig,
+    /// When the state is saved.
+    pub checkpoint: CheckpointConfig,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            seed: 42,
+            steps: 7000,
+            data: DataConfig::default(),
+            init: InitConfig::default(),
+            model: ModelConfig::default(),
+            render: RenderConfig::default(),
+            loss: LossConfig::default(),
+            optimiser: OptimiserConfig::default(),
+            density: DensityConfig::default(),
+            eval: EvalConfig::default(),
+            checkpoint: CheckpointConfig::default(),
+        }
+    }
+}
+
+/// What can be wrong with a configuration; one sentence each.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the configuration: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's answer.
+        source: std::io::Error,
+    },
+    /// The file is not TOML.
+    #[error("{origin}: expected TOML, found: {found}")]
+    Syntax {
+        /// The file or argument.
+        origin: String,
+        /// The parser's complaint on one line.
+        found: String,
+    },
+    /// A key that does not exist.
+    #[error("{origin}: unknown key `{key}`; the nearest valid key is `{nearest}`")]
+    UnknownKey {
+        /// The file or argument.
+        origin: String,
+        /// The key as written, with its sections.
+        key: String,
+        /// The valid key most like it.
+        nearest: String,
+    },
+    /// A value of the wrong type.
+    #[error("{origin}: {found}")]
+    Type {
+        /// The file or argument.
+        origin: String,
+        /// What was expected, found, and where.
+        found: String,
+    },
+    /// A value outside its range.
+    #[error("configuration: `{key}` must be {expected}, found {found}")]
+    Range {
+        /// The key with its sections.
+        key: &'static str,
+        /// The range, as a phrase.
+        expected: &'static str,
+        /// The value.
+        found: String,
+    },
+    /// `base` files that lead to no end.
+    #[error("{}: more than {MAX_BASES} `base` files are stacked here; is there a circle?", path.display())]
+    Circle {
+        /// The file at which it was noticed.
+        path: PathBuf,
+    },
+}
+
+impl Config {
+    /// The defaults, changed by `file` (and what it is based on), changed by `overrides` of the form `section.key=value`.
+    ///
+    /// # Errors
+    /// A sentence naming the file or argument, the key, what was expected and what was found.
+    pub fn resolve(file: Option<&Path>, overrides: &[String]) -> Result<Self, ConfigError> {
+        let mut table = Table::new();
+        if let Some(path) = file {
+            merge(&mut table, read_with_base(path, 0)?);
+        }
+        for text in overrides {
+            merge(&mut table, parse_override(text)?);
+        }
+        let origin = file.map_or_else(|| "arguments".to_string(), |path| path.display().to_string());
+        Self::from_table(table, &origin)
+    }
+
+    /// Reads a resolved configuration saved by [`to_toml`](Config::to_toml).
+    ///
+    /// # Errors
+    /// As [`resolve`](Config::resolve).
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        Self::resolve(Some(path), &[])
+    }
+
+    /// Reads the TOML text of a resolved configuration; `origin` names it in errors.
+    ///
+    /// # Errors
+    /// As [`resolve`](Config::resolve).
+    pub fn from_toml(text: &str, origin: &str) -> Result<Self, ConfigError> {
+        let table = parse(text, origin)?;
+        check_keys(&table, origin)?;
+        Self::from_table(table, origin)
+    }
+
+    /// The configuration as TOML, every key present.
+    pub fn to_toml(&self) -> String {
+        toml::to_string_pretty(self).expect("a configuration of numbers, strings and lists is TOML")
+    }
+
+    fn from_table(table: Table, origin: &str) -> Result<Self, ConfigError> {
+        let config: Self = Value::Table(table)
+            .try_into()
+            .map_err(|error: toml::de::Error| ConfigError::Type { origin: origin.into(), found: one_line(&error) })?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first value outside its range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        check("steps", self.steps, self.steps >= 1, "at least 1")?;
+        let (data, model, render, loss) = (&self.data, &self.model, &self.render, &self.loss);
+        check("data.holdout_every", data.holdout_every, data.holdout_every >= 2, "at least 2")?;
+        let named = data.holdout != crate::data::HoldoutChoice::Names || !data.holdout_names.is_empty();
+        check("data.holdout_names", "[]", named, "a list of view names when data.holdout = \"names\"")?;
+        let in_range = data.background.iter().all(|c| (0.0..=1.0).contains(c));
+        check("data.background", format!("{:?}", data.background), in_range, "three numbers from 0 to 1")?;
+        check("init.opacity", self.init.opacity, open_unit(self.init.opacity), "between 0 and 1, both excluded")?;
+        check("init.scale", self.init.scale, positive(self.init.scale), "positive")?;
+        check("init.random_points", self.init.random_points, self.init.random_points >= 1, "at least 1")?;
+        check("model.sh_degree", model.sh_degree, model.sh_degree <= 3, "0, 1, 2 or 3")?;
+        check("model.sh_interval", model.sh_interval, model.sh_interval >= 1, "at least 1")?;
+        check("render.near", render.near, positive(render.near), "positive")?;
+        check("render.far", render.far, render.far > render.near, "larger than render.near")?;
+        check("render.eps2d", render.eps2d, render.eps2d.is_finite() && render.eps2d >= 0.0, "0 or more")?;
+        check("loss.dssim", loss.dssim, (0.0..=1.0).contains(&loss.dssim), "from 0 to 1")?;
+        self.optimiser.validate()?;
+        self.density.validate()?;
+        check("eval.images", self.eval.images, self.eval.images <= 1000, "at most 1000")?;
+        check("checkpoint.keep", self.checkpoint.keep, self.checkpoint.keep >= 1, "at least 1")
+    }
+}
+
+/// `Ok` when `holds`, otherwise the sentence "`key` must be `expected`, found `found`".
+pub(crate) fn check(
+    key: &'static str,
+    found: impl ToString,
+    holds: bool,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError::Range { key, expected, found: found.to_string() }) }
+}
+
+pub(crate) fn positive(x: f64) -> bool {
+    x.is_finite() && x > 0.0
+}
+
+pub(crate) fn not_negative(x: f64) -> bool {
+    x.is_finite() && x >= 0.0
+}
+
+pub(crate) fn open_unit(x: f64) -> bool {
+    x > 0.0 && x < 1.0
+}
+
+fn read_with_base(path: &Path, depth: usize) -> Result<Table, ConfigError> {
+    if depth > MAX_BASES {
+        return Err(ConfigError::Circle { path: path.into() });
+    }
+    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+    let origin = path.display().to_string();
+    let mut table = parse(&text, &origin)?;
+    let base = table.remove("base");
+    check_keys(&table, &origin)?;
+    let mut merged = match base {
+        None => Table::new(),
+        Some(Value::String(name)) => read_with_base(&path.with_file_name(name), depth + 1)?,
+        Some(other) => {
+            let found = format!("`base` must be the name of a file beside this one, found {other}");
+            return Err(ConfigError::Type { origin, found });
+        }
+    };
+    merge(&mut merged, table);
+    Ok(merged)
+}
+
+fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
+    text.parse().map_err(|error: toml::de::Error| ConfigError::Syntax { origin: origin.into(), found: one_line(&error) })
+}
+
+/// `density.cap=5000` -> `{ density = { cap = 5000 } }`. What is not a TOML value is taken as a string, so that
+/// `density.strategy=mcmc` needs no quotes.
+fn parse_override(text: &str) -> Result<Table, ConfigError> {
+    let origin = format!("--set {text}");
+    let Some((key, raw)) = text.split_once('=') else {
+        return Err(ConfigError::Syntax { origin, found: "no `=`; write section.key=value".into() });
+    };
+    let raw = raw.trim();
+    let value = format!("value = {raw}")
+        .parse::<Table>()
+        .ok()
+        .and_then(|mut table| table.remove("value"))
+        .unwrap_or_else(|| Value::String(raw.into()));
+    let mut names = key.trim().split('.').rev();
+    let last = names.next().unwrap_or_default();
+    let mut table = Table::from_iter([(last.to_string(), value)]);
+    for name in names {
+        table = Table::from_iter([(name.to_string(), Value::Table(table))]);
+    }
+    check_keys(&table, &origin)?;
+    // The value must fit on its own, so that the error names this argument.
+    let probe: Result<Config, _> = Value::Table(table.clone()).try_into();
+    probe.map_err(|error: toml::de::Error| ConfigError::Type { origin, found: one_line(&error) })?;
+    Ok(table)
+}
+
+fn merge(into: &mut Table, from: Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(Value::Table(inner)), Value::Table(changes)) => merge(inner, changes),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+/// Every key of `table` must be one of the defaults' keys.
+fn check_keys(table: &Table, origin: &str) -> Result<(), ConfigError> {
+    let defaults = Table::try_from(Config::default()).expect("the defaults are a table");
+    let (mut valid, mut written) = (Vec::new(), Vec::new());
+    list_keys(&defaults, "", &mut valid);
+    list_keys(table, "", &mut written);
+    match written.into_iter().find(|key| !valid.contains(key)) {
+        None => Ok(()),
+        Some(key) => {
+            let nearest = nearest(&key, &valid).to_string();
+            Err(ConfigError::UnknownKey { origin: origin.into(), key, nearest })
+        }
+    }
+}
+
+/// All keys with their sections, sections included.
+fn list_keys(table: &Table, prefix: &str, keys: &mut Vec<String>) {
+    for (key, value) in table {
+        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+        if let Value::Table(inner) = value {
+            list_keys(inner, &path, keys);
+        }
+        keys.push(path);
+    }
+}
+
+/// The valid key most like `key`: by spelling as a whole, or by its last name in another section.
+fn nearest<'a>(key: &str, valid: &'a [String]) -> &'a str {
+    let last = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
+    let distance = |candidate: &&String| {
+        let whole = strsim::damerau_levenshtein(key, candidate);
+        let name = strsim::damerau_levenshtein(&last(key), &last(candidate)) + 1;
+        whole.min(name)
+    };
+    valid.iter().min_by_key(distance).map_or("", String::as_str)
+}
+
+fn one_line(error: &toml::de::Error) -> String {
+    error.to_string().lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn resolve(overrides: &[&str]) -> Result<Config, ConfigError> {
+        Config::resolve(None, &overrides.iter().map(|s| s.to_string()).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn overrides_change_one_value() {
+        let config = resolve(&["density.cap=123", "density.strategy=default", "loss.dssim = 0", "data.background=[1,1,1]"]);
+        let config = config.expect("valid");
+        assert_eq!((config.density.cap, config.loss.dssim, config.data.background), (123, 0.0, [1.0; 3]));
+        assert_eq!(config.steps, Config::default().steps);
+    }
+
+    #[test]
+    fn unknown_keys_name_the_nearest() {
+        let message = |text| resolve(&[text]).expect_err("unknown").to_string();
+        assert!(message("density.capp=1").contains("`density.cap`"), "{}", message("density.capp=1"));
+        assert!(message("cap=1").contains("`density.cap`"), "{}", message("cap=1"));
+        assert!(message("model.sh_degre=1").contains("`model.sh_degree`"));
+        assert!(message("stepz=1").contains("`steps`"));
+    }
+
+    #[test]
+    fn wrong_types_and_ranges_are_sentences() {
+        let message = |text| resolve(&[text]).expect_err("invalid").to_string();
+        assert!(message("steps=many").contains("steps"), "{}", message("steps=many"));
+        assert!(message("loss.dssim=1.5").contains("from 0 to 1, found 1.5"));
+        assert!(message("steps=0").contains("at least 1"));
+        assert!(message("steps").contains("no `=`"));
+        assert!(message("render.near=nan").contains("positive"));
+        assert!(!message("density.strategy=magic").contains('\n'));
+    }
+
+    #[test]
+    fn what_is_saved_reads_back_the_same() {
+        let config = resolve(&["seed=7", "eval.at=[1,2]", "data.holdout=names", "data.holdout_names=['a']"]).expect("valid");
+        assert_eq!(Config::from_toml(&config.to_toml(), "test").expect("reads back"), config);
+    }
+
+    #[test]
+    fn files_stack_on_their_base() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+        write("base.toml", "steps = 10\n[density]\ncap = 20\n");
+        write("scene.toml", "base = \"base.toml\"\n[density]\nevery = 30\n");
+        write("circle.toml", "base = \"circle.toml\"\n");
+        let config = Config::resolve(Some(&folder.path().join("scene.toml")), &[]).expect("valid");
+        assert_eq!((config.steps, config.density.cap, config.density.every), (10, 20, 30));
+        assert!(Config::read(&folder.path().join("circle.toml")).expect_err("circle").to_string().contains("circle"));
+        assert!(Config::read(&folder.path().join("none.toml")).expect_err("missing").to_string().contains("none.toml"));
+    }
+}

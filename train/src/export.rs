@@ -1,0 +1,149 @@
+//! Scenes in and out: PLY files, checkpoints, run folders.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use burn::tensor::{Device, Tensor};
+use glam::DVec3;
+use gs_burn::Gaussians;
+use gs_burn::ply;
+
+use crate::checkpoint::Checkpoint;
+use crate::experiment::Config;
+use crate::parameters::{Group, Parameters, indices};
+use crate::run_folder::RunFolder;
+
+/// A scene from a file, with what is known about it.
+#[derive(Debug, Clone)]
+pub struct LoadedScene {
+    /// The Gaussians, `origin` subtracted.
+    pub gaussians: Gaussians,
+    /// What was subtracted from every position of the data set's world; zero for a PLY file.
+    pub origin: DVec3,
+    /// The configuration of the run; `None` for a PLY file.
+    pub config: Option<Config>,
+    /// The data set of the run; `None` for a PLY file.
+    pub dataset: Option<PathBuf>,
+    /// Steps taken; `None` for a PLY file.
+    pub step: Option<usize>,
+}
+
+/// Reads a scene from a run folder (its newest checkpoint), a checkpoint (`.safetensors`) or a PLY file.
+///
+/// # Errors
+/// A sentence naming the file, what was expected and what was found.
+pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
+    if !path.exists() {
+        bail!("{}: expected a run folder, a checkpoint or a PLY file, found nothing", path.display());
+    }
+    if path.is_dir() {
+        let Some((_, newest)) = RunFolder::at(path).saved().pop() else {
+            bail!("{}: expected a run folder with a checkpoint, found none", path.display());
+        };
+        return load_checkpoint(&newest, device);
+    }
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("safetensors") => load_checkpoint(path, device),
+        Some("ply") => Ok(LoadedScene {
+            gaussians: ply::read_ply(path, device)?,
+            origin: DVec3::ZERO,
+            config: None,
+            dataset: None,
+            step: None,
+        }),
+        _ => bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply file", path.display()),
+    }
+}
+
+fn load_checkpoint(path: &Path, device: &Device) -> Result<LoadedScene> {
+    let checkpoint = Checkpoint::load(path, device)?;
+    Ok(LoadedScene {
+        gaussians: checkpoint.trainer.parameters.gaussians(),
+        origin: checkpoint.origin,
+        config: Some(checkpoint.config),
+        dataset: Some(checkpoint.dataset),
+        step: Some(checkpoint.trainer.step),
+    })
+}
+
+/// Writes Gaussians as PLY in the data set's own world: `origin` is added back.
+///
+/// # Errors
+/// When the file cannot be written; then nothing is left behind.
+pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
+    ply::write_ply(path, &translated(gaussians, origin)).with_context(|| format!("{}: cannot write the scene", path.display()))
+}
+
+/// The Gaussians moved by `offset`, scene units.
+pub fn translated(gaussians: &Gaussians, offset: DVec3) -> Gaussians {
+    if offset == DVec3::ZERO {
+        return gaussians.clone();
+    }
+    let means = gaussians.means.val().inner();
+    let offset = Tensor::<1>::from_floats(offset.as_vec3().to_array(), &means.device()).unsqueeze::<2>();
+    let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|p| p.val().inner());
+    let (opacities, sh) = (gaussians.opacity_logits.val().inner(), gaussians.sh.val().inner());
+    Gaussians::from_tensors(means + offset, quats, log_scales, opacities, sh)
+}
+
+/// The Gaussians with SH coefficients up to `degree` only.
+pub fn truncate_sh(gaussians: &Gaussians, degree: usize) -> Gaussians {
+    let mut parameters = Parameters::from_gaussians(gaussians);
+    let columns = Group::Sh.columns(degree.min(gaussians.sh_degree()));
+    let sh = parameters.get(Group::Sh).clone();
+    *parameters.get_mut(Group::Sh) = sh.narrow(1, 0, columns);
+    parameters.gaussians()
+}
+
+/// What [`without_floaters`] removes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloaterFilter {
+    /// Gaussians of lower opacity go.
+    pub min_opacity: f64,
+    /// Gaussians whose largest size is more than this many times the median largest size go.
+    pub max_size: f64,
+    /// Gaussians whose eighth-nearest neighbour is farther than this many times the median such distance go.
+    pub max_gap: f64,
+}
+
+impl Default for FloaterFilter {
+    fn default() -> Self {
+        Self { min_opacity: 0.02, max_size: 50.0, max_gap: 20.0 }
+    }
+}
+
+/// The Gaussians without nearly transparent, oversized and isolated ones.
+pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussians {
+    use crate::density::ops::Draft;
+    use kiddo::{ImmutableKdTree, SquaredEuclidean};
+    use rayon::prelude::*;
+
+    let parameters = Parameters::from_gaussians(gaussians);
+    let draft = Draft::read(&parameters);
+    let rows = draft.len();
+    if rows == 0 {
+        return gaussians.clone();
+    }
+    let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&draft.means);
+    let wanted = std::num::NonZero::new(9).expect("a positive constant");
+    let gaps: Vec<f64> = draft
+        .means
+        .par_iter()
+        .map(|mean| tree.nearest_n::<SquaredEuclidean>(mean, wanted).last().map_or(0.0, |n| f64::from(n.distance).sqrt()))
+        .collect();
+    let sizes: Vec<f64> = (0..rows).map(|row| draft.size(row)).collect();
+    let (largest, widest) = (filter.max_size * median(&sizes), filter.max_gap * median(&gaps));
+    let kept: Vec<u32> = (0..rows)
+        .filter(|row| draft.opacity(*row) >= filter.min_opacity && sizes[*row] <= largest && gaps[*row] <= widest)
+        .map(|row| row as u32)
+        .collect();
+    let kept = indices(&kept, &parameters.device());
+    let groups = Group::ALL.map(|group| parameters.get(group).clone().select(0, kept.clone()));
+    Parameters::new(groups).gaussians()
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[sorted.len() / 2]
+}

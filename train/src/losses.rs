@@ -1,0 +1,54 @@
+//! What is minimised: the photometric loss of 3DGS (Eq. 7), `(1 - dssim) L1 + dssim (1 - SSIM)`, plus the regularisers of
+//! 3DGS-MCMC (Eq. 10), the mean opacity and the mean size.
+
+use burn::tensor::Tensor;
+use gs_burn::Gaussians;
+use gs_burn::ops::ssim::photometric_loss;
+use serde::{Deserialize, Serialize};
+
+use crate::data::Photo;
+
+/// In which space colours are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorSpace {
+    /// As photos are stored; the Gaussians' colours are then sRGB too. What 3DGS does.
+    Srgb,
+}
+
+/// What is minimised.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LossConfig {
+    /// Share of the structural term, 0 to 1. More keeps texture, less keeps mean colour.
+    pub dssim: f64,
+    /// Weight of the mean opacity. It clears haze and floaters; too much thins out surfaces.
+    pub opacity_reg: f64,
+    /// Weight of the mean size, in scene extents. It keeps Gaussians from growing where no photo looks.
+    pub scale_reg: f64,
+    /// The space colours are compared in.
+    pub space: ColorSpace,
+}
+
+impl Default for LossConfig {
+    fn default() -> Self {
+        Self { dssim: 0.2, opacity_reg: 0.01, scale_reg: 0.01, space: ColorSpace::Srgb }
+    }
+}
+
+/// The loss of one rendered image `[H, W, 3]` against its photo, `[1]`; `extent` in scene units.
+pub fn loss(color: Tensor<3>, photo: &Photo, gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
+    let photometric = match &photo.mask {
+        None => photometric_loss(color, photo.image.clone(), config.dssim),
+        // Ignored pixels are black in both images, so neither term sees a difference there.
+        Some(mask) => photometric_loss(color * mask.clone(), photo.image.clone() * mask.clone(), config.dssim),
+    };
+    let mut total = photometric;
+    if config.opacity_reg > 0.0 && !gaussians.is_empty() {
+        total = total + gaussians.opacities().mean() * config.opacity_reg;
+    }
+    if config.scale_reg > 0.0 && !gaussians.is_empty() {
+        total = total + gaussians.scales().mean() * (config.scale_reg / extent);
+    }
+    total
+}

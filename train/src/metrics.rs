@@ -1,0 +1,101 @@
+//! Image quality: PSNR and SSIM by our own arithmetic, MS-SSIM and LPIPS by burn-train.
+//!
+//! Images are `[H, W, 3]` from 0 to 1 and are clamped to it first, as 3DGS does. SSIM is the 11x11 Gaussian-window SSIM with
+//! zero padding of 3DGS; MS-SSIM has the five scales of Wang et al. 2003.
+
+use std::path::PathBuf;
+
+use burn::tensor::{Device, Tensor};
+use burn_train::metric::vision::{Lpips, LpipsConfig, LpipsNet, MsSsimInput, MsSsimMetric, MsSsimMetricConfig};
+use burn::data::dataloader::Progress;
+use burn_train::metric::{Metric, MetricMetadata, Numeric};
+use gs_burn::ops::ssim::l1_ssim;
+
+/// Peak signal-to-noise ratio in dB, peak 1; 100 for equal images.
+pub fn psnr(image: Tensor<3>, truth: Tensor<3>) -> f64 {
+    let difference = image - truth;
+    let mse: f32 = (difference.clone() * difference).mean().into_scalar();
+    psnr_of_mse(f64::from(mse))
+}
+
+/// PSNR over the pixels whose mask `[H, W, 1]` is 1.
+pub fn psnr_masked(image: Tensor<3>, truth: Tensor<3>, mask: Tensor<3>) -> f64 {
+    let difference = (image - truth) * mask.clone();
+    let squares: f32 = (difference.clone() * difference).sum().into_scalar();
+    let pixels: f32 = mask.sum().into_scalar();
+    psnr_of_mse(f64::from(squares) / (3.0 * f64::from(pixels).max(1.0)))
+}
+
+/// PSNR in dB of a mean squared error; at most 100, which equal images get.
+pub fn psnr_of_mse(mse: f64) -> f64 {
+    -10.0 * mse.max(1e-10).log10()
+}
+
+/// Mean structural similarity, -1 to 1.
+pub fn ssim(image: Tensor<3>, truth: Tensor<3>) -> f64 {
+    let both = l1_ssim(image, truth);
+    f64::from(both.slice([1..2]).into_scalar::<f32>())
+}
+
+/// Multi-scale SSIM, 0 to 1; `None` when an image side is under 176 pixels, where the fifth scale is smaller than the
+/// window.
+pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>) -> Option<f64> {
+    let [height, width, _] = image.dims();
+    if height.min(width) < 176 {
+        return None;
+    }
+    let mut metric = MsSsimMetric::new(MsSsimMetricConfig::new(1.0), &image.device());
+    let one = Progress { items_processed: 1, items_total: 1, unit: None };
+    let metadata = MetricMetadata { progress: one, iteration: None, lr: None };
+    metric.update(&MsSsimInput::new(batch(image), batch(truth)), &metadata).ok()?;
+    metric.value().map(|value| value.current())
+}
+
+/// LPIPS with pretrained weights, where Burn's cache has them; they are never downloaded by us.
+#[derive(Debug)]
+pub struct Perceptual {
+    network: Lpips,
+    /// "vgg", "alex" or "squeeze".
+    pub name: &'static str,
+}
+
+impl Perceptual {
+    /// The first of VGG (what 3DGS reports), AlexNet and SqueezeNet whose weights are in the cache.
+    ///
+    /// # Errors
+    /// Why there is none, as a sentence that names the folder.
+    pub fn from_cache(device: &Device) -> Result<Self, String> {
+        let folder = cache_folder().ok_or("no LPIPS: this system has no cache folder")?;
+        let choices = [(LpipsNet::Vgg, "vgg"), (LpipsNet::Alex, "alex"), (LpipsNet::Squeeze, "squeeze")];
+        let cached = |name: &str| {
+            ["backbone", "lpips"].iter().all(|part| folder.join(format!("{name}_{part}.pth")).is_file())
+        };
+        match choices.into_iter().find(|(_, name)| cached(name)) {
+            Some((net, name)) => {
+                let network = LpipsConfig::new().with_net(net).init_pretrained(device);
+                Ok(Self { network, name })
+            }
+            None => Err(format!(
+                "no LPIPS: its weights are not in Burn's cache, {} (vgg_backbone.pth and vgg_lpips.pth, or alex_*, squeeze_*)",
+                folder.display()
+            )),
+        }
+    }
+
+    /// LPIPS distance of images `[H, W, 3]` from 0 to 1; 0 for equal images.
+    pub fn distance(&self, image: Tensor<3>, truth: Tensor<3>) -> f64 {
+        // burn-train maps 0..1 to the -1..1 the network was trained on.
+        let distance = self.network.forward_no_reduction(batch(image), batch(truth));
+        f64::from(distance.mean().into_scalar::<f32>())
+    }
+}
+
+/// Where burn-train keeps the weights of LPIPS.
+fn cache_folder() -> Option<PathBuf> {
+    Some(dirs::cache_dir()?.join("burn-dataset").join("lpips"))
+}
+
+/// `[H, W, 3]` -> `[1, 3, H, W]`.
+fn batch(image: Tensor<3>) -> Tensor<4> {
+    image.permute([2, 0, 1]).unsqueeze()
+}

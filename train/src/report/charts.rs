@@ -1,0 +1,191 @@
+//! Line and scatter charts as SVG text.
+
+use plotters::prelude::*;
+
+/// Size of a chart, pixels.
+pub(crate) const SIZE: (u32, u32) = (640, 300);
+
+/// Colours that stay apart for colour-blind readers (Okabe and Ito 2008).
+const COLORS: [RGBColor; 5] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+];
+
+/// Weight of the newest value in [`smoothed`].
+const SMOOTHING: f64 = 0.1;
+
+/// A set of points that belong together.
+#[derive(Debug, Clone)]
+pub struct Series {
+    name: String,
+    points: Vec<(f64, f64)>,
+    style: Style,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Style {
+    Line,
+    Dots,
+    LineAndDots,
+    Front,
+}
+
+impl Series {
+    /// Points joined by a line.
+    pub fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Line }
+    }
+
+    /// Points as dots.
+    pub fn dots(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Dots }
+    }
+
+    /// Points as dots joined by a line.
+    pub fn line_and_dots(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::LineAndDots }
+    }
+
+    /// Points ringed in black and joined by a thin black line.
+    pub fn front(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Front }
+    }
+}
+
+/// A chart of one or more series.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// What it shows.
+    pub title: String,
+    /// Label and unit along x.
+    pub x: String,
+    /// Label and unit along y.
+    pub y: String,
+    /// The series.
+    pub series: Vec<Series>,
+}
+
+impl Chart {
+    /// The chart as SVG. Points that are not finite are left out; without any, the chart says so.
+    pub fn svg(&self) -> String {
+        let mut svg = String::new();
+        self.draw(SVGBackend::with_string(&mut svg, SIZE)).expect("drawing into a string does not fail");
+        svg
+    }
+
+    fn draw(&self, backend: SVGBackend) -> Result<(), Box<dyn std::error::Error>> {
+        let root = backend.into_drawing_area();
+        root.fill(&WHITE)?;
+        let points = self.series.iter().flat_map(|series| finite(&series.points));
+        let Some((x_range, y_range)) = ranges(points) else {
+            root.draw(&Text::new(format!("{}: no data", self.title), (20, 20), ("sans-serif", 16)))?;
+            return Ok(root.present()?);
+        };
+        let mut chart = ChartBuilder::on(&root)
+            .caption(&self.title, ("sans-serif", 17))
+            .margin(10)
+            .x_label_area_size(38)
+            .y_label_area_size(64)
+            .build_cartesian_2d(x_range, y_range)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(225, 225, 225))
+            .axis_style(RGBColor(120, 120, 120))
+            .x_desc(&self.x)
+            .y_desc(&self.y)
+            .x_label_formatter(&|v| number(*v))
+            .y_label_formatter(&|v| number(*v))
+            .label_style(("sans-serif", 12))
+            .draw()?;
+        for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
+            let points = finite(&series.points);
+            if series.style == Style::Front {
+                let drawn = chart.draw_series(LineSeries::new(points.clone(), BLACK.stroke_width(1)))?;
+                drawn.label(&series.name).legend(|(x, y)| Circle::new((x + 9, y), 6, BLACK.stroke_width(1)));
+                chart.draw_series(points.iter().map(|point| Circle::new(*point, 7, BLACK.stroke_width(1))))?;
+                continue;
+            }
+            let color = *color;
+            if series.style != Style::Dots {
+                let drawn = chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
+                drawn.label(&series.name).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+            }
+            if series.style != Style::Line {
+                let dots = points.iter().map(|point| Circle::new(*point, 4, color.filled()));
+                let drawn = chart.draw_series(dots)?;
+                if series.style == Style::Dots {
+                    drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), 4, color.filled()));
+                }
+            }
+        }
+        if self.series.len() > 1 {
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::LowerRight)
+                .background_style(WHITE.mix(0.85))
+                .border_style(RGBColor(200, 200, 200))
+                .label_font(("sans-serif", 12))
+                .draw()?;
+        }
+        Ok(root.present()?)
+    }
+}
+
+/// A running mean, so that the trend shows behind the difference from photo to photo.
+pub fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut mean = None;
+    finite(points)
+        .into_iter()
+        .map(|(x, y)| {
+            let next = mean.map_or(y, |mean: f64| mean + SMOOTHING * (y - mean));
+            mean = Some(next);
+            (x, next)
+        })
+        .collect()
+}
+
+fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+}
+
+/// The smallest box around the points with some air; `None` without points.
+fn ranges(points: impl Iterator<Item = (f64, f64)>) -> Option<(std::ops::Range<f64>, std::ops::Range<f64>)> {
+    let start = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+    let [x0, x1, y0, y1] = points.fold(start, |[x0, x1, y0, y1], (x, y)| [x0.min(x), x1.max(x), y0.min(y), y1.max(y)]);
+    let with_air = |low: f64, high: f64| {
+        let air = if high > low { 0.05 * (high - low) } else { 0.05 * high.abs().max(1.0) };
+        low - air..high + air
+    };
+    (x0 <= x1).then(|| (with_air(x0, x1), with_air(y0, y1)))
+}
+
+/// A number with as few characters as it needs.
+fn number(value: f64) -> String {
+    match value.abs() {
+        0.0..1e-9 => "0".into(),
+        1e-9..0.1 => format!("{value:.3}"),
+        0.1..10.0 => format!("{value:.2}"),
+        10.0..1000.0 => format!("{value:.0}"),
+        1000.0..1e6 => format!("{:.1}k", value / 1e3),
+        _ => format!("{:.1}M", value / 1e6),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn charts_are_svg_with_or_without_points() {
+        let chart = |series| Chart { title: "Quality".into(), x: "step".into(), y: "dB".into(), series };
+        let points = vec![(0.0, 1.0), (1.0, f64::NAN), (2.0, 3.0)];
+        let svg = chart(vec![Series::line("a", points.clone()), Series::line_and_dots("b", points)]).svg();
+        assert!(svg.starts_with("<svg") && svg.contains("polyline") && svg.contains("Quality"));
+        assert!(chart(Vec::new()).svg().contains("no data"));
+        assert!(chart(vec![Series::dots("one", vec![(5.0, 5.0)])]).svg().contains("circle"));
+    }
+}

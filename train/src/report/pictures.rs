@@ -1,0 +1,83 @@
+//! Side-by-side pictures: photo, rendering, error.
+
+use burn::tensor::Tensor;
+
+use crate::evaluate::Comparison;
+use crate::parameters::to_host;
+
+/// Mean absolute error of a pixel that is drawn in the brightest colour.
+pub const ERROR_FULL_SCALE: f32 = 0.25;
+
+/// Pixels between the panels.
+const GAP: usize = 4;
+
+/// The error's colours from none to full scale: black, violet, red, orange, pale yellow; brightness rises evenly, so that it
+/// also reads in grey.
+const HEAT: [[f32; 3]; 5] = [[0., 0., 4.], [87., 16., 110.], [188., 55., 84.], [249., 142., 9.], [252., 255., 164.]];
+
+/// A picture of three panels of equal size, 8 bits RGB.
+#[derive(Debug, Clone)]
+pub struct SideBySide {
+    /// The view's name.
+    pub name: String,
+    /// PSNR of the rendering, dB.
+    pub psnr: f64,
+    /// Width of the whole picture, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// `[height, width, 3]`.
+    pub pixels: Vec<u8>,
+}
+
+impl SideBySide {
+    /// Photo, rendering and error from left to right.
+    pub fn new(comparison: &Comparison) -> Self {
+        let [height, panel, _] = comparison.truth.dims();
+        let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));
+        let heat: Vec<u8> = truth.chunks_exact(3).zip(image.chunks_exact(3)).flat_map(|(a, b)| heat_of(a, b)).collect();
+        let panels = [to_bytes(&truth), to_bytes(&image), heat];
+        let width = 3 * panel + 2 * GAP;
+        let mut pixels = vec![255u8; 3 * width * height];
+        for (index, bytes) in panels.iter().enumerate() {
+            for (row, line) in bytes.chunks_exact(3 * panel).enumerate() {
+                let start = 3 * (row * width + index * (panel + GAP));
+                pixels[start..start + 3 * panel].copy_from_slice(line);
+            }
+        }
+        Self { name: comparison.name.clone(), psnr: comparison.psnr, width, height, pixels }
+    }
+}
+
+/// An image `[H, W, C]` from 0 to 1 as 8 bits, rounded to nearest.
+pub fn image_bytes(image: Tensor<3>) -> Vec<u8> {
+    to_bytes(&to_host(image))
+}
+
+fn to_bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
+}
+
+fn heat_of(truth: &[f32], image: &[f32]) -> [u8; 3] {
+    let error = truth.iter().zip(image).map(|(a, b)| (a - b).abs()).sum::<f32>() / 3.0;
+    let place = (error / ERROR_FULL_SCALE).clamp(0.0, 1.0) * (HEAT.len() - 1) as f32;
+    let low = (place as usize).min(HEAT.len() - 2);
+    let share = place - low as f32;
+    [0, 1, 2].map(|c| (HEAT[low][c] + share * (HEAT[low + 1][c] - HEAT[low][c]) + 0.5) as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heat_goes_from_dark_to_light() {
+        assert_eq!(heat_of(&[0.5; 3], &[0.5; 3]), [0, 0, 4]);
+        assert_eq!(heat_of(&[0.0; 3], &[1.0; 3]), [252, 255, 164]);
+    }
+
+    #[test]
+    fn bytes_round_to_nearest() {
+        assert_eq!(to_bytes(&[-1.0, 0.0, 0.5, 1.0, 2.0, 1.0 / 255.0]), [0, 0, 128, 255, 255, 1]);
+    }
+}

@@ -1,0 +1,296 @@
+//! The whole run: load, begin or resume, step until done while observers watch, measure, save, report.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use burn::tensor::Device;
+use gs_datasets::Scene;
+use gs_models::Static;
+
+use crate::checkpoint::Checkpoint;
+use crate::data::{Photos, Sampler};
+use crate::evaluate::{Comparison, Evaluation, Evaluator};
+use crate::experiment::Config;
+use crate::export::write_ply;
+use crate::interrupt;
+use crate::memory::{Prediction, megabytes};
+use crate::metrics::psnr;
+use crate::progress::Progress;
+use crate::report;
+use crate::resources::{cpu_seconds, peak_memory};
+use crate::run_folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, TrainLine};
+use crate::schedule::due;
+use crate::step::{StepReport, Trainer};
+
+/// Steps from one line of metrics to the next.
+const METRICS_EVERY: usize = 10;
+
+/// What to run, and where.
+#[derive(Debug, Clone)]
+pub struct RunRequest {
+    /// The data set.
+    pub dataset: PathBuf,
+    /// The resolved configuration.
+    pub config: Config,
+    /// Where the run's files go.
+    pub folder: RunFolder,
+    /// Where it computes (without autodiff).
+    pub device: Device,
+    /// The device in words, for the report.
+    pub device_name: String,
+    /// Continue from the newest checkpoint in `folder`.
+    pub resume: bool,
+    /// Save and leave after this many steps, as Ctrl-C would.
+    pub stop_at: Option<usize>,
+    /// Show nothing on the terminal.
+    pub quiet: bool,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// All steps were taken.
+    Finished(Box<EvalFile>),
+    /// It was asked to stop, and saved its state after this step.
+    Interrupted(usize),
+}
+
+/// Runs what is asked for.
+///
+/// # Errors
+/// One sentence: bad data, a damaged checkpoint, a full disk.
+pub fn run(request: &RunRequest) -> Result<Ending> {
+    let config = &request.config;
+    let scene = config.data.load(&request.dataset)?;
+    let prediction = Prediction::new(&scene, config);
+    let mut run = Run::begin(request, &scene, prediction)?;
+    let mut photos = Photos::new(&scene.train, &request.device, config.data.cache_mb << 20);
+    let mut sampler = Sampler::new(config.seed, scene.train.len());
+    run.introduce(&scene);
+
+    while run.trainer.step < config.steps {
+        if interrupt::asked() || request.stop_at == Some(run.trainer.step) {
+            return run.leave();
+        }
+        let started = (Instant::now(), cpu_seconds());
+        let photo = photos.get(sampler.pick(run.trainer.step + 1));
+        let report = run.trainer.step(&photo, config);
+        run.clock.add(started);
+
+        run.observe(&report, &photo.image)?;
+        if config.eval.at.contains(&run.trainer.step) && run.trainer.step < config.steps {
+            run.measure(&scene, 0)?;
+        }
+        if due(run.trainer.step, config.checkpoint.every) && run.trainer.step < config.steps {
+            run.save()?;
+        }
+    }
+    drop(photos);
+    run.finish(&scene)
+}
+
+/// Training time so far, what observers do left out.
+#[derive(Debug, Clone, Copy, Default)]
+struct Clock {
+    seconds: f64,
+    cpu_seconds: Option<f64>,
+}
+
+impl Clock {
+    fn add(&mut self, (begun, cpu_begun): (Instant, Option<f64>)) {
+        self.seconds += begun.elapsed().as_secs_f64();
+        self.cpu_seconds = self.cpu_seconds.zip(cpu_seconds().zip(cpu_begun)).map(|(sum, (now, begun))| sum + now - begun);
+    }
+}
+
+/// A run under way: the state, and what watches it.
+struct Run<'a> {
+    request: &'a RunRequest,
+    trainer: Trainer,
+    origin: glam::DVec3,
+    prediction: Prediction,
+    metrics: MetricsFile,
+    history: Vec<MetricsLine>,
+    evaluator: Evaluator,
+    progress: Progress,
+    clock: Clock,
+    begun: Instant,
+}
+
+impl<'a> Run<'a> {
+    fn begin(request: &'a RunRequest, scene: &Scene, prediction: Prediction) -> Result<Self> {
+        let folder = &request.folder;
+        let saved = if request.resume { folder.saved().pop() } else { None };
+        let trainer = match saved {
+            Some((_, path)) => {
+                let checkpoint = Checkpoint::load(&path, &request.device)?;
+                if checkpoint.config != request.config {
+                    bail!("{}: expected the configuration of {}, found another one", path.display(), folder.config().display());
+                }
+                checkpoint.trainer
+            }
+            None => Trainer::begin(scene, &request.config, &request.device),
+        };
+        folder.make()?;
+        folder.prune_checkpoints(request.config.checkpoint.keep);
+        folder.write_config(&request.config, &request.dataset)?;
+        let history = if request.resume { folder.read_metrics(trainer.step)? } else { Vec::new() };
+        let progress = Progress::new(trainer.step, request.config.steps, request.quiet);
+        Ok(Self {
+            metrics: folder.open_metrics(&history)?,
+            clock: last_clock(&history),
+            history,
+            evaluator: Evaluator::new(&request.config.eval, &request.device),
+            origin: scene.origin,
+            begun: Instant::now(),
+            request,
+            trainer,
+            prediction,
+            progress,
+        })
+    }
+
+    /// Says what is about to happen.
+    fn introduce(&self, scene: &Scene) {
+        let config = &self.request.config;
+        let size = scene.train.first().map_or((0, 0), |view| (view.width, view.height));
+        self.progress.say(&format!(
+            "{} ({}): {} training and {} held-out views of {} x {} pixels, {} Gaussians to begin with, at most {}",
+            self.request.dataset.display(),
+            scene.format,
+            scene.train.len(),
+            scene.test.len(),
+            size.0,
+            size.1,
+            self.trainer.parameters.len(),
+            config.density.cap
+        ));
+        self.progress.say(&format!(
+            "device {}; run folder {}; memory expected: {}",
+            self.request.device_name,
+            self.request.folder.path().display(),
+            self.prediction
+        ));
+        for warning in &scene.warnings {
+            self.progress.say(&format!("warning: {warning}"));
+        }
+        if self.trainer.step > 0 {
+            self.progress.say(&format!("resuming after step {}", self.trainer.step));
+        }
+    }
+
+    /// Bar and metrics after a step.
+    fn observe(&mut self, report: &StepReport, truth: &burn::tensor::Tensor<3>) -> Result<()> {
+        let step = self.trainer.step;
+        let last = step == self.request.config.steps;
+        let checkpoint = due(step, self.request.config.checkpoint.every);
+        // A line at every checkpoint, because the clock of a resumed run continues from the last line.
+        let noted = due(step, METRICS_EVERY) || checkpoint || last || report.skipped;
+        let psnr = (noted && !report.skipped).then(|| psnr(report.color.clone(), truth.clone()));
+        self.progress.step(step, report.loss, psnr, self.trainer.parameters.len());
+        if noted {
+            self.note(MetricsLine::Train(TrainLine {
+                step,
+                loss: report.loss.is_finite().then_some(report.loss),
+                psnr,
+                gaussians: self.trainer.parameters.len(),
+                sh_degree: self.trainer.parameters.sh_degree(),
+                intersections: report.intersections,
+                skipped: self.trainer.skipped,
+                seconds: self.clock.seconds,
+                cpu_seconds: self.clock.cpu_seconds,
+            }))?;
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, line: MetricsLine) -> Result<()> {
+        self.metrics.append(&line)?;
+        self.history.push(line);
+        Ok(())
+    }
+
+    /// Renders and measures the held-out views (or the training views where there are none) and writes the figures.
+    fn measure(&mut self, scene: &Scene, kept: usize) -> Result<(EvalFile, Vec<Comparison>)> {
+        let (views, split) = if scene.test.is_empty() { (&scene.train, "train") } else { (&scene.test, "test") };
+        let mut photos = Photos::new(views, &self.request.device, 0);
+        let model = Static::new(self.trainer.parameters.gaussians());
+        let (measured, comparisons) = self.evaluator.evaluate(&model, &mut photos, &self.request.config, kept);
+        let evaluation = Evaluation {
+            step: self.trainer.step,
+            split: split.into(),
+            seconds: self.clock.seconds,
+            cpu_seconds: self.clock.cpu_seconds,
+            peak_memory_bytes: peak_memory(),
+            ..measured
+        };
+        self.progress.say(&evaluation.line());
+        self.note(MetricsLine::Eval(Box::new(evaluation.clone())))?;
+        let file = self.eval_file(evaluation);
+        self.request.folder.write_eval(&file)?;
+        Ok((file, comparisons))
+    }
+
+    fn eval_file(&self, last: Evaluation) -> EvalFile {
+        let evaluations = self.history.iter().filter_map(|line| match line {
+            MetricsLine::Eval(evaluation) => Some(Evaluation { views: Vec::new(), ..(**evaluation).clone() }),
+            MetricsLine::Train(_) => None,
+        });
+        EvalFile {
+            name: self.request.folder.name(),
+            dataset: self.request.dataset.display().to_string(),
+            device: self.request.device_name.clone(),
+            steps: self.request.config.steps,
+            cap: self.request.config.density.cap,
+            skipped_steps: self.trainer.skipped,
+            predicted_memory_bytes: self.prediction.total(),
+            total_seconds: self.begun.elapsed().as_secs_f64(),
+            last,
+            evaluations: evaluations.collect(),
+        }
+    }
+
+    fn save(&self) -> Result<()> {
+        let folder = &self.request.folder;
+        let checkpoint = Checkpoint {
+            trainer: self.trainer.clone(),
+            config: self.request.config.clone(),
+            dataset: self.request.dataset.clone(),
+            origin: self.origin,
+        };
+        checkpoint.save(&folder.checkpoint(self.trainer.step))?;
+        folder.prune_checkpoints(self.request.config.checkpoint.keep);
+        tracing::info!(step = self.trainer.step, "checkpoint saved");
+        Ok(())
+    }
+
+    fn leave(self) -> Result<Ending> {
+        self.save()?;
+        self.progress.finish();
+        Ok(Ending::Interrupted(self.trainer.step))
+    }
+
+    fn finish(mut self, scene: &Scene) -> Result<Ending> {
+        let folder = &self.request.folder;
+        self.save()?;
+        write_ply(&folder.ply(), &self.trainer.parameters.gaussians(), self.origin)
+            .with_context(|| "the finished scene could not be exported")?;
+        let (file, comparisons) = self.measure(scene, self.request.config.eval.images)?;
+        self.progress.finish();
+        report::write(folder, &file, &self.history, &comparisons, &self.request.config)?;
+        if let Some(peak) = file.last.peak_memory_bytes {
+            tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(self.prediction.total()));
+        }
+        Ok(Ending::Finished(Box::new(file)))
+    }
+}
+
+/// The clock at the last line of metrics.
+fn last_clock(history: &[MetricsLine]) -> Clock {
+    let last = history.iter().rev().find_map(|line| match line {
+        MetricsLine::Train(line) => Some(Clock { seconds: line.seconds, cpu_seconds: line.cpu_seconds }),
+        MetricsLine::Eval(_) => None,
+    });
+    last.unwrap_or(Clock { seconds: 0.0, cpu_seconds: cpu_seconds().map(|_| 0.0) })
+}

@@ -1,0 +1,45 @@
+//! What changes with the step: learning rate decay, SH degree, and what is due when. Steps count from 1.
+
+/// Exponential interpolation from `start` (step 1) to `end` (step `steps`): the position rate of 3DGS.
+pub fn exponential(start: f64, end: f64, step: usize, steps: usize) -> f64 {
+    let progress = (step - 1) as f64 / (steps.max(2) - 1) as f64;
+    start * (end / start).powf(progress.min(1.0))
+}
+
+/// The active SH degree: one more every `interval` steps, from 0 up to `max`. A run too short to reach `max` that way
+/// spends an equal share of its steps at each degree.
+pub fn sh_degree(step: usize, interval: usize, max: usize, steps: usize) -> usize {
+    let interval = interval.min(steps / (max + 1)).max(1);
+    ((step - 1) / interval).min(max)
+}
+
+/// Whether something that happens every `every` steps (0: never) happens after `step`.
+pub fn due(step: usize, every: usize) -> bool {
+    every > 0 && step.is_multiple_of(every)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponential_meets_both_ends() {
+        assert_eq!(exponential(1e-2, 1e-4, 1, 100), 1e-2);
+        assert!((exponential(1e-2, 1e-4, 100, 100) - 1e-4).abs() < 1e-12);
+        assert!((exponential(1e-2, 1e-4, 51, 101) - 1e-3).abs() < 1e-12);
+        assert_eq!(exponential(1e-2, 1e-4, 1, 1), 1e-2);
+    }
+
+    #[test]
+    fn sh_degree_rises_by_one() {
+        let degrees: Vec<usize> = [1, 1000, 1001, 2001, 3001, 9000].map(|s| sh_degree(s, 1000, 3, 30_000)).into();
+        assert_eq!(degrees, [0, 0, 1, 2, 3, 3]);
+        assert_eq!(sh_degree(100, 1000, 3, 100), 3, "a short run still ends at the full degree");
+        assert_eq!(sh_degree(1, 1, 0, 1), 0);
+    }
+
+    #[test]
+    fn due_is_after_every_nth() {
+        assert!(due(100, 100) && !due(101, 100) && !due(100, 0));
+    }
+}

@@ -1,0 +1,138 @@
+//! The program itself: commands work end to end, and bad input ends with one sentence and a non-zero exit.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn gsburn(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gsburn")).args(args).current_dir(folder).output().expect("the program starts")
+}
+
+fn succeeds(folder: &Path, args: &[&str]) -> String {
+    let output = gsburn(folder, args);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {errors}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Runs what must fail and returns its one line on stderr.
+fn fails(folder: &Path, args: &[&str]) -> String {
+    let output = gsburn(folder, args);
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{args:?}: {errors}");
+    let sentences: Vec<&str> = errors.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(sentences.len(), 1, "{args:?}: {errors}");
+    assert!(!errors.contains("panicked"), "{args:?}: {errors}");
+    sentences[0].to_string()
+}
+
+const QUICK: [&str; 10] = [
+    "--steps", "12", "--quiet", "--set", "eval.ms_ssim=false", "--set", "eval.images=1", "--set", "density.start=2", "--cap=160",
+];
+
+#[test]
+fn a_scene_goes_from_photos_to_frames() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    assert!(succeeds(folder, &["check", "scene"]).contains("5"));
+    let train: Vec<&str> = ["train", "scene", "--out", "run"].into_iter().chain(QUICK).collect();
+    assert!(succeeds(folder, &train).contains("report.html"));
+    for file in ["config.toml", "metrics.jsonl", "eval.json", "scene.ply", "report.html", "plots/psnr.svg"] {
+        assert!(folder.join("run").join(file).is_file(), "{file}");
+    }
+    let eval: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
+    assert!(eval["psnr"].as_f64().expect("a number") > 5.0);
+    assert!(eval["lpips"].is_number() || eval["lpips_reason"].is_string(), "LPIPS or a reason");
+    assert_eq!(eval["step"], 12);
+    let page = fs::read_to_string(folder.join("run/report.html")).expect("read");
+    assert!(page.contains("data:image/png;base64,") && !page.contains("http://") || page.contains("w3.org"));
+
+    assert!(succeeds(folder, &["eval", "run", "--renders", "shown"]).contains("mean"));
+    assert!(succeeds(folder, &["eval", "run/scene.ply", "--data", "scene"]).contains("mean"));
+    assert!(succeeds(folder, &["info", "run"]).contains("SH degree    3"));
+    assert!(succeeds(folder, &["info"]).contains("flex"));
+    succeeds(folder, &["export", "run", "--out", "out.ply", "--no-floaters", "--sh-degree", "1"]);
+    assert!(succeeds(folder, &["info", "out.ply"]).contains("SH degree    1"));
+
+    let cameras = "scene/transforms_test.json";
+    succeeds(folder, &["render", "run", "--cameras", cameras, "--out", "png"]);
+    succeeds(folder, &["render", "out.ply", "--cameras", cameras, "--out", "exr", "--format", "exr", "--background", "white"]);
+    for file in ["png/test/r_000.png", "png/test/r_000_depth.png", "png/test/r_000_alpha.png", "exr/test/r_001.exr"] {
+        assert!(folder.join(file).is_file(), "{file}");
+    }
+    succeeds(folder, &["chart", "run", "--out", "chart.svg"]);
+    assert!(fs::read_to_string(folder.join("chart.md")).expect("read").contains("| run | 160 | 12 |"));
+}
+
+#[test]
+fn a_killed_run_continues() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    let mut running = Command::new(env!("CARGO_BIN_EXE_gsburn"))
+        .args(["train", "scene", "--out", "run", "--quiet", "--steps", "100000", "--set", "checkpoint.every=5"])
+        .current_dir(folder)
+        .spawn()
+        .expect("the program starts");
+    let saved = || gs_train::run_folder::RunFolder::at(folder.join("run")).saved();
+    while saved().is_empty() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert!(running.try_wait().expect("a process").is_none(), "it runs until it is killed");
+    }
+    running.kill().expect("killed");
+    running.wait().expect("ended");
+    assert!(!saved().is_empty(), "the last checkpoint is whole");
+
+    let config = fs::read_to_string(folder.join("run/config.toml")).expect("read");
+    fs::write(folder.join("run/config.toml"), config.replace("steps = 100000", "steps = 99999")).expect("written");
+    let error = fails(folder, &["train", "--resume", "--out", "run", "--quiet"]);
+    assert!(error.contains("expected the configuration of"), "{error}");
+}
+
+#[test]
+fn bad_input_is_one_sentence() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    fs::write(folder.join("garbage.ply"), "not a ply").expect("written");
+    fs::write(folder.join("garbage.safetensors"), "not a checkpoint").expect("written");
+    fs::write(folder.join("bad.toml"), "steps = = 3").expect("written");
+    fs::write(folder.join("wrong.toml"), "[density]\ncapp = 3").expect("written");
+    fs::create_dir(folder.join("empty")).expect("made");
+    fs::create_dir(folder.join("full")).expect("made");
+    fs::write(folder.join("full/config.toml"), "").expect("written");
+
+    let absent = if cfg!(feature = "cuda") { "metal" } else { "cuda" };
+    let table: [(&[&str], &[&str]); 19] = [
+        (&["train", "nowhere"], &["nowhere", "found nothing"]),
+        (&["train", "empty"], &["empty", "expected"]),
+        (&["train", "scene", "--out", "full"], &["full", "already holds a run"]),
+        (&["train", "scene", "--set", "density.capp=1"], &["density.capp", "density.cap"]),
+        (&["train", "scene", "--config", "wrong.toml"], &["wrong.toml", "density.cap"]),
+        (&["train", "scene", "--config", "bad.toml"], &["bad.toml", "TOML"]),
+        (&["train", "scene", "--config", "none.toml"], &["none.toml", "cannot read"]),
+        (&["train", "scene", "--set", "steps=-1"], &["steps"]),
+        (&["train", "scene", "--set", "loss.dssim=2"], &["loss.dssim", "from 0 to 1", "2"]),
+        (&["train", "scene", "--device", absent], &[absent, "--features"]),
+        (&["train", "scene", "--device", "abacus"], &["abacus", "expected"]),
+        (&["train", "--resume"], &["--out"]),
+        (&["train", "--resume", "--out", "empty"], &["empty", "run folder"]),
+        (&["eval", "garbage.ply", "--data", "scene"], &["garbage.ply"]),
+        (&["eval", "garbage.safetensors"], &["garbage.safetensors", "expected a gsburn checkpoint"]),
+        (&["render", "empty", "--cameras", "scene/transforms_test.json", "--out", "x"], &["empty", "checkpoint"]),
+        (&["export", "none.ply", "--out", "x.ply"], &["none.ply", "found nothing"]),
+        (&["export", "garbage.ply", "--out", "x.txt"], &["x.txt", ".ply"]),
+        (&["chart", "empty"], &["eval.json", "cannot read"]),
+    ];
+    for (args, expected) in table {
+        let error = fails(folder, args);
+        assert!(expected.iter().all(|part| error.contains(part)), "{args:?}: {error}");
+    }
+    assert_eq!(fs::read_dir(folder.join("empty")).expect("read").count(), 0, "nothing is left half-written");
+    assert!(!folder.join("runs").exists(), "no run folder is made for a run that cannot start");
+    assert!(!folder.join("x").exists() && !folder.join("x.ply").exists());
+}

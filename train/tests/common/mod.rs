@@ -1,0 +1,57 @@
+//! A tiny synthetic scene on disk and runs on it.
+// Each test file uses its own share of these helpers.
+#![allow(dead_code)]
+
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Device;
+use gs_datasets::synthetic::{DemoOptions, demo_scene};
+use gs_train::experiment::Config;
+use gs_train::run::{Ending, RunRequest, run};
+use gs_train::run_folder::RunFolder;
+
+/// Points of the tiny scene.
+pub const POINTS: usize = 150;
+
+/// The device of the tests: the first CPU backend of this build.
+pub fn device() -> Device {
+    let name = if cfg!(feature = "flex") { "flex" } else { "ndarray" };
+    gs_burn::device::select(name).expect("a CPU backend")
+}
+
+/// Writes the tiny scene into `folder` and returns its path.
+pub fn tiny_scene(folder: &Path) -> PathBuf {
+    let path = folder.join("scene");
+    let options = DemoOptions { train_views: 5, test_views: 2, width: 40, height: 30, points: POINTS, seed: 1 };
+    demo_scene(&path, &options).expect("the scene is written");
+    path
+}
+
+/// A configuration for a run of `steps`, changed by `overrides`.
+pub fn config(steps: usize, overrides: &[&str]) -> Config {
+    let common = [format!("steps={steps}"), "eval.ms_ssim=false".into(), "eval.lpips=false".into(), "eval.images=1".into()];
+    let all: Vec<String> = common.into_iter().chain(overrides.iter().map(|s| s.to_string())).collect();
+    Config::resolve(None, &all).expect("a valid configuration")
+}
+
+/// What to run in `folder` on `dataset`.
+pub fn request(dataset: &Path, folder: &Path, config: &Config) -> RunRequest {
+    RunRequest {
+        dataset: dataset.to_path_buf(),
+        config: config.clone(),
+        folder: RunFolder::vacant(folder).expect("a new folder"),
+        device: device(),
+        device_name: "test".into(),
+        resume: false,
+        stop_at: None,
+        quiet: true,
+    }
+}
+
+/// Runs to the end.
+pub fn finish(request: &RunRequest) -> gs_train::run_folder::EvalFile {
+    match run(request).expect("the run succeeds") {
+        Ending::Finished(eval) => *eval,
+        Ending::Interrupted(step) => panic!("interrupted after step {step}"),
+    }
+}

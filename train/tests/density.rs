@@ -1,0 +1,147 @@
+//! Density control: the cap holds, and every column of a Gaussian stays with its Gaussian.
+
+mod common;
+
+use burn::tensor::Tensor;
+use gs_train::density::ops::{Draft, logit};
+use gs_train::density::{DensityConfig, Moment, mcmc};
+use gs_train::optimiser::Optimiser;
+use gs_train::parameters::{Group, Parameters, from_host, to_host};
+use gs_train::run_folder::MetricsLine;
+
+/// A table in which every number tells its row: row r of a column group holds r + column / 100.
+fn labelled(rows: usize, offset: f32) -> [Tensor<2>; 5] {
+    Group::ALL.map(|group| {
+        let columns = group.columns(1);
+        let values = (0..rows * columns).map(|i| offset + (i / columns) as f32 + (i % columns) as f32 / 100.0).collect();
+        from_host(values, columns, &common::device())
+    })
+}
+
+fn table(rows: usize) -> (Parameters, Optimiser) {
+    let parameters = Parameters::new(labelled(rows, 0.0));
+    let optimiser = Optimiser { first: labelled(rows, 1000.0), second: labelled(rows, 2000.0), updates: 5 };
+    (parameters, optimiser)
+}
+
+/// The row each row of a group came from, read from its first column.
+fn origins(tensor: &Tensor<2>, offset: f32) -> Vec<f32> {
+    let columns = tensor.dims()[1];
+    to_host(tensor.clone()).iter().step_by(columns).map(|x| if *x == 0.0 { -1.0 } else { x - offset }).collect()
+}
+
+#[test]
+fn rows_stay_together() {
+    let (mut parameters, mut optimiser) = table(6);
+    let mut draft = Draft::read(&parameters);
+    let copy = draft.duplicate(2);
+    draft.overwrite(1, 4);
+    draft.forget(5);
+    draft.retain(|_, row| row != 3);
+    assert_eq!((copy, draft.len()), (6, 6));
+    draft.commit(&mut parameters, &mut optimiser);
+
+    let from = [0.0, 4.0, 2.0, 4.0, 5.0, 2.0];
+    for group in [Group::Quats, Group::Sh, Group::Means, Group::LogScales, Group::Opacity] {
+        // Row 0 holds 0 in its first column, which origins() takes for a cleared moment.
+        let found: Vec<f32> = origins(parameters.get(group), 0.0).iter().map(|row| row.max(0.0)).collect();
+        assert_eq!(found, from, "{}", group.name());
+        // Moments of the kept rows follow; those of copies, receivers and forgotten rows are zero.
+        let kept = [0.0, -1.0, 2.0, 4.0, -1.0, -1.0];
+        assert_eq!(origins(&optimiser.first[group as usize], 1000.0), kept, "{}", group.name());
+        assert_eq!(origins(&optimiser.second[group as usize], 2000.0), kept, "{}", group.name());
+    }
+    let sh = parameters.read(Group::Sh);
+    assert!(sh[0..12].iter().enumerate().all(|(column, x)| (x - column as f32 / 100.0).abs() < 1e-6), "all columns move");
+}
+
+#[test]
+fn a_draft_that_changes_nothing_changes_nothing() {
+    let (mut parameters, mut optimiser) = table(4);
+    let (before, moments) = (Group::ALL.map(|g| parameters.read(g)), origins(&optimiser.first[4], 1000.0));
+    Draft::read(&parameters).commit(&mut parameters, &mut optimiser);
+    assert_eq!(before, Group::ALL.map(|g| parameters.read(g)));
+    assert_eq!(moments, origins(&optimiser.first[4], 1000.0));
+}
+
+fn moment() -> Moment {
+    Moment { step: 100, steps: 1000, seed: 3, extent: 1.0, means_lr: 1e-4 }
+}
+
+fn with_opacities(opacities: &[f64]) -> (Parameters, Optimiser) {
+    let (mut parameters, optimiser) = table(opacities.len());
+    let logits = opacities.iter().map(|o| logit(*o) as f32).collect();
+    *parameters.get_mut(Group::Opacity) = from_host(logits, 1, &common::device());
+    (parameters, optimiser)
+}
+
+#[test]
+fn the_dead_move_onto_the_living_and_the_image_stays() {
+    let (mut parameters, mut optimiser) = with_opacities(&[0.001, 0.9, 0.002, 0.003]);
+    let config = DensityConfig { growth: 0.0, ..DensityConfig::default() };
+    let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment());
+    assert_eq!((changes.moved, changes.added, parameters.len()), (3, 0, 4));
+    let transmittance: f64 = parameters
+        .read(Group::Opacity)
+        .iter()
+        .map(|x| 1.0 - gs_train::density::ops::sigmoid(f64::from(*x)))
+        .product();
+    assert!((1.0 - transmittance - 0.9).abs() < 1e-5, "four coincident Gaussians blend to the one before");
+    assert_eq!(origins(parameters.get(Group::Means), 0.0), [1.0; 4]);
+}
+
+#[test]
+fn nothing_is_drawn_from_a_scene_of_dead_gaussians() {
+    let (mut parameters, mut optimiser) = with_opacities(&[0.001, 0.002]);
+    let config = DensityConfig { growth: 0.5, ..DensityConfig::default() };
+    // Growth still draws by opacity; relocation has nobody to move onto.
+    let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment());
+    assert_eq!((changes.moved, changes.added), (0, 1));
+}
+
+#[test]
+fn numbers_that_are_none_neither_stop_nor_spread() {
+    let (mut parameters, mut optimiser) = with_opacities(&[0.5, 0.001, 0.4]);
+    let mut logits = parameters.read(Group::Opacity);
+    logits[1] = f32::NAN;
+    *parameters.get_mut(Group::Opacity) = from_host(logits, 1, &common::device());
+    let mut quats = parameters.read(Group::Quats);
+    quats[0..4].fill(f32::NAN);
+    *parameters.get_mut(Group::Quats) = from_host(quats, 4, &common::device());
+    mcmc::perturb(&mut parameters, 5e5, &moment());
+    let config = DensityConfig { growth: 0.0, ..DensityConfig::default() };
+    mcmc::refine(&mut parameters, &mut optimiser, &config, &moment());
+    assert!(parameters.read(Group::Opacity).iter().all(|x| x.is_finite()), "the dead NaN was given a living place");
+    assert!(parameters.read(Group::Means).iter().all(|x| x.is_finite()));
+}
+
+fn counts_under(cap: usize, overrides: &[&str]) -> Vec<usize> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = common::tiny_scene(folder.path());
+    let cap = format!("density.cap={cap}");
+    let common_overrides = ["density.start=2", "density.every=2", "density.stop=1", &cap];
+    let overrides: Vec<&str> = common_overrides.iter().chain(overrides).copied().collect();
+    let request = common::request(&scene, &folder.path().join("run"), &common::config(40, &overrides));
+    let eval = common::finish(&request);
+    let lines = request.folder.read_metrics(40).expect("metrics");
+    let train = lines.iter().filter_map(|line| match line {
+        MetricsLine::Train(line) => Some(line.gaussians),
+        MetricsLine::Eval(_) => None,
+    });
+    train.chain([eval.last.gaussians]).collect()
+}
+
+#[test]
+fn the_cap_is_never_exceeded() {
+    for strategy in ["density.strategy=mcmc", "density.strategy=default"] {
+        let greedy = [strategy, "density.growth=0.9", "density.gradient=1e-9", "density.min_opacity=1e-6"];
+        let counts = counts_under(230, &greedy);
+        assert!(counts.iter().all(|count| *count <= 230), "{strategy}: {counts:?}");
+        assert_eq!(counts.last(), Some(&230), "{strategy} fills the budget");
+    }
+}
+
+#[test]
+fn the_cap_holds_from_the_start() {
+    assert!(counts_under(common::POINTS / 3, &[]).iter().all(|count| *count <= common::POINTS / 3));
+}

@@ -1,0 +1,50 @@
+//! One step: it learns, it refuses what is not finite, and it costs no Gaussian its place.
+
+mod common;
+
+use gs_train::data::Photos;
+use gs_train::parameters::Group;
+use gs_train::step::Trainer;
+
+#[test]
+fn steps_lower_the_loss() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = common::config(60, &[]);
+    let scene = config.data.load(&common::tiny_scene(folder.path())).expect("loads");
+    let mut trainer = Trainer::begin(&scene, &config, &common::device());
+    let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let losses: Vec<f32> = (0..60).map(|_| trainer.step(&photo, &config).loss).collect();
+    assert!(losses[59] < 0.7 * losses[0], "{} -> {}", losses[0], losses[59]);
+    assert_eq!(trainer.parameters.sh_degree(), 3, "a short run reaches the full degree");
+}
+
+#[test]
+fn a_photo_that_is_not_finite_is_skipped_and_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = common::config(10, &["density.noise=0"]);
+    let scene = config.data.load(&common::tiny_scene(folder.path())).expect("loads");
+    let mut trainer = Trainer::begin(&scene, &config, &common::device());
+    let good = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let mut bad = good.clone();
+    bad.image = bad.image * f32::NAN;
+    let before = Group::ALL.map(|group| trainer.parameters.read(group));
+    let report = trainer.step(&bad, &config);
+    assert!(report.skipped && !report.loss.is_finite());
+    assert_eq!((trainer.skipped, trainer.step, trainer.optimiser.updates), (1, 1, 0));
+    assert_eq!(before, Group::ALL.map(|group| trainer.parameters.read(group)), "nothing was updated");
+    assert!(!trainer.step(&good, &config).skipped, "the next step is unaffected");
+}
+
+#[test]
+fn ignored_pixels_teach_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = common::config(10, &["loss.opacity_reg=0", "loss.scale_reg=0", "density.noise=0"]);
+    let scene = config.data.load(&common::tiny_scene(folder.path())).expect("loads");
+    let mut trainer = Trainer::begin(&scene, &config, &common::device());
+    let mut photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let [height, width, _] = photo.image.dims();
+    photo.mask = Some(burn::tensor::Tensor::zeros([height, width, 1], &common::device()));
+    let before = trainer.parameters.read(Group::Means);
+    trainer.step(&photo, &config);
+    assert_eq!(before, trainer.parameters.read(Group::Means));
+}
