@@ -37,7 +37,7 @@ pub struct InitConfig {
 
 impl Default for InitConfig {
     fn default() -> Self {
-        Self { opacity: 0.1, scale: 1.0, random_points: 20_000 }
+        Self { opacity: 0.3, scale: 0.8, random_points: 20_000 }
     }
 }
 

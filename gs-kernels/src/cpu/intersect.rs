@@ -15,9 +15,9 @@ use crate::rows::{PROJECTED, ProjectedRow};
 
 /// Relative and absolute slack of the cut-off, in units of sigma. Pixels decide exactly; the slack only makes sure that
 /// rounding never hides a tile from them.
-const SLACK: (f64, f64) = (1e-5, 1e-3);
+pub(crate) const SLACK: (f64, f64) = (1e-5, 1e-3);
 /// Slack of a pixel bound, pixels.
-const PIXEL_SLACK: f64 = 0.02;
+pub(crate) const PIXEL_SLACK: f64 = 0.02;
 /// Pieces of the depth order dealt in parallel; each needs a counter per tile.
 const MAX_PIECES: usize = 16;
 /// How far ahead memory is fetched while Gaussians are visited in depth order, which is no order in memory.
