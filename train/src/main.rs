@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use gs_train::cli::{Cli, Command};
-use gs_train::{commands, logging};
+use gs_train::{commands, logging, resources};
 
 fn main() -> ExitCode {
+    resources::keep_freed_memory();
     let cli = Cli::parse();
     logging::init(cli.verbose);
     let done = match &cli.command {
