@@ -134,7 +134,10 @@ fn rasterize_backward() {
         check("background", &background, &g.background, 32, |x| run(&rows, &opacities, &features, x));
         for (row, screen) in g.projected.chunks(8).zip(g.screen.chunks(4)) {
             assert_eq!(row[..2], screen[..2], "the signed screen gradient is the gradient by the mean");
-            assert!(screen[2] >= screen[0].abs() && screen[3] >= screen[1].abs(), "absolute sums are the larger");
+            // Up to rounding, since the two are not summed by the same formula.
+            for k in 0..2 {
+                assert!(screen[2 + k] >= screen[k].abs() * (1.0 - 1e-9), "absolute sums are the larger");
+            }
         }
     }
 }

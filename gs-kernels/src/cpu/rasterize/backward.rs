@@ -2,9 +2,10 @@
 //!
 //! Per tile, the forward walk is replayed and every alpha and transmittance kept (a pixel blends at most 2,346
 //! Gaussians, since each takes 1/255 of the light and the pixel ends at 1e-4); nothing is rebuilt by division. Then the
-//! list is walked back to front with the light `S` behind each Gaussian as one running number per pixel:
+//! list is walked back to front with what a pixel shows behind each Gaussian as one running number `R`:
 //!
-//! `q = f . v`, `v_alpha = T q - S / (1 - alpha)`, `S += alpha T q`, where `v` is the gradient by the pixel's channels.
+//! `q = f . v`, `v_alpha = T (q - R)`, `R += alpha (q - R)`, where `v` is the gradient by the pixel's channels. (The usual
+//! form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
 //!
 //! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients by the ellipse are moments of `s` over the
 //! tile. Every (tile, Gaussian) pair gets a gradient row of its own; a Gaussian's rows are added in tile order, so no
@@ -262,7 +263,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         transmittance
     }
 
-    /// `S` behind the last Gaussian, `T (background . v - v_alpha)`, and the gradient by the background, `sum T v`.
+    /// `R` behind the last Gaussian, `background . v - v_alpha`, and the gradient by the background, `sum T v`.
     #[inline(always)]
     fn behind_everything<L: Lanes<Real = F>>(&self, transmittance: &TilePlane<F>) -> (TilePlane<F>, Vec<F>) {
         let channels = self.channels();
@@ -277,7 +278,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
                 s = v.mul_add(L::splat(self.inputs.background[c]), s);
                 v_background[c] += t.mul(v).sum();
             }
-            s.mul(t).store(&mut behind[r]);
+            s.store(&mut behind[r]);
         }
         (behind, v_background)
     }
@@ -312,13 +313,12 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
                     q = v.mul_add(feature, q);
                     *v_feature = weight.mul_add(v, *v_feature);
                 }
-                let s_behind = L::load(&behind[r]);
-                let open = L::splat(F::ONE).sub(alpha);
-                let v_alpha = t.mul(q).sub(s_behind.div(open));
-                weight.mul_add(q, s_behind).store(&mut behind[r]);
+                let shown = L::load(&behind[r]);
+                let difference = q.sub(shown);
+                alpha.mul_add(difference, shown).store(&mut behind[r]);
                 // A capped alpha does not move with sigma or opacity; where nothing was blended alpha is zero.
                 let capped = alpha.ge(L::splat(F::of(ALPHA_MAX)));
-                let s = L::select(capped, zero, zero.sub(alpha.mul(v_alpha)));
+                let s = L::select(capped, zero, zero.sub(weight.mul(difference)));
                 let u = replayed.gaussian.u(dx, &replayed.rows, r);
                 moments.add(s, u, replayed.rows.dy[r], [d1, l, d2]);
             }
