@@ -9,10 +9,11 @@ use burn_cubecl::{CubeBackend, CubeDevice};
 use gs_kernels::config::{AdamConfig, ProjectionConfig, ShConfig};
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{adam, intersect, projection, rasterize, sh, ssim};
+use gs_kernels::cube::{adam, channels, intersect, projection, rasterize, sh, ssim};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::adam::{AdamKernels, AdamState};
+use crate::ops::channels::ChannelsKernels;
 use crate::ops::intersect::{IntersectKernels, IntersectionLists};
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeGradients, RasterizeInputs, RasterizeKernels};
@@ -150,8 +151,7 @@ impl ShKernels for CubeBackend {
         let (place, count) = (Place::of(&means), means.meta.shape()[0]);
         let [means, sh, viewmat, projected, v_colors] =
             [means, sh, viewmat, projected, v_colors].map(|t| place.floats(t));
-        let gradients =
-            unwrap(sh::backward(&place.client, &means, &sh, &viewmat, &projected, config, &v_colors));
+        let gradients = unwrap(sh::backward(&place.client, &means, &sh, &viewmat, &projected, config, &v_colors));
         ShGradients {
             means: place.float_tensor(gradients.means, [count, 3]),
             sh: place.float_tensor(gradients.sh, [count, config.coefficients, 3]),
@@ -170,8 +170,7 @@ impl IntersectKernels for CubeBackend {
     ) -> IntersectionLists<Self> {
         let (place, channels) = (Place::of(&projected), features.meta.shape()[1]);
         let [projected, opacities, features] = [projected, opacities, features].map(|t| place.floats(t));
-        let lists =
-            intersect::intersect(&place.client, &projected, &opacities, &features, width, height, channels);
+        let lists = intersect::intersect(&place.client, &projected, &opacities, &features, width, height, channels);
         let lists = unwrap(lists);
         IntersectionLists {
             tile_offsets: place.int_tensor(lists.tile_offsets),
@@ -189,8 +188,7 @@ impl RasterizeKernels for CubeBackend {
         let [projected, opacities, features, background] =
             [projected, opacities, features, background].map(|t| place.floats(t));
         let lists = place.lists(intersections);
-        let image =
-            rasterize::forward(&place.client, &config, &projected, &opacities, &features, &background, &lists);
+        let image = rasterize::forward(&place.client, &config, &projected, &opacities, &features, &background, &lists);
         place.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.output_channels()])
     }
 
@@ -225,6 +223,22 @@ impl RasterizeKernels for CubeBackend {
     }
 }
 
+impl ChannelsKernels for CubeBackend {
+    fn channels_forward(image: CubeTensor, first: usize, count: usize) -> CubeTensor {
+        let place = Place::of(&image);
+        let [height, width, total] = image.meta.shape().dims();
+        let part = channels::forward(&place.client, &place.floats(image), total, first, count);
+        place.float_tensor(unwrap(part), [height, width, count])
+    }
+
+    fn channels_backward(v: CubeTensor, first: usize, total: usize) -> CubeTensor {
+        let place = Place::of(&v);
+        let [height, width, count] = v.meta.shape().dims();
+        let whole = channels::backward(&place.client, &place.floats(v), total, first, count);
+        place.float_tensor(unwrap(whole), [height, width, total])
+    }
+}
+
 impl SsimKernels for CubeBackend {
     fn ssim_forward(image: CubeTensor, target: CubeTensor) -> SsimForward<Self> {
         let place = Place::of(&image);
@@ -237,17 +251,11 @@ impl SsimKernels for CubeBackend {
         }
     }
 
-    fn ssim_backward(
-        image: CubeTensor,
-        target: CubeTensor,
-        saved: CubeTensor,
-        v_terms: CubeTensor,
-    ) -> CubeTensor {
+    fn ssim_backward(image: CubeTensor, target: CubeTensor, saved: CubeTensor, v_terms: CubeTensor) -> CubeTensor {
         let place = Place::of(&image);
         let [height, width, channels] = image.meta.shape().dims();
         let [image, target, saved, v_terms] = [image, target, saved, v_terms].map(|t| place.floats(t));
-        let v_image =
-            ssim::backward(&place.client, &image, &target, &saved, width, height, channels, &v_terms);
+        let v_image = ssim::backward(&place.client, &image, &target, &saved, width, height, channels, &v_terms);
         place.float_tensor(unwrap(v_image), [height, width, channels])
     }
 }

@@ -203,9 +203,7 @@ impl DeviceKind {
         match self {
             #[cfg(feature = "flex")]
             Flex => Device::flex(),
-            // Burn 0.22 deprecates NdArray in favour of Flex; it can be chosen until the release that drops it.
             #[cfg(feature = "ndarray")]
-            #[allow(deprecated)]
             NdArray => Device::ndarray(),
             #[cfg(feature = "wgpu")]
             Wgpu => Device::wgpu(Default::default()),

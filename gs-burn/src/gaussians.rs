@@ -1,7 +1,7 @@
 //! The scene: a Burn module of Gaussians.
 
 use burn::module::{Module, Param, ParamId};
-use burn::tensor::{Device, Tensor, activation, assert_shape};
+use burn::tensor::{DType, Device, Tensor, activation, assert_shape};
 
 /// `N` Gaussians with view-dependent colour.
 #[derive(Module, Debug)]
@@ -67,9 +67,17 @@ impl Gaussians {
         self.sh.dims()[1].isqrt() - 1
     }
 
-    /// Opacities `[N]`, 0 to 1.
+    /// Opacities `[N]`, 0 to 1; 0 where the logit is not a number, and that logit receives no gradient.
     pub fn opacities(&self) -> Tensor<1> {
-        activation::sigmoid(self.opacity_logits.val())
+        let logits = self.opacity_logits.val();
+        let broken = logits.clone().is_nan();
+        // Deep in the sigmoid's tail. Left as it is, even a gradient of zero would come back as 0 * NaN.
+        let logits = logits.mask_fill(broken, -100.0);
+        if logits.dtype() == DType::F64 {
+            // Burn's default sigmoid computes in f32 whatever it is given, and f64 is there to judge f32.
+            return (logits * 0.5).tanh() * 0.5 + 0.5;
+        }
+        activation::sigmoid(logits)
     }
 
     /// Standard deviations `[N, 3]`, scene units.

@@ -30,8 +30,13 @@
 //! # Ok::<(), gs_burn::device::DeviceError>(())
 //! ```
 #![recursion_limit = "256"]
+// Burn 0.22 deprecates NdArray in favour of Flex. It stays supported here until the release that drops it, and the
+// dispatch macros name it in every op, so the warnings cannot be allowed closer to their places.
+#![cfg_attr(feature = "ndarray", allow(deprecated))]
 
 pub mod camera;
+#[cfg(feature = "cube")]
+mod cube;
 pub mod device;
 pub mod gaussians;
 pub mod ops;

@@ -143,8 +143,6 @@ mod flex {
 }
 
 #[cfg(feature = "ndarray")]
-// Burn 0.22 deprecates NdArray in favour of Flex; it stays supported here until the release that drops it.
-#[allow(deprecated)]
 mod ndarray {
     use super::*;
     use burn::tensor::TensorData;

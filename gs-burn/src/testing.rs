@@ -1,6 +1,6 @@
 //! Small random scenes in `f64`, and how unit tests compare tensors.
 
-use burn::tensor::{DType, Device, Tensor, TensorData};
+use burn::tensor::{DType, Device, Gradients, Tensor, TensorData};
 use gs_kernels::config::ProjectionConfig;
 
 use crate::{Camera, Gaussians, Intrinsics};
@@ -9,9 +9,7 @@ use crate::{Camera, Gaussians, Intrinsics};
 pub fn device() -> Device {
     #[cfg(feature = "flex")]
     return Device::flex().autodiff();
-    // Burn 0.22 deprecates NdArray; its tests stay while the feature does.
     #[cfg(not(feature = "flex"))]
-    #[allow(deprecated)]
     return Device::ndarray().autodiff();
 }
 
@@ -108,14 +106,13 @@ pub fn assert_close<const D: usize>(name: &str, actual: &Tensor<D>, expected: &T
     }
 }
 
+/// Finds the gradient of one leaf, flat.
+pub type GradientOf = dyn Fn(&Gradients) -> Option<Tensor<1>>;
+
 /// Asserts that two functions of tensors that share leaves agree in value (1e-10) and in every leaf's gradient (1e-8),
 /// for a random gradient of the result.
 #[track_caller]
-pub fn assert_same_gradients<const D: usize>(
-    actual: Tensor<D>,
-    expected: Tensor<D>,
-    leaves: &[(&str, &dyn Fn(&burn::tensor::Gradients) -> Option<Tensor<1>>)],
-) {
+pub fn assert_same_gradients<const D: usize>(actual: Tensor<D>, expected: Tensor<D>, leaves: &[(&str, &GradientOf)]) {
     assert_close("value", &actual, &expected, 1e-10);
     let v = Random(99).tensor(actual.dims(), -1.0, 1.0);
     let (actual, expected) = ((actual * v.clone()).sum().backward(), (expected * v).sum().backward());
@@ -130,9 +127,7 @@ pub fn assert_same_gradients<const D: usize>(
 }
 
 /// The gradient of a leaf, flat, for [`assert_same_gradients`].
-pub fn gradient_of<const D: usize>(
-    leaf: &Tensor<D>,
-) -> impl Fn(&burn::tensor::Gradients) -> Option<Tensor<1>> + use<D> {
+pub fn gradient_of<const D: usize>(leaf: &Tensor<D>) -> impl Fn(&Gradients) -> Option<Tensor<1>> + use<D> {
     let leaf = leaf.clone();
     move |gradients| leaf.grad(gradients).map(|gradient| gradient.flatten(0, D - 1))
 }

@@ -5,7 +5,7 @@
 //! step, and no clock enters, so equal runs write equal files.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -118,7 +118,8 @@ impl Checkpoint {
     pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
         let failed = |source| CheckpointError::Write { path: path.into(), source };
         let columns: Vec<(String, Column)> = self.columns();
-        let metadata = self.metadata(&columns);
+        let content = serde_json::json!({ "version": VERSION, "content": self.metadata(&columns) });
+        let metadata = HashMap::from([(FORMAT.to_string(), content.to_string())]);
         let temporary = path.with_extension("part");
         let written = safetensors::serialize_to_file(columns, Some(metadata), &temporary)
             .map_err(|error| match error {
@@ -145,9 +146,9 @@ impl Checkpoint {
         let metadata = read_metadata(&bytes, path)?;
         let file = SafeTensors::deserialize(&bytes)
             .map_err(|error| damaged(format!("{error} ({} bytes in the file)", bytes.len())))?;
-        let reader = Reader { file, metadata, path };
+        let reader = Reader { file, crc32: &metadata.crc32, path };
 
-        let config = Config::from_toml(reader.text("config")?, "configuration")
+        let config = Config::from_toml(&metadata.config, "configuration")
             .map_err(|source| CheckpointError::Config { path: path.into(), source })?;
         let groups = |prefix: &str| -> Result<[Tensor<2>; 5], CheckpointError> {
             let mut tensors = Vec::new();
@@ -172,14 +173,13 @@ impl Checkpoint {
         };
         let trainer = Trainer {
             parameters: Parameters::new(parameters),
-            optimiser: Optimiser { first, second, updates: reader.number("updates")? },
+            optimiser: Optimiser { first, second, updates: metadata.updates },
             density,
-            step: reader.number("step")?,
-            skipped: reader.number("skipped")?,
-            extent: reader.number("extent")?,
+            step: metadata.step,
+            skipped: metadata.skipped,
+            extent: metadata.extent,
         };
-        let origin = DVec3::new(reader.number("origin_x")?, reader.number("origin_y")?, reader.number("origin_z")?);
-        Ok(Self { trainer, config, dataset: PathBuf::from(reader.text("dataset")?), origin })
+        Ok(Self { trainer, config, dataset: metadata.dataset, origin: DVec3::from(metadata.origin) })
     }
 
     fn columns(&self) -> Vec<(String, Column)> {
@@ -200,29 +200,34 @@ impl Checkpoint {
         columns
     }
 
-    fn metadata(&self, columns: &[(String, Column)]) -> HashMap<String, String> {
+    fn metadata(&self, columns: &[(String, Column)]) -> Metadata {
         let trainer = &self.trainer;
-        let mut entries = vec![
-            ("format", FORMAT.into()),
-            ("version", VERSION.into()),
-            ("step", trainer.step.to_string()),
-            ("skipped", trainer.skipped.to_string()),
-            ("updates", trainer.optimiser.updates.to_string()),
-            // Rust prints the shortest number that reads back as the same bits.
-            ("extent", trainer.extent.to_string()),
-            ("origin_x", self.origin.x.to_string()),
-            ("origin_y", self.origin.y.to_string()),
-            ("origin_z", self.origin.z.to_string()),
-            ("dataset", self.dataset.display().to_string()),
-            ("config", self.config.to_toml()),
-        ];
-        let sums: Vec<(String, String)> = columns
-            .iter()
-            .map(|(name, column)| (format!("crc32.{name}"), format!("{:08x}", crc32fast::hash(&column.data()))))
-            .collect();
-        entries.extend(sums.iter().map(|(name, sum)| (name.as_str(), sum.clone())));
-        entries.into_iter().map(|(name, text)| (name.to_string(), text)).collect()
+        Metadata {
+            step: trainer.step,
+            skipped: trainer.skipped,
+            updates: trainer.optimiser.updates,
+            extent: trainer.extent,
+            origin: self.origin.to_array(),
+            dataset: self.dataset.clone(),
+            config: self.config.to_toml(),
+            crc32: columns.iter().map(|(name, column)| (name.clone(), crc32fast::hash(&column.data()))).collect(),
+        }
     }
+}
+
+/// What a checkpoint says beside its tensors. It is one JSON text under one key of the safetensors header, because the
+/// header's own keys come in no fixed order and equal runs must write equal files.
+#[derive(Debug, Serialize, Deserialize)]
+struct Metadata {
+    step: usize,
+    skipped: usize,
+    updates: u64,
+    extent: f64,
+    origin: [f64; 3],
+    dataset: PathBuf,
+    config: String,
+    /// Checksum of each tensor.
+    crc32: BTreeMap<String, u32>,
 }
 
 /// A tensor on its way into the file; read from the device only when it is its turn, so that one copy exists at a time.
@@ -264,7 +269,7 @@ impl View for Column {
 /// A file whose header was understood.
 struct Reader<'a> {
     file: SafeTensors<'a>,
-    metadata: HashMap<String, String>,
+    crc32: &'a BTreeMap<String, u32>,
     path: &'a Path,
 }
 
@@ -273,23 +278,13 @@ impl Reader<'_> {
         CheckpointError::Damaged { path: self.path.into(), found }
     }
 
-    fn text(&self, key: &str) -> Result<&str, CheckpointError> {
-        self.metadata.get(key).map(String::as_str).ok_or_else(|| self.damaged(format!("`{key}` is missing")))
-    }
-
-    fn number<T: std::str::FromStr>(&self, key: &str) -> Result<T, CheckpointError> {
-        let text = self.text(key)?;
-        text.parse().map_err(|_| self.damaged(format!("`{key}` is no number but {text:?}")))
-    }
-
     fn tensor<const D: usize>(&self, name: &str, device: &Device) -> Result<Tensor<D>, CheckpointError> {
         let view = self.file.tensor(name).map_err(|error| self.damaged(error.to_string()))?;
         let shape: [usize; D] = match view.shape().try_into() {
             Ok(shape) if view.dtype() == Dtype::F32 => shape,
             _ => return Err(self.damaged(format!("{name} has type {:?} and shape {:?}", view.dtype(), view.shape()))),
         };
-        let sum = format!("{:08x}", crc32fast::hash(view.data()));
-        if self.text(&format!("crc32.{name}"))? != sum {
+        if self.crc32.get(name) != Some(&crc32fast::hash(view.data())) {
             return Err(self.damaged(format!("the checksum of {name} does not match its content")));
         }
         let values: Vec<f32> = view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
@@ -299,31 +294,38 @@ impl Reader<'_> {
 
 /// The metadata of a file that calls itself a checkpoint of this version. The header is read by hand, so that a file cut
 /// short still says what it was.
-fn read_metadata(bytes: &[u8], path: &Path) -> Result<HashMap<String, String>, CheckpointError> {
+fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError> {
     let foreign = |found: &str| CheckpointError::NotACheckpoint { path: path.into(), found: found.into() };
+    let damaged = |found: String| CheckpointError::Damaged { path: path.into(), found };
     let Some((length, rest)) = bytes.split_first_chunk::<8>() else {
         return Err(foreign(&format!("a file of {} bytes", bytes.len())));
     };
     let length = u64::from_le_bytes(*length);
-    // A header that starts like JSON but goes on beyond the end belongs to a safetensors file cut short.
     let Some(header) = usize::try_from(length).ok().and_then(|length| rest.get(..length)) else {
-        let cut = rest.first() == Some(&b'{') && length < 1 << 30;
-        let found = format!("it is cut short within its header ({} bytes in the file)", bytes.len());
-        return Err(if cut { CheckpointError::Damaged { path: path.into(), found } } else { foreign("another kind of file") });
+        // A header that starts like JSON but goes on beyond the end belongs to a safetensors file cut short.
+        return Err(if rest.first() == Some(&b'{') && length < 1 << 30 {
+            damaged(format!("it is cut short within its header ({} bytes in the file)", bytes.len()))
+        } else {
+            foreign("another kind of file")
+        });
     };
     #[derive(Deserialize)]
     struct Header {
         #[serde(rename = "__metadata__", default)]
         metadata: HashMap<String, String>,
     }
-    let header: Header = serde_json::from_slice(header).map_err(|_| foreign("another kind of file"))?;
-    match (header.metadata.get("format").map(String::as_str), header.metadata.get("version").map(String::as_str)) {
-        (Some(FORMAT), Some(VERSION)) => Ok(header.metadata),
-        (Some(FORMAT), version) => {
-            Err(CheckpointError::Version { path: path.into(), found: version.unwrap_or("none").into() })
-        }
-        _ => Err(foreign("a safetensors file of something else")),
+    #[derive(Deserialize)]
+    struct Versioned {
+        version: String,
+        content: serde_json::Value,
     }
+    let header: Header = serde_json::from_slice(header).map_err(|_| foreign("another kind of file"))?;
+    let text = header.metadata.get(FORMAT).ok_or_else(|| foreign("a safetensors file of something else"))?;
+    let versioned: Versioned = serde_json::from_str(text).map_err(|error| damaged(error.to_string()))?;
+    if versioned.version != VERSION {
+        return Err(CheckpointError::Version { path: path.into(), found: versioned.version });
+    }
+    serde_json::from_value(versioned.content).map_err(|error| damaged(error.to_string()))
 }
 
 /// Each group must have its columns, and all the same number of rows.

@@ -99,6 +99,8 @@ pub struct Comparison {
     pub truth: Tensor<3>,
     /// The rendering.
     pub image: Tensor<3>,
+    /// `[H, W, 1]`: 0 where the photo says nothing; `None` when every pixel counts.
+    pub mask: Option<Tensor<3>>,
     /// The rendering's PSNR, dB.
     pub psnr: f64,
 }
@@ -132,7 +134,7 @@ impl Evaluator {
             let measured = self.measure(image.clone(), &photo);
             if kept > 0 && index % keep_every == 0 {
                 let psnr = measured.psnr;
-                comparisons.push(Comparison { name: view.name.clone(), truth: photo.image, image, psnr });
+                comparisons.push(Comparison { name: view.name.clone(), truth: photo.image, image, mask: photo.mask, psnr });
             }
             scores.push(ViewScores { name: view.name.clone(), scores: measured });
         }

@@ -139,7 +139,8 @@ impl Header {
                 );
             };
             // A file that is no PLY may hold lines of any length.
-            let unclear = || bad(format!("cannot read the header line `{}`", line.chars().take(80).collect::<String>()));
+            let unclear =
+                || bad(format!("cannot read the header line `{}`", line.chars().take(80).collect::<String>()));
             match line.split_whitespace().collect::<Vec<_>>()[..] {
                 ["format", name, _] => {
                     encoding = Some(match name {

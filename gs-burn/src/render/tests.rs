@@ -120,6 +120,41 @@ fn gradients_pass_through_computed_gaussians() {
 }
 
 #[test]
+fn a_broken_gaussian_takes_no_part() {
+    fn with<const D: usize>(leaf: &Tensor<D>, place: usize, value: f64) -> Tensor<D> {
+        let mut values = values(leaf);
+        values[place] = value;
+        tensor(values, leaf.dims()).require_grad()
+    }
+    let whole = Scene::random(12, 1, 26);
+    for value in [f64::NAN, f64::INFINITY] {
+        // The first Gaussian breaks in one parameter each time.
+        let mut scenes = vec![whole.clone(); 5];
+        scenes[0].means = with(&whole.means, 1, value);
+        scenes[1].quats = with(&whole.quats, 2, value);
+        scenes[2].log_scales = with(&whole.log_scales, 0, value);
+        scenes[3].opacity_logits = with(&whole.opacity_logits, 0, value);
+        scenes[4].sh = with(&whole.sh, 5, value);
+        for (broken, scene) in scenes.iter().enumerate() {
+            let loss = scene_loss(scene);
+            assert!(values(&loss)[0].is_finite());
+            let gradients = loss.backward();
+            let all = [
+                (3, values(&scene.means.grad(&gradients).unwrap())),
+                (4, values(&scene.quats.grad(&gradients).unwrap())),
+                (3, values(&scene.log_scales.grad(&gradients).unwrap())),
+                (1, values(&scene.opacity_logits.grad(&gradients).unwrap())),
+                (12, values(&scene.sh.grad(&gradients).unwrap())),
+            ];
+            for (each, gradient) in all {
+                assert!(gradient.iter().all(|g| g.is_finite()), "{value} in parameter {broken}");
+                assert!(broken == 3 || gradient[..each].iter().all(|&g| g == 0.0), "{value} in parameter {broken}");
+            }
+        }
+    }
+}
+
+#[test]
 fn gradients_do_not_depend_on_checkpointing() {
     let plain = smooth_scene();
     let mut checkpointed = plain.clone();

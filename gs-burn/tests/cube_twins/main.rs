@@ -6,9 +6,12 @@
 mod support;
 
 mod adam;
+mod channels;
 mod intersect;
 mod projection;
 mod rasterize;
+#[cfg(feature = "flex")]
+mod render;
 mod scan;
 mod sh;
 mod sort;

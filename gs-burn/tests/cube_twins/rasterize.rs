@@ -57,7 +57,11 @@ impl Case {
     }
 
     fn backward(&self, v_output: &[f32]) -> RasterizeGradients {
-        rasterize::backward(
+        self.backward_within(v_output, rasterize::PAIR_BYTES)
+    }
+
+    fn backward_within(&self, v_output: &[f32], pair_bytes: usize) -> RasterizeGradients {
+        rasterize::backward_within(
             client(),
             &self.config,
             &up(&self.projected),
@@ -66,6 +70,7 @@ impl Case {
             &up(&self.background),
             &self.device_lists(),
             &up(v_output),
+            pair_bytes,
         )
         .expect("backward")
     }
@@ -194,6 +199,19 @@ fn equal_inputs_give_equal_bits() {
     assert_eq!(down(&first.projected), down(&second.projected));
     assert_eq!(down(&first.features), down(&second.features));
     assert_eq!(down(&first.background), down(&second.background));
+}
+
+#[test]
+fn little_memory_gives_the_same_bits() {
+    let case = Case::new(&Scene::random(82, 300, 70, 50), 3, true, 23);
+    let v = Random(24).list(70 * 50 * 5, -1.0, 1.0);
+    let whole = case.backward(&v);
+    for pairs in [1, 40, 200] {
+        let part = case.backward_within(&v, pairs * 4 * 12);
+        assert_eq!(down(&whole.projected), down(&part.projected), "{pairs} pairs at once");
+        assert_eq!(down(&whole.features), down(&part.features));
+        assert_eq!(down(&whole.background), down(&part.background));
+    }
 }
 
 #[test]

@@ -125,7 +125,7 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
     write!(
         page,
         "<section>\n<h2>Photo, rendering, error</h2>\n<p>The error is the mean over channels, from black (0) to pale yellow \
-         ({ERROR_FULL_SCALE} of the full range and above).</p>\n"
+         ({ERROR_FULL_SCALE} of the full range and above); slate where the photo is masked.</p>\n"
     )?;
     for picture in pictures {
         let mut png = Vec::new();

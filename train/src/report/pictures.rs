@@ -8,6 +8,9 @@ use crate::parameters::to_host;
 /// Mean absolute error of a pixel that is drawn in the brightest colour.
 pub const ERROR_FULL_SCALE: f32 = 0.25;
 
+/// Colour of pixels that are not compared, in the error panel.
+const IGNORED: [u8; 3] = [70, 78, 90];
+
 /// Pixels between the panels.
 const GAP: usize = 4;
 
@@ -35,8 +38,12 @@ impl SideBySide {
     pub fn new(comparison: &Comparison) -> Self {
         let [height, panel, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));
-        let heat: Vec<u8> = truth.chunks_exact(3).zip(image.chunks_exact(3)).flat_map(|(a, b)| heat_of(a, b)).collect();
-        let panels = [to_bytes(&truth), to_bytes(&image), heat];
+        let mut heat: Vec<[u8; 3]> = truth.chunks_exact(3).zip(image.chunks_exact(3)).map(|(a, b)| heat_of(a, b)).collect();
+        if let Some(mask) = &comparison.mask {
+            let ignored = to_host(mask.clone()).into_iter().map(|value| value == 0.0);
+            heat.iter_mut().zip(ignored).filter(|(_, ignored)| *ignored).for_each(|(color, _)| *color = IGNORED);
+        }
+        let panels = [to_bytes(&truth), to_bytes(&image), heat.into_flattened()];
         let width = 3 * panel + 2 * GAP;
         let mut pixels = vec![255u8; 3 * width * height];
         for (index, bytes) in panels.iter().enumerate() {

@@ -30,10 +30,12 @@ pub fn intersect_reference(
 
     let mut touched = vec![false; tile_columns * tile_rows * count];
     if count > 0 {
-        for (place, reached) in reached(projected, opacities, features, [width, height]).iter().enumerate() {
-            let (pixel, gaussian) = (place / count, place % count);
+        let reached = reached(projected, opacities, features, [width, height]);
+        for (pixel, reached) in reached.chunks(count).enumerate() {
             let tile = pixel / width / TILE * tile_columns + pixel % width / TILE;
-            touched[tile * count + gaussian] |= reached;
+            for (touched, reached) in touched[tile * count..][..count].iter_mut().zip(reached) {
+                *touched |= reached;
+            }
         }
     }
 

@@ -1,0 +1,112 @@
+//! The whole path through Burn: the same scene rendered, compared and optimised on the CPU and on the device.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use gs_burn::ops::adam::{AdamConfig, adam_step};
+use gs_burn::ops::ssim::photometric_loss;
+use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, Rendering, device, render_with_screen_gradients};
+
+use crate::support::{Random, Scene, assert_gradient, assert_values, wide};
+
+const WIDTH: usize = 50;
+const HEIGHT: usize = 37;
+
+/// The device under test, with gradients.
+fn gpu() -> Device {
+    let name = ["cuda", "metal", "vulkan", "wgpu"]
+        .into_iter()
+        .zip([cfg!(feature = "cuda"), cfg!(feature = "metal"), cfg!(feature = "vulkan"), cfg!(feature = "wgpu")])
+        .find_map(|(name, built)| built.then_some(name))
+        .expect("a CubeCL runtime is built");
+    device::select(name).expect("the device works").autodiff()
+}
+
+fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.into_data().iter::<f32>().collect()
+}
+
+struct Trial {
+    image: Vec<f32>,
+    alpha: Vec<f32>,
+    depth: Vec<f32>,
+    intersections: usize,
+    gradients: Vec<(&'static str, Vec<f32>)>,
+    stepped: Vec<f32>,
+}
+
+fn trial(device: &Device, scene: &Scene, antialiased: bool) -> Trial {
+    let count = scene.count;
+    let mut random = Random(90);
+    let data = |values: &[f32], shape: &[usize]| TensorData::new(values.to_vec(), shape.to_vec());
+    let gaussians = Gaussians::from_tensors(
+        Tensor::from_data(data(&scene.means, &[count, 3]), device),
+        Tensor::from_data(data(&scene.quats, &[count, 4]), device),
+        Tensor::from_data(data(&scene.log_scales, &[count, 3]), device),
+        Tensor::from_data(data(&random.list(count, -2.0, 4.0), &[count]), device),
+        Tensor::from_data(data(&random.list(count * 48, -0.4, 0.4), &[count, 16, 3]), device),
+    );
+    let viewmat: Tensor<2> = Tensor::from_data(data(&scene.viewmat, &[4, 4]), device).require_grad();
+    let config = scene.camera;
+    let intrinsics = Intrinsics { fx: config.fx, fy: config.fy, cx: config.cx, cy: config.cy };
+    let camera = Camera { viewmat: viewmat.clone(), intrinsics, width: WIDTH, height: HEIGHT };
+    let screen = Tensor::<2>::zeros([count, 4], device).require_grad();
+    let options = RenderOptions { background: [0.2, 0.4, 0.6], antialiased, depth: true, ..Default::default() };
+    let Rendering { color, alpha, depth, intersections, .. } =
+        render_with_screen_gradients(&gaussians, &camera, &options, screen.clone());
+    let depth = depth.expect("depth was asked for");
+
+    let target = Tensor::from_data(data(&random.list(WIDTH * HEIGHT * 3, 0.0, 1.0), &[HEIGHT, WIDTH, 3]), device);
+    let loss = photometric_loss(color.clone(), target, 0.2) + depth.clone().mean() * 0.1 + alpha.clone().mean();
+    let gradients = loss.backward();
+    let of = "every parameter has a gradient";
+    let means = gaussians.means.grad(&gradients).expect(of);
+    let config = AdamConfig { lr: 0.01, beta1: 0.9, beta2: 0.999, eps: 1e-8, step: 1 };
+    let start = gaussians.means.val().inner();
+    let (stepped, ..) = adam_step(start, means.clone(), means.zeros_like(), means.zeros_like(), &config);
+    Trial {
+        image: values(color),
+        alpha: values(alpha),
+        depth: values(depth),
+        intersections,
+        gradients: vec![
+            ("means", values(means)),
+            ("quats", values(gaussians.quats.grad(&gradients).expect(of))),
+            ("log_scales", values(gaussians.log_scales.grad(&gradients).expect(of))),
+            ("opacity_logits", values(gaussians.opacity_logits.grad(&gradients).expect(of))),
+            ("sh", values(gaussians.sh.grad(&gradients).expect(of))),
+            ("viewmat", values(viewmat.grad(&gradients).expect(of))),
+            ("screen", values(screen.grad(&gradients).expect(of))),
+        ],
+        stepped: values(stepped),
+    }
+}
+
+#[test]
+fn same_scene_on_both_devices() {
+    for antialiased in [false, true] {
+        let scene = Scene::random(91, 150, WIDTH as u32, HEIGHT as u32);
+        let want = trial(&device::select("flex").expect("flex is built").autodiff(), &scene, antialiased);
+        let got = trial(&gpu(), &scene, antialiased);
+        println!("{} pairs", got.intersections);
+        assert_eq!(got.intersections, want.intersections);
+        assert_values("image", &got.image, &wide(&want.image), 1e-5);
+        assert_values("alpha", &got.alpha, &wide(&want.alpha), 1e-5);
+        assert_values("depth", &got.depth, &wide(&want.depth), 1e-5);
+        for ((name, got), (_, want)) in got.gradients.iter().zip(&want.gradients) {
+            assert_gradient(name, got, &wide(want), 1e-3);
+        }
+        // The first step of Adam has the size of the learning rate in the direction of the gradient's sign.
+        let moved = got.stepped.iter().zip(&scene.means).filter(|(after, before)| after != before).count();
+        assert!(moved > scene.count);
+        assert!(got.stepped.iter().zip(&scene.means).all(|(after, before)| (after - before).abs() < 0.0101));
+    }
+}
+
+#[test]
+fn empty_scene() {
+    let scene = Scene::random(92, 0, WIDTH as u32, HEIGHT as u32);
+    let got = trial(&gpu(), &scene, false);
+    assert_eq!(got.intersections, 0);
+    for pixel in got.image.chunks(3) {
+        assert_eq!(pixel, [0.2, 0.4, 0.6]);
+    }
+}

@@ -1,0 +1,368 @@
+//! 3D Gaussians to 2D ellipses (EWA), forward and backward: one unit a Gaussian.
+//!
+//! The camera's gradient is a sum over all Gaussians: each cube leaves one row of twelve sums, a last cube adds the rows.
+
+use cubecl::prelude::*;
+
+use crate::config::ProjectionConfig;
+use crate::constants;
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid, grid_for};
+use crate::cube::camera::{
+    Pinhole, PinholeLaunch, Pose, Slope, apply, jacobian_row, jacobian_row_vjp, read_pose, slope,
+};
+use crate::cube::covariance::{Projected2d, compensation, project, project_vjp};
+use crate::cube::error::CubeError;
+use crate::cube::math::{
+    Mat3, Quat, Vec3, add, combine, finite, finite3, mat_t_vec, norm2, normalise_vjp, read3, rotation, rotation_vjp,
+    scaled, write3,
+};
+use crate::cube::reduce::{column_sum, cube_sum};
+use crate::cube::rows::{DeviceRow, read_radius, read_row, write_row};
+use crate::rows::PROJECTED;
+
+const CUTOFF_SIGMAS: f32 = constants::CUTOFF_SIGMAS as f32;
+const QUAT_NORM2_MIN: f32 = constants::QUAT_NORM2_MIN as f32;
+const QUAT_NORM2_MAX: f32 = constants::QUAT_NORM2_MAX as f32;
+
+/// Entries of the camera's gradient that a Gaussian contributes to: three rows of rotation and translation.
+const POSE: usize = 12;
+
+/// What one Gaussian goes through; the backward pass goes the same way again.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+struct Path {
+    unit: Quat,
+    quat_norm: f32,
+    rotation: Mat3,
+    scales: Vec3,
+    p: Vec3,
+    slope_x: Slope,
+    slope_y: Slope,
+    a_x: Vec3,
+    a_y: Vec3,
+    ellipse: Projected2d,
+    drawable: bool,
+}
+
+#[cube]
+fn read_quat(quats: &[f32], index: usize) -> Quat {
+    let base = index * 4;
+    Quat { w: quats[base], x: quats[base + 1], y: quats[base + 2], z: quats[base + 3] }
+}
+
+#[cube]
+fn path(mean: Vec3, quat: Quat, log_scales: Vec3, pose: Pose, pinhole: Pinhole) -> Path {
+    let p = apply(pose, mean);
+    let q2 = norm2(quat);
+    let quat_norm = q2.sqrt();
+    let unit = Quat { w: quat.w / quat_norm, x: quat.x / quat_norm, y: quat.y / quat_norm, z: quat.z / quat_norm };
+    let rotation = rotation(unit);
+    let scales = Vec3 { x: log_scales.x.exp(), y: log_scales.y.exp(), z: log_scales.z.exp() };
+    let slope_x = slope(p.x, p.z, pinhole.x_low, pinhole.x_high);
+    let slope_y = slope(p.y, p.z, pinhole.y_low, pinhole.y_high);
+    let a_x = jacobian_row(pinhole.fx, p.z, slope_x.value, pose.rotation.a, pose.rotation.c);
+    let a_y = jacobian_row(pinhole.fy, p.z, slope_y.value, pose.rotation.b, pose.rotation.c);
+    let ellipse = project(rotation, scales, a_x, a_y, pinhole.eps2d);
+    // Bits first: a comparison with NaN is not to be relied on in a shader.
+    let all_finite = finite3(p) && finite(q2) && finite3(scales) && finite3(a_x) && finite3(a_y);
+    let in_depth = p.z >= pinhole.near && p.z <= pinhole.far;
+    let long_enough = q2 >= QUAT_NORM2_MIN;
+    let short_enough = q2 <= QUAT_NORM2_MAX;
+    let drawable = all_finite && in_depth && long_enough && short_enough && ellipse.drawable;
+    Path { unit, quat_norm, rotation, scales, p, slope_x, slope_y, a_x, a_y, ellipse, drawable }
+}
+
+/// Forward: one unit a Gaussian reads 10 values and writes its row of 8.
+#[cube(launch)]
+fn projection_forward_kernel(
+    means: &[f32],
+    quats: &[f32],
+    log_scales: &[f32],
+    viewmat: &[f32],
+    projected: &mut [f32],
+    count: u32,
+    pinhole: Pinhole,
+    #[comptime] antialiased: bool,
+) {
+    let index = CUBE_POS * UNITS + UNIT_POS as usize;
+    if index >= count as usize {
+        terminate!();
+    }
+    let pose = read_pose(viewmat);
+    let path = path(read3(means, index), read_quat(quats, index), read3(log_scales, index), pose, pinhole);
+    let mean_x = pinhole.fx * (path.p.x / path.p.z) + pinhole.cx;
+    let mean_y = pinhole.fy * (path.p.y / path.p.z) + pinhole.cy;
+    let reach_x = CUTOFF_SIGMAS * path.ellipse.xx.sqrt();
+    let reach_y = CUTOFF_SIGMAS * path.ellipse.yy.sqrt();
+    let mut factor = 1.0f32;
+    if comptime!(antialiased) {
+        factor = compensation(path.ellipse.ratio);
+    }
+    let row = DeviceRow {
+        mean_x,
+        mean_y,
+        d1: path.ellipse.d1,
+        l: path.ellipse.l,
+        d2: path.ellipse.d2,
+        depth: path.p.z,
+        compensation: factor,
+        radius: select(reach_x > reach_y, reach_x, reach_y),
+    };
+    let row_finite = finite(row.mean_x)
+        && finite(row.mean_y)
+        && finite(row.d1)
+        && finite(row.l)
+        && finite(row.d2)
+        && finite(row.compensation)
+        && finite(row.radius);
+    let seen_x = mean_x + reach_x > 0.0f32 && mean_x - reach_x < pinhole.width;
+    let seen_y = mean_y + reach_y > 0.0f32 && mean_y - reach_y < pinhole.height;
+    write_row(projected, index, row, path.drawable && row_finite && seen_x && seen_y);
+}
+
+/// Projects every Gaussian: `means` `[N, 3]`, `quats` `[N, 4]`, `log_scales` `[N, 3]`, `viewmat` `[4, 4]` to packed rows
+/// `[N, 8]`; the twin of [`crate::cpu::projection::forward`].
+///
+/// # Errors
+/// When the rows exceed one buffer.
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn forward(
+    client: &Client,
+    means: &Buffer,
+    quats: &Buffer,
+    log_scales: &Buffer,
+    viewmat: &Buffer,
+    config: &ProjectionConfig,
+) -> Result<Buffer, CubeError> {
+    let count = check(means, quats, log_scales, viewmat);
+    let projected = Buffer::empty(client, "projected Gaussians", count * PROJECTED)?;
+    if count > 0 {
+        projection_forward_kernel::launch(
+            client,
+            grid_for(count),
+            cube_dim(),
+            means.arg(),
+            quats.arg(),
+            log_scales.arg(),
+            viewmat.arg(),
+            projected.arg(),
+            count as u32,
+            PinholeLaunch::of(config),
+            config.antialiased,
+        );
+    }
+    Ok(projected)
+}
+
+/// Adds row `row` of the camera's gradient over the cube: `v_p` is the gradient by that camera coordinate, `v_rotation`
+/// what comes on top for the rotation's row.
+#[cube]
+fn pose_sums(
+    sums: &mut [f32],
+    start: usize,
+    #[comptime] row: usize,
+    v_p: f32,
+    v_rotation: Vec3,
+    slots: &mut Shared<[f32]>,
+) {
+    let x = cube_sum(v_rotation.x, slots);
+    let y = cube_sum(v_rotation.y, slots);
+    let z = cube_sum(v_rotation.z, slots);
+    let t = cube_sum(v_p, slots);
+    if UNIT_POS == 0 {
+        let base = start + CUBE_POS * POSE + comptime!(row * 4);
+        sums[base] = x;
+        sums[base + 1] = y;
+        sums[base + 2] = z;
+        sums[base + 3] = t;
+    }
+}
+
+/// Backward: one unit a Gaussian reads 26 values and writes 10; all outputs are parts of one buffer, to stay within
+/// eight bindings.
+#[cube(launch)]
+fn projection_backward_kernel(
+    means: &[f32],
+    quats: &[f32],
+    log_scales: &[f32],
+    viewmat: &[f32],
+    projected: &[f32],
+    v_projected: &[f32],
+    gradients: &mut [f32],
+    count: u32,
+    cubes: u32,
+    start_quats: u32,
+    start_log_scales: u32,
+    start_sums: u32,
+    pinhole: Pinhole,
+    #[comptime] antialiased: bool,
+) {
+    if CUBE_POS >= cubes as usize {
+        terminate!();
+    }
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let inside = CUBE_POS * UNITS + (UNIT_POS as usize) < count as usize;
+    let index = select(inside, CUBE_POS * UNITS + UNIT_POS as usize, 0usize);
+    let pose = read_pose(viewmat);
+    let mean = read3(means, index);
+    let path = path(mean, read_quat(quats, index), read3(log_scales, index), pose, pinhole);
+    let v = read_row(v_projected, index);
+
+    let mut v_compensation = 0.0f32;
+    if comptime!(antialiased) {
+        v_compensation = v.compensation;
+    }
+    let v_conic = Vec3 { x: v.d1, y: v.l, z: v.d2 };
+    let ellipse = project_vjp(
+        path.rotation,
+        path.scales,
+        path.a_x,
+        path.a_y,
+        path.ellipse,
+        v_conic,
+        v_compensation,
+        pinhole.eps2d,
+    );
+
+    let p = path.p;
+    let jx = jacobian_row_vjp(pinhole.fx, p.z, path.slope_x, pose.rotation.a, pose.rotation.c, ellipse.a_x);
+    let jy = jacobian_row_vjp(pinhole.fy, p.z, path.slope_y, pose.rotation.b, pose.rotation.c, ellipse.a_y);
+    let mx = v.mean_x * pinhole.fx / p.z;
+    let my = v.mean_y * pinhole.fy / p.z;
+    let v_p = Vec3 { x: mx + jx.p, y: my + jy.p, z: v.depth - mx * (p.x / p.z) - my * (p.y / p.z) + jx.z + jy.z };
+    let v_rotation_a = combine(v_p.x, mean, 1.0f32, jx.axis);
+    let v_rotation_b = combine(v_p.y, mean, 1.0f32, jy.axis);
+    let v_rotation_c = add(scaled(v_p.z, mean), add(jx.forward, jy.forward));
+    let v_mean = mat_t_vec(pose.rotation, v_p);
+    let v_quat = normalise_vjp(path.unit, path.quat_norm, rotation_vjp(path.unit, ellipse.rotation));
+    let v_log_scales = ellipse.log_scales;
+
+    let own_finite = finite3(v_mean)
+        && finite(v_quat.w)
+        && finite(v_quat.x)
+        && finite(v_quat.y)
+        && finite(v_quat.z)
+        && finite3(v_log_scales);
+    let pose_finite = finite3(v_p) && finite3(v_rotation_a) && finite3(v_rotation_b) && finite3(v_rotation_c);
+    let kept = inside && path.drawable && own_finite && pose_finite && read_radius(projected, index) > 0.0f32;
+
+    if inside {
+        write3(gradients, 0, index, masked(v_mean, kept));
+        let base = start_quats as usize + index * 4;
+        gradients[base] = select(kept, v_quat.w, 0.0f32);
+        gradients[base + 1] = select(kept, v_quat.x, 0.0f32);
+        gradients[base + 2] = select(kept, v_quat.y, 0.0f32);
+        gradients[base + 3] = select(kept, v_quat.z, 0.0f32);
+        write3(gradients, start_log_scales as usize, index, masked(v_log_scales, kept));
+    }
+    let v_t = masked(v_p, kept);
+    let start = start_sums as usize;
+    pose_sums(gradients, start, 0usize, v_t.x, masked(v_rotation_a, kept), &mut slots);
+    pose_sums(gradients, start, 1usize, v_t.y, masked(v_rotation_b, kept), &mut slots);
+    pose_sums(gradients, start, 2usize, v_t.z, masked(v_rotation_c, kept), &mut slots);
+}
+
+/// `v` where `kept`, zero elsewhere; a product with 0 would keep NaN.
+#[cube]
+fn masked(v: Vec3, kept: bool) -> Vec3 {
+    Vec3 { x: select(kept, v.x, 0.0f32), y: select(kept, v.y, 0.0f32), z: select(kept, v.z, 0.0f32) }
+}
+
+/// One cube: adds the cubes' rows of pose sums `[rows, 12]` into the gradient of `viewmat` `[4, 4]`, which is zero when
+/// a sum is not finite.
+#[cube(launch)]
+fn pose_sum_kernel(sums: &[f32], viewmat: &mut [f32], rows: u32) {
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let mut totals = Array::<f32>::new(POSE);
+    let mut all_finite = true;
+    #[unroll]
+    for k in 0..POSE {
+        totals[k] = column_sum(sums, rows, k as u32, POSE, &mut slots);
+        all_finite = all_finite && finite(totals[k]);
+    }
+    if UNIT_POS == 0 {
+        #[unroll]
+        for k in 0..POSE {
+            viewmat[k] = select(all_finite, totals[k], 0.0f32);
+        }
+        #[unroll]
+        for k in POSE..16usize {
+            viewmat[k] = 0.0f32;
+        }
+    }
+}
+
+/// Gradients of [`forward`], each in the shape of its argument.
+#[derive(Clone, Debug)]
+pub struct ProjectionGradients {
+    /// `[N, 3]`
+    pub means: Buffer,
+    /// `[N, 4]`
+    pub quats: Buffer,
+    /// `[N, 3]`
+    pub log_scales: Buffer,
+    /// `[4, 4]`; the last row is zero.
+    pub viewmat: Buffer,
+}
+
+/// Backward of [`forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient by it; the twin of
+/// [`crate::cpu::projection::backward`]. Culled Gaussians receive zero, and so does one whose gradient is not finite.
+///
+/// # Errors
+/// When the gradients exceed one buffer.
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn backward(
+    client: &Client,
+    means: &Buffer,
+    quats: &Buffer,
+    log_scales: &Buffer,
+    viewmat: &Buffer,
+    config: &ProjectionConfig,
+    projected: &Buffer,
+    v_projected: &Buffer,
+) -> Result<ProjectionGradients, CubeError> {
+    let count = check(means, quats, log_scales, viewmat);
+    assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8]");
+    assert_eq!(v_projected.len(), count * PROJECTED, "v_projected must be [N, 8]");
+    let cubes = count.div_ceil(UNITS);
+    let lens = [count * 3, count * 4, count * 3, cubes * POSE];
+    let slab = Buffer::slab(client, "gradients of the projection", lens)?;
+    if count > 0 {
+        projection_backward_kernel::launch(
+            client,
+            grid(cubes),
+            cube_dim(),
+            means.arg(),
+            quats.arg(),
+            log_scales.arg(),
+            viewmat.arg(),
+            projected.arg(),
+            v_projected.arg(),
+            slab.whole.arg(),
+            count as u32,
+            cubes as u32,
+            slab.starts[1] as u32,
+            slab.starts[2] as u32,
+            slab.starts[3] as u32,
+            PinholeLaunch::of(config),
+            config.antialiased,
+        );
+    }
+    let [v_means, v_quats, v_log_scales, sums] = slab.parts;
+    let v_viewmat = Buffer::empty(client, "gradient of the camera", 16)?;
+    pose_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), v_viewmat.arg(), cubes as u32);
+    Ok(ProjectionGradients { means: v_means, quats: v_quats, log_scales: v_log_scales, viewmat: v_viewmat })
+}
+
+fn check(means: &Buffer, quats: &Buffer, log_scales: &Buffer, viewmat: &Buffer) -> usize {
+    let count = means.len() / 3;
+    assert_eq!(means.len(), count * 3, "means must be [N, 3]");
+    assert_eq!(quats.len(), count * 4, "quats must be [N, 4] for {count} means");
+    assert_eq!(log_scales.len(), count * 3, "log_scales must be [N, 3] for {count} means");
+    assert_eq!(viewmat.len(), 16, "viewmat must hold 16 values");
+    count
+}

@@ -1,0 +1,161 @@
+//! The rows a tile stages: everything a pixel asks of a Gaussian, side by side, so that a batch is read in few cache
+//! lines and through one binding.
+//!
+//! Row: mean x, mean y, d1, l, d2, opacity, then the blended channels (features, and depth if it is accumulated).
+
+use cubecl::prelude::*;
+
+use crate::config::RasterizeConfig;
+use crate::constants::TILE;
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
+use crate::cube::error::CubeError;
+use crate::cube::intersect::Intersections;
+use crate::cube::rows::read_row;
+use crate::rows::PROJECTED;
+
+/// Values before the blended channels.
+pub(super) const GEOMETRY: usize = 6;
+
+/// Pixels of a tile.
+pub(super) const PIXELS: usize = TILE * TILE;
+
+/// What a rasterization is compiled for and the checked sizes of its arguments.
+#[derive(Clone, Copy)]
+pub(super) struct Plan {
+    pub count: usize,
+    pub channels: usize,
+    pub depth: bool,
+    pub width: u32,
+    pub height: u32,
+    pub columns: usize,
+    pub tiles: usize,
+}
+
+impl Plan {
+    /// # Panics
+    /// When the buffers disagree in length.
+    pub fn new(
+        config: &RasterizeConfig,
+        projected: &Buffer,
+        opacities: &Buffer,
+        features: &Buffer,
+        background: &Buffer,
+        lists: &Intersections,
+    ) -> Self {
+        let count = opacities.len();
+        let (columns, rows) = config.tiles();
+        assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8] for {count} opacities");
+        assert_eq!(features.len(), count * config.channels, "features must be [N, C] for {count} opacities");
+        assert_eq!(background.len(), config.channels, "background must be [C]");
+        assert_eq!(lists.tile_offsets.len(), columns * rows + 1, "tile_offsets must be [tiles + 1]");
+        assert_eq!(lists.gaussian_offsets.len(), count + 1, "gaussian_offsets must be [N + 1]");
+        assert_eq!(lists.positions.len(), lists.gaussian_ids.len(), "positions must be as long as gaussian_ids");
+        Self {
+            count,
+            channels: config.channels,
+            depth: config.depth,
+            width: config.width,
+            height: config.height,
+            columns,
+            tiles: columns * rows,
+        }
+    }
+
+    /// Channels blended: features, and depth if it is accumulated.
+    pub fn blended(&self) -> usize {
+        self.channels + usize::from(self.depth)
+    }
+
+    /// Values in an attribute row.
+    pub fn stride(&self) -> usize {
+        GEOMETRY + self.blended()
+    }
+
+    /// Rows in a batch that takes at most `floats` of shared memory.
+    pub fn batch(&self, floats: usize) -> usize {
+        let fitting = (floats / self.stride()).max(1);
+        (1 << fitting.ilog2()).min(64)
+    }
+
+    /// Packs the attribute rows `[N, 6 + blended]`.
+    pub fn pack(
+        &self,
+        client: &Client,
+        projected: &Buffer,
+        opacities: &Buffer,
+        features: &Buffer,
+    ) -> Result<Buffer, CubeError> {
+        let attributes = Buffer::empty(client, "attributes of the rasterizer", self.count * self.stride())?;
+        if self.count > 0 {
+            pack_kernel::launch(
+                client,
+                grid_for(self.count),
+                cube_dim(),
+                projected.arg(),
+                opacities.arg(),
+                features.arg(),
+                attributes.arg(),
+                self.count as u32,
+                self.channels as u32,
+                self.depth,
+            );
+        }
+        Ok(attributes)
+    }
+}
+
+/// One unit a Gaussian packs its attribute row.
+#[cube(launch)]
+fn pack_kernel(
+    projected: &[f32],
+    opacities: &[f32],
+    features: &[f32],
+    attributes: &mut [f32],
+    count: u32,
+    channels: u32,
+    #[comptime] depth: bool,
+) {
+    let index = CUBE_POS * UNITS + UNIT_POS as usize;
+    if index >= count as usize {
+        terminate!();
+    }
+    let channels = channels as usize;
+    let row = read_row(projected, index);
+    let base = index * (channels + comptime!(GEOMETRY + depth as usize));
+    attributes[base] = row.mean_x;
+    attributes[base + 1] = row.mean_y;
+    attributes[base + 2] = row.d1;
+    attributes[base + 3] = row.l;
+    attributes[base + 4] = row.d2;
+    attributes[base + 5] = opacities[index];
+    for channel in 0..channels {
+        attributes[base + GEOMETRY + channel] = features[index * channels + channel];
+    }
+    if comptime!(depth) {
+        attributes[base + GEOMETRY + channels] = row.depth;
+    }
+}
+
+/// All units of the cube copy the first `columns` values of `count` attribute rows to `staged`: those of the Gaussians
+/// `ids[first..]`.
+#[cube]
+pub(super) fn stage(
+    attributes: &[f32],
+    ids: &[u32],
+    first: u32,
+    count: u32,
+    staged: &mut Shared<[f32]>,
+    #[comptime] stride: usize,
+    #[comptime] columns: usize,
+    #[comptime] units: u32,
+) {
+    let values = count * comptime!(columns as u32);
+    let mut k = UNIT_POS;
+    while k < values {
+        let gaussian = k / comptime!(columns as u32);
+        let column = k - gaussian * comptime!(columns as u32);
+        let id = ids[(first + gaussian) as usize] as usize;
+        staged[(gaussian as usize) * stride + column as usize] = attributes[id * stride + column as usize];
+        k += units;
+    }
+}

@@ -1,0 +1,438 @@
+//! Blending backward. One cube of 64 units a tile, four pixels a unit.
+//!
+//! A first walk front to back finds every pixel's final transmittance and where its last Gaussian stands. A second walk
+//! goes back to front with the light `S` behind each Gaussian as one running number per pixel:
+//!
+//! `T = T_behind / (1 - alpha)`, `q = f . v`, `v_alpha = T q - S / (1 - alpha)`, `S += alpha T q`,
+//!
+//! where `v` is the gradient by the pixel's channels. The division is harmless because alpha is at most 0.999, and
+//! nothing is found as a difference of large sums. With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all
+//! gradients by the ellipse are moments of `s` over pixels.
+//!
+//! Every (tile, Gaussian) pair gets a row of moments of its own, written by its tile alone, and the rows of a Gaussian
+//! are added in tile order ([`super::gather`]): no atomic addition of floats, so equal inputs give equal bits. Inside the
+//! tile a unit first adds its four pixels in registers; the 64 units' sums then meet in shared memory, for as many
+//! Gaussians at once as fit there. No plane operation is used, so the width of a plane does not matter.
+
+use std::ops::Range;
+
+use cubecl::prelude::*;
+
+use super::attributes::{GEOMETRY, PIXELS, Plan, stage};
+use super::forward::UNROLLED;
+use super::gather::{add_pairs, finish};
+use crate::config::RasterizeConfig;
+use crate::constants::TILE;
+use crate::cube::blend::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN, capped, sight};
+use crate::cube::buffer::{Buffer, grid};
+use crate::cube::error::CubeError;
+use crate::cube::intersect::Intersections;
+use crate::cube::math::finite;
+
+/// Units of the cube.
+const UNITS: usize = 64;
+/// Pixels of a unit: one column of the tile, every fourth row.
+const OWN: usize = PIXELS / UNITS;
+/// Rows of the tile that the units cover at once.
+const ROWS: usize = UNITS / TILE;
+/// Values that meet in shared memory at once.
+const SLOTS: usize = 48;
+/// One more than the units, so that units adding different values touch different banks.
+const SLOT: usize = UNITS + 1;
+/// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
+const STAGE: usize = 896;
+
+/// Moments in a pair's row before the blended channels: `s`, `s dy`, `s dy^2`, `s u`, `s u dy`, `s u^2`, and the
+/// absolute screen gradients along x (over `d1`) and y.
+pub(super) const MOMENTS: usize = 8;
+
+/// Gradients of [`super::forward`], each in the shape of its argument.
+#[derive(Clone, Debug)]
+pub struct RasterizeGradients {
+    /// `[N, 8]`; zero for compensation and radius.
+    pub projected: Buffer,
+    /// `[N]`
+    pub opacities: Buffer,
+    /// `[N, C]`
+    pub features: Buffer,
+    /// `[C]`
+    pub background: Buffer,
+    /// `[N, 4]`, see [`crate::rows::SCREEN`].
+    pub screen: Buffer,
+}
+
+/// Adds `count` values over the units of the cube and writes them to `out` from `to` on, in order. `slots` holds them
+/// as `[value][unit]`. Every unit must arrive here.
+#[cube]
+fn sum_slots(slots: &Shared<[f32]>, count: u32, out: &mut [f32], to: usize) {
+    sync_cube();
+    let mut value = UNIT_POS;
+    while value < count {
+        let base = value as usize * SLOT;
+        let mut sum = 0.0f32;
+        for unit in 0..UNITS {
+            sum += slots[base + unit];
+        }
+        out[to + value as usize] = sum;
+        value += comptime!(UNITS as u32);
+    }
+    sync_cube();
+}
+
+/// One cube a tile: writes a row of moments for every pair of the tile, and the tile's share of the background's gradient.
+#[cube(launch)]
+fn rasterize_backward_kernel(
+    attributes: &[f32],
+    background: &[f32],
+    tile_offsets: &[u32],
+    gaussian_ids: &[u32],
+    v_output: &[f32],
+    pairs: &mut [f32],
+    backgrounds: &mut [f32],
+    width: u32,
+    height: u32,
+    tile_columns: u32,
+    first_tile: u32,
+    tiles: u32,
+    #[comptime] channels: usize,
+    #[comptime] depth: bool,
+    #[comptime] batch: u32,
+) {
+    if CUBE_POS >= tiles as usize {
+        terminate!();
+    }
+    let blended = comptime!(channels + depth as usize);
+    let stride = comptime!(GEOMETRY + channels + depth as usize);
+    let row_len = comptime!(MOMENTS + channels + depth as usize);
+    let row_len_u32 = comptime!(row_len as u32);
+    let unroll = comptime!(channels <= UNROLLED);
+    // Rows that meet in shared memory at once; a row longer than the slots goes there piece by piece.
+    let group = comptime!((SLOTS / row_len).max(1) as u32);
+    let pieces = comptime!(row_len.div_ceil(SLOTS));
+
+    let tile = first_tile + CUBE_POS as u32;
+    let unit = UNIT_POS as usize;
+    let x = tile % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
+    let y = tile / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
+    let pixel_x = f32::cast_from(x) + 0.5f32;
+    let pixel_y = f32::cast_from(y) + 0.5f32;
+
+    let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
+    let mut slots = Shared::<[f32]>::new_slice(comptime!(SLOTS * SLOT));
+    let ended_units = Shared::<[Atomic<u32>]>::new_slice(1usize);
+    let last_drawn = Shared::<[Atomic<u32>]>::new_slice(1usize);
+    let begin = tile_offsets[tile as usize];
+    let end = tile_offsets[tile as usize + 1];
+    // Rows are written from the first tile of the launch on.
+    let base = tile_offsets[first_tile as usize];
+    if UNIT_POS == 0 {
+        ended_units[0].store(0u32);
+        last_drawn[0].store(begin);
+    }
+    sync_cube();
+
+    // First walk: transmittance behind everything, and one past the place of the last Gaussian blended.
+    let mut t = Array::<f32>::new(OWN);
+    let mut last = Array::<u32>::new(OWN);
+    let mut open = Array::<bool>::new(OWN);
+    let mut open_pixels = 0u32;
+    #[unroll]
+    for j in 0..OWN {
+        let inside = x < width && y + comptime!((j * ROWS) as u32) < height;
+        t[j] = 1.0f32;
+        last[j] = begin;
+        open[j] = inside;
+        open_pixels += select(inside, 1u32, 0u32);
+    }
+    if open_pixels == 0u32 {
+        ended_units[0].fetch_add(1u32);
+    }
+    let batches = (end - begin).div_ceil(batch);
+    for b in 0..batches {
+        if workgroup_uniform_load_atomic(&ended_units[0]) == comptime!(UNITS as u32) {
+            break;
+        }
+        let first = begin + b * batch;
+        let rest = end - first;
+        let count = select(rest < batch, rest, batch.runtime());
+        stage(attributes, gaussian_ids, first, count, &mut staged, stride, GEOMETRY, comptime!(UNITS as u32));
+        sync_cube();
+        if open_pixels > 0u32 {
+            for k in 0..count {
+                let row = k as usize * stride;
+                let dx = pixel_x - staged[row];
+                #[unroll]
+                for j in 0..OWN {
+                    let dy = pixel_y + comptime!((j * ROWS) as f32) - staged[row + 1];
+                    let seen = sight(dx, dy, staged[row + 2], staged[row + 3], staged[row + 4], staged[row + 5]);
+                    if open[j] && seen.raw >= ALPHA_MIN {
+                        let next = t[j] * (1.0f32 - capped(seen.raw));
+                        if next < TRANSMITTANCE_MIN {
+                            open[j] = false;
+                            open_pixels -= 1u32;
+                        } else {
+                            t[j] = next;
+                            last[j] = first + k + 1u32;
+                        }
+                    }
+                }
+                if open_pixels == 0u32 {
+                    break;
+                }
+            }
+            if open_pixels == 0u32 {
+                ended_units[0].fetch_add(1u32);
+            }
+        }
+    }
+    let mut own_last = begin;
+    #[unroll]
+    for j in 0..OWN {
+        own_last = select(last[j] > own_last, last[j], own_last);
+    }
+    last_drawn[0].fetch_max(own_last);
+
+    // The pixels' gradients, zero outside the image, and the light behind everything.
+    let mut v = Array::<f32>::new(comptime!(OWN * (blended + 1)));
+    let mut behind = Array::<f32>::new(OWN);
+    #[unroll]
+    for j in 0..OWN {
+        let row = y + comptime!((j * ROWS) as u32);
+        let inside = x < width && row < height;
+        let pixel = (row as usize * width as usize + x as usize) * comptime!(blended + 1);
+        #[unroll(unroll)]
+        for c in 0..comptime!(blended + 1) {
+            let mut value = 0.0f32;
+            if inside {
+                value = v_output[pixel + c];
+            }
+            v[j * comptime!(blended + 1) + c] = value;
+        }
+        let mut light = -v[j * comptime!(blended + 1) + blended];
+        #[unroll(unroll)]
+        for c in 0..channels {
+            let shade = background[c];
+            light += select(finite(shade), shade, 0.0f32) * v[j * comptime!(blended + 1) + c];
+        }
+        behind[j] = t[j] * light;
+    }
+
+    // The background's gradient is the sum of T v.
+    #[unroll]
+    for piece in 0..comptime!(channels.div_ceil(SLOTS)) {
+        let from = comptime!(piece * SLOTS);
+        let len = comptime!((channels - piece * SLOTS).min(SLOTS));
+        #[unroll]
+        for c in 0..len {
+            let mut sum = 0.0f32;
+            #[unroll]
+            for j in 0..OWN {
+                sum += t[j] * v[j * comptime!(blended + 1) + from + c];
+            }
+            slots[c * SLOT + unit] = sum;
+        }
+        sum_slots(&slots, comptime!(len as u32).runtime(), backgrounds, tile as usize * channels + from);
+    }
+
+    // Second walk. What no pixel drew has a row of zeros.
+    let drawn = workgroup_uniform_load_atomic(&last_drawn[0]);
+    let mut place = (drawn - base) as usize * row_len + unit;
+    while place < (end - base) as usize * row_len {
+        pairs[place] = 0.0f32;
+        place += UNITS;
+    }
+    let mut sums = Array::<f32>::new(row_len);
+    let batches = (drawn - begin).div_ceil(batch);
+    for b in 0..batches {
+        let first = begin + (batches - 1u32 - b) * batch;
+        let rest = drawn - first;
+        let count = select(rest < batch, rest, batch.runtime());
+        sync_cube();
+        stage(attributes, gaussian_ids, first, count, &mut staged, stride, stride, comptime!(UNITS as u32));
+        sync_cube();
+        let groups = count.div_ceil(group);
+        for g in 0..groups {
+            // Gaussians `bottom..top` of the batch, nearest last.
+            let top = count - g * group;
+            let bottom = select(top > group, top - group, 0u32);
+            for step in 0..top - bottom {
+                let k = top - 1u32 - step;
+                let row = k as usize * stride;
+                #[unroll(unroll)]
+                for value in 0..row_len {
+                    sums[value] = 0.0f32;
+                }
+                let dx = pixel_x - staged[row];
+                let d1 = staged[row + 2];
+                let l = staged[row + 3];
+                let d2 = staged[row + 4];
+                #[unroll]
+                for j in 0..OWN {
+                    let dy = pixel_y + comptime!((j * ROWS) as f32) - staged[row + 1];
+                    let seen = sight(dx, dy, d1, l, d2, staged[row + 5]);
+                    if seen.raw >= ALPHA_MIN && first + k < last[j] {
+                        let alpha = capped(seen.raw);
+                        let through = 1.0f32 - alpha;
+                        let before = t[j] / through;
+                        // Rounding may differ between the walks, but light does not grow.
+                        let before = select(before < 1.0f32, before, 1.0f32);
+                        let weight = alpha * before;
+                        let mut q = 0.0f32;
+                        #[unroll(unroll)]
+                        for c in 0..blended {
+                            let v_channel = v[j * comptime!(blended + 1) + c];
+                            q += staged[row + GEOMETRY + c] * v_channel;
+                            sums[MOMENTS + c] += weight * v_channel;
+                        }
+                        let v_alpha = before * q - behind[j] / through;
+                        behind[j] += weight * q;
+                        t[j] = before;
+                        // A capped alpha does not move with sigma or opacity.
+                        let s = select(seen.raw < ALPHA_MAX, -alpha * v_alpha, 0.0f32);
+                        let su = s * seen.u;
+                        let sy = s * dy;
+                        sums[0] += s;
+                        sums[1] += sy;
+                        sums[2] += sy * dy;
+                        sums[3] += su;
+                        sums[4] += su * dy;
+                        sums[5] += su * seen.u;
+                        sums[6] += su.abs();
+                        sums[7] += (d1 * l * su + d2 * sy).abs();
+                    }
+                }
+                let slot = (k - bottom) as usize * row_len;
+                #[unroll]
+                for value in 0..comptime!(row_len.min(SLOTS)) {
+                    slots[(slot + value) * SLOT + unit] = sums[value];
+                }
+            }
+            let to = (first + bottom - base) as usize * row_len;
+            let values = select(
+                comptime!(pieces > 1).runtime(),
+                comptime!(SLOTS as u32).runtime(),
+                (top - bottom) * row_len_u32,
+            );
+            sum_slots(&slots, values, pairs, to);
+            #[unroll]
+            for piece in 1..pieces {
+                let from = comptime!(piece * SLOTS);
+                let len = comptime!((row_len - piece * SLOTS).min(SLOTS));
+                #[unroll]
+                for value in 0..len {
+                    slots[value * SLOT + unit] = sums[from + value];
+                }
+                sum_slots(&slots, comptime!(len as u32).runtime(), pairs, to + from);
+            }
+        }
+    }
+}
+
+/// Most bytes of pair rows held at once; a scene with more goes tile range by tile range. At three channels this is
+/// twelve million pairs.
+pub const PAIR_BYTES: usize = 512 << 20;
+
+/// Backward of [`super::forward`] from `v_output` `[H, W, C + depth + 1]`; the twin of
+/// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero.
+///
+/// # Errors
+/// When a buffer would be too large, or the device fails while it is asked where tiles begin.
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn backward(
+    client: &Client,
+    config: &RasterizeConfig,
+    projected: &Buffer,
+    opacities: &Buffer,
+    features: &Buffer,
+    background: &Buffer,
+    lists: &Intersections,
+    v_output: &Buffer,
+) -> Result<RasterizeGradients, CubeError> {
+    backward_within(client, config, projected, opacities, features, background, lists, v_output, PAIR_BYTES)
+}
+
+/// [`backward`] with at most `pair_bytes` of pair rows at once (or one tile's, if they are more). The sums keep their
+/// order, so the limit does not change a bit of the result.
+///
+/// # Errors
+/// As [`backward`].
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn backward_within(
+    client: &Client,
+    config: &RasterizeConfig,
+    projected: &Buffer,
+    opacities: &Buffer,
+    features: &Buffer,
+    background: &Buffer,
+    lists: &Intersections,
+    v_output: &Buffer,
+    pair_bytes: usize,
+) -> Result<RasterizeGradients, CubeError> {
+    let plan = Plan::new(config, projected, opacities, features, background, lists);
+    let pixels = plan.width as usize * plan.height as usize;
+    assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must be [H, W, C + depth + 1]");
+    let row_len = MOMENTS + plan.blended();
+    let attributes = plan.pack(client, projected, opacities, features)?;
+    let backgrounds = Buffer::empty(client, "gradients of the background by tile", plan.tiles * plan.channels)?;
+    let sums = Buffer::empty(client, "sums of moments", plan.count * row_len)?;
+
+    let (ranges, most) = tile_ranges(client, lists, plan.tiles, pair_bytes / (4 * row_len))?;
+    let pairs = Buffer::empty(client, "gradients by tile and Gaussian", most * row_len)?;
+    for tiles in ranges {
+        if pixels > 0 {
+            rasterize_backward_kernel::launch(
+                client,
+                grid(tiles.len()),
+                CubeDim::new_1d(UNITS as u32),
+                attributes.arg(),
+                background.arg(),
+                lists.tile_offsets.arg(),
+                lists.gaussian_ids.arg(),
+                v_output.arg(),
+                pairs.arg(),
+                backgrounds.arg(),
+                plan.width,
+                plan.height,
+                plan.columns as u32,
+                tiles.start as u32,
+                tiles.len() as u32,
+                plan.channels,
+                plan.depth,
+                plan.batch(STAGE) as u32,
+            );
+        }
+        add_pairs(client, &plan, lists, &pairs, &sums, tiles);
+    }
+    finish(client, &plan, projected, opacities, &sums, &backgrounds)
+}
+
+/// Cuts the tiles into ranges of at most `pairs` pairs each, and the most pairs of a range. Only where one range is not
+/// enough are the tiles' beginnings read back.
+fn tile_ranges(
+    client: &Client,
+    lists: &Intersections,
+    tiles: usize,
+    pairs: usize,
+) -> Result<(Vec<Range<usize>>, usize), CubeError> {
+    let total = lists.gaussian_ids.len();
+    if total <= pairs {
+        return Ok((vec![0..tiles], total));
+    }
+    let offsets = lists.tile_offsets.download::<u32>(client)?;
+    let len = |range: &Range<usize>| (offsets[range.end] - offsets[range.start]) as usize;
+    let mut ranges = vec![0..0];
+    for tile in 0..tiles {
+        let last = ranges.last_mut().expect("begins with one range");
+        if !last.is_empty() && len(&(last.start..tile + 1)) > pairs {
+            ranges.push(tile..tile + 1);
+        } else {
+            last.end = tile + 1;
+        }
+    }
+    let most = ranges.iter().map(len).max().unwrap_or(0);
+    Ok((ranges, most))
+}

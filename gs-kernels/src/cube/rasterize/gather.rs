@@ -1,0 +1,213 @@
+//! From the pairs' rows of moments to the gradients of each Gaussian.
+
+use std::ops::Range;
+
+use cubecl::prelude::*;
+
+use super::attributes::Plan;
+use super::backward::{MOMENTS, RasterizeGradients};
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid, grid_for};
+use crate::cube::error::CubeError;
+use crate::cube::intersect::Intersections;
+use crate::cube::math::finite;
+use crate::cube::reduce::column_sum;
+use crate::cube::rows::read_row;
+use crate::rows::{PROJECTED, SCREEN};
+
+/// One unit a Gaussian and column: adds the column over the Gaussian's pairs in tiles `first_tile..last_tile`, in tile
+/// order, to what earlier ranges of tiles gave. Neighbouring units read neighbouring columns of one row.
+#[cube(launch)]
+fn pair_sum_kernel(
+    pairs: &[f32],
+    gaussian_offsets: &[u32],
+    positions: &[u32],
+    tile_offsets: &[u32],
+    sums: &mut [f32],
+    count: u32,
+    first_tile: u32,
+    last_tile: u32,
+    #[comptime] row_len: u32,
+) {
+    let index = CUBE_POS * UNITS + UNIT_POS as usize;
+    if index >= (count * row_len) as usize {
+        terminate!();
+    }
+    let gaussian = index / row_len as usize;
+    let column = index % row_len as usize;
+    // Pairs behind the last tile's belong to no tile, and nobody wrote their rows.
+    let begin = tile_offsets[first_tile as usize];
+    let end = tile_offsets[last_tile as usize];
+    let mut sum = 0.0f32;
+    if first_tile > 0u32 {
+        sum = sums[index];
+    }
+    for k in gaussian_offsets[gaussian]..gaussian_offsets[gaussian + 1] {
+        let position = positions[k as usize];
+        if position >= begin && position < end {
+            sum += pairs[(position - begin) as usize * row_len as usize + column];
+        }
+    }
+    sums[index] = sum;
+}
+
+/// One unit a Gaussian: from moments to gradients; all zero when one is not finite. All outputs are parts of one buffer.
+#[cube(launch)]
+fn finish_kernel(
+    sums: &[f32],
+    projected: &[f32],
+    opacities: &[f32],
+    gradients: &mut [f32],
+    count: u32,
+    start_opacities: u32,
+    start_features: u32,
+    start_screen: u32,
+    #[comptime] channels: usize,
+    #[comptime] depth: bool,
+) {
+    let index = CUBE_POS * UNITS + UNIT_POS as usize;
+    if index >= count as usize {
+        terminate!();
+    }
+    let row_len = comptime!(MOMENTS + channels + depth as usize);
+    let from = index * row_len;
+    let row = read_row(projected, index);
+    let s = sums[from];
+    let s_dy = sums[from + 1];
+    let s_u = sums[from + 3];
+    let mean_x = -(row.d1 * s_u);
+    let mean_y = -(row.d1 * row.l * s_u + row.d2 * s_dy);
+    let v_d1 = 0.5f32 * sums[from + 5];
+    let v_l = row.d1 * sums[from + 4];
+    let v_d2 = 0.5f32 * sums[from + 2];
+    let mut v_depth = 0.0f32;
+    if comptime!(depth) {
+        v_depth = sums[from + comptime!(MOMENTS + channels)];
+    }
+    // A Gaussian that was never blended may have opacity 0.
+    let opacity = opacities[index];
+    let v_opacity = select(s == 0.0f32, 0.0f32, -(s / opacity));
+    let abs_x = row.d1 * sums[from + 6];
+    let abs_y = sums[from + 7];
+
+    let mut kept = finite(mean_x)
+        && finite(mean_y)
+        && finite(v_d1)
+        && finite(v_l)
+        && finite(v_d2)
+        && finite(v_depth)
+        && finite(v_opacity)
+        && finite(abs_x)
+        && finite(abs_y);
+    for c in 0..channels {
+        kept = kept && finite(sums[from + MOMENTS + c]);
+    }
+
+    let to = index * PROJECTED;
+    gradients[to] = select(kept, mean_x, 0.0f32);
+    gradients[to + 1] = select(kept, mean_y, 0.0f32);
+    gradients[to + 2] = select(kept, v_d1, 0.0f32);
+    gradients[to + 3] = select(kept, v_l, 0.0f32);
+    gradients[to + 4] = select(kept, v_d2, 0.0f32);
+    gradients[to + 5] = select(kept, v_depth, 0.0f32);
+    gradients[to + 6] = 0.0f32;
+    gradients[to + 7] = 0.0f32;
+    gradients[start_opacities as usize + index] = select(kept, v_opacity, 0.0f32);
+    for c in 0..channels {
+        gradients[start_features as usize + index * channels + c] = select(kept, sums[from + MOMENTS + c], 0.0f32);
+    }
+    let to = start_screen as usize + index * SCREEN;
+    gradients[to] = select(kept, mean_x, 0.0f32);
+    gradients[to + 1] = select(kept, mean_y, 0.0f32);
+    gradients[to + 2] = select(kept, abs_x, 0.0f32);
+    gradients[to + 3] = select(kept, abs_y, 0.0f32);
+}
+
+/// One cube: adds the tiles' shares of the background's gradient `[tiles, C]`; zero when a sum is not finite.
+#[cube(launch)]
+fn background_sum_kernel(backgrounds: &[f32], v_background: &mut [f32], tiles: u32, #[comptime] channels: usize) {
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let mut all_finite = true;
+    for c in 0..channels {
+        let total = column_sum(backgrounds, tiles, c as u32, channels, &mut slots);
+        all_finite = all_finite && finite(total);
+        if UNIT_POS == 0 {
+            v_background[c] = total;
+        }
+    }
+    if UNIT_POS == 0 && !all_finite {
+        for c in 0..channels {
+            v_background[c] = 0.0f32;
+        }
+    }
+}
+
+/// Adds the rows of the pairs in `tiles` to the Gaussians' sums `[N, row]`; a range that begins with tile 0 begins anew.
+pub(super) fn add_pairs(
+    client: &Client,
+    plan: &Plan,
+    lists: &Intersections,
+    pairs: &Buffer,
+    sums: &Buffer,
+    tiles: Range<usize>,
+) {
+    if plan.count == 0 {
+        return;
+    }
+    let row_len = MOMENTS + plan.blended();
+    pair_sum_kernel::launch(
+        client,
+        grid_for(plan.count * row_len),
+        cube_dim(),
+        pairs.arg(),
+        lists.gaussian_offsets.arg(),
+        lists.positions.arg(),
+        lists.tile_offsets.arg(),
+        sums.arg(),
+        plan.count as u32,
+        tiles.start as u32,
+        tiles.end as u32,
+        row_len as u32,
+    );
+}
+
+/// From the Gaussians' sums of moments and the tiles' shares of the background to gradients.
+pub(super) fn finish(
+    client: &Client,
+    plan: &Plan,
+    projected: &Buffer,
+    opacities: &Buffer,
+    sums: &Buffer,
+    backgrounds: &Buffer,
+) -> Result<RasterizeGradients, CubeError> {
+    let count = plan.count;
+    let lens = [count * PROJECTED, count, count * plan.channels, count * SCREEN];
+    let slab = Buffer::slab(client, "gradients of the rasterizer", lens)?;
+    if count > 0 {
+        finish_kernel::launch(
+            client,
+            grid_for(count),
+            cube_dim(),
+            sums.arg(),
+            projected.arg(),
+            opacities.arg(),
+            slab.whole.arg(),
+            count as u32,
+            slab.starts[1] as u32,
+            slab.starts[2] as u32,
+            slab.starts[3] as u32,
+            plan.channels,
+            plan.depth,
+        );
+    }
+    let v_background = Buffer::empty(client, "gradient of the background", plan.channels)?;
+    let (tiles, channels) = (plan.tiles as u32, plan.channels);
+    background_sum_kernel::launch(client, grid(1), cube_dim(), backgrounds.arg(), v_background.arg(), tiles, channels);
+    let [v_projected, v_opacities, v_features, screen] = slab.parts;
+    Ok(RasterizeGradients {
+        projected: v_projected,
+        opacities: v_opacities,
+        features: v_features,
+        background: v_background,
+        screen,
+    })
+}

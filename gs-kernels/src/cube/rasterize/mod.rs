@@ -1,0 +1,12 @@
+//! The walk over tiles around one blending step.
+//!
+//! A tile is 16 x 16 pixels and one cube. The tile's Gaussians go through shared memory in batches, as packed attribute
+//! rows, and every pixel walks over the batch.
+
+mod attributes;
+mod backward;
+mod forward;
+mod gather;
+
+pub use backward::{PAIR_BYTES, RasterizeGradients, backward, backward_within};
+pub use forward::forward;

@@ -1,0 +1,169 @@
+//! Stable radix sort of `u32` keys with `u32` values, any length, eight bits a pass.
+//!
+//! A pass counts digits in blocks of 4096 keys, turns the counts into places by one prefix sum, and moves every key to
+//! its digit's place plus its rank among equal digits before it in the block. The rank is read off bit masks in shared
+//! memory, one bit a unit and one mask a digit: no assumption on the width of a plane, no order of arrival anywhere, so
+//! the result is the same on every device.
+
+use cubecl::prelude::*;
+
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
+use crate::cube::error::CubeError;
+use crate::cube::scan::exclusive_scan;
+
+/// Bits of a digit.
+const DIGIT_BITS: u32 = 8;
+/// Digits: one for each unit of a cube.
+const DIGITS: usize = 1 << DIGIT_BITS;
+/// Rows of [`UNITS`] keys in a block.
+const ROWS: usize = 16;
+/// Keys a cube handles.
+const BLOCK: usize = UNITS * ROWS;
+/// Words of 32 bits in a mask with a bit for each unit.
+const WORDS: usize = UNITS / 32;
+
+#[cube]
+fn digit(key: u32, shift: u32) -> usize {
+    ((key >> shift) & comptime!(DIGITS as u32 - 1)) as usize
+}
+
+/// Each cube counts the digits of its block; `counts` is `[digit, block]`.
+#[cube(launch)]
+fn sort_count_kernel(keys: &[u32], counts: &mut [u32], count: u32, blocks: u32, shift: u32) {
+    if CUBE_POS >= blocks as usize {
+        terminate!();
+    }
+    let unit = UNIT_POS as usize;
+    let bins = Shared::<[Atomic<u32>]>::new_slice(DIGITS);
+    bins[unit].store(0u32);
+    sync_cube();
+    for row in 0..ROWS {
+        let index = CUBE_POS * BLOCK + row * UNITS + unit;
+        if index < count as usize {
+            bins[digit(keys[index], shift)].fetch_add(1u32);
+        }
+    }
+    sync_cube();
+    counts[unit * blocks as usize + CUBE_POS] = bins[unit].load();
+}
+
+/// Each cube moves the pairs of its block to their places; `places` is the prefix sum of the counts.
+#[cube(launch)]
+fn sort_move_kernel(
+    keys: &[u32],
+    values: &[u32],
+    places: &[u32],
+    keys_out: &mut [u32],
+    values_out: &mut [u32],
+    count: u32,
+    blocks: u32,
+    shift: u32,
+) {
+    if CUBE_POS >= blocks as usize {
+        terminate!();
+    }
+    let unit = UNIT_POS as usize;
+    let own_word = unit / 32;
+    let own_bit = 1u32 << (UNIT_POS % 32);
+    // `[word, digit]`, so that units walking over digits touch neighbouring banks.
+    let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!(WORDS * DIGITS));
+    let mut next = Shared::<[u32]>::new_slice(DIGITS);
+    next[unit] = places[unit * blocks as usize + CUBE_POS];
+    #[unroll]
+    for word in 0..WORDS {
+        masks[word * DIGITS + unit].store(0u32);
+    }
+    sync_cube();
+
+    for row in 0..ROWS {
+        let index = CUBE_POS * BLOCK + row * UNITS + unit;
+        let inside = index < count as usize;
+        let mut key = 0u32;
+        if inside {
+            key = keys[index];
+            masks[own_word * DIGITS + digit(key, shift)].fetch_or(own_bit);
+        }
+        sync_cube();
+        if inside {
+            let bin = digit(key, shift);
+            let mut place = next[bin];
+            #[unroll]
+            for word in 0..WORDS {
+                let bits = masks[word * DIGITS + bin].load();
+                if word < own_word {
+                    place += bits.count_ones();
+                }
+                if word == own_word {
+                    place += (bits & (own_bit - 1u32)).count_ones();
+                }
+            }
+            keys_out[place as usize] = key;
+            values_out[place as usize] = values[index];
+        }
+        sync_cube();
+        // Unit `d` closes digit `d`: moves its place on and clears its masks for the next row.
+        let mut moved = 0u32;
+        #[unroll]
+        for word in 0..WORDS {
+            moved += masks[word * DIGITS + unit].load().count_ones();
+            masks[word * DIGITS + unit].store(0u32);
+        }
+        let place = next[unit] + moved;
+        next[unit] = place;
+        sync_cube();
+    }
+}
+
+/// Sorts `keys` by their lowest `bits` bits and moves `values` along; equal keys keep their order. The buffers given are
+/// used as scratch.
+///
+/// # Errors
+/// When a buffer would be too large.
+///
+/// # Panics
+/// When keys and values differ in number.
+pub fn sort_pairs(
+    client: &Client,
+    mut keys: Buffer,
+    mut values: Buffer,
+    bits: u32,
+) -> Result<(Buffer, Buffer), CubeError> {
+    assert_eq!(keys.len(), values.len(), "as many values as keys");
+    let count = keys.len();
+    if count < 2 || bits == 0 {
+        return Ok((keys, values));
+    }
+    let blocks = count.div_ceil(BLOCK);
+    let counts = Buffer::empty(client, "digit counts of a sort", DIGITS * blocks)?;
+    let mut keys_out = Buffer::empty(client, "sorted keys", count)?;
+    let mut values_out = Buffer::empty(client, "sorted values", count)?;
+    for shift in (0..bits).step_by(DIGIT_BITS as usize) {
+        sort_count_kernel::launch(
+            client,
+            grid(blocks),
+            cube_dim(),
+            keys.arg(),
+            counts.arg(),
+            count as u32,
+            blocks as u32,
+            shift,
+        );
+        let places = exclusive_scan(client, &counts, DIGITS * blocks)?;
+        sort_move_kernel::launch(
+            client,
+            grid(blocks),
+            cube_dim(),
+            keys.arg(),
+            values.arg(),
+            places.arg(),
+            keys_out.arg(),
+            values_out.arg(),
+            count as u32,
+            blocks as u32,
+            shift,
+        );
+        std::mem::swap(&mut keys, &mut keys_out);
+        std::mem::swap(&mut values, &mut values_out);
+    }
+    Ok((keys, values))
+}

@@ -1,0 +1,387 @@
+//! Fused L1 and SSIM (Wang et al. 2004) of two images, forward and backward; formulas as in [`crate::cpu::ssim`].
+//!
+//! One cube handles a tile of 16 x 16 pixels in one channel: it stages the tile with a margin of five pixels, filters it
+//! along x into shared memory, then along y in registers; one unit a pixel.
+
+use cubecl::prelude::*;
+
+use crate::constants;
+use crate::constants::{SSIM_SIGMA, SSIM_WINDOW, TILE};
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
+use crate::cube::error::CubeError;
+use crate::cube::math::finite;
+use crate::cube::reduce::{column_sum, cube_sum};
+
+/// Pixels of margin that the window needs.
+const HALO: usize = SSIM_WINDOW / 2;
+/// Edge of a staged tile.
+const WIDE: usize = TILE + 2 * HALO;
+/// Pixels of a staged tile.
+const AREA: usize = WIDE * WIDE;
+/// Pixels of a tile filtered along x: all rows of the staged tile.
+const STRIP: usize = WIDE * TILE;
+/// Maps filtered in the forward pass: x, y, x^2, y^2, x y.
+const MOMENTS: usize = 5;
+/// Maps filtered in the backward pass: the derivatives by `mu_x`, `E_xx`, `E_xy`.
+const DERIVATIVES: usize = 3;
+
+const C1: f32 = constants::SSIM_C1 as f32;
+const C2: f32 = constants::SSIM_C2 as f32;
+const PIXEL_MAX: f32 = constants::PIXEL_MAX as f32;
+
+/// Tap `i` of the window.
+fn tap(i: usize) -> f32 {
+    let weight = |i: usize| {
+        let d = i as f64 - HALO as f64;
+        (-d * d / (2.0 * SSIM_SIGMA * SSIM_SIGMA)).exp()
+    };
+    (weight(i) / (0..SSIM_WINDOW).map(weight).sum::<f64>()) as f32
+}
+
+/// A pixel as the loss reads it: not finite or enormous values count as 0.
+#[cube]
+fn clean(x: f32) -> f32 {
+    select(finite(x) && x.abs() <= PIXEL_MAX, x, 0.0f32)
+}
+
+/// Where a cube works.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+struct Place {
+    channel: u32,
+    /// First pixel of the tile.
+    x: u32,
+    y: u32,
+}
+
+#[cube]
+fn place(tile_columns: u32, channels: u32) -> Place {
+    let cube = CUBE_POS as u32;
+    let tile = cube / channels;
+    Place {
+        channel: cube % channels,
+        x: tile % tile_columns * comptime!(TILE as u32),
+        y: tile / tile_columns * comptime!(TILE as u32),
+    }
+}
+
+/// Value `k` of the staged tile of a map that begins at `start`; 0 outside the image.
+#[cube]
+fn read_staged(map: &[f32], start: usize, k: u32, place: Place, width: u32, height: u32, channels: u32) -> f32 {
+    // Shifted by the margin, so that unsigned numbers do not go below zero.
+    let x = place.x + k % comptime!(WIDE as u32);
+    let y = place.y + k / comptime!(WIDE as u32);
+    let halo = comptime!(HALO as u32);
+    let mut value = 0.0f32;
+    if x >= halo && y >= halo && x < width + halo && y < height + halo {
+        let pixel = (y - halo) as usize * width as usize + (x - halo) as usize;
+        value = map[start + pixel * channels as usize + place.channel as usize];
+    }
+    value
+}
+
+/// Forward: per pixel three derivatives, per cube the sums of L1 and SSIM.
+#[cube(launch)]
+fn ssim_forward_kernel(
+    image: &[f32],
+    target: &[f32],
+    saved: &mut [f32],
+    sums: &mut [f32],
+    width: u32,
+    height: u32,
+    channels: u32,
+    tile_columns: u32,
+    cubes: u32,
+) {
+    if CUBE_POS >= cubes as usize {
+        terminate!();
+    }
+    let place = place(tile_columns, channels);
+    let mut x = Shared::<[f32]>::new_slice(AREA);
+    let mut y = Shared::<[f32]>::new_slice(AREA);
+    let mut filtered = Shared::<[f32]>::new_slice(comptime!(STRIP * MOMENTS));
+
+    let mut k = UNIT_POS;
+    while k < comptime!(AREA as u32) {
+        x[k as usize] = clean(read_staged(image, 0usize, k, place, width, height, channels));
+        y[k as usize] = clean(read_staged(target, 0usize, k, place, width, height, channels));
+        k += comptime!(UNITS as u32);
+    }
+    sync_cube();
+
+    let mut k = UNIT_POS as usize;
+    while k < STRIP {
+        let from = k / TILE * WIDE + k % TILE;
+        let mut mx = 0.0f32;
+        let mut my = 0.0f32;
+        let mut xx = 0.0f32;
+        let mut yy = 0.0f32;
+        let mut xy = 0.0f32;
+        #[unroll]
+        for i in 0..SSIM_WINDOW {
+            let w = comptime!(tap(i));
+            let a = x[from + i];
+            let b = y[from + i];
+            mx += w * a;
+            my += w * b;
+            xx += w * a * a;
+            yy += w * b * b;
+            xy += w * a * b;
+        }
+        filtered[k] = mx;
+        filtered[STRIP + k] = my;
+        filtered[2 * STRIP + k] = xx;
+        filtered[3 * STRIP + k] = yy;
+        filtered[4 * STRIP + k] = xy;
+        k += UNITS;
+    }
+    sync_cube();
+
+    let column = UNIT_POS as usize % TILE;
+    let row = UNIT_POS as usize / TILE;
+    let mut mx = 0.0f32;
+    let mut my = 0.0f32;
+    let mut xx = 0.0f32;
+    let mut yy = 0.0f32;
+    let mut xy = 0.0f32;
+    #[unroll]
+    for i in 0..SSIM_WINDOW {
+        let w = comptime!(tap(i));
+        let from = (row + i) * TILE + column;
+        mx += w * filtered[from];
+        my += w * filtered[STRIP + from];
+        xx += w * filtered[2 * STRIP + from];
+        yy += w * filtered[3 * STRIP + from];
+        xy += w * filtered[4 * STRIP + from];
+    }
+    let a1 = 2.0f32 * mx * my + C1;
+    let a2 = 2.0f32 * (xy - mx * my) + C2;
+    let b1 = mx * mx + my * my + C1;
+    let b2 = (xx - mx * mx) + (yy - my * my) + C2;
+    let inverse1 = 1.0f32 / b1;
+    let inverse2 = 1.0f32 / b2;
+    let both = inverse1 * inverse2;
+    let similarity = a1 * a2 * both;
+
+    let pixel_x = place.x + column as u32;
+    let pixel_y = place.y + row as u32;
+    let inside = pixel_x < width && pixel_y < height;
+    let centre = (row + HALO) * WIDE + column + HALO;
+    if inside {
+        let size = width as usize * height as usize * channels as usize;
+        let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + place.channel as usize;
+        saved[at] = 2.0f32 * my * (a2 - a1) * both - 2.0f32 * mx * similarity * (inverse1 - inverse2);
+        saved[size + at] = -similarity * inverse2;
+        saved[2 * size + at] = 2.0f32 * a1 * both;
+    }
+    let l1 = select(inside, (x[centre] - y[centre]).abs(), 0.0f32);
+    let similarity = select(inside, similarity, 0.0f32);
+    // All reads of the filtered maps are done once everyone has come here; the barrier inside sees to it.
+    sync_cube();
+    let l1 = cube_sum(l1, &mut filtered);
+    let similarity = cube_sum(similarity, &mut filtered);
+    if UNIT_POS == 0 {
+        sums[CUBE_POS * 2] = l1;
+        sums[CUBE_POS * 2 + 1] = similarity;
+    }
+}
+
+/// One cube: from the cubes' sums to the two means `[mean L1, mean SSIM]`.
+#[cube(launch)]
+fn ssim_mean_kernel(sums: &[f32], means: &mut [f32], cubes: u32, scale: f32) {
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let l1 = column_sum(sums, cubes, 0u32, 2usize, &mut slots);
+    let similarity = column_sum(sums, cubes, 1u32, 2usize, &mut slots);
+    if UNIT_POS == 0 {
+        means[0] = l1 * scale;
+        means[1] = similarity * scale;
+    }
+}
+
+/// Result of [`forward`].
+#[derive(Clone, Debug)]
+pub struct SsimForward {
+    /// `[2]`: mean absolute difference, mean structural similarity.
+    pub means: Buffer,
+    /// `[3, H, W, C]`: derivatives of each pixel's SSIM by `mu_x`, `E_xx`, `E_xy`.
+    pub saved: Buffer,
+}
+
+/// Compares `image` with `target`, both `[H, W, C]`; the twin of [`crate::cpu::ssim::forward`]. Values that are not finite
+/// or beyond [`constants::PIXEL_MAX`] count as 0.
+///
+/// # Errors
+/// When the saved maps exceed one buffer.
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn forward(
+    client: &Client,
+    image: &Buffer,
+    target: &Buffer,
+    width: usize,
+    height: usize,
+    channels: usize,
+) -> Result<SsimForward, CubeError> {
+    let len = check(image, target, width, height, channels);
+    if len == 0 {
+        let means = Buffer::upload(client, "means of L1 and SSIM", &[0.0f32, 1.0])?;
+        return Ok(SsimForward { means, saved: Buffer::empty(client, "derivatives of SSIM", 0)? });
+    }
+    let (columns, cubes) = cubes(width, height, channels);
+    let saved = Buffer::empty(client, "derivatives of SSIM", 3 * len)?;
+    let sums = Buffer::empty(client, "sums of L1 and SSIM", 2 * cubes)?;
+    let means = Buffer::empty(client, "means of L1 and SSIM", 2)?;
+    ssim_forward_kernel::launch(
+        client,
+        grid(cubes),
+        cube_dim(),
+        image.arg(),
+        target.arg(),
+        saved.arg(),
+        sums.arg(),
+        width as u32,
+        height as u32,
+        channels as u32,
+        columns as u32,
+        cubes as u32,
+    );
+    let scale = (1.0 / len as f64) as f32;
+    ssim_mean_kernel::launch(client, grid(1), cube_dim(), sums.arg(), means.arg(), cubes as u32, scale);
+    Ok(SsimForward { means, saved })
+}
+
+/// Backward: filters the three saved maps; one unit a pixel writes its gradient.
+#[cube(launch)]
+fn ssim_backward_kernel(
+    image: &[f32],
+    target: &[f32],
+    saved: &[f32],
+    v_means: &[f32],
+    v_image: &mut [f32],
+    width: u32,
+    height: u32,
+    channels: u32,
+    tile_columns: u32,
+    cubes: u32,
+    scale: f32,
+) {
+    if CUBE_POS >= cubes as usize {
+        terminate!();
+    }
+    let place = place(tile_columns, channels);
+    let size = width as usize * height as usize * channels as usize;
+    let mut maps = Shared::<[f32]>::new_slice(comptime!(AREA * DERIVATIVES));
+    let mut filtered = Shared::<[f32]>::new_slice(comptime!(STRIP * DERIVATIVES));
+
+    let mut k = UNIT_POS;
+    while k < comptime!(AREA as u32) {
+        #[unroll]
+        for map in 0..DERIVATIVES {
+            maps[map * AREA + k as usize] = read_staged(saved, map * size, k, place, width, height, channels);
+        }
+        k += comptime!(UNITS as u32);
+    }
+    sync_cube();
+
+    let mut k = UNIT_POS as usize;
+    while k < STRIP {
+        let from = k / TILE * WIDE + k % TILE;
+        #[unroll]
+        for map in 0..DERIVATIVES {
+            let mut sum = 0.0f32;
+            #[unroll]
+            for i in 0..SSIM_WINDOW {
+                sum += comptime!(tap(i)) * maps[map * AREA + from + i];
+            }
+            filtered[map * STRIP + k] = sum;
+        }
+        k += UNITS;
+    }
+    sync_cube();
+
+    let column = UNIT_POS as usize % TILE;
+    let row = UNIT_POS as usize / TILE;
+    let mut mu = 0.0f32;
+    let mut xx = 0.0f32;
+    let mut xy = 0.0f32;
+    #[unroll]
+    for i in 0..SSIM_WINDOW {
+        let w = comptime!(tap(i));
+        let from = (row + i) * TILE + column;
+        mu += w * filtered[from];
+        xx += w * filtered[STRIP + from];
+        xy += w * filtered[2 * STRIP + from];
+    }
+    let pixel_x = place.x + column as u32;
+    let pixel_y = place.y + row as u32;
+    if pixel_x < width && pixel_y < height {
+        let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + place.channel as usize;
+        let raw = image[at];
+        let x = clean(raw);
+        let y = clean(target[at]);
+        let v_l1 = select(finite(v_means[0]), v_means[0] * scale, 0.0f32);
+        let v_ssim = select(finite(v_means[1]), v_means[1] * scale, 0.0f32);
+        let similarity = mu + 2.0f32 * x * xx + y * xy;
+        let sign = select(x > y, v_l1, select(x < y, -v_l1, 0.0f32));
+        let usable = finite(raw) && raw.abs() <= PIXEL_MAX;
+        v_image[at] = select(usable, v_ssim * similarity + sign, 0.0f32);
+    }
+}
+
+/// Gradient by `image` `[H, W, C]` from `v_means` `[2]`, the gradient by the means of [`forward`], whose `saved` maps it
+/// needs; the twin of [`crate::cpu::ssim::backward`].
+///
+/// # Errors
+/// When the gradient exceeds one buffer.
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn backward(
+    client: &Client,
+    image: &Buffer,
+    target: &Buffer,
+    saved: &Buffer,
+    width: usize,
+    height: usize,
+    channels: usize,
+    v_means: &Buffer,
+) -> Result<Buffer, CubeError> {
+    let len = check(image, target, width, height, channels);
+    assert_eq!(saved.len(), 3 * len, "saved must be [3, {height}, {width}, {channels}]");
+    assert_eq!(v_means.len(), 2, "v_means must hold the gradients by L1 and SSIM");
+    let v_image = Buffer::empty(client, "gradient of the image", len)?;
+    if len > 0 {
+        let (columns, cubes) = cubes(width, height, channels);
+        ssim_backward_kernel::launch(
+            client,
+            grid(cubes),
+            cube_dim(),
+            image.arg(),
+            target.arg(),
+            saved.arg(),
+            v_means.arg(),
+            v_image.arg(),
+            width as u32,
+            height as u32,
+            channels as u32,
+            columns as u32,
+            cubes as u32,
+            (1.0 / len as f64) as f32,
+        );
+    }
+    Ok(v_image)
+}
+
+/// Tile columns, and cubes for all tiles and channels.
+fn cubes(width: usize, height: usize, channels: usize) -> (usize, usize) {
+    let columns = width.div_ceil(TILE);
+    (columns, columns * height.div_ceil(TILE) * channels)
+}
+
+fn check(image: &Buffer, target: &Buffer, width: usize, height: usize, channels: usize) -> usize {
+    let len = width * height * channels;
+    let agree = image.len() == len && target.len() == len;
+    assert!(agree, "image and target must be [{height}, {width}, {channels}]");
+    len
+}

@@ -1,0 +1,10 @@
+//! Derivatives: central differences in `f64`, twin against twin, and a fit that only right gradients can make.
+#![recursion_limit = "256"]
+
+mod channels;
+mod projection;
+mod rasterize;
+mod render;
+mod sh;
+mod ssim;
+mod toy_fit;

@@ -1,0 +1,117 @@
+//! `gs_burn::render`, from the photometric loss to every parameter.
+
+use burn::tensor::Tensor;
+use gs_burn::ops::ssim::photometric_loss;
+use gs_burn::render;
+use gs_tests::cutoff::{SHARE, SHARE_IN_STACKS, without};
+use gs_tests::devices::{Place, doubles, reference, singles};
+use gs_tests::finite_differences::assert_derivative;
+use gs_tests::scenes::{GROUPS, Leaves, Random, Reading, Scene};
+use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_gradient, assert_near, values};
+
+const VIEWMAT: usize = 5;
+const BACKGROUND: usize = 6;
+const LAMBDA_DSSIM: f64 = 0.2;
+
+fn target(scene: &Scene, place: &Place) -> Tensor<3> {
+    let [width, height] = scene.size();
+    place.tensor(&Random::new(3).values(width * height * 3, 0.0, 1.0), [height, width, 3]).autodiff()
+}
+
+/// The photometric loss of `render`.
+fn rendered_loss(scene: &Scene, leaves: &Leaves, place: &Place) -> Tensor<1> {
+    let camera = scene.camera(leaves.viewmat.clone());
+    let color = render(&leaves.gaussians(), &camera, &scene.options(false)).color;
+    photometric_loss(color, target(scene, place), LAMBDA_DSSIM)
+}
+
+/// The same loss with a background that is a tensor.
+fn composed_loss(scene: &Scene, leaves: &Leaves, place: &Place) -> Tensor<1> {
+    let color = leaves.compose(scene, false, Reading::Kernels).narrow(2, 0, 3);
+    photometric_loss(color, target(scene, place), LAMBDA_DSSIM)
+}
+
+#[test]
+fn photometric_loss_has_the_central_differences_of_every_parameter() {
+    for place in doubles() {
+        for antialiased in [false, true] {
+            let mut scene = Scene::random(30, 31);
+            scene.config.antialiased = antialiased;
+            let leaves = scene.leaves(place);
+            let loss = composed_loss(&scene, &leaves, place);
+            assert_near(&place.name, &values(&loss), &values(&rendered_loss(&scene, &leaves, place)), 1e-15);
+            let mut gradients = leaves.gradients(&loss.backward());
+            // Six of the groups, and the camera, through `render` itself; the background is no tensor there.
+            let rendered = leaves.gradients(&rendered_loss(&scene, &leaves, place).backward());
+            gradients[..BACKGROUND].clone_from_slice(&rendered[..BACKGROUND]);
+            for k in 0..GROUPS.len() {
+                let what = format!("{} on {}, antialiased {antialiased}", GROUPS[k], place.name);
+                // The last row of a viewmat is no parameter.
+                let used = if k == VIEWMAT { 12 } else { scene.groups()[k].len() };
+                assert_derivative(&what, &scene.groups()[k][..used], &gradients[k][..used], 100, |x| {
+                    let mut moved = scene.clone();
+                    moved.groups_mut()[k][..used].copy_from_slice(x);
+                    values(&composed_loss(&moved, &moved.leaves(place), place))[0]
+                });
+            }
+        }
+    }
+}
+
+/// Gradients of a weighted image with depth and alpha, without weight in the pixels marked.
+fn weighted(scene: &Scene, place: &Place, reading: Reading, marked: &[bool]) -> [Vec<f64>; 7] {
+    let leaves = scene.leaves(place);
+    let image = leaves.compose(scene, true, reading);
+    let weights = Random::new(4).values(image.dims().iter().product(), -1.0, 1.0);
+    let weights = place.tensor(&without(&weights, marked), image.dims()).autodiff();
+    leaves.gradients(&(image * weights).sum().backward())
+}
+
+#[track_caller]
+fn assert_follows_the_reference(case: &str, scene: &Scene, bound: f64, share: f64) {
+    let undecided = scene.undecided(share);
+    let expected = weighted(scene, reference(), Reading::Reference, &undecided);
+    for (place, bound) in doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, bound))) {
+        let actual = weighted(scene, place, Reading::Kernels, &undecided);
+        for k in 0..GROUPS.len() {
+            assert_gradient(&format!("{}, {case} on {}", GROUPS[k], place.name), &actual[k], &expected[k], bound);
+        }
+    }
+}
+
+#[test]
+fn every_device_follows_the_reference() {
+    for antialiased in [false, true] {
+        let mut scene = Scene::random(120, 12);
+        scene.config.antialiased = antialiased;
+        assert_follows_the_reference(&format!("antialiased {antialiased}"), &scene, GRADIENT_F32, SHARE);
+    }
+}
+
+/// Needles of 1:1000 at any angle, some across the frustum edge, some across the near plane.
+#[test]
+fn needles_and_edges_follow_the_reference() {
+    let mut scene = Scene::random(60, 9);
+    for (i, (mean, log_scales)) in scene.means.chunks_mut(3).zip(scene.log_scales.chunks_mut(3)).enumerate() {
+        log_scales.copy_from_slice(&[if i % 2 == 0 { 0.25 } else { 1.5 }, -7.0, -6.5]);
+        match i % 4 {
+            1 => mean[0] = f64::from((mean[2] * 0.75) as f32),
+            2 => mean[2] = f64::from((0.011 + 0.02 * i as f64) as f32),
+            _ => {}
+        }
+    }
+    assert_follows_the_reference("needles and edges", &scene, HARD_GRADIENT_F32, SHARE);
+}
+
+#[test]
+fn opaque_stacks_follow_the_reference() {
+    for (count, logit) in [(200, -3.0), (200, 0.0), (50, 9.0), (10, 6.5), (3, 4.5), (1, 4.5)] {
+        let mut scene = Scene::random(count, 8);
+        for (i, mean) in scene.means.chunks_mut(3).enumerate() {
+            mean.copy_from_slice(&[-0.25 + i as f64 / 1024.0, 0.125, 2.0 + i as f64 / 64.0]);
+        }
+        scene.log_scales.iter_mut().for_each(|s| *s = 0.125 * *s - 0.75);
+        scene.opacity_logits = vec![logit; count];
+        assert_follows_the_reference(&format!("{count} x {logit}"), &scene, HARD_GRADIENT_F32, SHARE_IN_STACKS);
+    }
+}

@@ -1,0 +1,14 @@
+//! Values: hand-computed numbers, twin against twin, hostile input, equality to the bit.
+#![recursion_limit = "256"]
+
+mod adam;
+mod channels;
+mod frustum;
+mod hostile;
+mod intersect;
+mod projection;
+mod rasterize;
+mod render;
+mod reproducible;
+mod sh;
+mod ssim;

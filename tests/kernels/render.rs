@@ -1,0 +1,157 @@
+//! `gs_burn::render`.
+
+use burn::tensor::{DType, Tensor};
+use gs_burn::{Rendering, render};
+use gs_kernels::constants::ALPHA_MIN;
+use gs_tests::cutoff::{SHARE, without};
+use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
+use gs_tests::scenes::{Reading, Scene};
+use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, HARD_FORWARD_F32, assert_near, assert_near_scaled, values};
+
+/// The image with depth and alpha as one tensor `[H, W, 5]`, as the rasterizer writes it.
+fn image(scene: &Scene, place: &Place) -> Vec<f64> {
+    let leaves = scene.leaves(place);
+    let Rendering { color, alpha, depth, .. } =
+        render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(true));
+    values(&Tensor::cat(vec![color, depth.expect("depth was asked for"), alpha], 2))
+}
+
+fn expected(scene: &Scene) -> Vec<f64> {
+    values(&scene.leaves(reference()).compose(scene, true, Reading::Reference))
+}
+
+/// One Gaussian whose centre falls on the centre of pixel (26, 18).
+fn one() -> Scene {
+    let mut scene = Scene::random(1, 1);
+    scene.config.cx = 26.5;
+    scene.config.cy = 18.5;
+    scene.means = vec![0.0, 0.0, 2.0];
+    scene.viewmat = (0..16).map(|i| if i % 5 == 0 { 1.0 } else { 0.0 }).collect();
+    scene.opacity_logits = vec![0.0];
+    scene.sh = vec![0.0; 48];
+    scene.sh[..3].copy_from_slice(&[1.0, 0.0, -1.0]);
+    scene
+}
+
+#[test]
+fn one_gaussian_by_hand() {
+    for place in everywhere() {
+        let scene = one();
+        let image = image(&scene, place);
+        let centre = &image[5 * (18 * 53 + 26)..][..5];
+        let color = [0.5 + 0.2820948, 0.5, 0.5 - 0.2820948];
+        // Opacity 1/2 at the centre, over the background [1/4, 1/2, 3/4], at depth 2.
+        let blended = [0.5 * color[0] + 0.125, 0.5, 0.5 * color[2] + 0.375, 0.5 * 2.0, 0.5];
+        assert_near(&place.name, centre, &blended, FORWARD_F32);
+    }
+}
+
+#[test]
+fn expected_depth_is_the_depth_of_what_is_there() {
+    for place in everywhere() {
+        let scene = one();
+        let leaves = scene.leaves(place);
+        let rendering = render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(true));
+        let (depth, alpha) = (values(&rendering.expected_depth().unwrap()), values(&rendering.alpha));
+        let expected: Vec<f64> = alpha.iter().map(|alpha| if *alpha > 0.0 { 2.0 } else { 0.0 }).collect();
+        // Alpha is 1 - T and rounded as T is, by 2^-24; that is a share of the faintest alpha. Depth is rounded as well.
+        let bound = 2.0 * 2.0 * f64::from(f32::EPSILON) / 2.0 / ALPHA_MIN;
+        assert_near(&place.name, &depth, &expected, bound);
+        assert!(rendering.intersections > 0 && values(&rendering.radii())[0] > 0.0, "{}", place.name);
+    }
+}
+
+#[test]
+fn every_device_follows_the_reference() {
+    for antialiased in [false, true] {
+        let mut scene = Scene::random(150, 11);
+        scene.config.antialiased = antialiased;
+        let expected = expected(&scene);
+        for place in doubles() {
+            assert_near_scaled(&place.name, &image(&scene, place), &expected, FORWARD_F64);
+        }
+        let undecided = scene.undecided(SHARE);
+        let expected = without(&expected, &undecided);
+        for place in singles() {
+            // Relative to the depths, of order 5.
+            assert_near_scaled(&place.name, &without(&image(&scene, place), &undecided), &expected, FORWARD_F32);
+        }
+    }
+}
+
+/// Needles of 1:1000 at any angle, some across the frustum edge, some across the near plane.
+#[test]
+fn needles_and_edges_follow_the_reference() {
+    let mut scene = Scene::random(60, 9);
+    for (i, (mean, log_scales)) in scene.means.chunks_mut(3).zip(scene.log_scales.chunks_mut(3)).enumerate() {
+        log_scales.copy_from_slice(&[if i % 2 == 0 { 0.25 } else { 1.5 }, -7.0, -6.5]);
+        match i % 4 {
+            1 => mean[0] = f64::from((mean[2] * 0.75) as f32),
+            2 => mean[2] = f64::from((0.011 + 0.02 * i as f64) as f32),
+            _ => {}
+        }
+    }
+    let expected = expected(&scene);
+    for place in doubles() {
+        assert_near_scaled(&place.name, &image(&scene, place), &expected, FORWARD_F64);
+    }
+    let undecided = scene.undecided(SHARE);
+    let expected = without(&expected, &undecided);
+    for place in singles() {
+        assert_near_scaled(&place.name, &without(&image(&scene, place), &undecided), &expected, HARD_FORWARD_F32);
+    }
+}
+
+/// The world's unit of length does not show: a scene a thousand times as large, from a thousand times as far.
+#[test]
+fn the_unit_of_length_does_not_show() {
+    let scene = Scene::random(100, 13);
+    let undecided = scene.undecided(SHARE);
+    for power in [-10, 10] {
+        let factor = 2.0_f64.powi(power);
+        let mut scaled = scene.clone();
+        scaled.means.iter_mut().for_each(|x| *x *= factor);
+        scaled.log_scales.iter_mut().for_each(|x| *x += factor.ln());
+        [3, 7, 11].into_iter().for_each(|i| scaled.viewmat[i] *= factor);
+        scaled.config.near *= factor;
+        for place in everywhere() {
+            let rgb = |scene: &Scene| -> Vec<f64> {
+                image(scene, place).chunks(5).flat_map(|pixel| [pixel[0], pixel[1], pixel[2], pixel[4]]).collect()
+            };
+            let [actual, expected] = [rgb(&scaled), rgb(&scene)].map(|image| without(&image, &undecided));
+            assert_near(&format!("2^{power} on {}", place.name), &actual, &expected, FORWARD_F32);
+        }
+    }
+}
+
+#[test]
+fn nothing_shows_the_background() {
+    for place in everywhere() {
+        for [width, height] in [[1, 1], [17, 1], [53, 37]] {
+            let empty = Scene::random(0, 1).resized(width, height);
+            let mut behind = Scene::random(5, 1).resized(width, height);
+            behind.means.chunks_mut(3).for_each(|mean| mean[2] = -3.0);
+            for scene in [empty, behind] {
+                let image = image(&scene, place);
+                let pixel = [0.25, 0.5, 0.75, 0.0, 0.0];
+                let expected = pixel.repeat((width * height) as usize);
+                assert_near(&format!("{width}x{height} on {}", place.name), &image, &expected, 0.0);
+            }
+        }
+    }
+}
+
+/// `render` takes a camera in single precision for a scene in double, as `Camera::from_c2w` makes one.
+#[test]
+fn the_camera_takes_the_scene_s_precision() {
+    for place in doubles() {
+        let scene = Scene::random(20, 14);
+        let leaves = scene.leaves(place);
+        let gaussians = leaves.gaussians();
+        let [single, double] = [DType::F32, DType::F64].map(|dtype| {
+            let camera = scene.camera(leaves.viewmat.clone().cast(dtype));
+            values(&render(&gaussians, &camera, &scene.options(false)).color)
+        });
+        assert_near(&place.name, &single, &double, 0.0);
+    }
+}

@@ -1,0 +1,85 @@
+//! Where the tests run.
+
+use std::sync::OnceLock;
+
+use burn::tensor::{DType, Device, Tensor, TensorData};
+use gs_burn::device::select;
+
+#[cfg(not(any(feature = "flex", feature = "ndarray")))]
+compile_error!("the tests judge by an f64 reference on the CPU: switch on the feature `flex` or `ndarray`");
+
+/// Names of the CPU devices of this build; they compute in `f64` too.
+const CPU: &[&str] = &[
+    #[cfg(feature = "flex")]
+    "flex",
+    #[cfg(feature = "ndarray")]
+    "ndarray",
+];
+
+/// Names of the GPU devices of this build. With the feature on, the device must be there: a test that passes because it
+/// did not run is worse than one that fails.
+const GPU: &[&str] = &[
+    #[cfg(feature = "wgpu")]
+    "wgpu",
+    #[cfg(feature = "vulkan")]
+    "vulkan",
+    #[cfg(feature = "metal")]
+    "metal",
+    #[cfg(feature = "cuda")]
+    "cuda",
+];
+
+/// A device and the float a test uses on it.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// As in `--device`, with the float type: for messages.
+    pub name: String,
+    /// The device, without gradient tracking.
+    pub device: Device,
+    /// `F32` or `F64`.
+    pub dtype: DType,
+}
+
+impl Place {
+    fn new(name: &str, dtype: DType) -> Self {
+        let device = select(name).unwrap_or_else(|error| panic!("the build has this device, so it must work: {error}"));
+        Self { name: format!("{name} {dtype:?}"), device, dtype }
+    }
+
+    /// Whether it computes in `f64`.
+    pub fn is_double(&self) -> bool {
+        self.dtype == DType::F64
+    }
+
+    /// `values` as a tensor of this place, without gradient tracking.
+    pub fn tensor<const D: usize>(&self, values: &[f64], shape: [usize; D]) -> Tensor<D> {
+        Tensor::from_data(TensorData::new(values.to_vec(), shape), (&self.device, self.dtype))
+    }
+
+    /// `values` as a tensor that requires a gradient.
+    pub fn leaf<const D: usize>(&self, values: &[f64], shape: [usize; D]) -> Tensor<D> {
+        self.tensor(values, shape).autodiff().require_grad()
+    }
+}
+
+/// Every device of this build in `f32`.
+pub fn singles() -> &'static [Place] {
+    static PLACES: OnceLock<Vec<Place>> = OnceLock::new();
+    PLACES.get_or_init(|| CPU.iter().chain(GPU).map(|name| Place::new(name, DType::F32)).collect())
+}
+
+/// Every CPU device of this build in `f64`.
+pub fn doubles() -> &'static [Place] {
+    static PLACES: OnceLock<Vec<Place>> = OnceLock::new();
+    PLACES.get_or_init(|| CPU.iter().map(|name| Place::new(name, DType::F64)).collect())
+}
+
+/// Every device in every float type it has.
+pub fn everywhere() -> impl Iterator<Item = &'static Place> {
+    doubles().iter().chain(singles())
+}
+
+/// Where reference bodies run.
+pub fn reference() -> &'static Place {
+    &doubles()[0]
+}

@@ -1,0 +1,33 @@
+//! Central differences, the judge of every gradient.
+
+use crate::tolerance::{GRADIENT_DIFFERENCES, largest};
+
+/// Steps tried in turn until one agrees. The best differs by element: curvature wants a small one, rounding a large one,
+/// and an image jumps where a pixel crosses the alpha cut-off within the step. A wrong gradient agrees with none.
+const STEPS: [f64; 4] = [1e-5, 1e-6, 1e-4, 1e-7];
+
+/// Asserts that `gradient` is the derivative of `f` at `at`, for about `samples` elements spread over all of them, to
+/// [`GRADIENT_DIFFERENCES`] of its largest entry.
+#[track_caller]
+pub fn assert_derivative(what: &str, at: &[f64], gradient: &[f64], samples: usize, f: impl Fn(&[f64]) -> f64) {
+    assert_eq!(at.len(), gradient.len(), "number of entries of the gradient by {what}");
+    let scale = largest(gradient);
+    assert!(scale > 0.0, "{what}: the gradient is all zero, the test would prove nothing");
+    let mut x = at.to_vec();
+    // A stride with no factor 2 or 3 visits every column of a row-major array of 3, 4, 8 or 48 columns.
+    let stride = (at.len() / samples..).find(|s| s % 2 != 0 && s % 3 != 0).expect("there are many primes");
+    for i in (0..at.len()).step_by(stride) {
+        let mut tried = Vec::new();
+        let agreed = STEPS.iter().any(|h| {
+            x[i] = at[i] + h;
+            let up = f(&x);
+            x[i] = at[i] - h;
+            let down = f(&x);
+            x[i] = at[i];
+            let difference = (up - down) / (2.0 * h);
+            tried.push((*h, difference));
+            (gradient[i] - difference).abs() <= GRADIENT_DIFFERENCES * scale
+        });
+        assert!(agreed, "{what}[{i}]: {}, largest {scale}; differences by step: {tried:?}", gradient[i]);
+    }
+}

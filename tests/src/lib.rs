@@ -1,0 +1,13 @@
+//! What the tests and benchmarks of the whole workspace share.
+//!
+//! Each test compares, for every device of this build ([`devices`]), the accelerated op with its reference body in `f64`,
+//! within the bounds of [`tolerance`], on the seeded scenes of [`scenes`]; gradients also with [`finite_differences`].
+//! Test files carry the name of the file they check: `kernels/` for values, `gradients/` for derivatives.
+#![recursion_limit = "256"]
+
+pub mod cutoff;
+pub mod devices;
+pub mod finite_differences;
+pub mod fit;
+pub mod scenes;
+pub mod tolerance;

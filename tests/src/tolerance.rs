@@ -1,0 +1,105 @@
+//! How near is near: every bound of the tests, with its argument, and the comparisons that use them.
+
+use burn::tensor::{Int, Tensor};
+
+/// Kernels in `f64` against the reference in `f64`, relative to the largest value. Both do the same few hundred
+/// operations in another order, each off by 1e-16; sums over a pixel's Gaussians and cancellation in the conic take
+/// three to four digits. Six more digits would be an error in a formula.
+pub const FORWARD_F64: f64 = 1e-10;
+
+/// Gradients in `f64` against central differences, relative to the largest of the group. A step `h` costs `h^2 f'''`
+/// and `1e-16 / h`: both 1e-10 at the best `h` for curvature of order 1, and the images here curve up to 1e3 times
+/// more (a Gaussian of a pixel's size).
+pub const GRADIENT_DIFFERENCES: f64 = 1e-6;
+
+/// Gradients in `f64` against the gradients Burn finds of the reference in `f64`: rounding only, as
+/// [`FORWARD_F64`], but summed over pixels with both signs.
+pub const GRADIENT_F64: f64 = 1e-8;
+
+/// Values in `f32` against the reference in `f64`, absolute for values of order 1 (colours, alphas, losses). Positions
+/// in a 50 pixel image are rounded to 4e-6 pixels, and alpha falls by at most its half per pixel for the smallest
+/// Gaussian there is (a dilation of 0.3 square pixels); 1e-5 is 1/400 of a step of an 8-bit image.
+pub const FORWARD_F32: f64 = 1e-5;
+
+/// Gradients in `f32` against the reference in `f64`, relative to the largest of the group: the rounding of the forward
+/// pass times the gain of the inverse covariance (a hundred for the thinnest Gaussians of the scenes).
+pub const GRADIENT_F32: f64 = 1e-3;
+
+/// [`FORWARD_F32`] for needles of 1:1000, opaque stacks and Gaussians across the frustum edge or near plane: their
+/// position or shape amplifies rounding by thirty.
+pub const HARD_FORWARD_F32: f64 = 3e-4;
+
+/// [`GRADIENT_F32`] for the scenes of [`HARD_FORWARD_F32`].
+pub const HARD_GRADIENT_F32: f64 = 1e-2;
+
+/// Smallest cosine between the gradient of a group in `f32` and in `f64`: catches a group that is right in its largest
+/// entry alone.
+pub const GRADIENT_COSINE: f64 = 0.9999;
+
+/// A tensor's elements on the host.
+pub fn values<const D: usize>(tensor: &Tensor<D>) -> Vec<f64> {
+    tensor.to_data().iter::<f64>().collect()
+}
+
+/// An index tensor's elements on the host.
+pub fn indices(tensor: &Tensor<1, Int>) -> Vec<usize> {
+    tensor.to_data().iter::<i64>().map(|i| usize::try_from(i).expect("an index is not negative")).collect()
+}
+
+/// Bits of single-precision elements, for tests of equality to the last bit.
+pub fn bits<const D: usize>(tensor: &Tensor<D>) -> Vec<u32> {
+    tensor.to_data().iter::<f32>().map(f32::to_bits).collect()
+}
+
+/// Largest magnitude.
+pub fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |max, x| max.max(x.abs()))
+}
+
+/// Asserts that every value is a number.
+#[track_caller]
+pub fn assert_finite(what: &str, values: &[f64]) {
+    if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+        panic!("{what}[{i}] of {} is {}", values.len(), values[i]);
+    }
+}
+
+/// Asserts that no value is further than `bound` from the expected one.
+#[track_caller]
+pub fn assert_near(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
+    assert_eq!(actual.len(), expected.len(), "number of values of {what}");
+    let far = |(_, (a, e)): &(usize, (&f64, &f64))| !((**a - **e).abs() <= bound);
+    let count = actual.iter().zip(expected).enumerate().filter(far).count();
+    let worst = actual
+        .iter()
+        .zip(expected)
+        .enumerate()
+        .max_by(|(_, (a, e)), (_, (b, f))| (*a - *e).abs().total_cmp(&(*b - *f).abs()));
+    if let Some((i, (a, e))) = worst {
+        assert!(
+            count == 0,
+            "{what}: {count} of {} values are off by more than {bound:.1e}, most at {i}: {a} instead of {e}, off by {:.2e}",
+            actual.len(),
+            (a - e).abs()
+        );
+    }
+}
+
+/// [`assert_near`] with the bound relative to the largest expected value, or to 1 if that is less.
+#[track_caller]
+pub fn assert_near_scaled(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
+    assert_near(what, actual, expected, bound * largest(expected).max(1.0));
+}
+
+/// Asserts that a gradient is the expected one, to `bound` of its largest entry, and in direction; and that it is not
+/// zero, which a kernel that the driver refused leaves behind and every bound of the form `bound * largest` accepts.
+#[track_caller]
+pub fn assert_gradient(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
+    let scale = largest(expected);
+    assert!(scale > 0.0, "{what}: the expected gradient is all zero, the test would prove nothing");
+    assert!(largest(actual) > 0.0, "{what}: the gradient is all zero");
+    assert_near(what, actual, expected, bound * scale);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a / scale * b / scale).sum::<f64>();
+    let cosine = dot(actual, expected) / (dot(actual, actual) * dot(expected, expected)).sqrt();
+    assert!(cosine >= GRADIENT_COSINE, "{what}: cosine {cosine} with the expected gradient");
+}
