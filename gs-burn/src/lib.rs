@@ -1,6 +1,6 @@
 //! Gaussian splatting for [Burn](https://burn.dev): a differentiable rasterizer of 3D Gaussians on its CPU and GPU backends.
 //!
-//! [`Gaussians`] is a Burn module; [`render`] turns it and a [`Camera`] into an image through which gradients flow to
+//! [`Gaussians`] is a Burn module; [`render()`] turns it and a [`Camera`] into an image through which gradients flow to
 //! every parameter and to the camera's pose. The steps between are [`ops`] of their own, each with an accelerated
 //! forward and backward and with a reference in plain tensor operations. [`ply`] reads and writes scenes as other
 //! viewers do; [`device`] finds a device by name. The arithmetic itself lives in `gs-kernels`, which knows nothing of

@@ -43,7 +43,7 @@ fn main() {
             start.elapsed().as_secs_f64()
         };
         let v: Vec<f32> = image.iter().map(|x| (x - 0.4) / (w * h) as f32).collect();
-        let _ = lap();
+        lap();
         let r = rasterize::backward(&config, &rows, &opacities, &colors, &[0.0; 3], lists, &v);
         lap();
         let s = sh::backward(&scene.means, &scene.sh, &scene.viewmat, &rows, &sh_config, &r.features);
@@ -60,7 +60,7 @@ fn main() {
         lap();
         let (mut m, mut v2, mut params) = (s.sh.clone(), s.sh.clone(), scene.sh.clone());
         v2.iter_mut().for_each(|v| *v = v.abs());
-        let _ = lap();
+        lap();
         adam::step(
             &mut params,
             &s.sh,

@@ -72,7 +72,7 @@ fn projection_backward_beyond_the_frustum_margin() {
         mean[0] = mean[0].signum() * (2.5 + mean[0].abs());
         mean[2] = 1.5;
     }
-    scene.log_scales.iter_mut().for_each(|s| *s = *s + 2.5);
+    scene.log_scales.iter_mut().for_each(|s| *s += 2.5);
     let rows = scene.project();
     assert!(rows.chunks(8).filter(|r| r[7] > 0.0).count() > 10, "some must reach into the image");
     let weights: Vec<f64> = (0..rows.len()).map(|i| if i % 8 == 7 { 0.0 } else { 1.0 / (1.0 + i as f64) }).collect();

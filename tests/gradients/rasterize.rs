@@ -39,7 +39,8 @@ impl Inputs {
     #[track_caller]
     fn decided(mut self, share: f64) -> Self {
         let [rows, opacities, ..] = &self.arguments;
-        let undecided = undecided_pixels(rows, opacities, [self.config.width as usize, self.config.height as usize], share);
+        let undecided =
+            undecided_pixels(rows, opacities, [self.config.width as usize, self.config.height as usize], share);
         self.weights = without(&self.weights, &undecided);
         self
     }

@@ -14,7 +14,8 @@ fn the_channels_asked_for_and_no_others() {
             let image = Random::new(1).values(height * width * total, -1.0, 1.0);
             let part = channels(place.tensor(&image, [height, width, total]), first, count);
             assert_eq!(part.dims(), [height, width, count], "{}", place.name);
-            let expected: Vec<f64> = image.chunks(total).flat_map(|pixel| &pixel[first..first + count]).copied().collect();
+            let expected: Vec<f64> =
+                image.chunks(total).flat_map(|pixel| &pixel[first..first + count]).copied().collect();
             assert_eq!(values(&part), expected, "{first}..{} of {total} on {}", first + count, place.name);
         }
     }

@@ -7,9 +7,10 @@ use gs_tests::devices::reference;
 use gs_tests::scenes::{Random, Scene};
 use gs_tests::tolerance::values;
 
-/// Long to short axis of the Gaussians here.
+/// Long to short axis of a needle.
 const ELONGATION: f64 = 20.0;
-const SAMPLES: usize = 100_000;
+/// Points for a covariance: its axis is then good to a fifth of a degree.
+const SAMPLES: usize = 40_000;
 
 /// A camera at the origin with a half angle of view of 45 degrees across.
 fn camera() -> ProjectionConfig {
@@ -36,13 +37,14 @@ fn covariance(row: &ProjectedRow<f64>, eps2d: f64) -> [f64; 3] {
 }
 
 /// The long axis of the ellipse agrees to 5 degrees with that of projected samples, from the axis of view to 1.3 times
-/// the half angle's tangent, for needles of a fifth of their depth at any angle to the axis of view. Beyond, the
-/// Jacobian is held and the ellipse is no longer meant to be right.
+/// the half angle's tangent, for Gaussians as large as a fifth of their depth at any angle to the axis of view, needles
+/// (whose image is a line whatever the perspective) and rounder ones. Beyond, the Jacobian is held and the ellipse is no
+/// longer meant to be right.
 #[test]
 fn ellipse_lies_as_the_samples_do() {
     let camera = camera();
     let (mut worst, mut compared) = ((0.0, String::new()), 0);
-    for slope in [0.0, 0.3, 0.6, 0.9, 1.1, 1.3] {
+    for (slope, elongation) in [0.0, 0.3, 0.6, 0.9, 1.1, 1.3].into_iter().flat_map(|s| [(s, 2.5), (s, ELONGATION)]) {
         for tilt in [0.0_f64, 30.0, 60.0, 120.0, 150.0] {
             for turn in [0.0_f64, 45.0, 90.0] {
                 let (depth, long) = (2.0, 0.2 * 2.0);
@@ -52,7 +54,7 @@ fn ellipse_lies_as_the_samples_do() {
                 let axis = [ct * cr, ct * sr, st];
                 // Quaternion from x to the axis.
                 let quat = [1.0 + axis[0], 0.0, -axis[2], axis[1]];
-                let short = long / ELONGATION;
+                let short = long / elongation;
                 let place = reference();
                 let row = values(&project(
                     place.tensor(&mean, [1, 3]),
@@ -83,22 +85,22 @@ fn ellipse_lies_as_the_samples_do() {
                 let [x, y] = sum.map(|s| s / n);
                 let sampled = [square[0] / n - x * x, square[1] / n - x * y, square[2] / n - y * y];
                 let ellipse = covariance(&row, camera.eps2d);
-                // A needle seen end on is round, and a round ellipse has no axis.
-                let roundness = |[xx, xy, yy]: [f64; 3]| ((xx - yy).hypot(2.0 * xy)) / (xx + yy);
-                if roundness(ellipse) < 0.5 {
+                // Seen end on it is round, and a round ellipse has no axis.
+                let flatness = |[xx, xy, yy]: [f64; 3]| ((xx - yy).hypot(2.0 * xy)) / (xx + yy);
+                if flatness(ellipse) < 0.3 {
                     continue;
                 }
                 let difference = (long_axis(ellipse) - long_axis(sampled)).to_degrees();
                 let difference = (difference + 270.0).rem_euclid(180.0) - 90.0;
                 compared += 1;
                 if difference.abs() > worst.0 {
-                    worst = (difference.abs(), format!("slope {slope}, tilt {tilt}, turn {turn}"));
+                    worst = (difference.abs(), format!("slope {slope}, 1:{elongation}, tilt {tilt}, turn {turn}"));
                 }
             }
         }
     }
     println!("largest angle of {compared}: {:.2} degrees at {}", worst.0, worst.1);
-    assert!(compared > 50, "{compared} of 90 were compared");
+    assert!(compared > 100, "{compared} of 180 were compared");
     assert!(worst.0 <= 5.0, "{} degrees between ellipse and samples at {}", worst.0, worst.1);
 }
 
@@ -115,16 +117,20 @@ fn frame(mean: [f64; 3], log_scales: [f64; 3], quat: [f64; 4]) -> Vec<f64> {
     values(&render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(false)).color)
 }
 
-/// Asserts that no frame differs from the one before by more than 3 times the median difference, counting frames in
-/// which anything changes.
-fn assert_smooth(case: &str, frames: impl Iterator<Item = Vec<f64>>) {
-    let frames: Vec<Vec<f64>> = frames.collect();
+/// Asserts that no frame differs from the one before by more than 3 times the median difference, which is taken over the
+/// frames whose needle has its centre in the image: the many faint ones after would pull it down.
+fn assert_smooth(case: &str, quat: [f64; 4], long: f64, path: impl Iterator<Item = [f64; 3]>) {
+    let scales = [long, long / ELONGATION, long / ELONGATION].map(f64::ln);
+    let means: Vec<[f64; 3]> = path.collect();
+    let frames: Vec<Vec<f64>> = means.iter().map(|mean| frame(*mean, scales, quat)).collect();
     let change = |w: &[Vec<f64>]| w[0].iter().zip(&w[1]).map(|(a, b)| (a - b).abs()).sum::<f64>() / w[0].len() as f64;
     let changes: Vec<f64> = frames.windows(2).map(change).collect();
-    let mut moving: Vec<f64> = changes.iter().copied().filter(|c| *c > 0.0).collect();
-    moving.sort_by(f64::total_cmp);
-    let (median, most) = (moving[moving.len() / 2], moving[moving.len() - 1]);
-    let at = changes.iter().position(|c| *c == most).unwrap();
+    // 45 degrees to each side.
+    let in_view = |[x, y, z]: &[f64; 3]| x.abs() <= *z && y.abs() <= *z;
+    let mut seen: Vec<f64> = changes.iter().zip(&means[1..]).filter(|(_, m)| in_view(m)).map(|(c, _)| *c).collect();
+    seen.sort_by(f64::total_cmp);
+    let (median, most) = (seen[seen.len() / 2], changes.iter().copied().fold(0.0, f64::max));
+    let at = changes.iter().position(|c| *c == most).expect("the largest is one of them");
     println!("{case}: median {median:.2e}, largest {most:.2e} ({:.2} times) at frame {at}", most / median);
     assert!(most <= 3.0 * median, "{case}: frame {at} of {} jumps {:.2} times the median", frames.len(), most / median);
 }
@@ -133,16 +139,11 @@ fn assert_smooth(case: &str, frames: impl Iterator<Item = Vec<f64>>) {
 const ORIENTATIONS: [(&str, [f64; 4]); 3] =
     [("across", [1.0, 0.0, 0.0, 0.0]), ("upright", [1.0, 0.0, 0.0, 1.0]), ("along the view", [1.0, 0.0, -1.0, 0.0])];
 
-fn needle(long: f64) -> [f64; 3] {
-    [long, long / ELONGATION, long / ELONGATION].map(f64::ln)
-}
-
 /// A 1:20 needle moves sideways out of the view.
 #[test]
 fn a_needle_leaves_across_the_frustum_edge() {
     for (name, quat) in ORIENTATIONS {
-        let frames = (0..=200).map(|i| frame([1.0 + 0.02 * f64::from(i), 0.1, 2.0], needle(0.3), quat));
-        assert_smooth(name, frames);
+        assert_smooth(name, quat, 0.3, (0..=200).map(|i| [1.0 + 0.02 * f64::from(i), 0.1, 2.0]));
     }
 }
 
@@ -150,19 +151,20 @@ fn a_needle_leaves_across_the_frustum_edge() {
 /// from the axis of view that it has left the image before.
 #[test]
 fn a_needle_passes_beside_the_camera() {
+    // Out of sight after some 80 frames; then faster on to the near plane, where nothing may flash up.
+    let inverse_depth =
+        |i: u16| if i < 120 { 1.0 + 0.05 * f64::from(i) } else { 7.0 * 1.03_f64.powi(i32::from(i) - 120) };
     for (name, quat) in ORIENTATIONS {
-        let frames = (0..2100).map(|i| frame([0.05, 0.3, 1.0 / (0.3 + 0.05 * f64::from(i))], needle(0.05), quat));
-        assert_smooth(name, frames);
+        assert_smooth(name, quat, 0.05, (0..220).map(|i| [0.05, 0.3, 1.0 / inverse_depth(i)]));
     }
 }
 
 /// A needle so near the axis of view that it is still in the image when it passes the near plane; it nears by the same
 /// share in each frame.
 #[test]
-#[ignore = "not met: the near plane takes a Gaussian away whole, here in one frame 186 times the median change"]
+#[ignore = "not met: the near plane takes a Gaussian away whole, here by 387 times the median change"]
 fn a_needle_passes_through_the_near_plane() {
     for (name, quat) in ORIENTATIONS {
-        let frames = (0..=200).map(|i| frame([0.02, 0.01, 2.0 * 0.97_f64.powi(i)], needle(0.05), quat));
-        assert_smooth(name, frames);
+        assert_smooth(name, quat, 0.05, (0..=200).map(|i| [0.02, 0.01, 2.0 * 0.97_f64.powi(i)]));
     }
 }

@@ -139,7 +139,8 @@ fn thresholds_are_those_of_the_constants() {
 #[test]
 fn any_number_of_channels_in_one_pass() {
     for (channels, depth) in [(1, false), (3, false), (3, true), (5, true), (8, false), (32, false), (32, true)] {
-        Inputs::random(60, channels, depth, [53, 37], 6).assert_follows_the_reference(&format!("{channels} channels"), SHARE);
+        Inputs::random(60, channels, depth, [53, 37], 6)
+            .assert_follows_the_reference(&format!("{channels} channels"), SHARE);
     }
 }
 

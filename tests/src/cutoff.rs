@@ -10,8 +10,8 @@ use gs_kernels::rows::{PROJECTED, ProjectedRow};
 /// Relative distance from a threshold within which a pixel is undecided. In `f32` the exponent of alpha is off by the
 /// position's rounding (4e-6 pixels) times its slope (up to 6 a pixel), which is 2e-5; four times that for margin.
 const ALPHA_BAND: f64 = 1e-4;
-/// The same for the transmittance, whose error is the sum of the alphas' errors over `1 - alpha`.
-const TRANSMITTANCE_BAND: f64 = 1e-2;
+/// The same for the transmittance before anything is blended; each Gaussian adds its alpha's band as `1 - alpha` feels it.
+const TRANSMITTANCE_BAND: f64 = 1e-5;
 
 /// Largest share of a scene's pixels that may be undecided: more would hide an error.
 pub const SHARE: f64 = 0.01;
@@ -35,7 +35,7 @@ pub fn undecided_pixels(rows: &[f64], opacities: &[f64], [width, height]: [usize
     let near = |value: f64, threshold: f64, band: f64| (value / threshold - 1.0).abs() < band;
     let undecided = |pixel: usize| {
         let [x, y] = [pixel % width, pixel / width].map(|k| k as f64 + 0.5);
-        let mut transmittance = 1.0;
+        let (mut transmittance, mut band) = (1.0, TRANSMITTANCE_BAND);
         for (row, opacity) in &drawn {
             let [d1, l, d2] = row.conic;
             let (dx, dy) = (x - row.mean[0], y - row.mean[1]);
@@ -47,7 +47,10 @@ pub fn undecided_pixels(rows: &[f64], opacities: &[f64], [width, height]: [usize
                 continue;
             }
             let next = transmittance * (1.0 - raw.min(ALPHA_MAX));
-            if near(next, TRANSMITTANCE_MIN, TRANSMITTANCE_BAND) {
+            if raw < ALPHA_MAX {
+                band += ALPHA_BAND * raw / (1.0 - raw);
+            }
+            if near(next, TRANSMITTANCE_MIN, band) {
                 return true;
             }
             if next < TRANSMITTANCE_MIN {

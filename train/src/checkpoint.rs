@@ -164,7 +164,8 @@ impl Checkpoint {
             Strategy::None => Density::None,
             Strategy::Mcmc => Density::Mcmc,
             Strategy::Default => {
-                let (gradient, views) = (reader.tensor::<1>("density.gradient", device)?, reader.tensor::<1>("density.views", device)?);
+                let (gradient, views) =
+                    (reader.tensor::<1>("density.gradient", device)?, reader.tensor::<1>("density.views", device)?);
                 if gradient.dims() != [rows] || views.dims() != [rows] {
                     return Err(damaged(format!("density statistics of another number of Gaussians than {rows}")));
                 }
@@ -177,9 +178,14 @@ impl Checkpoint {
             density,
             step: metadata.step,
             skipped: metadata.skipped,
-            extent: metadata.extent,
+            extent: f64::from_bits(metadata.extent_bits),
         };
-        Ok(Self { trainer, config, dataset: metadata.dataset, origin: DVec3::from(metadata.origin) })
+        Ok(Self {
+            trainer,
+            config,
+            dataset: metadata.dataset,
+            origin: DVec3::from(metadata.origin_bits.map(f64::from_bits)),
+        })
     }
 
     fn columns(&self) -> Vec<(String, Column)> {
@@ -206,8 +212,8 @@ impl Checkpoint {
             step: trainer.step,
             skipped: trainer.skipped,
             updates: trainer.optimiser.updates,
-            extent: trainer.extent,
-            origin: self.origin.to_array(),
+            extent_bits: trainer.extent.to_bits(),
+            origin_bits: self.origin.to_array().map(f64::to_bits),
             dataset: self.dataset.clone(),
             config: self.config.to_toml(),
             crc32: columns.iter().map(|(name, column)| (name.clone(), crc32fast::hash(&column.data()))).collect(),
@@ -222,8 +228,9 @@ struct Metadata {
     step: usize,
     skipped: usize,
     updates: u64,
-    extent: f64,
-    origin: [f64; 3],
+    /// As bits, because JSON numbers may lose the last one.
+    extent_bits: u64,
+    origin_bits: [u64; 3],
     dataset: PathBuf,
     config: String,
     /// Checksum of each tensor.
@@ -347,7 +354,9 @@ fn check_shapes(parameters: &[Tensor<2>; 5], first: &[Tensor<2>; 5], second: &[T
 /// Makes a rename in the folder of `path` survive a power cut.
 fn sync_folder(path: &Path) -> io::Result<()> {
     // Only Unix lets a folder be opened as a file; elsewhere the file system orders the rename itself.
-    if cfg!(unix) && let Some(folder) = path.parent() {
+    if cfg!(unix)
+        && let Some(folder) = path.parent()
+    {
         File::open(folder)?.sync_all()?;
     }
     Ok(())

@@ -134,7 +134,13 @@ impl Evaluator {
             let measured = self.measure(image.clone(), &photo);
             if kept > 0 && index % keep_every == 0 {
                 let psnr = measured.psnr;
-                comparisons.push(Comparison { name: view.name.clone(), truth: photo.image, image, mask: photo.mask, psnr });
+                comparisons.push(Comparison {
+                    name: view.name.clone(),
+                    truth: photo.image,
+                    image,
+                    mask: photo.mask,
+                    psnr,
+                });
             }
             scores.push(ViewScores { name: view.name.clone(), scores: measured });
         }

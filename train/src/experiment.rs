@@ -242,7 +242,8 @@ fn read_with_base(path: &Path, depth: usize) -> Result<Table, ConfigError> {
 }
 
 fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
-    text.parse().map_err(|error: toml::de::Error| ConfigError::Syntax { origin: origin.into(), found: one_line(&error) })
+    text.parse()
+        .map_err(|error: toml::de::Error| ConfigError::Syntax { origin: origin.into(), found: one_line(&error) })
 }
 
 /// `density.cap=5000` -> `{ density = { cap = 5000 } }`. What is not a TOML value is taken as a string, so that
@@ -333,7 +334,8 @@ mod tests {
 
     #[test]
     fn overrides_change_one_value() {
-        let config = resolve(&["density.cap=123", "density.strategy=default", "loss.dssim = 0", "data.background=[1,1,1]"]);
+        let config =
+            resolve(&["density.cap=123", "density.strategy=default", "loss.dssim = 0", "data.background=[1,1,1]"]);
         let config = config.expect("valid");
         assert_eq!((config.density.cap, config.loss.dssim, config.data.background), (123, 0.0, [1.0; 3]));
         assert_eq!(config.steps, Config::default().steps);
@@ -361,7 +363,8 @@ mod tests {
 
     #[test]
     fn what_is_saved_reads_back_the_same() {
-        let config = resolve(&["seed=7", "eval.at=[1,2]", "data.holdout=names", "data.holdout_names=['a']"]).expect("valid");
+        let config =
+            resolve(&["seed=7", "eval.at=[1,2]", "data.holdout=names", "data.holdout_names=['a']"]).expect("valid");
         assert_eq!(Config::from_toml(&config.to_toml(), "test").expect("reads back"), config);
     }
 

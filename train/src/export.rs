@@ -71,7 +71,8 @@ fn load_checkpoint(path: &Path, device: &Device) -> Result<LoadedScene> {
 /// # Errors
 /// When the file cannot be written; then nothing is left behind.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
-    ply::write_ply(path, &translated(gaussians, origin)).with_context(|| format!("{}: cannot write the scene", path.display()))
+    ply::write_ply(path, &translated(gaussians, origin))
+        .with_context(|| format!("{}: cannot write the scene", path.display()))
 }
 
 /// The Gaussians moved by `offset`, scene units.
@@ -129,7 +130,9 @@ pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussi
     let gaps: Vec<f64> = draft
         .means
         .par_iter()
-        .map(|mean| tree.nearest_n::<SquaredEuclidean>(mean, wanted).last().map_or(0.0, |n| f64::from(n.distance).sqrt()))
+        .map(|mean| {
+            tree.nearest_n::<SquaredEuclidean>(mean, wanted).last().map_or(0.0, |n| f64::from(n.distance).sqrt())
+        })
         .collect();
     let sizes: Vec<f64> = (0..rows).map(|row| draft.size(row)).collect();
     let (largest, widest) = (filter.max_size * median(&sizes), filter.max_gap * median(&gaps));

@@ -5,9 +5,9 @@
 
 use std::path::PathBuf;
 
+use burn::data::dataloader::Progress;
 use burn::tensor::{Device, Tensor};
 use burn_train::metric::vision::{Lpips, LpipsConfig, LpipsNet, MsSsimInput, MsSsimMetric, MsSsimMetricConfig};
-use burn::data::dataloader::Progress;
 use burn_train::metric::{Metric, MetricMetadata, Numeric};
 use gs_burn::ops::ssim::l1_ssim;
 
@@ -34,7 +34,7 @@ pub fn psnr_of_mse(mse: f64) -> f64 {
 /// Mean structural similarity, -1 to 1.
 pub fn ssim(image: Tensor<3>, truth: Tensor<3>) -> f64 {
     let both = l1_ssim(image, truth);
-    f64::from(both.slice([1..2]).into_scalar::<f32>())
+    f64::from(both.narrow(0, 1, 1).into_scalar::<f32>())
 }
 
 /// Multi-scale SSIM, 0 to 1; `None` when an image side is under 176 pixels, where the fifth scale is smaller than the
@@ -67,9 +67,8 @@ impl Perceptual {
     pub fn from_cache(device: &Device) -> Result<Self, String> {
         let folder = cache_folder().ok_or("no LPIPS: this system has no cache folder")?;
         let choices = [(LpipsNet::Vgg, "vgg"), (LpipsNet::Alex, "alex"), (LpipsNet::Squeeze, "squeeze")];
-        let cached = |name: &str| {
-            ["backbone", "lpips"].iter().all(|part| folder.join(format!("{name}_{part}.pth")).is_file())
-        };
+        let cached =
+            |name: &str| ["backbone", "lpips"].iter().all(|part| folder.join(format!("{name}_{part}.pth")).is_file());
         match choices.into_iter().find(|(_, name)| cached(name)) {
             Some((net, name)) => {
                 let network = LpipsConfig::new().with_net(net).init_pretrained(device);

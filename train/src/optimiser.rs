@@ -100,7 +100,13 @@ impl Optimiser {
     }
 
     /// One update of all groups, with the [`rates`](OptimiserConfig::rates) of this step.
-    pub fn step(&mut self, parameters: &mut Parameters, gradients: Gradients, rates: [f64; 5], config: &OptimiserConfig) {
+    pub fn step(
+        &mut self,
+        parameters: &mut Parameters,
+        gradients: Gradients,
+        rates: [f64; 5],
+        config: &OptimiserConfig,
+    ) {
         self.updates += 1;
         for ((group, gradient), lr) in Group::ALL.into_iter().zip(gradients.into_groups()).zip(rates) {
             let adam = AdamConfig { lr, beta1: config.beta1, beta2: config.beta2, eps: config.eps, step: self.updates };

@@ -100,7 +100,8 @@ struct Clock {
 impl Clock {
     fn add(&mut self, (begun, cpu_begun): (Instant, Option<f64>)) {
         self.seconds += begun.elapsed().as_secs_f64();
-        self.cpu_seconds = self.cpu_seconds.zip(cpu_seconds().zip(cpu_begun)).map(|(sum, (now, begun))| sum + now - begun);
+        self.cpu_seconds =
+            self.cpu_seconds.zip(cpu_seconds().zip(cpu_begun)).map(|(sum, (now, begun))| sum + now - begun);
     }
 }
 
@@ -126,7 +127,11 @@ impl<'a> Run<'a> {
             Some((_, path)) => {
                 let checkpoint = Checkpoint::load(&path, &request.device)?;
                 if checkpoint.config != request.config {
-                    bail!("{}: expected the configuration of {}, found another one", path.display(), folder.config().display());
+                    bail!(
+                        "{}: expected the configuration of {}, found another one",
+                        path.display(),
+                        folder.config().display()
+                    );
                 }
                 checkpoint.trainer
             }

@@ -112,7 +112,8 @@ impl RunFolder {
     /// # Errors
     /// When it cannot be made.
     pub fn make(&self) -> Result<()> {
-        fs::create_dir_all(self.checkpoints()).with_context(|| format!("{}: cannot make the run folder", self.path.display()))
+        fs::create_dir_all(self.checkpoints())
+            .with_context(|| format!("{}: cannot make the run folder", self.path.display()))
     }
 
     /// The folder itself.
@@ -224,7 +225,8 @@ impl RunFolder {
         if !self.config().is_file() {
             bail!("{}: expected a run folder (with config.toml), found none", self.path.display());
         }
-        let dataset = fs::read_to_string(self.dataset()).with_context(|| format!("{}: cannot read", self.dataset().display()))?;
+        let dataset =
+            fs::read_to_string(self.dataset()).with_context(|| format!("{}: cannot read", self.dataset().display()))?;
         Ok((Config::read(&self.config())?, PathBuf::from(dataset.trim())))
     }
 
@@ -250,7 +252,8 @@ impl RunFolder {
         let path = self.metrics();
         let text: String = lines.iter().map(json_line).collect();
         write_atomic(&path, text.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(&path).with_context(|| format!("{}: cannot write", path.display()))?;
+        let file =
+            OpenOptions::new().append(true).open(&path).with_context(|| format!("{}: cannot write", path.display()))?;
         Ok(MetricsFile { file, path })
     }
 
@@ -269,7 +272,8 @@ impl RunFolder {
     /// When it is not there or not what this version writes.
     pub fn read_eval(&self) -> Result<EvalFile> {
         let path = self.eval();
-        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot read the figures of the run", path.display()))?;
+        let text = fs::read_to_string(&path)
+            .with_context(|| format!("{}: cannot read the figures of the run", path.display()))?;
         serde_json::from_str(&text).with_context(|| format!("{}: expected the figures of a run", path.display()))
     }
 }
@@ -289,7 +293,9 @@ impl MetricsFile {
     pub fn append(&mut self, line: &MetricsLine) -> Result<()> {
         let before = self.file.metadata().map(|metadata| metadata.len());
         let written = self.file.write_all(json_line(line).as_bytes());
-        if written.is_err() && let Ok(length) = before {
+        if written.is_err()
+            && let Ok(length) = before
+        {
             // The write error is the one to report.
             let _ = self.file.set_len(length);
         }
@@ -328,7 +334,8 @@ mod tests {
         for step in 1..=5 {
             metrics.append(&line(step)).expect("written");
         }
-        fs::write(folder.metrics(), fs::read_to_string(folder.metrics()).expect("read") + "{\"kind\":\"tra").expect("cut");
+        fs::write(folder.metrics(), fs::read_to_string(folder.metrics()).expect("read") + "{\"kind\":\"tra")
+            .expect("cut");
         let kept = folder.read_metrics(3).expect("read");
         assert_eq!(kept, [line(1), line(2), line(3)]);
         folder.open_metrics(&kept).expect("opened").append(&line(4)).expect("written");

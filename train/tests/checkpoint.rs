@@ -36,7 +36,11 @@ fn what_is_read_is_what_was_written() {
     for group in Group::ALL {
         assert_eq!(before.parameters.read(group), after.parameters.read(group), "{}", group.name());
     }
-    assert_eq!(fs::read_dir(folder.path()).expect("read").count(), 2, "nothing but the scene and the checkpoint is left");
+    assert_eq!(
+        fs::read_dir(folder.path()).expect("read").count(),
+        2,
+        "nothing but the scene and the checkpoint is left"
+    );
 }
 
 /// The sentence for a file of these bytes.

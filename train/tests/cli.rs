@@ -29,7 +29,16 @@ fn fails(folder: &Path, args: &[&str]) -> String {
 }
 
 const QUICK: [&str; 10] = [
-    "--steps", "12", "--quiet", "--set", "eval.ms_ssim=false", "--set", "eval.images=1", "--set", "density.start=2", "--cap=160",
+    "--steps",
+    "12",
+    "--quiet",
+    "--set",
+    "eval.ms_ssim=false",
+    "--set",
+    "eval.images=1",
+    "--set",
+    "density.start=2",
+    "--cap=160",
 ];
 
 #[test]
@@ -60,7 +69,10 @@ fn a_scene_goes_from_photos_to_frames() {
 
     let cameras = "scene/transforms_test.json";
     succeeds(folder, &["render", "run", "--cameras", cameras, "--out", "png"]);
-    succeeds(folder, &["render", "out.ply", "--cameras", cameras, "--out", "exr", "--format", "exr", "--background", "white"]);
+    succeeds(
+        folder,
+        &["render", "out.ply", "--cameras", cameras, "--out", "exr", "--format", "exr", "--background", "white"],
+    );
     for file in ["png/test/r_000.png", "png/test/r_000_depth.png", "png/test/r_000_alpha.png", "exr/test/r_001.exr"] {
         assert!(folder.join(file).is_file(), "{file}");
     }

@@ -29,7 +29,7 @@ fn base_is_the_defaults_with_every_key() {
     for (section, value) in &all {
         let keys = |value: &toml::Value| value.as_table().map(|table| table.keys().cloned().collect::<Vec<_>>());
         let mut expected = keys(value);
-        let mut found = written.get(section).and_then(|value| keys(value));
+        let mut found = written.get(section).and_then(keys);
         expected.iter_mut().chain(&mut found).for_each(|keys| keys.sort());
         assert_eq!(expected, found, "[{section}] of base.toml");
     }

@@ -13,7 +13,8 @@ use gs_train::run_folder::MetricsLine;
 fn labelled(rows: usize, offset: f32) -> [Tensor<2>; 5] {
     Group::ALL.map(|group| {
         let columns = group.columns(1);
-        let values = (0..rows * columns).map(|i| offset + (i / columns) as f32 + (i % columns) as f32 / 100.0).collect();
+        let values =
+            (0..rows * columns).map(|i| offset + (i / columns) as f32 + (i % columns) as f32 / 100.0).collect();
         from_host(values, columns, &common::device())
     })
 }
@@ -52,7 +53,10 @@ fn rows_stay_together() {
         assert_eq!(origins(&optimiser.second[group as usize], 2000.0), kept, "{}", group.name());
     }
     let sh = parameters.read(Group::Sh);
-    assert!(sh[0..12].iter().enumerate().all(|(column, x)| (x - column as f32 / 100.0).abs() < 1e-6), "all columns move");
+    assert!(
+        sh[0..12].iter().enumerate().all(|(column, x)| (x - column as f32 / 100.0).abs() < 1e-6),
+        "all columns move"
+    );
 }
 
 #[test]
@@ -81,11 +85,8 @@ fn the_dead_move_onto_the_living_and_the_image_stays() {
     let config = DensityConfig { growth: 0.0, ..DensityConfig::default() };
     let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment());
     assert_eq!((changes.moved, changes.added, parameters.len()), (3, 0, 4));
-    let transmittance: f64 = parameters
-        .read(Group::Opacity)
-        .iter()
-        .map(|x| 1.0 - gs_train::density::ops::sigmoid(f64::from(*x)))
-        .product();
+    let transmittance: f64 =
+        parameters.read(Group::Opacity).iter().map(|x| 1.0 - gs_train::density::ops::sigmoid(f64::from(*x))).product();
     assert!((1.0 - transmittance - 0.9).abs() < 1e-5, "four coincident Gaussians blend to the one before");
     assert_eq!(origins(parameters.get(Group::Means), 0.0), [1.0; 4]);
 }

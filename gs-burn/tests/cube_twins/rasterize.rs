@@ -186,6 +186,15 @@ fn long_lists() {
 }
 
 #[test]
+fn needles() {
+    let mut scene = Scene::random(83, 150, 50, 50);
+    for scales in scene.log_scales.chunks_mut(3) {
+        scales.copy_from_slice(&[0.0, -7.0, -7.0]);
+    }
+    Case::new(&scene, 3, false, 25).check(26, 1e-2);
+}
+
+#[test]
 fn one_pixel() {
     Case::new(&Scene::random(78, 40, 1, 1), 3, false, 17).check(18, 1e-3);
 }

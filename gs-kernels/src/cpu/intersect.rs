@@ -276,7 +276,8 @@ fn push_spans<F: Real>(row: &ProjectedRow<F>, opacity: F, [width, height]: [u32;
 #[inline(always)]
 fn pixel_range<F: Real>(low: F, high: F, size: u32) -> Option<(u32, u32)> {
     // NaN or an empty range fails this comparison.
-    if !(low <= high) {
+    let ordered = low <= high;
+    if !ordered {
         return None;
     }
     let slack = F::of(PIXEL_SLACK + 0.5);

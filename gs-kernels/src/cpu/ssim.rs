@@ -8,6 +8,9 @@
 //! The forward keeps the derivatives of SSIM by `mu_x`, `E_xx` and `E_xy`; the backward filters these three maps once:
 //! `v_x = w * d_mu + 2 x (w * d_Exx) + y (w * d_Exy)`.
 //!
+//! Moments are those of `x - 1/2` (outside the image too, where `x` is 0): variances do not change, and the difference
+//! `E_xx - mu_x^2` loses up to four times less to rounding.
+//!
 //! Strips of rows are tasks. Inside a strip, horizontally filtered rows live in a ring of 11, so both passes stay in
 //! cache. A row is treated as `W C` numbers whose taps are `C` apart, so interleaved channels need no shuffling.
 
@@ -23,6 +26,9 @@ use crate::cpu::real::LaneTask;
 const STRIP: usize = 64;
 /// Rows above and below that a window needs.
 const HALO: usize = SSIM_WINDOW / 2;
+
+/// What is subtracted from every value before its moments are taken: the middle of the range.
+const SHIFT: f64 = 0.5;
 
 /// Result of [`forward`].
 #[derive(Clone, Debug)]
@@ -201,7 +207,8 @@ impl<F: Real> LaneTask<F> for StripForward<'_, F> {
         let taps = taps::<F>();
         let (len, lead) = (frame.row(), frame.lead());
         let mut ring = Ring::<F, 5>::new(&frame);
-        let (mut x, mut y) = (zeros::<F>(frame.spread()), zeros::<F>(frame.spread()));
+        let shift = F::of(SHIFT);
+        let (mut x, mut y) = (vec![-shift; frame.spread()], vec![-shift; frame.spread()]);
         let mut maps = [(); 4].map(|()| zeros::<F>(frame.padded()));
         let (mut l1, mut ssim) = (0.0, 0.0);
         // Row `v` here is image row `v - HALO`: the first output row's window starts above the image.
@@ -210,15 +217,16 @@ impl<F: Real> LaneTask<F> for StripForward<'_, F> {
             if inside {
                 let at = (v - HALO) * len;
                 for i in 0..len {
-                    x[lead + i] = clean(image[at + i]);
-                    y[lead + i] = clean(target[at + i]);
+                    x[lead + i] = clean(image[at + i]) - shift;
+                    y[lead + i] = clean(target[at + i]) - shift;
                 }
                 if frame.rows().contains(&(v - HALO)) {
                     l1 += sum_lanes::<L>(&frame, |at| lanes_at::<L>(&x, lead + at).sub(lanes_at(&y, lead + at)).abs());
                 }
                 horizontal_moments::<L>(&frame, &x, &y, &taps, &mut ring, v);
             } else {
-                (0..5).for_each(|k| ring.row(v, k).fill(F::ZERO));
+                let outside = [-shift, -shift, shift * shift, shift * shift, shift * shift];
+                (0..5).for_each(|k| ring.row(v, k).fill(outside[k]));
             }
             if v < frame.first + 2 * HALO {
                 continue;
@@ -280,21 +288,25 @@ fn horizontal_moments<L: Lanes>(
     }
 }
 
-/// From `[mu_x, mu_y, E_xx, E_yy, E_xy]` the derivatives by `mu_x`, `E_xx`, `E_xy`, and SSIM itself.
+/// From the shifted `[mu_x, mu_y, E_xx, E_yy, E_xy]` the derivatives by `mu_x`, `E_xx`, `E_xy`, and SSIM itself.
 #[inline(always)]
 fn similarity<L: Lanes>([mx, my, exx, eyy, exy]: [L; 5]) -> [L; 4] {
     let c = |x: f64| L::splat(L::Real::of(x));
     let (one, two) = (c(1.0), c(2.0));
-    let a1 = two.mul(mx).mul_add(my, c(SSIM_C1));
+    let (mean_x, mean_y) = (mx.add(c(SHIFT)), my.add(c(SHIFT)));
+    let a1 = two.mul(mean_x).mul_add(mean_y, c(SSIM_C1));
     let a2 = two.mul(mx.neg_mul_add(my, exy)).add(c(SSIM_C2));
-    let b1 = mx.mul_add(mx, my.mul_add(my, c(SSIM_C1)));
+    let b1 = mean_x.mul_add(mean_x, mean_y.mul_add(mean_y, c(SSIM_C1)));
     let b2 = mx.neg_mul_add(mx, exx).add(my.neg_mul_add(my, eyy)).add(c(SSIM_C2));
     let (inv1, inv2) = (one.div(b1), one.div(b2));
     let both = inv1.mul(inv2);
     let ssim = a1.mul(a2).mul(both);
     let d_xy = two.mul(a1).mul(both);
     let d_xx = c(0.0).sub(ssim.mul(inv2));
-    let d_mu = two.mul(my).mul(a2.sub(a1)).mul(both).sub(two.mul(mx).mul(ssim).mul(inv1.sub(inv2)));
+    // The means enter A1 and B1 as they are, and A2 and B2 shifted.
+    let numerator = mean_y.mul(a2).sub(my.mul(a1)).mul(both);
+    let denominator = ssim.mul(mean_x.mul(inv1).sub(mx.mul(inv2)));
+    let d_mu = two.mul(numerator.sub(denominator));
     [d_mu, d_xx, d_xy, ssim]
 }
 
@@ -344,7 +356,8 @@ impl<F: Real> LaneTask<F> for StripBackward<'_, F> {
             let (xs, ys) = (&image[top * len..][..len], &target[top * len..][..len]);
             for i in 0..len {
                 let (x, y) = (clean(xs[i]), clean(ys[i]));
-                let similarity = maps[0][i] + F::of(2.0) * x * maps[1][i] + y * maps[2][i];
+                let shift = F::of(SHIFT);
+                let similarity = maps[0][i] + F::of(2.0) * (x - shift) * maps[1][i] + (y - shift) * maps[2][i];
                 let sign = if x > y {
                     v_l1
                 } else if x < y {

@@ -7,7 +7,7 @@
 use cubecl::prelude::*;
 
 use crate::constants;
-use crate::cube::math::{Mat3, Vec3, combine, cross, dot, finite, finite3, mat_t_vec, mat_vec, times};
+use crate::cube::math::{Mat3, Vec3, add, combine, cross, dot, finite, finite3, mat_t_vec, mat_vec, scaled, times};
 
 const COV2D_MAX: f32 = constants::COV2D_MAX as f32;
 const COMPENSATION_RATIO_MIN: f32 = constants::COMPENSATION_RATIO_MIN as f32;
@@ -20,6 +20,8 @@ pub(crate) struct Projected2d {
     pub half_x: Vec3,
     /// `S R^T a_2`.
     pub half_y: Vec3,
+    /// `m_1 x m_2`.
+    pub minors: Vec3,
     /// Variance along x with the dilation, square pixels.
     pub xx: f32,
     /// Covariance, square pixels.
@@ -61,6 +63,7 @@ pub(crate) fn project(rotation: Mat3, scales: Vec3, a_x: Vec3, a_y: Vec3, eps2d:
     Projected2d {
         half_x,
         half_y,
+        minors,
         xx,
         xy,
         yy,
@@ -96,6 +99,11 @@ pub(crate) struct ProjectVjp {
 
 /// Backward of [`project`] and [`compensation`] (pass 0 for `v_compensation` when it is not used); `v_conic` holds the
 /// gradients by `d1`, `l` and `d2`.
+///
+/// The gradients by the covariance's entries are never formed: for a needle they are huge and cancel against each other.
+/// With `w = m_1 + l m_2` the conic's part of `v_{m_1}` is `-2 v_d1 d1^2 w - v_l d2 m_2`, and that of `v_{m_2}` is
+/// `l v_{m_1} - v_l d2 w - 2 v_d2 d2^2 m_2`; and `w = (m_2 x (m_1 x m_2) + eps m_1) / C_yy` holds no difference of large
+/// numbers either.
 #[cube]
 pub(crate) fn project_vjp(
     rotation: Mat3,
@@ -107,36 +115,44 @@ pub(crate) fn project_vjp(
     v_compensation: f32,
     eps2d: f32,
 ) -> ProjectVjp {
-    let v_d1 = v_conic.x;
-    let v_l = v_conic.y;
-    let v_d2 = v_conic.z;
+    let d1 = projected.d1;
     let l = projected.l;
     let d2 = projected.d2;
-    let d1_sq = v_d1 * projected.d1 * projected.d1;
-    let ratio = projected.ratio;
-    let raised = ratio > COMPENSATION_RATIO_MIN;
-    // Where the floor holds, a harmless 1 stands under the root.
-    let v = select(raised, v_compensation, 0.0f32)
-        / (2.0f32 * select(raised, ratio, 1.0f32).sqrt() * projected.determinant);
-    let v_xx = -d1_sq + v * (projected.yy - eps2d - ratio * projected.yy);
-    let v_yy = -d1_sq * l * l - v_l * l * d2 - v_d2 * d2 * d2 + v * (projected.xx - eps2d - ratio * projected.xx);
-    let v_xy = -2.0f32 * d1_sq * l - v_l * d2 - v * 2.0f32 * projected.xy * (1.0f32 - ratio);
+    let m_x = projected.half_x;
+    let m_y = projected.half_y;
+    let w = scaled(d2, combine(1.0f32, cross(m_y, projected.minors), eps2d, m_x));
+    let by_w = -2.0f32 * v_conic.x * d1 * d1;
+    let by_l = -v_conic.y * d2;
+    let by_d2 = -2.0f32 * v_conic.z * d2 * d2;
+    let v_conic_x = combine(by_w, w, by_l, m_y);
+    let v_conic_y = add(scaled(l, v_conic_x), combine(by_l, w, by_d2, m_y));
 
-    let v_half_x = combine(2.0f32 * v_xx, projected.half_x, v_xy, projected.half_y);
-    let v_half_y = combine(v_xy, projected.half_x, 2.0f32 * v_yy, projected.half_y);
-    let v_turned_x = times(v_half_x, scales);
-    let v_turned_y = times(v_half_y, scales);
+    // The slope of det C0 / det C by the covariance; where the floor holds, a harmless 1 stands under the root.
+    let raised = projected.ratio > COMPENSATION_RATIO_MIN;
+    let root = select(raised, projected.ratio, 1.0f32).sqrt();
+    let determinant = projected.determinant;
+    let slope = select(raised, v_compensation, 0.0f32) / (2.0f32 * root * determinant) * (eps2d / determinant);
+    let xx = projected.xx;
+    let xy = projected.xy;
+    let yy = projected.yy;
+    let v_xx = slope * ((yy - eps2d) * yy + xy * xy);
+    let v_yy = slope * ((xx - eps2d) * xx + xy * xy);
+    let v_xy = -2.0f32 * slope * xy * (xx + yy - eps2d);
+    let v_ratio_x = combine(2.0f32 * v_xx, m_x, v_xy, m_y);
+    let v_ratio_y = combine(v_xy, m_x, 2.0f32 * v_yy, m_y);
+
+    // The scales stretch `m`: their logarithms have the gradient `v_{m_1} m_1 + v_{m_2} m_2`, by components.
+    let conic_part = add(times(w, combine(by_w, w, 2.0f32 * by_l, m_y)), scaled(by_d2, times(m_y, m_y)));
+    let ratio_part = add(times(v_ratio_x, m_x), times(v_ratio_y, m_y));
+    let v_turned_x = times(add(v_conic_x, v_ratio_x), scales);
+    let v_turned_y = times(add(v_conic_y, v_ratio_y), scales);
     ProjectVjp {
         rotation: Mat3 {
             a: combine(a_x.x, v_turned_x, a_y.x, v_turned_y),
             b: combine(a_x.y, v_turned_x, a_y.y, v_turned_y),
             c: combine(a_x.z, v_turned_x, a_y.z, v_turned_y),
         },
-        log_scales: Vec3 {
-            x: v_half_x.x * projected.half_x.x + v_half_y.x * projected.half_y.x,
-            y: v_half_x.y * projected.half_x.y + v_half_y.y * projected.half_y.y,
-            z: v_half_x.z * projected.half_x.z + v_half_y.z * projected.half_y.z,
-        },
+        log_scales: add(conic_part, ratio_part),
         a_x: mat_vec(rotation, v_turned_x),
         a_y: mat_vec(rotation, v_turned_y),
     }

@@ -45,12 +45,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     let degree = usize::from(args.sh_degree);
     let parameters = scene(args, &device);
     let gaussians = parameters.gaussians();
-    let k = Intrinsics {
-        fx: width as f64,
-        fy: width as f64,
-        cx: width as f64 / 2.0,
-        cy: height as f64 / 2.0,
-    };
+    let k = Intrinsics { fx: width as f64, fy: width as f64, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
     let camera = Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, &device);
     let options = RenderOptions::default();
     let rendering = render(&gaussians, &camera, &options);

@@ -94,7 +94,8 @@ fn stacked(images: &[String]) -> String {
         total = height * images.len() as u32
     );
     for (index, image) in images.iter().enumerate() {
-        write!(svg, "<g transform=\"translate(0 {})\">{image}</g>\n", height * index as u32).expect("writing to a string does not fail");
+        writeln!(svg, "<g transform=\"translate(0 {})\">{image}</g>", height * index as u32)
+            .expect("writing to a string does not fail");
     }
     svg + "</svg>\n"
 }

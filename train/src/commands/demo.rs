@@ -36,5 +36,14 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     demo_scene(&dataset, &DemoOptions::default())?;
     print(format!("a synthetic scene is in {}; training on it takes a minute or two", dataset.display()));
     let device_name = crate::commands::describe(&device);
-    execute(&RunRequest { dataset, config, folder, device, device_name, resume: false, stop_at: None, quiet: args.quiet })
+    execute(&RunRequest {
+        dataset,
+        config,
+        folder,
+        device,
+        device_name,
+        resume: false,
+        stop_at: None,
+        quiet: args.quiet,
+    })
 }

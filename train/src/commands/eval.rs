@@ -24,7 +24,9 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
     let loaded = load_scene(&args.scene, &device)?;
     let typed = args.config.config.is_some() || !args.config.set.is_empty();
     let config = match &loaded.config {
-        Some(_) if typed => bail!("{}: a run has its own configuration; leave out --config and --set", args.scene.display()),
+        Some(_) if typed => {
+            bail!("{}: a run has its own configuration; leave out --config and --set", args.scene.display())
+        }
         Some(config) => config.clone(),
         None => resolve(&args.config, &[])?,
     };

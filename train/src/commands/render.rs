@@ -65,7 +65,8 @@ fn write(folder: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageF
             let channel = |c: usize| -> Vec<f32> { color.iter().skip(c).step_by(3).copied().collect() };
             let (red, green, blue) = (channel(0), channel(1), channel(2));
             let alpha = to_host(rendering.alpha.clone());
-            let channels: [(&str, &[f32]); 5] = [("R", &red), ("G", &green), ("B", &blue), ("A", &alpha), ("Z", &depth)];
+            let channels: [(&str, &[f32]); 5] =
+                [("R", &red), ("G", &green), ("B", &blue), ("A", &alpha), ("Z", &depth)];
             write_exr(&path(".exr"), width, height, &channels)?;
         }
     }

@@ -56,7 +56,9 @@ fn begun(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
 
 fn resumed(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
     if args.config.config.is_some() || !args.config.set.is_empty() || !shortcuts(args).is_empty() {
-        bail!("--resume continues with the configuration saved in the run folder; leave out --config, --set, --steps, --cap and --seed");
+        bail!(
+            "--resume continues with the configuration saved in the run folder; leave out --config, --set, --steps, --cap and --seed"
+        );
     }
     let folder = match (&args.out, &args.dataset) {
         (Some(path), _) => RunFolder::at(path),
@@ -64,13 +66,21 @@ fn resumed(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest>
             Some(path) => RunFolder::at(path),
             None => bail!("{RUNS}/{}: expected a run to continue, found none", stem(dataset)),
         },
-        (None, None) => bail!("--resume needs to know what to continue: name the run folder with --out, or the data set"),
+        (None, None) => {
+            bail!("--resume needs to know what to continue: name the run folder with --out, or the data set")
+        }
     };
     let (config, dataset) = folder.read_config()?;
     Ok(request(args.dataset.clone().unwrap_or(dataset), config, folder, device, args))
 }
 
-fn request(dataset: PathBuf, config: Config, folder: RunFolder, device: burn::tensor::Device, args: &TrainArgs) -> RunRequest {
+fn request(
+    dataset: PathBuf,
+    config: Config,
+    folder: RunFolder,
+    device: burn::tensor::Device,
+    args: &TrainArgs,
+) -> RunRequest {
     let device_name = crate::commands::describe(&device);
     RunRequest { dataset, config, folder, device, device_name, resume: args.resume, stop_at: None, quiet: args.quiet }
 }

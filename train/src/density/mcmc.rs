@@ -31,12 +31,20 @@ const GATE_MIN: f64 = 1e-3;
 const CHUNK: usize = 4096;
 
 /// Moves the dead onto the living and grows by `config.growth`, never above `config.cap`.
-pub fn refine(parameters: &mut Parameters, optimiser: &mut Optimiser, config: &DensityConfig, moment: &Moment) -> Changes {
+pub fn refine(
+    parameters: &mut Parameters,
+    optimiser: &mut Optimiser,
+    config: &DensityConfig,
+    moment: &Moment,
+) -> Changes {
     let mut rng = stream(moment.seed, Purpose::Density, moment.step as u64);
     let mut draft = Draft::read(parameters);
     let before = draft.len();
 
-    let (dead, alive): (Vec<usize>, Vec<usize>) = (0..before).partition(|row| !(draft.opacity(*row) > config.min_opacity));
+    let (dead, alive): (Vec<usize>, Vec<usize>) = (0..before).partition(|row| {
+        let opacity = draft.opacity(*row);
+        opacity <= config.min_opacity || opacity.is_nan()
+    });
     let weights: Vec<f64> = alive.iter().map(|row| draft.opacity(*row)).collect();
     let onto: Vec<usize> = sample(&weights, dead.len(), &mut rng).into_iter().map(|i| alive[i]).collect();
     draft.share_out(&onto, config.min_opacity);

@@ -151,6 +151,7 @@ pub struct Changes {
 
 /// The density control of a run, with its statistics.
 #[derive(Debug, Clone)]
+#[allow(clippy::large_enum_variant)] // there is one per run
 pub enum Density {
     /// Nothing changes.
     None,

@@ -132,8 +132,8 @@ impl Draft {
         let device = parameters.device();
         let rows = self.len();
         let source = indices(&self.source, &device);
-        let unchanged = self.source.iter().enumerate().all(|(row, source)| row as u32 == *source)
-            && rows == parameters.len();
+        let unchanged =
+            self.source.iter().enumerate().all(|(row, source)| row as u32 == *source) && rows == parameters.len();
         let gather = |tensor: &mut Tensor<2>| {
             if !unchanged {
                 *tensor = tensor.clone().select(0, source.clone());
@@ -254,7 +254,8 @@ mod tests {
             let mut sum = 0.0;
             for i in 1..=n {
                 for k in 0..i {
-                    sum += binomial(i - 1, k) * (-1.0f64).powi(k as i32) * new.powi(k as i32 + 1) / ((k + 1) as f64).sqrt();
+                    sum += binomial(i - 1, k) * (-1.0f64).powi(k as i32) * new.powi(k as i32 + 1)
+                        / ((k + 1) as f64).sqrt();
                 }
             }
             assert!((factor - opacity / sum).abs() < 1e-9);

@@ -112,7 +112,9 @@ impl Chart {
             let color = *color;
             if series.style != Style::Dots {
                 let drawn = chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
-                drawn.label(&series.name).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+                drawn
+                    .label(&series.name)
+                    .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
             }
             if series.style != Style::Line {
                 let dots = points.iter().map(|point| Circle::new(*point, 4, color.filled()));

@@ -55,26 +55,46 @@ fn curves(history: &[MetricsLine]) -> Vec<(&'static str, Chart)> {
         MetricsLine::Eval(evaluation) => Some(evaluation.mean.psnr),
         MetricsLine::Train(_) => None,
     });
-    let chart = |title: &str, y: &str, series: Vec<Series>| Chart { title: title.into(), x: "step".into(), y: y.into(), series };
+    let chart = |title: &str, y: &str, series: Vec<Series>| Chart {
+        title: title.into(),
+        x: "step".into(),
+        y: y.into(),
+        series,
+    };
     vec![
         (
             "psnr",
-            chart("Quality", "PSNR, dB", vec![
-                Series::line("training photo", charts::smoothed(&train(&|line| line.psnr))),
-                Series::dots("held-out mean", held_out),
-            ]),
+            chart(
+                "Quality",
+                "PSNR, dB",
+                vec![
+                    Series::line("training photo", charts::smoothed(&train(&|line| line.psnr))),
+                    Series::dots("held-out mean", held_out),
+                ],
+            ),
         ),
-        ("loss", chart("Loss", "loss", vec![Series::line("loss", charts::smoothed(&train(&|line| line.loss.map(f64::from))))])),
+        (
+            "loss",
+            chart(
+                "Loss",
+                "loss",
+                vec![Series::line("loss", charts::smoothed(&train(&|line| line.loss.map(f64::from))))],
+            ),
+        ),
         (
             "gaussians",
             chart("Gaussians", "count", vec![Series::line("Gaussians", train(&|line| Some(line.gaussians as f64)))]),
         ),
         (
             "intersections",
-            chart("Work of one rendering", "tile intersections", vec![Series::line(
+            chart(
+                "Work of one rendering",
                 "tile intersections",
-                charts::smoothed(&train(&|line| Some(line.intersections as f64))),
-            )]),
+                vec![Series::line(
+                    "tile intersections",
+                    charts::smoothed(&train(&|line| Some(line.intersections as f64))),
+                )],
+            ),
         ),
     ]
 }

@@ -63,16 +63,17 @@ fn summary(eval: &EvalFile) -> String {
 /// The figures that decide, as cards.
 fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
     let last = &eval.last;
-    let missing = |reason: &Option<String>| format!("<small>{}</small>", escaped(reason.as_deref().unwrap_or("not measured")));
+    let missing =
+        |reason: &Option<String>| format!("<small>{}</small>", escaped(reason.as_deref().unwrap_or("not measured")));
     let score = |value: Option<f64>, reason: &Option<String>| match value {
         Some(value) => (format!("{value:.4}"), String::new()),
         None => ("–".into(), missing(reason)),
     };
     let (ms_ssim, ms_ssim_note) = score(last.mean.ms_ssim, &last.ms_ssim_reason);
     let (lpips, lpips_note) = score(last.mean.lpips, &last.lpips_reason);
-    let cpu = last.cpu_seconds.map_or(String::new(), |cpu| {
-        format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64)
-    });
+    let cpu = last
+        .cpu_seconds
+        .map_or(String::new(), |cpu| format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64));
     let peak = last.peak_memory_bytes.map_or("–".into(), megabytes);
     let predicted = format!("<small>{} predicted</small>", megabytes(eval.predicted_memory_bytes));
     let cards = [
@@ -148,7 +149,9 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
 fn views_table(page: &mut String, last: &Evaluation) -> Result<()> {
     let mut views: Vec<_> = last.views.iter().collect();
     views.sort_by(|a, b| a.scores.psnr.total_cmp(&b.scores.psnr));
-    page.push_str("<section>\n<h2>Views, worst first</h2>\n<table>\n<tr><th>view</th><th>PSNR, dB</th><th>SSIM</th></tr>\n");
+    page.push_str(
+        "<section>\n<h2>Views, worst first</h2>\n<table>\n<tr><th>view</th><th>PSNR, dB</th><th>SSIM</th></tr>\n",
+    );
     for view in views {
         let (name, scores) = (escaped(&view.name), &view.scores);
         writeln!(page, "<tr><td>{name}</td><td>{:.2}</td><td>{:.4}</td></tr>", scores.psnr, scores.ssim)?;

@@ -38,7 +38,8 @@ impl SideBySide {
     pub fn new(comparison: &Comparison) -> Self {
         let [height, panel, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));
-        let mut heat: Vec<[u8; 3]> = truth.chunks_exact(3).zip(image.chunks_exact(3)).map(|(a, b)| heat_of(a, b)).collect();
+        let mut heat: Vec<[u8; 3]> =
+            truth.chunks_exact(3).zip(image.chunks_exact(3)).map(|(a, b)| heat_of(a, b)).collect();
         if let Some(mask) = &comparison.mask {
             let ignored = to_host(mask.clone()).into_iter().map(|value| value == 0.0);
             heat.iter_mut().zip(ignored).filter(|(_, ignored)| *ignored).for_each(|(color, _)| *color = IGNORED);

@@ -29,7 +29,8 @@ pub fn tiny_scene(folder: &Path) -> PathBuf {
 
 /// A configuration for a run of `steps`, changed by `overrides`.
 pub fn config(steps: usize, overrides: &[&str]) -> Config {
-    let common = [format!("steps={steps}"), "eval.ms_ssim=false".into(), "eval.lpips=false".into(), "eval.images=1".into()];
+    let common =
+        [format!("steps={steps}"), "eval.ms_ssim=false".into(), "eval.lpips=false".into(), "eval.images=1".into()];
     let all: Vec<String> = common.into_iter().chain(overrides.iter().map(|s| s.to_string())).collect();
     Config::resolve(None, &all).expect("a valid configuration")
 }

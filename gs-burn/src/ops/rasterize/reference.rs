@@ -61,7 +61,7 @@ pub fn rasterize_reference(
     let alpha = alpha.mask_fill(unstopped.lower_elem(TRANSMITTANCE_MIN), 0.0);
     let after = (-alpha.clone() + 1.0).cumprod(1);
     let start = Tensor::ones([pixels, 1], (&after.device(), after.dtype()));
-    let before = Tensor::cat(vec![start, after.clone().narrow(1, 0, count - 1)], 1);
+    let before = Tensor::cat(vec![start, after.clone()], 1).narrow(1, 0, count);
     let left = after.narrow(1, count - 1, 1);
     let weights = alpha * before;
 
