@@ -63,6 +63,10 @@ pub const SSIM_C1: f64 = 0.0001;
 /// SSIM's stabiliser of the contrast term for images in 0..1: `(0.03)^2`.
 pub const SSIM_C2: f64 = 0.0009;
 
+/// Subtracted from every pixel before SSIM takes its moments: the middle of the range. Variances do not change, and
+/// `E[x^2] - mu^2` loses less to rounding.
+pub const SSIM_SHIFT: f64 = 0.5;
+
 /// Pixel values beyond this magnitude, or not finite, count as 0 in the photometric loss and get no gradient: the
 /// fourth powers inside SSIM stay in the range of `f32`.
 pub const PIXEL_MAX: f64 = 1e4;

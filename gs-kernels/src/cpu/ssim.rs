@@ -16,7 +16,7 @@
 
 use rayon::prelude::*;
 
-use crate::constants::{PIXEL_MAX, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW};
+use crate::constants::{PIXEL_MAX, SSIM_C1, SSIM_C2, SSIM_SHIFT, SSIM_SIGMA, SSIM_WINDOW};
 use crate::cpu::Real;
 use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::zeros;
@@ -26,9 +26,6 @@ use crate::cpu::real::LaneTask;
 const STRIP: usize = 64;
 /// Rows above and below that a window needs.
 const HALO: usize = SSIM_WINDOW / 2;
-
-/// What is subtracted from every value before its moments are taken: the middle of the range.
-const SHIFT: f64 = 0.5;
 
 /// Result of [`forward`].
 #[derive(Clone, Debug)]
@@ -207,7 +204,7 @@ impl<F: Real> LaneTask<F> for StripForward<'_, F> {
         let taps = taps::<F>();
         let (len, lead) = (frame.row(), frame.lead());
         let mut ring = Ring::<F, 5>::new(&frame);
-        let shift = F::of(SHIFT);
+        let shift = F::of(SSIM_SHIFT);
         let (mut x, mut y) = (vec![-shift; frame.spread()], vec![-shift; frame.spread()]);
         let mut maps = [(); 4].map(|()| zeros::<F>(frame.padded()));
         let (mut l1, mut ssim) = (0.0, 0.0);
@@ -293,7 +290,7 @@ fn horizontal_moments<L: Lanes>(
 fn similarity<L: Lanes>([mx, my, exx, eyy, exy]: [L; 5]) -> [L; 4] {
     let c = |x: f64| L::splat(L::Real::of(x));
     let (one, two) = (c(1.0), c(2.0));
-    let (mean_x, mean_y) = (mx.add(c(SHIFT)), my.add(c(SHIFT)));
+    let (mean_x, mean_y) = (mx.add(c(SSIM_SHIFT)), my.add(c(SSIM_SHIFT)));
     let a1 = two.mul(mean_x).mul_add(mean_y, c(SSIM_C1));
     let a2 = two.mul(mx.neg_mul_add(my, exy)).add(c(SSIM_C2));
     let b1 = mean_x.mul_add(mean_x, mean_y.mul_add(mean_y, c(SSIM_C1)));
@@ -356,7 +353,7 @@ impl<F: Real> LaneTask<F> for StripBackward<'_, F> {
             let (xs, ys) = (&image[top * len..][..len], &target[top * len..][..len]);
             for i in 0..len {
                 let (x, y) = (clean(xs[i]), clean(ys[i]));
-                let shift = F::of(SHIFT);
+                let shift = F::of(SSIM_SHIFT);
                 let similarity = maps[0][i] + F::of(2.0) * (x - shift) * maps[1][i] + (y - shift) * maps[2][i];
                 let sign = if x > y {
                     v_l1

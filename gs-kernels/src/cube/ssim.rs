@@ -27,6 +27,7 @@ const DERIVATIVES: usize = 3;
 
 const C1: f32 = constants::SSIM_C1 as f32;
 const C2: f32 = constants::SSIM_C2 as f32;
+const SHIFT: f32 = constants::SSIM_SHIFT as f32;
 const PIXEL_MAX: f32 = constants::PIXEL_MAX as f32;
 
 /// Tap `i` of the window.
@@ -103,8 +104,8 @@ fn ssim_forward_kernel(
 
     let mut k = UNIT_POS;
     while k < comptime!(AREA as u32) {
-        x[k as usize] = clean(read_staged(image, 0usize, k, place, width, height, channels));
-        y[k as usize] = clean(read_staged(target, 0usize, k, place, width, height, channels));
+        x[k as usize] = clean(read_staged(image, 0usize, k, place, width, height, channels)) - SHIFT;
+        y[k as usize] = clean(read_staged(target, 0usize, k, place, width, height, channels)) - SHIFT;
         k += comptime!(UNITS as u32);
     }
     sync_cube();
@@ -154,9 +155,12 @@ fn ssim_forward_kernel(
         yy += w * filtered[3 * STRIP + from];
         xy += w * filtered[4 * STRIP + from];
     }
-    let a1 = 2.0f32 * mx * my + C1;
+    // The means enter A1 and B1 as they are, and A2 and B2 shifted.
+    let mean_x = mx + SHIFT;
+    let mean_y = my + SHIFT;
+    let a1 = 2.0f32 * mean_x * mean_y + C1;
     let a2 = 2.0f32 * (xy - mx * my) + C2;
-    let b1 = mx * mx + my * my + C1;
+    let b1 = mean_x * mean_x + mean_y * mean_y + C1;
     let b2 = (xx - mx * mx) + (yy - my * my) + C2;
     let inverse1 = 1.0f32 / b1;
     let inverse2 = 1.0f32 / b2;
@@ -170,7 +174,9 @@ fn ssim_forward_kernel(
     if inside {
         let size = width as usize * height as usize * channels as usize;
         let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + place.channel as usize;
-        saved[at] = 2.0f32 * my * (a2 - a1) * both - 2.0f32 * mx * similarity * (inverse1 - inverse2);
+        let numerator = (mean_y * a2 - my * a1) * both;
+        let denominator = similarity * (mean_x * inverse1 - mx * inverse2);
+        saved[at] = 2.0f32 * (numerator - denominator);
         saved[size + at] = -similarity * inverse2;
         saved[2 * size + at] = 2.0f32 * a1 * both;
     }
@@ -322,7 +328,7 @@ fn ssim_backward_kernel(
         let y = clean(target[at]);
         let v_l1 = select(finite(v_means[0]), v_means[0] * scale, 0.0f32);
         let v_ssim = select(finite(v_means[1]), v_means[1] * scale, 0.0f32);
-        let similarity = mu + 2.0f32 * x * xx + y * xy;
+        let similarity = mu + 2.0f32 * (x - SHIFT) * xx + (y - SHIFT) * xy;
         let sign = select(x > y, v_l1, select(x < y, -v_l1, 0.0f32));
         let usable = finite(raw) && raw.abs() <= PIXEL_MAX;
         v_image[at] = select(usable, v_ssim * similarity + sign, 0.0f32);

@@ -427,7 +427,7 @@ fn tile_ranges(
     let mut ranges = vec![0..0];
     for tile in 0..tiles {
         let last = ranges.last_mut().expect("begins with one range");
-        if !last.is_empty() && len(&(last.start..tile + 1)) > pairs {
+        if last.start < last.end && len(&(last.start..tile + 1)) > pairs {
             ranges.push(tile..tile + 1);
         } else {
             last.end = tile + 1;
