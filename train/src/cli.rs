@@ -105,7 +105,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
 
-    /// Run folder [default: runs/<name of the data set>, numbered if there is one]
+    /// Run folder [default: runs/NAME after the data set, numbered if there is one]
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
 

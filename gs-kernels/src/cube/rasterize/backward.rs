@@ -412,6 +412,7 @@ pub fn backward_within(
 
 /// Cuts the tiles into ranges of at most `pairs` pairs each, and the most pairs of a range. Only where one range is not
 /// enough are the tiles' beginnings read back.
+#[allow(clippy::single_range_in_vec_init)] // one range is meant, not its numbers
 fn tile_ranges(
     client: &Client,
     lists: &Intersections,
