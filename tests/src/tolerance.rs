@@ -68,7 +68,7 @@ pub fn assert_finite(what: &str, values: &[f64]) {
 #[track_caller]
 pub fn assert_near(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
     assert_eq!(actual.len(), expected.len(), "number of values of {what}");
-    let far = |(_, (a, e)): &(usize, (&f64, &f64))| !((**a - **e).abs() <= bound);
+    let far = |(_, (a, e)): &(usize, (&f64, &f64))| (**a - **e).abs() > bound || (**a - **e).is_nan();
     let count = actual.iter().zip(expected).enumerate().filter(far).count();
     let worst = actual
         .iter()
