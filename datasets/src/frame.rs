@@ -58,6 +58,63 @@ pub struct View {
     pub image: RgbImage8,
     /// `[height, width]`: 255 = compare this pixel, 0 = ignore it; `None` when every pixel counts.
     pub mask: Option<Vec<u8>>,
+    /// How long the shutter was open around [`time`](View::time), in the unit of `time`: light was gathered over
+    /// `[time - exposure / 2, time + exposure / 2]`. `None` where the data set does not say.
+    pub exposure: Option<f64>,
+    /// What other programs guessed about the photo.
+    pub priors: Priors,
+    /// What is known for certain, of synthetic worlds; for measuring only, never for training.
+    pub truth: Truth,
+}
+
+/// Guesses about a photo that were computed beforehand, at the size of [`View::image`]. Each is optional.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Priors {
+    /// Depth or inverse depth.
+    pub depth: Option<DepthPrior>,
+    /// `[height, width]`: 255 where something moves at the exposure's centre, 0 where nothing does.
+    pub moving: Option<Vec<u8>>,
+    /// The photo as a deblurring network would have it; same size and encoding as [`View::image`].
+    pub sharp: Option<RgbImage8>,
+}
+
+/// What the values of a depth prior mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DepthSpace {
+    /// Camera z, in any affine relation to scene units unless `metric`.
+    Depth,
+    /// One over camera z (disparity), likewise; larger is nearer.
+    InverseDepth,
+}
+
+/// A depth map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DepthPrior {
+    /// `[height, width]`; 0 or not finite where unknown.
+    pub values: Vec<f32>,
+    /// What `values` mean.
+    pub space: DepthSpace,
+    /// Whether `values` are in scene units as they are; otherwise scale and shift are unknown and differ from photo to
+    /// photo.
+    pub metric: bool,
+}
+
+/// Ground truth of a synthetic world, at the size of [`View::image`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Truth {
+    /// What a shutter of no duration at the exposure's centre would have seen.
+    pub sharp: Option<RgbImage8>,
+    /// The blurry photo, where [`View::image`] is sharp (held-out views).
+    pub blurry: Option<RgbImage8>,
+    /// `[height, width]` camera z, scene units; 0 where the ray hits nothing.
+    pub depth: Option<Vec<f32>>,
+    /// `[height, width, 3]` velocity of the visible surface at the exposure's centre, world axes, scene units per unit
+    /// of [`View::time`].
+    pub velocity: Option<Vec<f32>>,
+    /// `[height, width]`: 255 where a moving surface is visible at the exposure's centre.
+    pub moving: Option<Vec<u8>>,
+    /// `[height, width]`: 255 where a moving surface is visible at any time of the exposure.
+    pub moving_union: Option<Vec<u8>>,
 }
 
 /// A camera without an image, for rendering.

@@ -39,7 +39,7 @@ mod undistort;
 
 pub use check::{CheckReport, check};
 pub use error::DatasetError;
-pub use frame::{CameraPose, Intrinsics, RgbImage8, View};
+pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
 pub use options::{DEFAULT_HOLDOUT, Holdout, LoadOptions, MaskUse, RECENTRE_DISTANCE};
 pub use scene::{PointCloud, Scene, SceneFormat};

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::error::DatasetError;
 use crate::formats;
-use crate::frame::{CameraPose, RgbImage8, View};
+use crate::frame::{CameraPose, Priors, RgbImage8, Truth, View};
 use crate::mask::{self, Mask};
 use crate::names;
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
@@ -166,6 +166,9 @@ fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(
         camera_id: frame.camera_id.clone(),
         image: RgbImage8 { width: target.0, height: target.1, data },
         mask,
+        exposure: None,
+        priors: Priors::default(),
+        truth: Truth::default(),
     };
     let rescaled = resolved.rescaled_from.map(|declared| (declared, size));
     Ok((view, Note { name: frame.name.clone(), rescaled, masked, is_blank }))
