@@ -50,4 +50,4 @@ mod testing;
 pub use camera::{Camera, Intrinsics};
 pub use gaussians::Gaussians;
 pub use glam;
-pub use render::{RenderOptions, Rendering, render, render_with_screen_gradients};
+pub use render::{RenderOptions, Rendering, render, render_with, render_with_screen_gradients};

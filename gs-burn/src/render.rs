@@ -55,6 +55,8 @@ pub struct Rendering {
     pub alpha: Tensor<3>,
     /// Depth (camera z, scene units) summed with the blending weights, `[H, W, 1]`; see [`Rendering::expected_depth`].
     pub depth: Option<Tensor<3>>,
+    /// Feature channels summed with the blending weights, `[H, W, F]`; present when [`Extras::features`] was.
+    pub features: Option<Tensor<3>>,
     /// Rows of [`project`], `[N, 8]`.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
@@ -79,7 +81,17 @@ impl Rendering {
 /// # Panics
 /// When the parameters' shapes disagree or the image has no pixels.
 pub fn render(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Rendering {
-    compose(gaussians, camera, options, None)
+    render_with(gaussians, camera, options, Extras::default())
+}
+
+/// What a rendering may carry beside colour.
+#[derive(Clone, Debug, Default)]
+pub struct Extras {
+    /// One row of any numbers per Gaussian, `[N, F]`, blended in the same pass as the colours over a background of zero:
+    /// velocities (velocity splatting, TaylorMoDe-GS Eq. 4), labels, network features.
+    pub features: Option<Tensor<2>>,
+    /// The input of [`render_with_screen_gradients`], `[N, 4]`.
+    pub screen: Option<Tensor<2>>,
 }
 
 /// Like [`render`], with the statistic that density control needs.
@@ -95,10 +107,14 @@ pub fn render_with_screen_gradients(
     options: &RenderOptions,
     screen: Tensor<2>,
 ) -> Rendering {
-    compose(gaussians, camera, options, Some(screen))
+    render_with(gaussians, camera, options, Extras { screen: Some(screen), features: None })
 }
 
-fn compose(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions, screen: Option<Tensor<2>>) -> Rendering {
+/// Like [`render`], with [`Extras`]; differentiable by the features too.
+///
+/// # Panics
+/// When the parameters' shapes disagree, the features have another number of rows, or the image has no pixels.
+pub fn render_with(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions, extras: Extras) -> Rendering {
     let means = gaussians.means.val();
     let viewmat = camera.viewmat.clone().cast(means.dtype());
     let (width, height) = (camera.width, camera.height);
@@ -117,14 +133,26 @@ fn compose(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions, scre
     if options.antialiased {
         opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);
     }
-    let intersections = intersect(projected.clone(), opacities.clone(), colors.clone(), width, height);
-    let background = Tensor::from_data(options.background, (&colors.device(), colors.dtype()));
-    let image = RasterizeConfig { width: width as u32, height: height as u32, channels: 3, depth: options.depth };
-    let output = rasterize(projected.clone(), opacities, colors, background, screen, &intersections, &image);
+    let mut background = Tensor::from_data(options.background, (&colors.device(), colors.dtype()));
+    let (mut count, mut blended) = (3, colors);
+    if let Some(features) = extras.features {
+        let [rows, extra] = features.dims();
+        assert_eq!(rows, gaussians.len(), "features must have one row per Gaussian");
+        background = Tensor::cat(
+            vec![background.clone(), Tensor::zeros([extra], (&background.device(), background.dtype()))],
+            0,
+        );
+        blended = Tensor::cat(vec![blended, features], 1);
+        count += extra;
+    }
+    let intersections = intersect(projected.clone(), opacities.clone(), blended.clone(), width, height);
+    let image = RasterizeConfig { width: width as u32, height: height as u32, channels: count, depth: options.depth };
+    let output = rasterize(projected.clone(), opacities, blended, background, extras.screen, &intersections, &image);
 
     Rendering {
         color: channels(output.clone(), 0, 3),
-        depth: options.depth.then(|| channels(output.clone(), 3, 1)),
+        features: (count > 3).then(|| channels(output.clone(), 3, count - 3)),
+        depth: options.depth.then(|| channels(output.clone(), count, 1)),
         alpha: channels(output, image.output_channels() - 1, 1),
         projected,
         intersections: intersections.count(),
