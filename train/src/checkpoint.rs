@@ -20,6 +20,7 @@ use crate::experiment::{Config, ConfigError};
 use crate::optimiser::Optimiser;
 use crate::parameters::{Group, Parameters};
 use crate::step::Trainer;
+use crate::taylormode::saved::{self, SavedMotion};
 
 /// What the metadata calls the format.
 const FORMAT: &str = "gsburn-checkpoint";
@@ -172,7 +173,12 @@ impl Checkpoint {
                 Density::Adaptive(Adaptive { gradient, views })
             }
         };
+        let motion = match &metadata.motion {
+            None => None,
+            Some(saved) => Some(saved.restore(|name| reader.tensor::<2>(name, device), damaged, rows)?),
+        };
         let trainer = Trainer {
+            motion,
             parameters: Parameters::new(parameters),
             optimiser: Optimiser { first, second, updates: metadata.updates },
             density,
@@ -203,6 +209,9 @@ impl Checkpoint {
             columns.push(("density.gradient".into(), Column::new(adaptive.gradient.clone())));
             columns.push(("density.views".into(), Column::new(adaptive.views.clone())));
         }
+        if let Some(state) = &trainer.motion {
+            columns.extend(saved::columns(state).into_iter().map(|(name, tensor)| (name, Column::new(tensor))));
+        }
         columns
     }
 
@@ -216,6 +225,7 @@ impl Checkpoint {
             origin_bits: self.origin.to_array().map(f64::to_bits),
             dataset: self.dataset.clone(),
             config: self.config.to_toml(),
+            motion: trainer.motion.as_ref().map(SavedMotion::of),
             crc32: columns.iter().map(|(name, column)| (name.clone(), crc32fast::hash(&column.data()))).collect(),
         }
     }
@@ -233,6 +243,9 @@ struct Metadata {
     origin_bits: [u64; 3],
     dataset: PathBuf,
     config: String,
+    /// `None` for a static scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    motion: Option<SavedMotion>,
     /// Checksum of each tensor.
     crc32: BTreeMap<String, u32>,
 }

@@ -38,6 +38,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Write a trained scene as PLY for other viewers
     Export(ExportArgs),
+    /// Make a data set whose ground truth is known, or blur a sharp one
+    Synth(SynthArgs),
     /// Say what is in a data set and what is wrong with it
     Check(CheckArgs),
     /// Show versions, features and devices, or what is in a scene file
@@ -178,6 +180,23 @@ pub struct RenderArgs {
     #[arg(long, value_enum, default_value_t = ImageFormat::Png)]
     pub format: ImageFormat,
 
+    /// A moving scene's time, in its data set's unit [default: each camera's own, or the middle of the recording]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with = "frames")]
+    pub time: Option<f64>,
+
+    /// Every camera at N times spread over the recording; images are numbered, ready for a video encoder
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: Option<u32>,
+
+    /// With --frames: also an animated GIF per camera
+    #[arg(long, requires = "frames")]
+    pub gif: bool,
+
+    /// Also depth in colour (near bright, far dark) and, of a moving scene, velocity in colour (grey stands still; red,
+    /// green and blue are the world's axes)
+    #[arg(long)]
+    pub maps: bool,
+
     /// Use SH only up to this degree [default: all that is stored]
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: Option<u8>,
@@ -205,6 +224,14 @@ pub struct ExportArgs {
     /// The PLY file to write (3DGS layout, in the data set's own world)
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,
+
+    /// A moving scene's time, in its data set's unit [default: the middle of the recording]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with = "frames")]
+    pub time: Option<f64>,
+
+    /// One file for each of N times spread over the recording, numbered
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: Option<u32>,
 
     /// Leave out nearly transparent, oversized and isolated Gaussians
     #[arg(long)]
@@ -293,4 +320,110 @@ pub struct ChartArgs {
     /// The SVG file; a Markdown table of the same runs is written beside it
     #[arg(short, long, value_name = "FILE", default_value = "chart.svg", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,
+}
+
+/// Arguments of `synth`.
+#[derive(Debug, Args)]
+pub struct SynthArgs {
+    /// What to make
+    #[command(subcommand)]
+    pub what: Synth,
+}
+
+/// What `synth` makes.
+#[derive(Debug, Subcommand)]
+pub enum Synth {
+    /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and priors
+    Deblur(SynthDeblurArgs),
+    /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
+    BlurFromFrames(BlurFromFramesArgs),
+}
+
+/// Arguments of `synth deblur`.
+#[derive(Debug, Args)]
+pub struct SynthDeblurArgs {
+    /// cube (slides and turns), lychee (spins), monkey (speeds up) or sphere (bounces)
+    #[arg(value_enum)]
+    pub world: WorldName,
+
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Image size, pixels
+    #[arg(long, default_value = "256x192", value_name = "WxH")]
+    pub size: String,
+
+    /// Cameras on the arc, held-out ones included
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..=200), value_name = "N")]
+    pub cameras: u32,
+
+    /// Cameras held out
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "N")]
+    pub held_out: u32,
+
+    /// Frames of each camera
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
+    pub frames: u32,
+
+    /// Moments that each blurry frame is averaged over
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024), value_name = "N")]
+    pub subframes: u32,
+
+    /// How long the shutter is open, in frame intervals
+    #[arg(long, default_value_t = 0.9, value_name = "SHARE")]
+    pub exposure: f64,
+
+    /// Factor of all speeds
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    pub speed: f64,
+
+    /// Leave out the priors (depth, masks and pseudo-sharp photos with realistic faults)
+    #[arg(long)]
+    pub no_priors: bool,
+
+    /// Write the priors without faults
+    #[arg(long, conflicts_with = "no_priors")]
+    pub perfect_priors: bool,
+
+    /// Seed of textures and faults
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+}
+
+/// A synthetic world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum WorldName {
+    /// A box slides and turns
+    Cube,
+    /// A bumpy fruit spins
+    Lychee,
+    /// A head of several parts speeds up
+    Monkey,
+    /// A ball bounces
+    Sphere,
+}
+
+/// Arguments of `synth blur-from-frames`.
+#[derive(Debug, Args)]
+pub struct BlurFromFramesArgs {
+    /// A data set with times and cameras that stand still
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub dataset: PathBuf,
+
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Frames averaged into one, an odd number
+    #[arg(long, default_value_t = 5, value_name = "N")]
+    pub window: usize,
+
+    /// Frames from one blurry frame to the next
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub stride: usize,
+
+    /// Downscale to this width first, pixels
+    #[arg(long, value_name = "PIXELS")]
+    pub max_width: Option<usize>,
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, Intrinsics};
-use gs_datasets::{DatasetError, Holdout, LoadOptions, MaskUse, Scene, View};
+use gs_datasets::{DatasetError, DepthPrior, DepthSpace, Holdout, LoadOptions, MaskUse, Scene, View};
 use rand::seq::SliceRandom;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -147,6 +147,34 @@ pub struct Photo {
     pub image: Tensor<3>,
     /// `[H, W, 1]`: 1 = compare, 0 = ignore; `None` when every pixel counts.
     pub mask: Option<Tensor<3>>,
+    /// Middle of the exposure, in the data set's unit; 0 where it has none.
+    pub time: f64,
+    /// How long the shutter was open, in the data set's unit, where it says so.
+    pub exposure: Option<f64>,
+    /// What is known or guessed about motion in the photo.
+    pub hints: Hints,
+}
+
+/// What is known or guessed about motion in a photo; each is optional.
+#[derive(Debug, Clone, Default)]
+pub struct Hints {
+    /// `[H, W, 1]`: 1 where something moves.
+    pub moving: Option<Tensor<3>>,
+    /// The photo as a deblurring network would have it, `[H, W, 3]`.
+    pub sharp: Option<Tensor<3>>,
+    /// `[H, W, 1]`, with what its values mean; 0 where unknown.
+    pub depth: Option<(Tensor<3>, DepthSpace, bool)>,
+    /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
+    pub guide: Option<[f64; 3]>,
+}
+
+/// Motion as found before training, one entry per view; empty where nothing was looked for.
+#[derive(Debug, Clone, Default)]
+pub struct MotionHints {
+    /// `[H * W]` per view: 255 where something moves.
+    pub masks: Vec<Option<Vec<u8>>>,
+    /// Per view: world velocity of the moving object's centre.
+    pub guides: Vec<Option<[f64; 3]>>,
 }
 
 /// Views as tensors, converted when asked for and kept while they fit the cache.
@@ -156,12 +184,18 @@ pub struct Photos<'a> {
     device: Device,
     kept: Vec<Option<Photo>>,
     room: usize,
+    motion: MotionHints,
 }
 
 impl<'a> Photos<'a> {
     /// `views` for `device` (without autodiff), keeping at most `cache_bytes` of converted photos.
     pub fn new(views: &'a [View], device: &Device, cache_bytes: usize) -> Self {
-        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes }
+        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes, motion: MotionHints::default() }
+    }
+
+    /// The same photos with what was found about motion in them.
+    pub fn with_motion(self, motion: MotionHints) -> Self {
+        Self { motion, ..self }
     }
 
     /// The views themselves.
@@ -175,8 +209,12 @@ impl<'a> Photos<'a> {
             return photo.clone();
         }
         let view = &self.views[index];
-        let photo = upload(view, &self.device);
-        let bytes = view.width * view.height * 4 * (3 + usize::from(view.mask.is_some()));
+        let mut photo = upload(view, &self.device);
+        if let Some(Some(mask)) = self.motion.masks.get(index) {
+            photo.hints.moving = Some(to_tensor(view, mask, 1, &self.device));
+        }
+        photo.hints.guide = self.motion.guides.get(index).copied().flatten();
+        let bytes = 4 * view.width * view.height * photo.channels();
         if bytes <= self.room {
             self.room -= bytes;
             self.kept[index] = Some(photo.clone());
@@ -196,14 +234,38 @@ pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
 }
 
 fn upload(view: &View, device: &Device) -> Photo {
-    let to_floats = |bytes: &[u8]| bytes.par_iter().with_min_len(1 << 14).map(|b| f32::from(*b) / 255.0).collect();
-    let tensor = |values: Vec<f32>, channels| {
-        Tensor::from_data(TensorData::new(values, [view.height, view.width, channels]), device)
+    let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
+    let depth = |prior: &DepthPrior| {
+        let values = TensorData::new(prior.values.clone(), [view.height, view.width, 1]);
+        (Tensor::from_data(values, device), prior.space, prior.metric)
     };
     Photo {
         camera: camera(view, device),
-        image: tensor(to_floats(&view.image.data), 3),
-        mask: view.mask.as_ref().map(|mask| tensor(to_floats(mask), 1)),
+        image: tensor(&view.image.data, 3),
+        mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
+        time: view.time.unwrap_or(0.0),
+        exposure: view.exposure,
+        hints: Hints {
+            moving: view.priors.moving.as_ref().map(|mask| tensor(mask, 1)),
+            sharp: view.priors.sharp.as_ref().map(|image| tensor(&image.data, 3)),
+            depth: view.priors.depth.as_ref().map(depth),
+            guide: None,
+        },
+    }
+}
+
+/// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.
+pub fn to_tensor(view: &View, bytes: &[u8], channels: usize, device: &Device) -> Tensor<3> {
+    let floats: Vec<f32> = bytes.par_iter().with_min_len(1 << 14).map(|b| f32::from(*b) / 255.0).collect();
+    Tensor::from_data(TensorData::new(floats, [view.height, view.width, channels]), device)
+}
+
+impl Photo {
+    /// Floats per pixel that it keeps.
+    fn channels(&self) -> usize {
+        let hints = &self.hints;
+        let single = [self.mask.is_some(), hints.moving.is_some(), hints.depth.is_some()];
+        3 + single.into_iter().map(usize::from).sum::<usize>() + 3 * usize::from(hints.sharp.is_some())
     }
 }
 

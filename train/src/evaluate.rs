@@ -1,14 +1,16 @@
 //! How good the scene is: every held-out view rendered and measured.
 
 use gs_burn::{Gaussians, render};
+use gs_datasets::View;
 use gs_models::Motion;
 use serde::{Deserialize, Serialize};
 
 use burn::tensor::Tensor;
 
-use crate::data::{Photo, Photos};
+use crate::data::{Photo, Photos, to_tensor};
 use crate::experiment::Config;
 use crate::metrics::{Perceptual, ms_ssim, psnr, psnr_masked, ssim};
+use crate::taylormode::measure::MotionScores;
 
 /// When and how the result is measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,6 +53,9 @@ pub struct ViewScores {
     /// Its figures.
     #[serde(flatten)]
     pub scores: Scores,
+    /// The same over moving pixels alone, where the data set says which they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<Scores>,
 }
 
 /// The scene measured after a step.
@@ -63,6 +68,12 @@ pub struct Evaluation {
     /// The mean over views.
     #[serde(flatten)]
     pub mean: Scores,
+    /// The mean over the moving pixels of views that have some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<Scores>,
+    /// Blur, velocities, exposure and what motion costs; `None` in a static scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionScores>,
     /// The network of LPIPS: "vgg", "alex" or "squeeze".
     pub lpips_network: Option<String>,
     /// Why LPIPS is missing.
@@ -132,6 +143,7 @@ impl Evaluator {
             let photo = photos.get(index);
             let image = render_view(&gaussians, &photo, config);
             let measured = self.measure(image.clone(), &photo);
+            let moving = self.measure_moving(image.clone(), &photo, view);
             if kept > 0 && index % keep_every == 0 {
                 let psnr = measured.psnr;
                 comparisons.push(Comparison {
@@ -142,7 +154,7 @@ impl Evaluator {
                     psnr,
                 });
             }
-            scores.push(ViewScores { name: view.name.clone(), scores: measured });
+            scores.push(ViewScores { name: view.name.clone(), scores: measured, moving });
         }
         let gaussians = model.at(0.0);
         (self.summarise(scores, &gaussians), comparisons)
@@ -166,6 +178,28 @@ impl Evaluator {
         }
     }
 
+    /// The scores over the pixels where something truly moves (the paper's dynamic region); `None` where that is not known
+    /// or nothing does.
+    fn measure_moving(&self, image: Tensor<3>, photo: &Photo, view: &View) -> Option<Scores> {
+        let moving = view.truth.moving.as_ref().or(view.priors.moving.as_ref())?;
+        let pixels = moving.iter().filter(|pixel| **pixel > 0).count();
+        if pixels == 0 {
+            return None;
+        }
+        let mask = to_tensor(view, moving, 1, &image.device());
+        let truth = photo.image.clone();
+        let psnr = psnr_masked(image.clone(), truth.clone(), mask.clone());
+        let (image, truth) = (image * mask.clone(), truth * mask);
+        // Outside the mask both are black and SSIM is 1; taken out of the mean, what is left is the mean over the mask.
+        let share = pixels as f64 / moving.len() as f64;
+        Some(Scores {
+            psnr,
+            ssim: 1.0 - (1.0 - ssim(image.clone(), truth.clone())) / share,
+            ms_ssim: None,
+            lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
+        })
+    }
+
     fn summarise(&self, views: Vec<ViewScores>, gaussians: &Gaussians) -> Evaluation {
         let mean = |value: &dyn Fn(&Scores) -> Option<f64>| -> Option<f64> {
             let values: Option<Vec<f64>> = views.iter().map(|view| value(&view.scores)).collect();
@@ -187,6 +221,8 @@ impl Evaluator {
             step: 0,
             split: "test".into(),
             mean,
+            moving: mean_moving(&views),
+            motion: None,
             lpips_network: self.perceptual.as_ref().ok().map(|network| network.name.into()),
             lpips_reason: self.perceptual.as_ref().err().cloned(),
             ms_ssim_reason,
@@ -200,6 +236,18 @@ impl Evaluator {
     }
 }
 
+fn mean_moving(views: &[ViewScores]) -> Option<Scores> {
+    let moving: Vec<&Scores> = views.iter().filter_map(|view| view.moving.as_ref()).collect();
+    let count = moving.len() as f64;
+    let lpips: Option<Vec<f64>> = moving.iter().map(|scores| scores.lpips).collect();
+    (!moving.is_empty()).then(|| Scores {
+        psnr: moving.iter().map(|scores| scores.psnr).sum::<f64>() / count,
+        ssim: moving.iter().map(|scores| scores.ssim).sum::<f64>() / count,
+        ms_ssim: None,
+        lpips: lpips.map(|values| values.iter().sum::<f64>() / count),
+    })
+}
+
 /// One view rendered as `config` says, `[H, W, 3]`, clamped to 0 to 1.
 fn render_view(gaussians: &Gaussians, photo: &Photo, config: &Config) -> Tensor<3> {
     let options = config.render.options(gaussians.sh_degree(), config.data.background);
@@ -211,12 +259,13 @@ impl Evaluation {
     pub fn line(&self) -> String {
         let optional = |name: &str, value: Option<f64>| value.map_or(String::new(), |v| format!(", {name} {v:.4}"));
         format!(
-            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{} over {} {} views; {} Gaussians, {:.1} s",
+            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{} over {} {} views; {} Gaussians, {:.1} s",
             self.step,
             self.mean.psnr,
             self.mean.ssim,
             optional("MS-SSIM", self.mean.ms_ssim),
             optional("LPIPS", self.mean.lpips),
+            self.moving.as_ref().map_or(String::new(), |scores| format!(", moving parts {:.2} dB", scores.psnr)),
             self.views.len(),
             if self.split == "test" { "held-out" } else { "training" },
             self.gaussians,

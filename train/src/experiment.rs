@@ -16,6 +16,7 @@ use crate::losses::LossConfig;
 use crate::optimiser::OptimiserConfig;
 use crate::scene_init::InitConfig;
 use crate::step::{ModelConfig, RenderConfig};
+use crate::taylormode::config::{BlurConfig, MotionConfig, PriorConfig};
 
 /// Files that may be stacked by `base`; more is taken for a circle.
 const MAX_BASES: usize = 8;
@@ -28,6 +29,8 @@ pub struct Config {
     pub seed: u64,
     /// Optimisation steps; one photo is compared in each.
     pub steps: usize,
+    /// Which method.
+    pub pipeline: Pipeline,
     /// How the data set is read.
     pub data: DataConfig,
     /// How the scene begins.
@@ -46,6 +49,22 @@ pub struct Config {
     pub eval: EvalConfig,
     /// When the state is saved.
     pub checkpoint: CheckpointConfig,
+    /// `taylormode`: how Gaussians move.
+    pub motion: MotionConfig,
+    /// `taylormode`: how blur is formed.
+    pub blur: BlurConfig,
+    /// `taylormode`: what priors weigh.
+    pub prior: PriorConfig,
+}
+
+/// Which method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pipeline {
+    /// 3D Gaussian Splatting: posed photos of a scene that stands still.
+    Static,
+    /// TaylorMoDe-GS: multi-view video, sharp or with motion blur.
+    Taylormode,
 }
 
 impl Default for Config {
@@ -53,6 +72,7 @@ impl Default for Config {
         Self {
             seed: 42,
             steps: 7000,
+            pipeline: Pipeline::Static,
             data: DataConfig::default(),
             init: InitConfig::default(),
             model: ModelConfig::default(),
@@ -62,6 +82,9 @@ impl Default for Config {
             density: DensityConfig::default(),
             eval: EvalConfig::default(),
             checkpoint: CheckpointConfig::default(),
+            motion: MotionConfig::default(),
+            blur: BlurConfig::default(),
+            prior: PriorConfig::default(),
         }
     }
 }
@@ -193,6 +216,9 @@ impl Config {
         check("loss.dssim", loss.dssim, (0.0..=1.0).contains(&loss.dssim), "from 0 to 1")?;
         self.optimiser.validate()?;
         self.density.validate()?;
+        self.motion.validate()?;
+        self.blur.validate()?;
+        self.prior.validate()?;
         check("eval.images", self.eval.images, self.eval.images <= 1000, "at most 1000")?;
         check("checkpoint.keep", self.checkpoint.keep, self.checkpoint.keep >= 1, "at least 1")
     }

@@ -7,11 +7,14 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::Gaussians;
 use gs_burn::ply;
+use gs_models::taylormode::TaylorScene;
+use gs_models::{Motion, Static};
 
 use crate::checkpoint::Checkpoint;
 use crate::experiment::Config;
 use crate::parameters::{Group, Parameters, indices};
 use crate::run_folder::RunFolder;
+use crate::taylormode::state::MotionState;
 
 /// A scene from a file, with what is known about it.
 #[derive(Debug, Clone)]
@@ -26,6 +29,30 @@ pub struct LoadedScene {
     pub dataset: Option<PathBuf>,
     /// Steps taken; `None` for a PLY file.
     pub step: Option<usize>,
+    /// What moves, and how; `None` for a scene that stands still.
+    pub motion: Option<MotionState>,
+}
+
+impl LoadedScene {
+    /// The scene as something that has Gaussians at any time.
+    pub fn model(&self) -> Box<dyn Motion> {
+        match &self.motion {
+            None => Box::new(Static::new(self.gaussians.clone())),
+            Some(state) => Box::new(TaylorScene { gaussians: self.gaussians.clone(), motion: state.motion() }),
+        }
+    }
+
+    /// The time it is shown at when none is asked for: the middle of the recording.
+    pub fn middle(&self) -> f64 {
+        self.motion.as_ref().map_or(0.0, |state| state.window.t0)
+    }
+
+    /// `count` times spread evenly over the recording, both ends included.
+    pub fn times(&self, count: usize) -> Vec<f64> {
+        let Some(window) = self.motion.as_ref().map(|state| state.window) else { return vec![0.0; count] };
+        let step = 2.0 * window.half / (count.max(2) - 1) as f64;
+        (0..count).map(|i| window.t0 - window.half + step * i as f64).collect()
+    }
 }
 
 /// Reads a scene from a run folder (its newest checkpoint), a checkpoint (`.safetensors`) or a PLY file.
@@ -50,6 +77,7 @@ pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
             config: None,
             dataset: None,
             step: None,
+            motion: None,
         }),
         _ => bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply file", path.display()),
     }
@@ -63,6 +91,7 @@ fn load_checkpoint(path: &Path, device: &Device) -> Result<LoadedScene> {
         config: Some(checkpoint.config),
         dataset: Some(checkpoint.dataset),
         step: Some(checkpoint.trainer.step),
+        motion: checkpoint.trainer.motion,
     })
 }
 

@@ -58,3 +58,4 @@ pub mod run_folder;
 pub mod scene_init;
 pub mod schedule;
 pub mod step;
+pub mod taylormode;

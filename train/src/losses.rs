@@ -43,7 +43,12 @@ pub fn loss(color: Tensor<3>, photo: &Photo, gaussians: &Gaussians, extent: f64,
         // Ignored pixels are black in both images, so neither term sees a difference there.
         Some(mask) => photometric_loss(color * mask.clone(), photo.image.clone() * mask.clone(), config.dssim),
     };
-    let mut total = photometric;
+    photometric + regularisers(gaussians, extent, config)
+}
+
+/// Mean opacity and mean size with their weights, `[1]`.
+pub fn regularisers(gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
+    let mut total = Tensor::zeros([1], &gaussians.device());
     if config.opacity_reg > 0.0 && !gaussians.is_empty() {
         total = total + gaussians.opacities().mean() * config.opacity_reg;
     }

@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => commands::eval::run(args),
         Command::Render(args) => commands::render::run(args),
         Command::Export(args) => commands::export::run(args),
+        Command::Synth(args) => commands::synth::run(args),
         Command::Check(args) => commands::check::run(args),
         Command::Info(args) => commands::info::run(args),
         Command::Bench(args) => commands::bench::run(args),

@@ -6,12 +6,11 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use gs_datasets::Scene;
-use gs_models::Static;
 
 use crate::checkpoint::Checkpoint;
 use crate::data::{Photos, Sampler};
 use crate::evaluate::{Comparison, Evaluation, Evaluator};
-use crate::experiment::Config;
+use crate::experiment::{Config, Pipeline};
 use crate::export::write_ply;
 use crate::interrupt;
 use crate::memory::{Prediction, megabytes};
@@ -22,6 +21,8 @@ use crate::resources::{cpu_seconds, peak_memory};
 use crate::run_folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, TrainLine};
 use crate::schedule::due;
 use crate::step::{StepReport, Trainer};
+use crate::taylormode::hints::{self, Found};
+use crate::taylormode::measure;
 
 /// Steps from one line of metrics to the next.
 const METRICS_EVERY: usize = 10;
@@ -65,9 +66,14 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     let scene = config.data.load(&request.dataset)?;
     let prediction = Prediction::new(&scene, config);
     let mut run = Run::begin(request, &scene, prediction)?;
-    let mut photos = Photos::new(&scene.train, &request.device, config.data.cache_mb << 20);
+    let found = (config.pipeline == Pipeline::Taylormode).then(|| hints::gather(&scene, config));
+    let mut photos = Photos::new(&scene.train, &request.device, config.data.cache_mb << 20)
+        .with_motion(found.as_ref().map(|found| found.hints.clone()).unwrap_or_default());
     let mut sampler = Sampler::new(config.seed, scene.train.len());
     run.introduce(&scene);
+    if let Some(found) = &found {
+        run.introduce_motion(&scene, found);
+    }
 
     while run.trainer.step < config.steps {
         if interrupt::asked() || request.stop_at == Some(run.trainer.step) {
@@ -76,6 +82,7 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
         let started = (Instant::now(), cpu_seconds());
         let photo = photos.get(sampler.pick(run.trainer.step + 1));
         let report = run.trainer.step(&photo, config);
+        run.trainer.select_motion(&scene.train, config);
         run.clock.add(started);
 
         run.observe(&report, &photo.image)?;
@@ -185,6 +192,19 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// Says what the photos say about motion.
+    fn introduce_motion(&self, scene: &Scene, found: &Found) {
+        let (exposure, warning) = hints::first_exposure(scene, &self.request.config);
+        let moving = self.trainer.motion.as_ref().map_or(0, |state| state.rows.len());
+        self.progress.say(&format!(
+            "{moving} Gaussians may move, by {}; exposure {exposure:.4} to begin with",
+            found.masks.from
+        ));
+        for warning in found.warnings.iter().chain(&warning) {
+            self.progress.say(&format!("warning: {warning}"));
+        }
+    }
+
     /// Bar and metrics after a step.
     fn observe(&mut self, report: &StepReport, truth: &burn::tensor::Tensor<3>) -> Result<()> {
         let step = self.trainer.step;
@@ -220,17 +240,23 @@ impl<'a> Run<'a> {
     fn measure(&mut self, scene: &Scene, kept: usize) -> Result<(EvalFile, Vec<Comparison>)> {
         let (views, split) = if scene.test.is_empty() { (&scene.train, "train") } else { (&scene.test, "test") };
         let mut photos = Photos::new(views, &self.request.device, 0);
-        let model = Static::new(self.trainer.parameters.gaussians());
-        let (measured, comparisons) = self.evaluator.evaluate(&model, &mut photos, &self.request.config, kept);
+        let model = self.trainer.model();
+        let (measured, comparisons) = self.evaluator.evaluate(&*model, &mut photos, &self.request.config, kept);
         let evaluation = Evaluation {
             step: self.trainer.step,
             split: split.into(),
             seconds: self.clock.seconds,
             cpu_seconds: self.clock.cpu_seconds,
             peak_memory_bytes: peak_memory(),
+            motion: self.trainer.motion.as_ref().map(|state| {
+                measure::measure(state, &self.trainer.parameters.gaussians(), scene, &self.request.config)
+            }),
             ..measured
         };
         self.progress.say(&evaluation.line());
+        if let Some(motion) = &evaluation.motion {
+            self.progress.say(&motion.line());
+        }
         self.note(MetricsLine::Eval(Box::new(evaluation.clone())))?;
         let file = self.eval_file(evaluation);
         self.request.folder.write_eval(&file)?;

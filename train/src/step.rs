@@ -1,18 +1,22 @@
 //! One optimisation step: render a photo's view, compare, go back, update, let density control act.
 
 use burn::tensor::Tensor;
-use gs_burn::{RenderOptions, Rendering, render, render_with_screen_gradients};
-use gs_datasets::Scene;
+use gs_burn::{Extras, RenderOptions, render_with};
+use gs_datasets::{Scene, View};
+use gs_models::taylormode::TaylorScene;
+use gs_models::{Motion, Static};
 use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
 use crate::density::{Changes, Density, Moment, Observation};
-use crate::experiment::Config;
+use crate::experiment::{Config, Pipeline};
 use crate::losses::loss;
 use crate::optimiser::Optimiser;
 use crate::parameters::{Gradients, Parameters};
 use crate::scene_init::{first_gaussians, size_of};
-use crate::schedule::sh_degree;
+use crate::schedule::{due, sh_degree};
+use crate::taylormode::state::{MotionGradients, MotionState};
+use crate::taylormode::{self};
 
 /// What a Gaussian stores.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -75,6 +79,8 @@ pub struct Trainer {
     pub optimiser: Optimiser,
     /// Density control and its statistics.
     pub density: Density,
+    /// What moves, and how; `None` for a static scene.
+    pub motion: Option<MotionState>,
     /// Steps taken.
     pub step: usize,
     /// Steps whose loss or gradients were not finite; they changed nothing.
@@ -98,19 +104,66 @@ pub struct StepReport {
     pub changes: Changes,
 }
 
+/// A rendering compared with a photo, gone back from.
+#[derive(Debug)]
+pub(crate) struct Compared {
+    /// What stands beside the photo, `[H, W, 3]`, without autodiff.
+    pub color: Tensor<3>,
+    /// Tile intersections.
+    pub intersections: usize,
+    /// What density control wants to know.
+    pub observation: Observation,
+    /// The loss.
+    pub loss: f32,
+    /// Gradients of the table and, where something moves, of the motion; `None` when they or the loss are not finite.
+    pub gradients: Option<(Gradients, Option<MotionGradients>)>,
+}
+
 impl Trainer {
     /// The state before the first step, on `device` (without autodiff).
     pub fn begin(scene: &Scene, config: &Config, device: &burn::tensor::Device) -> Self {
-        let first = first_gaussians(scene, &config.init, config.density.cap, config.seed);
-        let parameters = Parameters::first(&first, device);
+        match config.pipeline {
+            Pipeline::Static => {
+                let first = first_gaussians(scene, &config.init, config.density.cap, config.seed);
+                Self::from_parts(Parameters::first(&first, device), None, size_of(scene), config)
+            }
+            Pipeline::Taylormode => taylormode::init::begin(scene, config, device),
+        }
+    }
+
+    pub(crate) fn from_parts(
+        parameters: Parameters,
+        motion: Option<MotionState>,
+        extent: f64,
+        config: &Config,
+    ) -> Self {
         Self {
             optimiser: Optimiser::new(&parameters),
             density: Density::new(&config.density, &parameters),
             parameters,
+            motion,
             step: 0,
             skipped: 0,
-            extent: size_of(scene),
+            extent,
         }
+    }
+
+    /// The scene as it is now, without autodiff.
+    pub fn model(&self) -> Box<dyn Motion> {
+        match &self.motion {
+            None => Box::new(Static::new(self.parameters.gaussians())),
+            Some(state) => Box::new(TaylorScene { gaussians: self.parameters.gaussians(), motion: state.motion() }),
+        }
+    }
+
+    /// Share of the run done before this step, 0 to 1.
+    pub(crate) fn progress(&self, config: &Config) -> f64 {
+        (self.step.max(1) - 1) as f64 / config.steps as f64
+    }
+
+    /// Whether this step should compute screen gradients.
+    pub(crate) fn wants_screen(&self, config: &Config) -> bool {
+        self.density.wants_screen(&config.density, self.step, config.steps)
     }
 
     /// One step on one photo.
@@ -118,41 +171,44 @@ impl Trainer {
         self.step += 1;
         self.raise_sh_degree(config);
 
-        let (rendering, observation, evaluated) = self.compare(photo, config);
-        let (loss, gradients) = evaluated;
+        let compared = match &self.motion {
+            None => self.compare(photo, config),
+            Some(state) => taylormode::step::compare(self, state, photo, config),
+        };
         let mut report = StepReport {
-            loss,
-            color: rendering.color.inner(),
-            intersections: rendering.intersections,
-            skipped: gradients.is_none(),
+            loss: compared.loss,
+            color: compared.color,
+            intersections: compared.intersections,
+            skipped: compared.gradients.is_none(),
             changes: Changes::default(),
         };
-        match gradients {
-            Some(gradients) => {
+        match compared.gradients {
+            Some((of_table, of_motion)) => {
                 let rates = config.optimiser.rates(self.step, config.steps, self.extent);
-                self.optimiser.step(&mut self.parameters, gradients, rates, &config.optimiser);
-                report.changes = self.control_density(&observation, config);
+                self.optimiser.step(&mut self.parameters, of_table, rates, &config.optimiser);
+                if let (Some(state), Some(gradients)) = (&mut self.motion, of_motion) {
+                    state.step(gradients, &taylormode::rates(config, self.step, self.extent));
+                }
+                report.changes = self.control_density(&compared.observation, config);
             }
             None => {
                 self.skipped += 1;
+                let loss = compared.loss;
                 tracing::warn!(step = self.step, loss, "loss or gradients are not finite: step skipped");
             }
         }
         report
     }
 
-    /// Renders the view, compares it with the photo and goes back. The gradients are `None` when they or the loss are not
-    /// finite.
-    fn compare(&self, photo: &Photo, config: &Config) -> (Rendering, Observation, (f32, Option<Gradients>)) {
+    /// Renders the view, compares it with the photo and goes back.
+    fn compare(&self, photo: &Photo, config: &Config) -> Compared {
         let tracked = self.parameters.tracked();
         let options = config.render.options(self.parameters.sh_degree(), config.data.background);
-        let screen = self.density.wants_screen(&config.density, self.step, config.steps).then(|| {
+        let screen = self.wants_screen(config).then(|| {
             Tensor::<2>::zeros([self.parameters.len(), 4], &self.parameters.device()).autodiff().require_grad()
         });
-        let rendering = match &screen {
-            Some(screen) => render_with_screen_gradients(&tracked, &photo.camera, &options, screen.clone()),
-            None => render(&tracked, &photo.camera, &options),
-        };
+        let extras = Extras { screen: screen.clone(), features: None };
+        let rendering = render_with(&tracked, &photo.camera, &options, extras);
         let loss = loss(rendering.color.clone(), photo, &tracked, self.extent, &config.loss);
         let mut gradients = loss.backward();
 
@@ -167,7 +223,13 @@ impl Trainer {
         let checked = Tensor::cat(vec![loss.inner(), gradients.finiteness()], 0).into_data();
         let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
         let finite = checked.iter().all(|value| value.is_finite());
-        (rendering, observation, (checked[0], finite.then_some(gradients)))
+        Compared {
+            color: rendering.color.inner(),
+            intersections: rendering.intersections,
+            observation,
+            loss: checked[0],
+            gradients: finite.then_some((gradients, None)),
+        }
     }
 
     fn control_density(&mut self, observation: &Observation, config: &Config) -> Changes {
@@ -178,8 +240,23 @@ impl Trainer {
             extent: self.extent,
             means_lr: config.optimiser.means_lr_at(self.step, config.steps),
         };
-        let Self { parameters, optimiser, density, .. } = self;
-        density.after_step(parameters, optimiser, observation, &config.density, &moment)
+        let Self { parameters, optimiser, density, motion, .. } = self;
+        let refinement = density.after_step(parameters, optimiser, observation, &config.density, &moment);
+        if let (Some(state), Some(succession)) = (motion, &refinement.succession) {
+            state.follow(&succession.source, &succession.fresh);
+        }
+        refinement.changes
+    }
+
+    /// Lowers the orders of paths that need less, when it is time.
+    pub fn select_motion(&mut self, views: &[View], config: &Config) {
+        let motion = &config.motion;
+        let Some(state) = &mut self.motion else { return };
+        let begun = self.step as f64 >= motion.select_from * config.steps as f64;
+        if motion.select && begun && (due(self.step, motion.select_every) || self.step == config.steps) {
+            let selected = taylormode::select::select(&mut self.parameters, state, views, motion);
+            tracing::debug!(step = self.step, moving = state.rows.len(), ?selected, "motion");
+        }
     }
 
     fn raise_sh_degree(&mut self, config: &Config) {

@@ -83,7 +83,7 @@ fn with_opacities(opacities: &[f64]) -> (Parameters, Optimiser) {
 fn the_dead_move_onto_the_living_and_the_image_stays() {
     let (mut parameters, mut optimiser) = with_opacities(&[0.001, 0.9, 0.002, 0.003]);
     let config = DensityConfig { growth: 0.0, ..DensityConfig::default() };
-    let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment());
+    let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment()).changes;
     assert_eq!((changes.moved, changes.added, parameters.len()), (3, 0, 4));
     let transmittance: f64 =
         parameters.read(Group::Opacity).iter().map(|x| 1.0 - gs_train::density::ops::sigmoid(f64::from(*x))).product();
@@ -96,7 +96,7 @@ fn nothing_is_drawn_from_a_scene_of_dead_gaussians() {
     let (mut parameters, mut optimiser) = with_opacities(&[0.001, 0.002]);
     let config = DensityConfig { growth: 0.5, ..DensityConfig::default() };
     // Growth still draws by opacity; relocation has nobody to move onto.
-    let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment());
+    let changes = mcmc::refine(&mut parameters, &mut optimiser, &config, &moment()).changes;
     assert_eq!((changes.moved, changes.added), (0, 1));
 }
 

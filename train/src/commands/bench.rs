@@ -13,7 +13,7 @@ use rand::Rng;
 
 use crate::cli::BenchArgs;
 use crate::commands::{device, print};
-use crate::data::Photo;
+use crate::data::{Hints, Photo};
 use crate::density::Strategy;
 use crate::experiment::Config;
 use crate::losses::loss;
@@ -100,7 +100,14 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     });
     row("rasterize, both ways", both, true);
     row("render", time(&mut || drop(render(&gaussians, &camera, &options))), true);
-    let photo = Photo { camera: camera.clone(), image: target, mask: None };
+    let photo = Photo {
+        camera: camera.clone(),
+        image: target,
+        mask: None,
+        time: 0.0,
+        exposure: None,
+        hints: Hints::default(),
+    };
     let config = Config::default();
     let both = time(&mut || {
         let tracked = parameters.tracked();
@@ -113,6 +120,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
         optimiser: Optimiser::new(&parameters),
         density: crate::density::Density::Mcmc,
         parameters,
+        motion: None,
         step: 5000,
         skipped: 0,
         extent: 1.0,

@@ -4,16 +4,16 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use gs_datasets::image_io::{write_atomic, write_png};
-use gs_models::Static;
 
 use crate::cli::EvalArgs;
 use crate::commands::train::resolve;
 use crate::commands::{device, print};
 use crate::data::Photos;
 use crate::evaluate::{Evaluation, Evaluator};
-use crate::export::load_scene;
+use crate::export::{LoadedScene, load_scene};
 use crate::report::pictures::SideBySide;
 use crate::resources::peak_memory;
+use crate::taylormode::measure;
 
 /// Measures a scene on the held-out views of its data set.
 ///
@@ -30,21 +30,23 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
         Some(config) => config.clone(),
         None => resolve(&args.config, &[])?,
     };
-    let Some(dataset) = args.data.clone().or(loaded.dataset) else {
+    let Some(dataset) = args.data.clone().or(loaded.dataset.clone()) else {
         bail!("{}: a PLY file does not know its data set; name it with --data", args.scene.display());
     };
     let scene = config.data.load(&dataset)?;
     // A PLY file is in the data set's own world, a checkpoint where training was; views are where training would be.
-    let gaussians = crate::export::translated(&loaded.gaussians, loaded.origin - scene.origin);
+    let moved = crate::export::translated(&loaded.gaussians, loaded.origin - scene.origin);
+    let loaded = LoadedScene { gaussians: moved, ..loaded };
     let (views, split) = if scene.test.is_empty() { (&scene.train, "train") } else { (&scene.test, "test") };
     let kept = if args.renders.is_some() { views.len() } else { 0 };
     let mut photos = Photos::new(views, &device, 0);
     let (measured, comparisons) =
-        Evaluator::new(&config.eval, &device).evaluate(&Static::new(gaussians), &mut photos, &config, kept);
+        Evaluator::new(&config.eval, &device).evaluate(&*loaded.model(), &mut photos, &config, kept);
     let evaluation = Evaluation {
         step: loaded.step.unwrap_or(0),
         split: split.into(),
         peak_memory_bytes: peak_memory(),
+        motion: loaded.motion.as_ref().map(|state| measure::measure(state, &loaded.gaussians, &scene, &config)),
         ..measured
     };
 
@@ -64,7 +66,7 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
 
 /// One line per view and their mean.
 fn table(evaluation: &Evaluation) -> String {
-    let width = evaluation.views.iter().map(|view| view.name.len()).max().unwrap_or(0).max(4);
+    let width = evaluation.views.iter().map(|view| view.name.len()).max().unwrap_or(0).max(12);
     let optional = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.4}"));
     let row = |name: &str, scores: &crate::evaluate::Scores| {
         let (ms_ssim, lpips) = (optional(scores.ms_ssim), optional(scores.lpips));
@@ -75,8 +77,14 @@ fn table(evaluation: &Evaluation) -> String {
         text += &row(&view.name, &view.scores);
     }
     text += &row("mean", &evaluation.mean);
+    if let Some(moving) = &evaluation.moving {
+        text += &row("moving parts", moving);
+    }
     let split = if evaluation.split == "test" { "held-out views" } else { "training views, because none are held out" };
     text += &format!("{} Gaussians, {} {split}", evaluation.gaussians, evaluation.views.len());
+    if let Some(motion) = &evaluation.motion {
+        text += &format!("\n{}", motion.line());
+    }
     for reason in [&evaluation.ms_ssim_reason, &evaluation.lpips_reason].into_iter().flatten() {
         text += &format!("\n{reason}");
     }

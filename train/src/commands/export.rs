@@ -1,8 +1,10 @@
 //! `gsburn export`.
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+use gs_burn::Gaussians;
 
 use crate::cli::ExportArgs;
 use crate::commands::print;
@@ -20,18 +22,39 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     // Nothing is computed, so any device serves; the default one is on the CPU when the program has one.
     let device = gs_burn::device::select("auto")?;
     let loaded = load_scene(&args.scene, &device)?;
-    let before = loaded.gaussians.len();
-    let mut gaussians = loaded.gaussians;
+    let model = loaded.model();
+    let times = match (args.frames, args.time) {
+        (Some(count), _) => loaded.times(count as usize),
+        (None, time) => vec![time.unwrap_or(loaded.middle())],
+    };
+    for (index, t) in times.iter().enumerate() {
+        let path = match args.frames {
+            Some(_) => numbered(&args.out, index),
+            None => args.out.clone(),
+        };
+        write_one(args, &path, model.at(*t), loaded.origin)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn write_one(args: &ExportArgs, path: &Path, mut gaussians: Gaussians, origin: glam::DVec3) -> Result<()> {
+    let before = gaussians.len();
     if args.no_floaters {
         gaussians = without_floaters(&gaussians, &FloaterFilter::default());
     }
     if let Some(degree) = args.sh_degree {
         gaussians = truncate_sh(&gaussians, usize::from(degree));
     }
-    write_ply(&args.out, &gaussians, loaded.origin)?;
+    write_ply(path, &gaussians, origin)?;
     let removed = before - gaussians.len();
-    let size = std::fs::metadata(&args.out).map_or(0, |metadata| metadata.len());
+    let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
     let note = if args.no_floaters { format!(", {removed} floaters left out") } else { String::new() };
-    print(format!("{}: {} Gaussians{note}, {}", args.out.display(), gaussians.len(), megabytes(size)));
-    Ok(ExitCode::SUCCESS)
+    print(format!("{}: {} Gaussians{note}, {}", path.display(), gaussians.len(), megabytes(size)));
+    Ok(())
+}
+
+/// scene.ply -> scene_0007.ply.
+fn numbered(path: &Path, index: usize) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}_{index:04}.ply"))
 }

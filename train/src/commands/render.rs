@@ -1,10 +1,10 @@
 //! `gsburn render`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use gs_burn::{Camera, RenderOptions, Rendering, render};
+use gs_burn::{Camera, Extras, RenderOptions, Rendering, render_with};
 use gs_datasets::image_io::{write_atomic, write_exr, write_png};
 use gs_datasets::{CameraPose, load_cameras};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -12,8 +12,9 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use crate::cli::{ImageFormat, RenderArgs};
 use crate::commands::{device, print};
 use crate::data::intrinsics;
-use crate::export::load_scene;
+use crate::export::{LoadedScene, load_scene};
 use crate::parameters::to_host;
+use crate::report::maps::{self, write_gif};
 use crate::report::pictures::image_bytes;
 use crate::step::RenderConfig;
 
@@ -40,20 +41,71 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         antialiased: args.antialiased || settings.antialiased,
         ..settings.options(degree, background)
     };
+    let model = loaded.model();
+    let mut count = 0;
     for pose in &cameras {
         // A scene far from its world's origin was trained near zero.
         let c2w = glam::DMat4::from_translation(-loaded.origin) * pose.c2w;
         let camera = Camera::from_c2w(c2w, intrinsics(&pose.intrinsics), pose.width, pose.height, &device);
-        write(&args.out, pose, &render(&loaded.gaussians, &camera, &options), args.format)?;
+        let mut animation = Vec::new();
+        for (suffix, t) in moments(args, &loaded, pose.time) {
+            let gaussians = model.at(t);
+            let features = (args.maps && loaded.motion.is_some()).then(|| model.velocity(t));
+            let rendering = render_with(&gaussians, &camera, &options, Extras { features, screen: None });
+            let stem = args.out.join(format!("{}{suffix}", pose.name));
+            write(&stem, pose, &rendering, args.format)?;
+            if args.maps {
+                write_maps(&stem, pose, &rendering)?;
+            }
+            if args.gif {
+                animation.push(image_bytes(rendering.color));
+            }
+            count += 1;
+        }
+        if args.gif {
+            let path = args.out.join(format!("{}.gif", pose.name));
+            write_gif(&path, pose.width, pose.height, &animation)?;
+        }
     }
-    print(format!("{} images in {}", cameras.len(), args.out.display()));
+    print(format!("{count} images in {}", args.out.display()));
     Ok(ExitCode::SUCCESS)
 }
 
-fn write(folder: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFormat) -> Result<()> {
+/// The times a camera is rendered at, with what is added to its name.
+fn moments(args: &RenderArgs, loaded: &LoadedScene, own: Option<f64>) -> Vec<(String, f64)> {
+    match args.frames {
+        Some(count) => {
+            let times = loaded.times(count as usize);
+            times.into_iter().enumerate().map(|(index, t)| (format!("_{index:04}"), t)).collect()
+        }
+        None => vec![(String::new(), args.time.or(own).unwrap_or(loaded.middle()))],
+    }
+}
+
+/// `stem` with something appended to its last name.
+fn appended(stem: &Path, suffix: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
+}
+
+/// Depth and velocity in colour.
+fn write_maps(stem: &Path, pose: &CameraPose, rendering: &Rendering) -> Result<()> {
+    let (width, height) = (pose.width, pose.height);
+    let alpha = to_host(rendering.alpha.clone());
+    let depth = to_host(rendering.expected_depth().expect("depth was asked for"));
+    write_png(&appended(stem, "_depth_color.png"), width, height, &maps::depth_colors(&depth, &alpha))?;
+    if let Some(velocity) = &rendering.features {
+        let colors = maps::velocity_colors(&to_host(velocity.clone()));
+        write_png(&appended(stem, "_velocity.png"), width, height, &colors)?;
+    }
+    Ok(())
+}
+
+fn write(stem: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFormat) -> Result<()> {
     let (width, height) = (pose.width, pose.height);
     let depth = to_host(rendering.expected_depth().expect("depth was asked for"));
-    let path = |suffix: &str| folder.join(format!("{}{suffix}", pose.name));
+    let path = |suffix: &str| appended(stem, suffix);
     match format {
         ImageFormat::Png => {
             write_png(&path(".png"), width, height, &image_bytes(rendering.color.clone()))?;

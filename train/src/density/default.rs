@@ -7,7 +7,7 @@ use rand::Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::density::ops::{Draft, logit, sigmoid};
-use crate::density::{Changes, DensityConfig, Moment, Observation};
+use crate::density::{Changes, DensityConfig, Moment, Observation, Refinement};
 use crate::optimiser::Optimiser;
 use crate::parameters::{Group, Parameters, from_host, to_host};
 use crate::random::{Purpose, normal_pair, stream};
@@ -67,7 +67,7 @@ impl Adaptive {
         optimiser: &mut Optimiser,
         config: &DensityConfig,
         moment: &Moment,
-    ) -> Changes {
+    ) -> Refinement {
         let mut draft = Draft::read(parameters);
         let before = draft.len();
         let mut chosen = self.above_threshold(config.gradient);
@@ -85,9 +85,9 @@ impl Adaptive {
                 && draft.size(row) <= largest
         });
         let after = draft.len();
-        draft.commit(parameters, optimiser);
+        let succession = Some(draft.commit(parameters, optimiser));
         *self = Self::new(after, &parameters.device());
-        Changes { added: grown - before, moved: 0, removed: grown - after }
+        Refinement { changes: Changes { added: grown - before, moved: 0, removed: grown - after }, succession }
     }
 
     /// Rows whose mean gradient is at least `threshold`, highest first, ties by row.

@@ -13,7 +13,7 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 use rayon::prelude::*;
 
 use crate::density::ops::{Draft, sample, sigmoid};
-use crate::density::{Changes, DensityConfig, Moment};
+use crate::density::{Changes, DensityConfig, Moment, Refinement};
 use crate::optimiser::Optimiser;
 use crate::parameters::{Group, Parameters, from_host, indices, to_host};
 use crate::random::{Purpose, normal_pair, stream};
@@ -36,7 +36,7 @@ pub fn refine(
     optimiser: &mut Optimiser,
     config: &DensityConfig,
     moment: &Moment,
-) -> Changes {
+) -> Refinement {
     let mut rng = stream(moment.seed, Purpose::Density, moment.step as u64);
     let mut draft = Draft::read(parameters);
     let before = draft.len();
@@ -61,10 +61,8 @@ pub fn refine(
     }
 
     let changes = Changes { added: copied.len(), moved: onto.len(), removed: 0 };
-    if changes != Changes::default() {
-        draft.commit(parameters, optimiser);
-    }
-    changes
+    let succession = (changes != Changes::default()).then(|| draft.commit(parameters, optimiser));
+    Refinement { changes, succession }
 }
 
 /// Adds the position noise of one step.

@@ -14,6 +14,7 @@ use crate::parameters::Parameters;
 use crate::schedule::due;
 
 pub use default::{Adaptive, OpacityPolicy};
+pub use ops::Succession;
 
 /// Which density control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -149,6 +150,15 @@ pub struct Changes {
     pub removed: usize,
 }
 
+/// A change of the table.
+#[derive(Debug, Clone, Default)]
+pub struct Refinement {
+    /// How many Gaussians it touched.
+    pub changes: Changes,
+    /// Where each row came from; `None` when no row moved.
+    pub succession: Option<Succession>,
+}
+
 /// The density control of a run, with its statistics.
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant)] // there is one per run
@@ -185,24 +195,24 @@ impl Density {
         observation: &Observation,
         config: &DensityConfig,
         moment: &Moment,
-    ) -> Changes {
+    ) -> Refinement {
         if let (Self::Adaptive(adaptive), Some(screen)) = (&mut *self, &observation.screen) {
             adaptive.gather(screen, observation, config.absgrad);
         }
-        let mut changes = Changes::default();
+        let mut refinement = Refinement::default();
         if due(moment.step, config.every) && config.active(moment.step, moment.steps) {
-            changes = match self {
-                Self::None => Changes::default(),
+            refinement = match self {
+                Self::None => Refinement::default(),
                 Self::Mcmc => mcmc::refine(parameters, optimiser, config, moment),
                 Self::Adaptive(adaptive) => adaptive.refine(parameters, optimiser, config, moment),
             };
-            tracing::debug!(step = moment.step, gaussians = parameters.len(), ?changes, "density");
+            tracing::debug!(step = moment.step, gaussians = parameters.len(), changes = ?refinement.changes, "density");
         }
         match self {
             Self::None => {}
             Self::Mcmc => mcmc::perturb(parameters, config.noise, moment),
             Self::Adaptive(_) => default::lower_opacities(parameters, optimiser, config, moment),
         }
-        changes
+        refinement
     }
 }

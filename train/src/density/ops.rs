@@ -127,8 +127,9 @@ impl Draft {
         };
     }
 
-    /// Writes the draft back: columns it carries from here, the rest by row number.
-    pub fn commit(self, parameters: &mut Parameters, optimiser: &mut Optimiser) {
+    /// Writes the draft back: columns it carries from here, the rest by row number. What else is kept per Gaussian follows by
+    /// the succession returned.
+    pub fn commit(self, parameters: &mut Parameters, optimiser: &mut Optimiser) -> Succession {
         let device = parameters.device();
         let rows = self.len();
         let source = indices(&self.source, &device);
@@ -150,7 +151,17 @@ impl Draft {
             gather(moments);
             *moments = moments.clone() * keep.clone();
         }
+        Succession { source: self.source, fresh: self.fresh }
     }
+}
+
+/// Which old row each row of a changed table comes from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Succession {
+    /// The old row of each new row.
+    pub source: Vec<u32>,
+    /// Whether the new row's moments begin at zero.
+    pub fresh: Vec<bool>,
 }
 
 /// New opacity, and factor of the sizes, of each of `n` coincident Gaussians that together replace one of `opacity`

@@ -1,6 +1,7 @@
 //! What a finished run shows: side-by-side pictures, curves, and one self-contained page with all of it.
 
 pub mod charts;
+pub mod maps;
 mod page;
 pub mod pictures;
 

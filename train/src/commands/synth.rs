@@ -1,0 +1,78 @@
+//! `gsburn synth`.
+
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use gs_datasets::synthetic::blur_from_frames::{BlurFromFrames, blur_from_frames};
+use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults, World};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, WorldName};
+use crate::commands::print;
+
+/// Makes what is asked for.
+///
+/// # Errors
+/// One sentence: options that make no sense, a data set that cannot be blurred, a full disk.
+pub fn run(args: &SynthArgs) -> Result<ExitCode> {
+    match &args.what {
+        Synth::Deblur(args) => deblur_world(args),
+        Synth::BlurFromFrames(args) => blur(args),
+    }
+}
+
+fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
+    let (width, height) = parse_size(&args.size)?;
+    let options = DeblurOptions {
+        world: match args.world {
+            WorldName::Cube => World::Cube,
+            WorldName::Lychee => World::Lychee,
+            WorldName::Monkey => World::Monkey,
+            WorldName::Sphere => World::Sphere,
+        },
+        width,
+        height,
+        cameras: args.cameras as usize,
+        held_out: args.held_out as usize,
+        frames: args.frames as usize,
+        subframes: args.subframes as usize,
+        exposure: args.exposure,
+        speed: args.speed,
+        seed: args.seed,
+        priors: match (args.no_priors, args.perfect_priors) {
+            (true, _) => None,
+            (_, true) => Some(PriorFaults::none()),
+            _ => Some(PriorFaults::default()),
+        },
+    };
+    let bar = bar();
+    deblur::write(&args.out, &options, |done, total| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    print(format!("{}: {} cameras, {} frames each", args.out.display(), args.cameras, args.frames));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
+    let options = BlurFromFrames { window: args.window, stride: args.stride, max_width: args.max_width };
+    blur_from_frames(&args.dataset, &args.out, &options)?;
+    print(format!("{}: a blurry data set with its sharp frames as truth", args.out.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} images, {eta} left");
+    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// "256x192".
+fn parse_size(text: &str) -> Result<(usize, usize)> {
+    let parts = text.split_once('x').context("--size: expected WIDTHxHEIGHT, as in 256x192");
+    let (width, height) = parts.with_context(|| format!("found {text:?}"))?;
+    match (width.parse(), height.parse()) {
+        (Ok(width), Ok(height)) if (16..=4096).contains(&width) && (16..=4096).contains(&height) => Ok((width, height)),
+        _ => bail!("--size: expected WIDTHxHEIGHT from 16 to 4096 pixels, as in 256x192, found {text:?}"),
+    }
+}

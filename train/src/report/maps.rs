@@ -1,0 +1,105 @@
+//! Depth and velocity in colour, and animated GIFs.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use gs_datasets::image_io::write_atomic;
+
+/// Share of the seen pixels at each end of the depth range that the colours do not spread over: a few wrong pixels must not
+/// flatten the rest.
+const DEPTH_TAILS: f64 = 0.02;
+
+/// Share of pixels whose speed may exceed the full colour.
+const SPEED_TAIL: f64 = 0.005;
+
+/// Alpha under which a pixel is drawn black: it shows nothing.
+const ALPHA_SEEN: f32 = 0.5;
+
+/// Hundredths of a second a frame is shown, about 12 frames a second.
+const GIF_DELAY: u16 = 8;
+
+/// Depth `[H * W]` in colour, `[H * W * 3]`: near yellow, far violet (viridis over inverse depth), black where nothing is.
+pub fn depth_colors(depth: &[f32], alpha: &[f32]) -> Vec<u8> {
+    let seen = |(depth, alpha): &(&f32, &f32)| **alpha >= ALPHA_SEEN && **depth > 0.0 && depth.is_finite();
+    let mut inverse: Vec<f32> = depth.iter().zip(alpha).filter(seen).map(|(depth, _)| 1.0 / depth).collect();
+    inverse.sort_by(f32::total_cmp);
+    let at = |share: f64| inverse.get((share * inverse.len() as f64) as usize).or(inverse.last()).copied();
+    let (low, high) = (at(DEPTH_TAILS).unwrap_or(0.0), at(1.0 - DEPTH_TAILS).unwrap_or(1.0));
+    let span = (high - low).max(f32::MIN_POSITIVE);
+    depth
+        .iter()
+        .zip(alpha)
+        .flat_map(|pixel| {
+            if !seen(&pixel) {
+                return [0; 3];
+            }
+            viridis((1.0 / pixel.0 - low) / span)
+        })
+        .collect()
+}
+
+/// Anchors of the viridis colour map, evenly spaced.
+const VIRIDIS: [[f32; 3]; 6] = [
+    [68.0, 1.0, 84.0],
+    [65.0, 68.0, 135.0],
+    [42.0, 120.0, 142.0],
+    [34.0, 168.0, 132.0],
+    [122.0, 209.0, 81.0],
+    [253.0, 231.0, 37.0],
+];
+
+/// The colour of a share from 0 (violet) to 1 (yellow).
+fn viridis(share: f32) -> [u8; 3] {
+    let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f32;
+    let below = (place as usize).min(VIRIDIS.len() - 2);
+    let part = place - below as f32;
+    [0, 1, 2].map(|c| (VIRIDIS[below][c] * (1.0 - part) + VIRIDIS[below + 1][c] * part + 0.5) as u8)
+}
+
+/// Velocities `[H * W * 3]` in colour: mid grey stands still; red, green and blue are the world's axes, bright along and dark
+/// against them.
+pub fn velocity_colors(velocity: &[f32]) -> Vec<u8> {
+    let rows = velocity.as_chunks::<3>().0;
+    let mut speeds: Vec<f32> = rows.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt()).collect();
+    speeds.sort_by(f32::total_cmp);
+    let place = ((1.0 - SPEED_TAIL) * speeds.len() as f64) as usize;
+    let full = speeds.get(place).or(speeds.last()).copied().unwrap_or(1.0).max(1e-12);
+    rows.iter().flat_map(|v| v.map(|x| (127.5 + 127.5 * (x / full).clamp(-1.0, 1.0)) as u8)).collect()
+}
+
+/// Writes frames `[H * W * 3]` as a GIF that repeats for ever.
+///
+/// # Errors
+/// When the image is larger than a GIF can be, or cannot be written.
+pub fn write_gif(path: &Path, width: usize, height: usize, frames: &[Vec<u8>]) -> Result<()> {
+    let side = |pixels: usize| {
+        u16::try_from(pixels).with_context(|| format!("{}: a GIF has at most 65535 pixels a side", path.display()))
+    };
+    let (width, height) = (side(width)?, side(height)?);
+    let mut bytes = Vec::new();
+    let mut encoder = gif::Encoder::new(&mut bytes, width, height, &[])?;
+    encoder.set_repeat(gif::Repeat::Infinite)?;
+    for pixels in frames {
+        let mut frame = gif::Frame::from_rgb(width, height, pixels);
+        frame.delay = GIF_DELAY;
+        encoder.write_frame(&frame)?;
+    }
+    drop(encoder);
+    Ok(write_atomic(path, &bytes)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_order_depth_and_direction() {
+        let depth: Vec<f32> = (1..=100).map(|i| i as f32).collect();
+        let colors = depth_colors(&depth, &[1.0; 100]);
+        let brightness = |i: usize| colors[3 * i..][..3].iter().map(|c| u32::from(*c)).sum::<u32>();
+        assert!(brightness(1) > brightness(50) && brightness(50) > brightness(99));
+        assert_eq!(depth_colors(&[1.0, f32::NAN, -1.0], &[0.0, 1.0, 1.0]), [0; 9]);
+        assert_eq!(velocity_colors(&[0.0; 3]), [127; 3]);
+        assert_eq!(velocity_colors(&[1.0, 0.0, -1.0]), [255, 127, 0]);
+    }
+}

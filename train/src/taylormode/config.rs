@@ -1,0 +1,233 @@
+//! What a user chooses about motion and blur: the sections `[motion]`, `[blur]` and `[prior]` of a configuration.
+
+use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VEL};
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::{ConfigError, check, not_negative, positive};
+
+/// Which pixels are taken for moving before anything is learned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskSource {
+    /// The data set's masks of moving objects where it has them, otherwise evidence.
+    Auto,
+    /// The data set's masks only; without them the run goes on as if nothing were known.
+    Prior,
+    /// What changes over time in front of cameras that stand still.
+    Evidence,
+    /// Nothing: every Gaussian may move.
+    None,
+}
+
+/// How a 3D remainder is used beside the polynomial (Eq. 2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RemainderChoice {
+    /// Off until the residual after the best order is structured in time.
+    Auto,
+    /// From the start.
+    On,
+    /// Never.
+    Off,
+}
+
+/// How Gaussians move (Eq. 2 and 3), and how little of it is kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionConfig {
+    /// Highest order of a Gaussian's path, 0 to 6. More bends more, and leaves the window sooner.
+    pub order: usize,
+    /// Highest order of its rotation, 0 to 6; 0: it keeps its orientation.
+    pub rotation_order: usize,
+    /// Which pixels are taken for moving before anything is learned.
+    pub masks: MaskSource,
+    /// Gaussians that may move, to begin with.
+    pub points: usize,
+    /// Rate of the path's coefficients at the first step, scene extents of displacement at the window's edge.
+    pub position_lr: f64,
+    /// Rate of the rotation's coefficients at the first step, radians at the window's edge.
+    pub rotation_lr: f64,
+    /// Both rates at the last step, as a share of the first.
+    pub final_share: f64,
+    /// The 3D remainder.
+    pub remainder: RemainderChoice,
+    /// Whether each Gaussian keeps only the order that it needs. Off: all keep `order`.
+    pub select: bool,
+    /// Share of the run after which orders are first selected.
+    pub select_from: f64,
+    /// Steps from one selection to the next.
+    pub select_every: usize,
+    /// Largest change of a Gaussian's place in any training view, pixels, that a lower order may cost.
+    pub select_pixels: f64,
+    /// Soft threshold of each coefficient block at each selection, pixels at the window's edge.
+    pub shrink_pixels: f64,
+}
+
+impl Default for MotionConfig {
+    fn default() -> Self {
+        Self {
+            order: 3,
+            rotation_order: 2,
+            masks: MaskSource::Auto,
+            points: 4000,
+            position_lr: 1e-3,
+            rotation_lr: 2e-3,
+            final_share: 0.02,
+            remainder: RemainderChoice::Off,
+            select: true,
+            select_from: 0.5,
+            select_every: 100,
+            select_pixels: 0.1,
+            shrink_pixels: 0.02,
+        }
+    }
+}
+
+/// How a blurry photo is formed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BlurMode {
+    /// Rendered at times inside the exposure and averaged: the exact formation.
+    Integrate,
+    /// The paper's: the sharp image gathered along the velocity at each pixel (Eq. 7 to 12).
+    Warp,
+    /// Not at all: the sharp rendering is compared with the blurry photo (ITG, Table 1).
+    None,
+}
+
+/// Where the velocity of the warp comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VelocitySource {
+    /// The derivative of the Taylor motion, splatted (Eq. 3 and 4).
+    Taylor,
+    /// A network, directly (the row "w/o Taylor Expansion" of Table 2).
+    Network,
+}
+
+/// How blur is formed (section 3.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BlurConfig {
+    /// The formation.
+    pub mode: BlurMode,
+    /// Times inside the exposure (paper: N = 7). Too few leave ghosts where things move more than N pixels.
+    pub samples: usize,
+    /// Exposure to begin with, in the data set's unit of time; 0: what the data set says, else half a frame interval.
+    pub exposure: f64,
+    /// Whether the exposure is learned too.
+    pub learn_exposure: bool,
+    /// Rate of the exposure's logarithm.
+    pub exposure_lr: f64,
+    /// Whether light is added up linearly, as a sensor does; off: as photos are encoded.
+    pub linear: bool,
+    /// Whether the static Gaussians receive no gradient from the blurred image (section 3.4, gradient decoupling).
+    pub decouple: bool,
+    /// `warp`: share of the depth prior in the hybrid depth (paper: 0.3).
+    pub depth_beta: f64,
+    /// `warp`: where velocities come from.
+    pub velocity: VelocitySource,
+    /// `warp`: whether the Peano remainder network corrects them (Eq. 5).
+    pub peano: bool,
+    /// `warp`: whether a network weighs the samples (Eq. 11); off: all alike.
+    pub weights: bool,
+    /// Rate of the networks (paper: 1e-4).
+    pub network_lr: f64,
+}
+
+impl Default for BlurConfig {
+    fn default() -> Self {
+        Self {
+            mode: BlurMode::Integrate,
+            samples: 7,
+            exposure: 0.0,
+            learn_exposure: true,
+            exposure_lr: 2e-3,
+            linear: true,
+            decouple: true,
+            depth_beta: 0.3,
+            velocity: VelocitySource::Taylor,
+            peano: true,
+            weights: true,
+            network_lr: 1e-4,
+        }
+    }
+}
+
+/// Weights of the terms of Eq. 19 and of the priors in them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PriorConfig {
+    /// Weight of the sharp term (Eq. 14).
+    pub sharp: f64,
+    /// Weight of the blurred term (Eq. 15).
+    pub blur: f64,
+    /// Weight of the depth term (Eq. 16).
+    pub depth: f64,
+    /// Weight of the velocity term (Eq. 17).
+    pub velocity: f64,
+    /// Weight of the smoothness of blur weights (Eq. 18).
+    pub smooth: f64,
+    /// Whether the pseudo-sharp photo stands where things move (Eq. 13); off: the blurry one does.
+    pub pseudo: bool,
+    /// Whether depth priors are scaled and shifted per photo before they are compared.
+    pub align_depth: bool,
+    /// Share of the run after which priors (pseudo-sharp, depth, guide) no longer count; 1: they always do. Guesses help to
+    /// begin with and hold back at the end.
+    pub until: f64,
+}
+
+impl Default for PriorConfig {
+    fn default() -> Self {
+        Self {
+            sharp: 1.0,
+            blur: LAMBDA_BLUR,
+            depth: LAMBDA_DEPTH,
+            velocity: LAMBDA_VEL,
+            smooth: LAMBDA_SMOOTH,
+            pseudo: true,
+            align_depth: true,
+            until: 1.0,
+        }
+    }
+}
+
+/// Highest order of a path that is accepted. Powers of the normalised time are hard to tell apart beyond it in f32.
+const MAX_ORDER: usize = 6;
+
+impl MotionConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        check("motion.order", self.order, self.order <= MAX_ORDER, "from 0 to 6")?;
+        check("motion.rotation_order", self.rotation_order, self.rotation_order <= MAX_ORDER, "from 0 to 6")?;
+        check("motion.points", self.points, self.points >= 1, "at least 1")?;
+        check("motion.position_lr", self.position_lr, not_negative(self.position_lr), "0 or more")?;
+        check("motion.rotation_lr", self.rotation_lr, not_negative(self.rotation_lr), "0 or more")?;
+        check("motion.final_share", self.final_share, positive(self.final_share), "positive")?;
+        check("motion.select_from", self.select_from, (0.0..=1.0).contains(&self.select_from), "from 0 to 1")?;
+        check("motion.select_every", self.select_every, self.select_every >= 1, "at least 1")?;
+        check("motion.select_pixels", self.select_pixels, not_negative(self.select_pixels), "0 or more")?;
+        check("motion.shrink_pixels", self.shrink_pixels, not_negative(self.shrink_pixels), "0 or more")
+    }
+}
+
+impl BlurConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        let least = if self.mode == BlurMode::None { 1 } else { 2 };
+        check("blur.samples", self.samples, (least..=1025).contains(&self.samples), "from 2 to 1025")?;
+        check("blur.exposure", self.exposure, not_negative(self.exposure), "0 (from the data set) or positive")?;
+        check("blur.exposure_lr", self.exposure_lr, not_negative(self.exposure_lr), "0 or more")?;
+        check("blur.depth_beta", self.depth_beta, (0.0..=1.0).contains(&self.depth_beta), "from 0 to 1")?;
+        check("blur.network_lr", self.network_lr, not_negative(self.network_lr), "0 or more")
+    }
+}
+
+impl PriorConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        check("prior.sharp", self.sharp, not_negative(self.sharp), "0 or more")?;
+        check("prior.blur", self.blur, not_negative(self.blur), "0 or more")?;
+        check("prior.depth", self.depth, not_negative(self.depth), "0 or more")?;
+        check("prior.velocity", self.velocity, not_negative(self.velocity), "0 or more")?;
+        check("prior.smooth", self.smooth, not_negative(self.smooth), "0 or more")?;
+        check("prior.until", self.until, (0.0..=1.0).contains(&self.until), "from 0 to 1")
+    }
+}

@@ -1,0 +1,81 @@
+//! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
+//! recording's middle and length, the exposure.
+
+use gs_datasets::motion::{self, Centre, MovingMasks};
+use gs_datasets::{Scene, View};
+use gs_models::taylormode::TimeWindow;
+
+use crate::data::MotionHints;
+use crate::experiment::Config;
+use crate::taylormode::config::MaskSource;
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// Per training view: the moving pixels, and the centre's velocity.
+    pub hints: MotionHints,
+    /// The moving pixels as they came, with where they are from.
+    pub masks: MovingMasks,
+    /// The centre of what moves, by time.
+    pub centres: Vec<Centre>,
+    /// What was left out, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// Looks at the training views.
+pub fn gather(scene: &Scene, config: &Config) -> Found {
+    let source = match config.motion.masks {
+        MaskSource::Auto => motion::MaskSource::Auto,
+        MaskSource::Prior => motion::MaskSource::Prior,
+        MaskSource::Evidence => motion::MaskSource::Evidence,
+        MaskSource::None => {
+            let masks = MovingMasks::none(scene.train.len());
+            let hints = MotionHints::default();
+            return Found { hints, masks, centres: Vec::new(), warnings: Vec::new() };
+        }
+    };
+    let masks = motion::moving_masks(scene, source);
+    let centres = motion::centres(scene, &masks);
+    let guides = scene.train.iter().map(|view| {
+        let velocity = motion::guide_velocity(&centres, view.time?)?;
+        Some(velocity.to_array())
+    });
+    let mut warnings = masks.warnings.clone();
+    if centres.is_empty() {
+        warnings.push("the centre of what moves could not be triangulated: the velocity term (Eq. 17) is left out".into());
+    }
+    let hints = MotionHints { masks: masks.masks.clone(), guides: guides.collect() };
+    Found { hints, masks, centres, warnings }
+}
+
+/// The time paths are expanded at (the training time nearest the middle of the recording), and the half length that makes
+/// every exposure lie within normalised times from -1 to 1.
+pub fn window(scene: &Scene, exposure: f64) -> TimeWindow {
+    let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
+    let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
+    let middle = 0.5 * (low + high);
+    let t0 = times.iter().copied().min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs())).unwrap_or(middle);
+    let half = (high - t0).max(t0 - low) + 0.5 * exposure;
+    TimeWindow { t0, half: if half > 0.0 { half } else { 1.0 } }
+}
+
+/// The shortest distance between two times of the training views; `None` when there is one time only.
+pub fn frame_interval(views: &[View]) -> Option<f64> {
+    let mut times: Vec<f64> = views.iter().filter_map(|view| view.time).collect();
+    times.sort_by(f64::total_cmp);
+    times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-9).min_by(f64::total_cmp)
+}
+
+/// The exposure a run begins with: as configured, else as the data set says, else half a frame interval.
+pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
+    if config.blur.exposure > 0.0 {
+        return (config.blur.exposure, None);
+    }
+    let mut said: Vec<f64> = scene.train.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
+    said.sort_by(f64::total_cmp);
+    if let Some(median) = said.get(said.len() / 2) {
+        return (*median, None);
+    }
+    let half = 0.5 * frame_interval(&scene.train).unwrap_or(1.0);
+    (half, Some(format!("the data set does not say how long the shutter was open: beginning with {half:.4}")))
+}

@@ -1,0 +1,190 @@
+//! What a moving scene is measured by beside its sharp images: the blurry image it forms, its velocities, its exposure, and
+//! what its motion costs.
+
+use burn::tensor::Tensor;
+use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
+use gs_burn::{Extras, Gaussians, render_with};
+use gs_datasets::{Scene, View};
+use gs_models::Motion;
+use gs_models::taylormode::TaylorScene;
+use serde::{Deserialize, Serialize};
+
+use crate::data::{camera, to_tensor};
+use crate::experiment::Config;
+use crate::metrics::psnr;
+use crate::parameters::to_host;
+use crate::taylormode::state::MotionState;
+
+/// Samples a measured blur is formed with, whatever the training used: enough that more change nothing visible up to about
+/// sixty pixels of motion.
+const MEASURE_SAMPLES: usize = 33;
+
+/// Alpha under which a pixel shows too little to have a velocity.
+const ALPHA_SEEN: f32 = 0.5;
+
+/// Speeds under this share of the largest true speed have no direction worth measuring.
+const SPEED_SHARE: f64 = 0.05;
+
+/// Measures of a moving scene.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotionScores {
+    /// PSNR of the blurry image the scene forms, over held-out views whose blurry photo is known, dB.
+    pub blurry_psnr: Option<f64>,
+    /// Median angle between rendered and true velocity on moving surfaces, degrees.
+    pub velocity_angle: Option<f64>,
+    /// Median relative error of the speed there.
+    pub velocity_magnitude: Option<f64>,
+    /// The exposure, in the data set's unit of time.
+    pub exposure: f64,
+    /// Its relative error, where the data set says the truth.
+    pub exposure_error: Option<f64>,
+    /// What the motion costs.
+    pub cost: MotionCost,
+}
+
+/// What the motion costs, beside the same Gaussians with a fixed order everywhere.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotionCost {
+    /// Gaussians that move.
+    pub moving: usize,
+    /// Share of Gaussians that do not, 0 to 1.
+    pub static_share: f64,
+    /// Mean order of the paths of those that move.
+    pub mean_order: f64,
+    /// Gaussians by order of their path, from 0 on; order 0 is static.
+    pub orders: Vec<usize>,
+    /// Numbers that describe motion: coefficients of paths and rotations that are not zero by order, and networks.
+    pub parameters: usize,
+    /// The same with order `motion.order` and `motion.rotation_order` for every Gaussian.
+    pub fixed_parameters: usize,
+    /// Bytes of `parameters` as f32, with a row number per moving Gaussian.
+    pub bytes: usize,
+}
+
+/// Measures the scene on the held-out views.
+pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config: &Config) -> MotionScores {
+    let model = TaylorScene { gaussians: gaussians.clone(), motion: state.motion() };
+    let views = if scene.test.is_empty() { &scene.train } else { &scene.test };
+    let blurry: Vec<f64> = views.iter().filter_map(|view| blurry_psnr(&model, state, view, config)).collect();
+    let (angles, magnitudes) = velocity_errors(&model, views, config);
+    let exposure = state.exposure();
+    let said = views.iter().chain(&scene.train).find_map(|view| view.exposure);
+    MotionScores {
+        blurry_psnr: (!blurry.is_empty()).then(|| blurry.iter().sum::<f64>() / blurry.len() as f64),
+        velocity_angle: median(angles),
+        velocity_magnitude: median(magnitudes),
+        exposure,
+        exposure_error: said.map(|said| (exposure / said - 1.0).abs()),
+        cost: cost(state, gaussians.len(), config),
+    }
+}
+
+/// The blurry image of a view as the scene forms it, `[H, W, 3]`.
+pub fn form_blur(model: &TaylorScene, rows: &[u32], exposure: f64, view: &View, config: &Config) -> Tensor<3> {
+    let device = model.gaussians.device();
+    let options = config.render.options(model.gaussians.sh_degree(), config.data.background);
+    let t = view.time.unwrap_or(0.0);
+    let samples: Vec<MovingSample> = (0..MEASURE_SAMPLES)
+        .map(|i| {
+            let share = (i as f64 + 0.5) / MEASURE_SAMPLES as f64 - 0.5;
+            let (means, quats) = model.motion.sample_rows(
+                model.gaussians.means.val(),
+                model.gaussians.quats.val(),
+                t + share * exposure,
+            );
+            MovingSample { means, quats }
+        })
+        .collect();
+    let options = ExposureOptions { render: options, linear: config.blur.linear };
+    render_exposure(&model.gaussians, rows, &samples, &camera(view, &device), &options, None).color.clamp(0.0, 1.0)
+}
+
+fn blurry_psnr(model: &TaylorScene, state: &MotionState, view: &View, config: &Config) -> Option<f64> {
+    let blurry = view.truth.blurry.as_ref()?;
+    let truth = to_tensor(view, &blurry.data, 3, &model.gaussians.device());
+    Some(psnr(form_blur(model, &state.rows, state.exposure(), view, config), truth))
+}
+
+/// Angles in degrees and relative errors of the speed, over the pixels of moving surfaces.
+fn velocity_errors(model: &TaylorScene, views: &[View], config: &Config) -> (Vec<f64>, Vec<f64>) {
+    let (mut angles, mut magnitudes) = (Vec::new(), Vec::new());
+    for view in views {
+        let (Some(truth), Some(moving)) = (&view.truth.velocity, &view.truth.moving) else { continue };
+        let t = view.time.unwrap_or(0.0);
+        let options = config.render.options(0, [0.0; 3]);
+        let scene = model.at(t);
+        let extras = Extras { features: Some(model.velocity(t)), screen: None };
+        let rendering = render_with(&scene, &camera(view, &scene.device()), &options, extras);
+        let found = to_host(rendering.features.expect("features were given"));
+        let alpha = to_host(rendering.alpha);
+        let truth = truth.as_chunks::<3>().0;
+        let fastest = truth.iter().map(|v| length(*v)).fold(0.0, f64::max);
+        for (pixel, true_velocity) in truth.iter().enumerate() {
+            let speed = length(*true_velocity);
+            if moving[pixel] == 0 || alpha[pixel] < ALPHA_SEEN || speed <= SPEED_SHARE * fastest {
+                continue;
+            }
+            let seen: [f32; 3] = [0, 1, 2].map(|c| found[3 * pixel + c] / alpha[pixel]);
+            let dot: f64 = (0..3).map(|c| f64::from(seen[c]) * f64::from(true_velocity[c])).sum();
+            let cosine = dot / (speed * length(seen)).max(f64::MIN_POSITIVE);
+            angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
+            magnitudes.push((length(seen) / speed - 1.0).abs());
+        }
+    }
+    (angles, magnitudes)
+}
+
+/// What the motion of a state costs.
+pub fn cost(state: &MotionState, gaussians: usize, config: &Config) -> MotionCost {
+    let moving = state.rows.len();
+    let mut orders = vec![0; config.motion.order + 1];
+    orders[0] = gaussians - moving;
+    for order in &state.orders {
+        orders[usize::from(*order)] += 1;
+    }
+    let blocks: usize = state.orders.iter().chain(&state.rotation_orders).map(|order| usize::from(*order)).sum();
+    let tensors = state.networks.iter().flat_map(|network| &network.tensors);
+    let networks: usize = tensors.map(|tensor| tensor.value.dims().iter().product::<usize>()).sum();
+    let parameters = 3 * blocks + networks;
+    let order_sum: usize = state.orders.iter().map(|order| usize::from(*order)).sum();
+    MotionCost {
+        moving,
+        static_share: 1.0 - moving as f64 / gaussians.max(1) as f64,
+        mean_order: order_sum as f64 / moving.max(1) as f64,
+        orders,
+        parameters,
+        fixed_parameters: 3 * gaussians * (config.motion.order + config.motion.rotation_order) + networks,
+        bytes: 4 * (parameters + moving),
+    }
+}
+
+impl MotionScores {
+    /// The figures in one line.
+    pub fn line(&self) -> String {
+        let optional = |text: &str, value: Option<f64>, unit: &str| {
+            value.map_or(String::new(), |value| format!("{text} {value:.2}{unit}, "))
+        };
+        let saved = 100.0 * (1.0 - self.cost.parameters as f64 / self.cost.fixed_parameters.max(1) as f64);
+        format!(
+            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}, {} numbers ({saved:.0} % fewer than fixed order)",
+            optional("blurry PSNR", self.blurry_psnr, " dB"),
+            optional("velocity off by", self.velocity_angle, " degrees"),
+            optional("speed off by", self.velocity_magnitude.map(|x| 100.0 * x), " %"),
+            self.exposure,
+            self.exposure_error.map_or(String::new(), |error| format!(" (off by {:.1} %)", 100.0 * error)),
+            self.cost.moving,
+            100.0 * self.cost.static_share,
+            self.cost.mean_order,
+            self.cost.parameters,
+        )
+    }
+}
+
+fn length(v: [f32; 3]) -> f64 {
+    v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}

@@ -1,0 +1,36 @@
+//! TaylorMoDe-GS: sharp moving scenes from motion-blurred multi-view video.
+//!
+//! | paper | here |
+//! |---|---|
+//! | 3.2 Taylor motion and velocity (Eq. 2, 3), velocity splatting (Eq. 4), remainder (Eq. 5) | `gs_models::taylormode`; lent to a step by [`state`] |
+//! | 3.3 blur synthesis (Eq. 6 to 12) | [`step`]: `warped`; the exact formation: `integrated` |
+//! | 3.4 losses (Eq. 13 to 19), gradient decoupling | [`step`], weights in [`config`] |
+//! | 4.1 masks, depth, pseudo-sharp photos, optimisers | [`hints`], [`init`], [`learned`] |
+//! | beyond the paper: no more motion than a scene needs | [`select`] |
+//! | measuring on sharp ground truth | [`measure`] |
+
+pub mod config;
+pub mod hints;
+pub mod init;
+pub mod learned;
+pub mod measure;
+pub mod saved;
+pub mod select;
+pub mod state;
+pub mod step;
+
+use crate::experiment::Config;
+use crate::schedule::exponential;
+use crate::taylormode::state::MotionRates;
+
+/// The rates of a step; `extent` in scene units.
+pub fn rates(config: &Config, step: usize, extent: f64) -> MotionRates {
+    let (motion, blur) = (&config.motion, &config.blur);
+    let decay = exponential(1.0, motion.final_share, step, config.steps);
+    MotionRates {
+        position: motion.position_lr * decay * extent,
+        rotation: motion.rotation_lr * decay,
+        exposure: if blur.learn_exposure { blur.exposure_lr * decay } else { 0.0 },
+        network: blur.network_lr,
+    }
+}

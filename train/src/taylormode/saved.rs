@@ -1,0 +1,106 @@
+//! The motion state in a checkpoint: which tensors, under which names, and what the metadata says beside them.
+
+use burn::tensor::Tensor;
+use gs_models::taylormode::TimeWindow;
+use serde::{Deserialize, Serialize};
+
+use crate::parameters::{from_host, to_host};
+use crate::taylormode::learned::Learned;
+use crate::taylormode::state::{LearnedNetwork, MotionState, Network};
+
+/// Row numbers are stored as f32, which counts exactly up to here; more Gaussians than that do not fit any machine of today.
+const ROWS_MAX: u32 = 1 << 24;
+
+/// What the metadata of a checkpoint says about motion.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct SavedMotion {
+    /// As bits, because JSON numbers may lose the last one.
+    t0_bits: u64,
+    half_bits: u64,
+    updates: u64,
+    /// Tensors of each network.
+    networks: Vec<(String, usize)>,
+}
+
+impl SavedMotion {
+    /// The metadata of a state.
+    pub fn of(state: &MotionState) -> Self {
+        Self {
+            t0_bits: state.window.t0.to_bits(),
+            half_bits: state.window.half.to_bits(),
+            updates: state.updates,
+            networks: state.networks.iter().map(|network| (network.kind.name().into(), network.tensors.len())).collect(),
+        }
+    }
+
+    /// The state, its tensors read by name with `read`.
+    ///
+    /// # Errors
+    /// As `read`; and a sentence when shapes do not fit.
+    pub fn restore<E>(
+        &self,
+        mut read: impl FnMut(&str) -> Result<Tensor<2>, E>,
+        damaged: impl Fn(String) -> E,
+        gaussians: usize,
+    ) -> Result<MotionState, E> {
+        let mut learned = |name: &str| -> Result<Learned, E> {
+            let [value, first, second] = [read(name)?, read(&format!("first.{name}"))?, read(&format!("second.{name}"))?];
+            if value.dims() != first.dims() || value.dims() != second.dims() {
+                return Err(damaged(format!("{name} and its moments have different shapes")));
+            }
+            Ok(Learned { value, first, second })
+        };
+        let (position, rotation) = (learned("motion.position")?, learned("motion.rotation")?);
+        let log_exposure = learned("motion.log_exposure")?;
+        let mut networks = Vec::new();
+        for (name, count) in &self.networks {
+            let kind = Network::ALL.into_iter().find(|kind| kind.name() == name);
+            let kind = kind.ok_or_else(|| damaged(format!("it holds a network called {name:?}")))?;
+            let tensors = (0..*count).map(|i| learned(&format!("network.{name}.{i}"))).collect::<Result<_, E>>()?;
+            networks.push(LearnedNetwork { kind, tensors });
+        }
+        let table = read("motion.rows")?;
+        let [count, columns] = table.dims();
+        let values = to_host(table);
+        let fits = columns == 3 && position.value.dims()[0] == count && rotation.value.dims()[0] == count;
+        let column = |c: usize| values.iter().skip(c).step_by(3).map(|x| *x as u32).collect::<Vec<u32>>();
+        if !fits || column(0).iter().any(|row| *row as usize >= gaussians) || log_exposure.value.dims() != [1, 1] {
+            return Err(damaged("the motion does not fit the Gaussians".into()));
+        }
+        Ok(MotionState {
+            window: TimeWindow { t0: f64::from_bits(self.t0_bits), half: f64::from_bits(self.half_bits) },
+            rows: column(0),
+            orders: column(1).iter().map(|order| *order as u8).collect(),
+            rotation_orders: column(2).iter().map(|order| *order as u8).collect(),
+            position,
+            rotation,
+            log_exposure,
+            networks,
+            updates: self.updates,
+        })
+    }
+}
+
+/// The tensors of a state by name.
+pub fn columns(state: &MotionState) -> Vec<(String, Tensor<2>)> {
+    let mut columns = Vec::new();
+    let mut add = |name: String, learned: &Learned| {
+        columns.push((format!("first.{name}"), learned.first.clone()));
+        columns.push((format!("second.{name}"), learned.second.clone()));
+        columns.push((name, learned.value.clone()));
+    };
+    add("motion.position".into(), &state.position);
+    add("motion.rotation".into(), &state.rotation);
+    add("motion.log_exposure".into(), &state.log_exposure);
+    for network in &state.networks {
+        for (i, tensor) in network.tensors.iter().enumerate() {
+            add(format!("network.{}.{i}", network.kind.name()), tensor);
+        }
+    }
+    let table = state.rows.iter().zip(&state.orders).zip(&state.rotation_orders).flat_map(|((row, order), rotation)| {
+        debug_assert!(*row < ROWS_MAX);
+        [*row as f32, f32::from(*order), f32::from(*rotation)]
+    });
+    columns.push(("motion.rows".into(), from_host(table.collect(), 3, &state.position.value.device())));
+    columns
+}
