@@ -16,5 +16,7 @@
 #![recursion_limit = "256"]
 
 mod dynamic;
+pub mod network;
+pub mod taylormode;
 
 pub use dynamic::{Motion, Static};

@@ -1,0 +1,88 @@
+//! When light is gathered: the exposure's samples (Eq. 7), with a duration that can be learned.
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::taylor_motion::Instant;
+
+/// Where in the exposure the samples lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Samples {
+    /// From the first moment to the last, Eq. 7: `t_i = (i / (N - 1) - 1/2) tau`. Averaged with equal weights these spread
+    /// `sqrt((N + 1) / (N - 1))` times as far as the light did (15 % at N = 7), so an exposure learned with them comes
+    /// out shorter than it was unless the weights learn to fall off at both ends.
+    Ends,
+    /// The middles of N equal parts, `t_i = ((i + 1/2) / N - 1/2) tau`: with equal weights the rule of rectangles, off by
+    /// `1 / N^2` only.
+    Middles,
+}
+
+impl Samples {
+    /// `count` offsets from the exposure's centre, in units of its length: -1/2 to 1/2, ascending; one sample is the
+    /// centre.
+    pub fn offsets(self, count: usize) -> Vec<f64> {
+        let one = |i: usize| match self {
+            _ if count == 1 => 0.0,
+            Self::Ends => i as f64 / (count - 1) as f64 - 0.5,
+            Self::Middles => (i as f64 + 0.5) / count as f64 - 0.5,
+        };
+        (0..count).map(one).collect()
+    }
+}
+
+/// How long the shutter is open, learned as a logarithm so that it stays positive.
+#[derive(Debug, Clone)]
+pub struct Exposure {
+    /// `[1, 1]`, natural logarithm of `tau`, the data set's unit of time.
+    pub log_tau: Tensor<2>,
+}
+
+impl Exposure {
+    /// An exposure of length `tau`, the data set's unit of time.
+    ///
+    /// # Panics
+    /// When `tau` is not positive: such an exposure has no blur to model.
+    pub fn new(tau: f64, device: &Device) -> Self {
+        assert!(tau > 0.0 && tau.is_finite(), "an exposure must be positive, it is {tau}");
+        Self { log_tau: Tensor::from_data(TensorData::new(vec![tau.ln()], [1, 1]), device) }
+    }
+
+    /// `tau`, `[1]`.
+    pub fn tau(&self) -> Tensor<1> {
+        self.log_tau.clone().exp().reshape([1])
+    }
+
+    /// `tau` on the host; reads it back from the device.
+    pub fn tau_on_host(&self) -> f64 {
+        self.log_tau.to_data().iter::<f64>().next().unwrap_or(f64::NAN).exp()
+    }
+
+    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7.
+    pub fn offsets(&self, samples: Samples, count: usize) -> Tensor<1> {
+        let tau = self.tau();
+        let options = (&tau.device(), tau.dtype());
+        tau * Tensor::<1>::from_data(TensorData::new(samples.offsets(count), [count]), options)
+    }
+
+    /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, so is
+    /// each moment's [`shift`](Instant::shift), and the exposure is learned through where the Gaussians are; exact,
+    /// because the derivative of a place by time is its velocity. Reads `tau` back from the device.
+    pub fn instants(&self, t: f64, samples: Samples, count: usize) -> Vec<Instant> {
+        let tau = self.tau_on_host();
+        let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
+        let instant = |offset: f64| Instant {
+            t: t + offset * tau,
+            shift: change.clone().filter(|_| offset != 0.0).map(|change| change * offset),
+        };
+        samples.offsets(count).into_iter().map(instant).collect()
+    }
+
+    /// The learned tensor.
+    pub fn tensors(&self) -> Vec<Tensor<2>> {
+        vec![self.log_tau.clone()]
+    }
+
+    /// With `f` of the learned tensor.
+    pub fn map(&self, mut f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
+        Self { log_tau: f(self.log_tau.clone()) }
+    }
+}

@@ -1,0 +1,239 @@
+//! Motion as a Taylor series: Eq. 2, and its velocity, Eq. 3.
+//!
+//! `mu(t) = mu_0 + sum_{k=1..K} c_k s^k + R(s)`, `s = (t - t0) / half`, `c_k = f^(k) half^k / k!` `[3]`;
+//! `v(t) = (sum_k k c_k s^(k-1) + R'(s)) / half`. Coefficients are stored as the displacement they make at the window's
+//! edge, so all orders have one scale, whatever the unit of time, and one learning rate suits them all. Rotation has a
+//! series of its own, of the rotation vector ([`rotation`](super::rotation)). Only the rows listed move; the others cost
+//! nothing. Outside the window see [`window`](super::window).
+
+use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData, assert_shape};
+use gs_burn::Gaussians;
+
+use super::remainder::Remainder;
+use super::rotation::turn;
+use super::window::{Sample, TimeWindow, powers};
+use crate::Motion;
+
+/// How `M` of a scene's `N` Gaussians move.
+#[derive(Debug, Clone)]
+pub struct TaylorMotion {
+    /// `[M]`, which Gaussians move; each at most once.
+    pub rows: Tensor<1, Int>,
+    /// `[M, 3 K]`, blocks `c_1 .. c_K` of three, scene units: displacement at `|s| = 1`.
+    pub position: Tensor<2>,
+    /// `[M, 3 Kr]`, likewise for the rotation vector, radians, world axes.
+    pub rotation: Tensor<2>,
+    /// The window.
+    pub window: TimeWindow,
+    /// What the polynomial leaves over, of the same `M` rows.
+    pub remainder: Option<Remainder>,
+}
+
+/// A time at which to move the Gaussians, through which a gradient may reach the time itself.
+#[derive(Debug, Clone)]
+pub struct Instant {
+    /// The data set's unit.
+    pub t: f64,
+    /// `[1]`, zero in value: its gradient is the loss's derivative by `t`. See
+    /// [`Exposure::instants`](super::Exposure::instants).
+    pub shift: Option<Tensor<1>>,
+}
+
+impl From<f64> for Instant {
+    fn from(t: f64) -> Self {
+        Self { t, shift: None }
+    }
+}
+
+impl TaylorMotion {
+    /// Gaussians `rows` that may move and do not yet: all coefficients zero, `order` of them for the position and
+    /// `rotation_order` for the rotation (either may be 0).
+    pub fn still(rows: &[u32], order: usize, rotation_order: usize, window: TimeWindow, device: &Device) -> Self {
+        let count = rows.len();
+        let rows: Vec<i32> = rows.iter().map(|row| *row as i32).collect();
+        Self {
+            rows: Tensor::from_data(TensorData::new(rows, [count]), device),
+            position: Tensor::zeros([count, 3 * order], device),
+            rotation: Tensor::zeros([count, 3 * rotation_order], device),
+            window,
+            remainder: None,
+        }
+    }
+
+    /// `M`, how many Gaussians move.
+    pub fn len(&self) -> usize {
+        self.rows.dims()[0]
+    }
+
+    /// Whether none moves.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// `K`, the order of the position.
+    pub fn order(&self) -> usize {
+        self.position.dims()[1] / 3
+    }
+
+    /// `Kr`, the order of the rotation.
+    pub fn rotation_order(&self) -> usize {
+        self.rotation.dims()[1] / 3
+    }
+
+    /// Moving centres less those of `t0`, `[M, 3]`, scene units. Eq. 2.
+    pub fn displacement(&self, t: f64) -> Tensor<2> {
+        self.position_sum(t, |sample| sample.value)
+    }
+
+    /// Velocity of the moving centres, `[M, 3]`, scene units per unit of `t`: the exact derivative of
+    /// [`displacement`](Self::displacement), remainder included. Eq. 3.
+    pub fn velocity(&self, t: f64) -> Tensor<2> {
+        let half = self.window.half;
+        self.position_sum(t, |sample| sample.slope / half)
+    }
+
+    /// The turn since `t0` as a rotation vector, `[M, 3]`, radians, world axes.
+    pub fn rotation_vector(&self, t: f64) -> Tensor<2> {
+        self.rotation_sum(t, |sample| sample.value)
+    }
+
+    fn position_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
+        let s = self.window.normalised(t);
+        let sum = series(&self.position, powers(s, self.order()).map(&part).collect());
+        match &self.remainder {
+            None => sum,
+            Some(rest) => sum + series(&rest.weights, rest.functions(s).into_iter().map(part).collect()),
+        }
+    }
+
+    fn rotation_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
+        let s = self.window.normalised(t);
+        series(&self.rotation, powers(s, self.rotation_order()).map(part).collect())
+    }
+
+    /// Displacement and rotation vector, with the gradient by the time where the instant asks for it.
+    fn moved_by(&self, instant: &Instant) -> (Tensor<2>, Tensor<2>) {
+        let (displacement, rotation) = (self.displacement(instant.t), self.rotation_vector(instant.t));
+        let Some(shift) = &instant.shift else { return (displacement, rotation) };
+        let shift = shift.clone().unsqueeze::<2>().cast(displacement.dtype());
+        let half = self.window.half;
+        let velocity = self.velocity(instant.t).detach();
+        let turning = self.rotation_sum(instant.t, |sample| sample.slope / half).detach();
+        (displacement + velocity * shift.clone(), rotation + turning * shift)
+    }
+
+    /// All centres at `t`: `means` `[N, 3]` of `t0` with the moving rows moved.
+    pub fn means_at(&self, means: Tensor<2>, t: f64) -> Tensor<2> {
+        // Exactly the stored ones at t0, to the sign of a zero.
+        if self.is_empty() || t == self.window.t0 {
+            return means;
+        }
+        means.select_assign(0, self.rows.clone(), self.displacement(t), IndexingUpdateOp::Add)
+    }
+
+    /// All orientations at `t`: `quats` `[N, 4]` of `t0` (any norm, kept) with the moving rows turned.
+    pub fn quats_at(&self, quats: Tensor<2>, t: f64) -> Tensor<2> {
+        if self.is_empty() || self.rotation_order() == 0 || t == self.window.t0 {
+            return quats;
+        }
+        let added = turn(quats.clone().select(0, self.rows.clone()), self.rotation_vector(t));
+        quats.select_assign(0, self.rows.clone(), added, IndexingUpdateOp::Add)
+    }
+
+    /// Velocities of all `n` Gaussians at `t`, `[n, 3]`, scene units per unit of `t`; zero for those that do not move.
+    pub fn velocities(&self, n: usize, t: f64) -> Tensor<2> {
+        let zeros = Tensor::zeros([n, 3], (&self.position.device(), self.position.dtype()));
+        if self.is_empty() {
+            return zeros;
+        }
+        zeros.select_assign(0, self.rows.clone(), self.velocity(t), IndexingUpdateOp::Add)
+    }
+
+    /// The scene at `t`. At `t0` itself these are the stored Gaussians, and no coefficient is in their graph.
+    pub fn moved(&self, gaussians: &Gaussians, t: f64) -> Gaussians {
+        Gaussians::from_tensors(
+            self.means_at(gaussians.means.val(), t),
+            self.quats_at(gaussians.quats.val(), t),
+            gaussians.log_scales.val(),
+            gaussians.opacity_logits.val(),
+            gaussians.sh.val(),
+        )
+    }
+
+    /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, out of those of all rows at `t0`
+    /// (`[N, 3]`, `[N, 4]`): what an exposure needs once a sample.
+    pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, at: impl Into<Instant>) -> (Tensor<2>, Tensor<2>) {
+        let at = at.into();
+        let means = means.clone().select(0, self.rows.clone());
+        let quats = quats.clone().select(0, self.rows.clone());
+        if self.is_empty() {
+            return (means, quats);
+        }
+        let (displacement, rotation) = self.moved_by(&at);
+        let quats = if self.rotation_order() == 0 { quats } else { quats.clone() + turn(quats, rotation) };
+        (means + displacement, quats)
+    }
+
+    /// With as many blocks as `order` and `rotation_order` ask for: new ones zero, surplus ones dropped.
+    pub fn with_orders(&self, order: usize, rotation_order: usize) -> Self {
+        Self {
+            position: resized(&self.position, 3 * order),
+            rotation: resized(&self.rotation, 3 * rotation_order),
+            ..self.clone()
+        }
+    }
+
+    /// The learned tensors: position and rotation coefficients. The remainder's belong to its network.
+    pub fn tensors(&self) -> Vec<Tensor<2>> {
+        vec![self.position.clone(), self.rotation.clone()]
+    }
+
+    /// With `f` of each tensor of [`tensors`](Self::tensors), in that order.
+    pub fn map(&self, mut f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
+        Self { position: f(self.position.clone()), rotation: f(self.rotation.clone()), ..self.clone() }
+    }
+}
+
+/// `sum_k factors[k] block_k` of `coefficients` `[M, 3 K]`, `[M, 3]`.
+fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
+    let [rows, columns] = coefficients.dims();
+    assert_shape!(coefficients, [rows, 3 * factors.len()]);
+    let options = (&coefficients.device(), coefficients.dtype());
+    if rows == 0 || columns == 0 {
+        return Tensor::zeros([rows, 3], options);
+    }
+    // One product with [f_1 I; f_2 I; ...] instead of K slices, products and sums.
+    let mut matrix = vec![0.0; 9 * factors.len()];
+    for (k, factor) in factors.into_iter().enumerate() {
+        (0..3).for_each(|axis| matrix[9 * k + 4 * axis] = factor);
+    }
+    coefficients.clone().matmul(Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
+}
+
+fn resized(coefficients: &Tensor<2>, columns: usize) -> Tensor<2> {
+    let [rows, present] = coefficients.dims();
+    if columns <= present {
+        return coefficients.clone().narrow(1, 0, columns);
+    }
+    let zeros = Tensor::zeros([rows, columns - present], (&coefficients.device(), coefficients.dtype()));
+    if present == 0 { zeros } else { Tensor::cat(vec![coefficients.clone(), zeros], 1) }
+}
+
+/// A scene some of whose Gaussians move.
+#[derive(Debug, Clone)]
+pub struct TaylorScene {
+    /// All Gaussians, as they are at `t0`.
+    pub gaussians: Gaussians,
+    /// How some of them move.
+    pub motion: TaylorMotion,
+}
+
+impl Motion for TaylorScene {
+    fn at(&self, t: f64) -> Gaussians {
+        self.motion.moved(&self.gaussians, t)
+    }
+
+    fn velocity(&self, t: f64) -> Tensor<2> {
+        self.motion.velocities(self.gaussians.len(), t)
+    }
+}

@@ -1,0 +1,100 @@
+//! The stretch of time a Taylor series is meant for, and what becomes of it outside.
+//!
+//! All times become `s = (t - t0) / half`: -1 to 1 inside the window. Outside, a polynomial of order `n` runs away as
+//! `|s|^n`, and one that fits the window best extrapolates worst. So past the edge each basis function returns, within
+//! [`FADE`], to its own best straight line over the window (least squares, uniform in `s`), which is what a model of order
+//! 1 would have learned there, and then goes on at constant velocity. Position and velocity stay continuous, order 1 is
+//! not changed at all, and no order can extrapolate much worse than order 1.
+
+/// Over which stretch of `s` past the edge a function returns to its straight line. Shorter, and the velocity jerks at
+/// the edge; longer, and a steep edge carries the Gaussian away before it turns: a slope `d` at the edge, relative to the
+/// line, adds at most `4/27 FADE d`.
+pub const FADE: f64 = 0.5;
+
+/// A window of time `[t0 - half, t0 + half]`, in the data set's unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeWindow {
+    /// The time of the expansion: the stored Gaussians are those of `t0`.
+    pub t0: f64,
+    /// Half the window's length, positive.
+    pub half: f64,
+}
+
+/// A function of time and its derivative.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// The value.
+    pub value: f64,
+    /// Its derivative by `s`.
+    pub slope: f64,
+}
+
+impl TimeWindow {
+    /// The smallest window that holds all `times`, each with an exposure of length `exposure` around it. A window
+    /// without length (one time, no exposure) gets half-length 1.
+    ///
+    /// # Panics
+    /// Without times.
+    pub fn covering(times: impl IntoIterator<Item = f64>, exposure: f64) -> Self {
+        let ends = |(low, high): (f64, f64), t: f64| (low.min(t), high.max(t));
+        let (low, high) = times.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+        assert!(low <= high, "a window needs at least one time");
+        let half = 0.5 * (high - low + exposure.max(0.0));
+        Self { t0: 0.5 * (low + high), half: if half > 0.0 { half } else { 1.0 } }
+    }
+
+    /// `t` in units of the window: 0 at `t0`, -1 and 1 at the edges.
+    pub fn normalised(&self, t: f64) -> f64 {
+        (t - self.t0) / self.half
+    }
+}
+
+/// The powers `s^k`, `k = 1..=order`, continued past the window.
+pub fn powers(s: f64, order: usize) -> impl Iterator<Item = Sample> {
+    (1..=order).map(move |k| {
+        let k = k as i32;
+        let power = |s: f64| Sample { value: s.powi(k), slope: f64::from(k) * s.powi(k - 1) };
+        // The best line a + b s in the least squares sense: odd powers have only b, even ones only a.
+        let line = || if k % 2 == 0 { [1.0 / f64::from(k + 1), 0.0] } else { [0.0, 3.0 / f64::from(k + 2)] };
+        continued(s, line, power)
+    })
+}
+
+/// `function` at `s` inside the window; outside, its return to `line` (value at 0, slope).
+pub fn continued(s: f64, line: impl FnOnce() -> [f64; 2], function: impl Fn(f64) -> Sample) -> Sample {
+    if s.abs() <= 1.0 || s.is_nan() {
+        return function(s);
+    }
+    let [offset, slope] = line();
+    let mut result = Sample { value: offset + slope * s, slope };
+    let edge = s.signum();
+    let past = (s.abs() - 1.0) / FADE;
+    if past < 1.0 {
+        let at_edge = function(edge);
+        let excess = at_edge.value - (offset + slope * edge);
+        // Outwards, per FADE.
+        let drift = (at_edge.slope - slope) * edge * FADE;
+        // Hermite's cubics: from (excess, drift) at 0 to rest at 1.
+        let x = past;
+        result.value += excess * (1.0 + x * x * (2.0 * x - 3.0)) + drift * x * (1.0 - x) * (1.0 - x);
+        let outward = excess * 6.0 * x * (x - 1.0) + drift * (1.0 - x) * (1.0 - 3.0 * x);
+        result.slope += outward * edge / FADE;
+    }
+    result
+}
+
+/// The best line `[value at 0, slope]` to `function` over the window, least squares: its first two Legendre
+/// coefficients, by Simpson's rule.
+pub fn best_line(function: impl Fn(f64) -> f64) -> [f64; 2] {
+    /// Enough for a few oscillations in the window to 1e-9.
+    const INTERVALS: usize = 512;
+    let mut line = [0.0; 2];
+    for i in 0..=INTERVALS {
+        let s = 2.0 * i as f64 / INTERVALS as f64 - 1.0;
+        let weight = if i == 0 || i == INTERVALS { 1.0 } else { [2.0, 4.0][i % 2] } * 2.0 / (3.0 * INTERVALS as f64);
+        let value = function(s);
+        line[0] += weight * value / 2.0;
+        line[1] += weight * value * s * 1.5;
+    }
+    line
+}
