@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, Intrinsics};
 use gs_datasets::{DatasetError, DepthPrior, DepthSpace, Holdout, LoadOptions, MaskUse, Scene, View};
+use gs_models::taylormode::Pixels;
 use rand::seq::SliceRandom;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -160,12 +161,21 @@ pub struct Photo {
 pub struct Hints {
     /// `[H, W, 1]`: 1 where something moves.
     pub moving: Option<Tensor<3>>,
+    /// The same pixels as a list; `None` when there are none.
+    pub pixels: Option<Pixels>,
     /// The photo as a deblurring network would have it, `[H, W, 3]`.
     pub sharp: Option<Tensor<3>>,
     /// `[H, W, 1]`, with what its values mean; 0 where unknown.
     pub depth: Option<(Tensor<3>, DepthSpace, bool)>,
     /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
     pub guide: Option<[f64; 3]>,
+}
+
+impl Hints {
+    fn set_moving(&mut self, view: &View, mask: &[u8], device: &Device) {
+        self.moving = Some(to_tensor(view, mask, 1, device));
+        self.pixels = Pixels::masked(mask, view.width, view.height, device);
+    }
 }
 
 /// Motion as found before training, one entry per view; empty where nothing was looked for.
@@ -190,7 +200,13 @@ pub struct Photos<'a> {
 impl<'a> Photos<'a> {
     /// `views` for `device` (without autodiff), keeping at most `cache_bytes` of converted photos.
     pub fn new(views: &'a [View], device: &Device, cache_bytes: usize) -> Self {
-        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes, motion: MotionHints::default() }
+        Self {
+            views,
+            device: device.clone(),
+            kept: vec![None; views.len()],
+            room: cache_bytes,
+            motion: MotionHints::default(),
+        }
     }
 
     /// The same photos with what was found about motion in them.
@@ -211,7 +227,12 @@ impl<'a> Photos<'a> {
         let view = &self.views[index];
         let mut photo = upload(view, &self.device);
         if let Some(Some(mask)) = self.motion.masks.get(index) {
-            photo.hints.moving = Some(to_tensor(view, mask, 1, &self.device));
+            photo.hints.set_moving(view, mask, &self.device);
+        }
+        if let (None, Some(mask)) = (&photo.hints.moving, &view.priors.moving)
+            && self.motion.masks.is_empty()
+        {
+            photo.hints.set_moving(view, mask, &self.device);
         }
         photo.hints.guide = self.motion.guides.get(index).copied().flatten();
         let bytes = 4 * view.width * view.height * photo.channels();
@@ -246,7 +267,8 @@ fn upload(view: &View, device: &Device) -> Photo {
         time: view.time.unwrap_or(0.0),
         exposure: view.exposure,
         hints: Hints {
-            moving: view.priors.moving.as_ref().map(|mask| tensor(mask, 1)),
+            moving: None,
+            pixels: None,
             sharp: view.priors.sharp.as_ref().map(|image| tensor(&image.data, 3)),
             depth: view.priors.depth.as_ref().map(depth),
             guide: None,

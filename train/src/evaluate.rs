@@ -112,6 +112,8 @@ pub struct Comparison {
     pub image: Tensor<3>,
     /// `[H, W, 1]`: 0 where the photo says nothing; `None` when every pixel counts.
     pub mask: Option<Tensor<3>>,
+    /// The blurry photo, where the truth is sharp and both are known, `[H, W, 3]`.
+    pub blurry: Option<Tensor<3>>,
     /// The rendering's PSNR, dB.
     pub psnr: f64,
 }
@@ -138,6 +140,7 @@ impl Evaluator {
         let views = photos.views();
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let (mut scores, mut comparisons) = (Vec::new(), Vec::new());
+        let device = model.at(0.0).device();
         for (index, view) in views.iter().enumerate() {
             let gaussians = model.at(view.time.unwrap_or(0.0));
             let photo = photos.get(index);
@@ -151,6 +154,7 @@ impl Evaluator {
                     truth: photo.image,
                     image,
                     mask: photo.mask,
+                    blurry: view.truth.blurry.as_ref().map(|blurry| to_tensor(view, &blurry.data, 3, &device)),
                     psnr,
                 });
             }

@@ -38,7 +38,10 @@ impl LoadedScene {
     pub fn model(&self) -> Box<dyn Motion> {
         match &self.motion {
             None => Box::new(Static::new(self.gaussians.clone())),
-            Some(state) => Box::new(TaylorScene { gaussians: self.gaussians.clone(), motion: state.motion() }),
+            Some(state) => {
+                let motion = state.motion(&self.gaussians);
+                Box::new(TaylorScene { gaussians: self.gaussians.clone(), motion })
+            }
         }
     }
 

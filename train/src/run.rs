@@ -196,10 +196,8 @@ impl<'a> Run<'a> {
     fn introduce_motion(&self, scene: &Scene, found: &Found) {
         let (exposure, warning) = hints::first_exposure(scene, &self.request.config);
         let moving = self.trainer.motion.as_ref().map_or(0, |state| state.rows.len());
-        self.progress.say(&format!(
-            "{moving} Gaussians may move, by {}; exposure {exposure:.4} to begin with",
-            found.masks.from
-        ));
+        self.progress
+            .say(&format!("{moving} Gaussians may move, by {}; exposure {exposure:.4} to begin with", found.origin()));
         for warning in found.warnings.iter().chain(&warning) {
             self.progress.say(&format!("warning: {warning}"));
         }

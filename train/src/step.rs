@@ -152,7 +152,10 @@ impl Trainer {
     pub fn model(&self) -> Box<dyn Motion> {
         match &self.motion {
             None => Box::new(Static::new(self.parameters.gaussians())),
-            Some(state) => Box::new(TaylorScene { gaussians: self.parameters.gaussians(), motion: state.motion() }),
+            Some(state) => {
+                let gaussians = self.parameters.gaussians();
+                Box::new(TaylorScene { motion: state.motion(&gaussians), gaussians })
+            }
         }
     }
 

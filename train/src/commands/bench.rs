@@ -100,14 +100,8 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     });
     row("rasterize, both ways", both, true);
     row("render", time(&mut || drop(render(&gaussians, &camera, &options))), true);
-    let photo = Photo {
-        camera: camera.clone(),
-        image: target,
-        mask: None,
-        time: 0.0,
-        exposure: None,
-        hints: Hints::default(),
-    };
+    let photo =
+        Photo { camera: camera.clone(), image: target, mask: None, time: 0.0, exposure: None, hints: Hints::default() };
     let config = Config::default();
     let both = time(&mut || {
         let tracked = parameters.tracked();

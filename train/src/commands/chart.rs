@@ -22,8 +22,10 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
         bail!("{}: expected the name of an .svg file", args.out.display());
     }
     let runs: Vec<EvalFile> = args.runs.iter().map(|path| RunFolder::at(path).read_eval()).collect::<Result<_>>()?;
-    let by_seconds = scatter(&runs, "Accuracy against training time", "seconds", &|e| e.seconds);
-    let by_count = scatter(&runs, "Accuracy against size", "Gaussians", &|e| e.gaussians as f64);
+    // Moving parts are what runs on moving scenes are compared by.
+    let moving = runs.iter().all(|run| run.evaluations.iter().all(|e| e.moving.is_some()));
+    let by_seconds = scatter(&runs, "Accuracy against training time", "seconds", moving, &|e| e.seconds);
+    let by_count = scatter(&runs, "Accuracy against size", "Gaussians", moving, &|e| e.gaussians as f64);
     write_atomic(&args.out, stacked(&[by_seconds.svg(), by_count.svg()]).as_bytes())?;
     let table_path = args.out.with_extension("md");
     let table = table(&runs);
@@ -34,12 +36,21 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
 }
 
 /// Every run as a line through its measurements, and the front of what no other measurement beats.
-fn scatter(runs: &[EvalFile], title: &str, x: &str, of: &dyn Fn(&Evaluation) -> f64) -> Chart {
-    let points = |run: &EvalFile| -> Vec<(f64, f64)> { run.evaluations.iter().map(|e| (of(e), e.mean.psnr)).collect() };
+fn scatter(runs: &[EvalFile], title: &str, x: &str, moving: bool, of: &dyn Fn(&Evaluation) -> f64) -> Chart {
+    let points =
+        |run: &EvalFile| -> Vec<(f64, f64)> { run.evaluations.iter().map(|e| (of(e), quality(e, moving))).collect() };
     let all: Vec<(f64, f64)> = runs.iter().flat_map(points).collect();
+    let y = if moving { "held-out PSNR of moving parts, dB" } else { "held-out PSNR, dB" };
     let mut series: Vec<Series> = runs.iter().map(|run| Series::line_and_dots(&run.name, points(run))).collect();
     series.push(Series::front("best at its cost (Pareto front)", pareto_front(&all)));
-    Chart { title: title.into(), x: x.into(), y: "held-out PSNR, dB".into(), series }
+    Chart { title: title.into(), x: x.into(), y: y.into(), series }
+}
+
+fn quality(evaluation: &Evaluation, moving: bool) -> f64 {
+    match &evaluation.moving {
+        Some(scores) if moving => scores.psnr,
+        _ => evaluation.mean.psnr,
+    }
 }
 
 /// The points for which no other has both less cost and more quality, by rising cost.
@@ -58,8 +69,8 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
 /// A Markdown table with one row per measurement.
 fn table(runs: &[EvalFile]) -> String {
     let mut text = String::from(
-        "| run | cap | step | PSNR, dB | SSIM | MS-SSIM | LPIPS | Gaussians | size | seconds | CPU s a step | peak memory |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| run | cap | step | PSNR, dB | SSIM | MS-SSIM | LPIPS | moving parts, dB | Gaussians | moving | mean order | size | seconds | \
+         CPU s a step | peak memory |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     let optional = |value: Option<f64>| value.map_or("–".into(), |v| format!("{v:.4}"));
     for run in runs {
@@ -67,7 +78,7 @@ fn table(runs: &[EvalFile]) -> String {
             let cpu = e.cpu_seconds.map_or("–".into(), |cpu| format!("{:.3}", cpu / e.step.max(1) as f64));
             writeln!(
                 text,
-                "| {} | {} | {} | {:.2} | {:.4} | {} | {} | {} | {} | {:.1} | {cpu} | {} |",
+                "| {} | {} | {} | {:.2} | {:.4} | {} | {} | {} | {} | {} | {} | {} | {:.1} | {cpu} | {} |",
                 run.name,
                 run.cap,
                 e.step,
@@ -75,8 +86,11 @@ fn table(runs: &[EvalFile]) -> String {
                 e.mean.ssim,
                 optional(e.mean.ms_ssim),
                 optional(e.mean.lpips),
+                e.moving.as_ref().map_or("–".into(), |scores| format!("{:.2}", scores.psnr)),
                 e.gaussians,
-                megabytes(e.bytes as u64),
+                e.motion.as_ref().map_or("–".into(), |motion| motion.cost.moving.to_string()),
+                e.motion.as_ref().map_or("–".into(), |motion| format!("{:.2}", motion.cost.mean_order)),
+                megabytes((e.bytes + e.motion.as_ref().map_or(0, |motion| motion.cost.bytes)) as u64),
                 e.seconds,
                 e.peak_memory_bytes.map_or("–".into(), megabytes)
             )

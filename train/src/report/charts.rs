@@ -44,6 +44,11 @@ impl Series {
         Self { name: name.into(), points, style: Style::Dots }
     }
 
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
     /// Points as dots joined by a line.
     pub fn line_and_dots(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, style: Style::LineAndDots }

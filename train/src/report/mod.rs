@@ -56,6 +56,10 @@ fn curves(history: &[MetricsLine]) -> Vec<(&'static str, Chart)> {
         MetricsLine::Eval(evaluation) => Some(evaluation.mean.psnr),
         MetricsLine::Train(_) => None,
     });
+    let moving = over_steps(&|line| match line {
+        MetricsLine::Eval(evaluation) => evaluation.moving.as_ref().map(|scores| scores.psnr),
+        MetricsLine::Train(_) => None,
+    });
     let chart = |title: &str, y: &str, series: Vec<Series>| Chart {
         title: title.into(),
         x: "step".into(),
@@ -71,7 +75,11 @@ fn curves(history: &[MetricsLine]) -> Vec<(&'static str, Chart)> {
                 vec![
                     Series::line("training photo", charts::smoothed(&train(&|line| line.psnr))),
                     Series::dots("held-out mean", held_out),
-                ],
+                    Series::dots("held-out moving parts", moving),
+                ]
+                .into_iter()
+                .filter(|series| !series.is_empty())
+                .collect(),
             ),
         ),
         (

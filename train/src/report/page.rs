@@ -87,11 +87,46 @@ fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
         ("Peak memory", peak, predicted),
     ];
     page.push_str("<section class=\"cards\">\n");
-    for (label, value, note) in cards {
+    for (label, value, note) in cards.into_iter().chain(motion_cards(last)) {
         writeln!(page, "<div class=\"card\"><span>{label}</span><b>{value}</b>{note}</div>")?;
     }
     page.push_str("</section>\n");
     Ok(())
+}
+
+/// The figures of a moving scene.
+fn motion_cards(last: &Evaluation) -> Vec<(&'static str, String, String)> {
+    let mut cards = Vec::new();
+    if let Some(moving) = &last.moving {
+        cards.push((
+            "Moving parts",
+            format!("{:.2} dB", moving.psnr),
+            format!("<small>SSIM {:.4}, inside the mask of what moves</small>", moving.ssim),
+        ));
+    }
+    let Some(motion) = &last.motion else { return cards };
+    if let Some(blurry) = motion.blurry_psnr {
+        cards.push(("Blurry photo", format!("{blurry:.2} dB"), "<small>as the scene forms it</small>".into()));
+    }
+    if let (Some(angle), Some(speed)) = (motion.velocity_angle, motion.velocity_magnitude) {
+        let speed = format!("<small>speed off by {:.1} %, medians over moving surfaces</small>", 100.0 * speed);
+        cards.push(("Velocity", format!("{angle:.1}° off"), speed));
+    }
+    let error = motion.exposure_error.map_or(String::new(), |e| format!("<small>off by {:.1} %</small>", 100.0 * e));
+    cards.push(("Exposure", format!("{:.4}", motion.exposure), error));
+    let cost = &motion.cost;
+    cards.push((
+        "Moving Gaussians",
+        thousands(cost.moving),
+        format!("<small>{:.0} % are static; mean order {:.2}</small>", 100.0 * cost.static_share, cost.mean_order),
+    ));
+    let share = 100.0 * (1.0 - cost.parameters as f64 / cost.fixed_parameters.max(1) as f64);
+    cards.push((
+        "Numbers of motion",
+        thousands(cost.parameters),
+        format!("<small>{share:.0} % fewer than one order for all ({})</small>", thousands(cost.fixed_parameters)),
+    ));
+    cards
 }
 
 /// One row per measurement.
@@ -125,8 +160,13 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
     }
     write!(
         page,
-        "<section>\n<h2>Photo, rendering, error</h2>\n<p>The error is the mean over channels, from black (0) to pale yellow \
-         ({ERROR_FULL_SCALE} of the full range and above); slate where the photo is masked.</p>\n"
+        "<section>\n<h2>{}</h2>\n<p>The error is the mean over channels, from black (0) to pale yellow \
+         ({ERROR_FULL_SCALE} of the full range and above); slate where the photo is masked.</p>\n",
+        if pictures.iter().any(|picture| picture.panels > 3) {
+            "Blurry photo, sharp truth, rendering, error"
+        } else {
+            "Photo, rendering, error"
+        }
     )?;
     for picture in pictures {
         let mut png = Vec::new();

@@ -18,7 +18,7 @@ const GAP: usize = 4;
 /// also reads in grey.
 const HEAT: [[f32; 3]; 5] = [[0., 0., 4.], [87., 16., 110.], [188., 55., 84.], [249., 142., 9.], [252., 255., 164.]];
 
-/// A picture of three panels of equal size, 8 bits RGB.
+/// A picture of three or four panels of equal size, 8 bits RGB.
 #[derive(Debug, Clone)]
 pub struct SideBySide {
     /// The view's name.
@@ -29,12 +29,14 @@ pub struct SideBySide {
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
+    /// Panels beside each other.
+    pub panels: usize,
     /// `[height, width, 3]`.
     pub pixels: Vec<u8>,
 }
 
 impl SideBySide {
-    /// Photo, rendering and error from left to right.
+    /// Blurry photo (of a view whose photo is sharp, where it is known), photo, rendering and error from left to right.
     pub fn new(comparison: &Comparison) -> Self {
         let [height, panel, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));
@@ -44,8 +46,10 @@ impl SideBySide {
             let ignored = to_host(mask.clone()).into_iter().map(|value| value == 0.0);
             heat.iter_mut().zip(ignored).filter(|(_, ignored)| *ignored).for_each(|(color, _)| *color = IGNORED);
         }
-        let panels = [to_bytes(&truth), to_bytes(&image), heat.into_flattened()];
-        let width = 3 * panel + 2 * GAP;
+        let blurry = comparison.blurry.as_ref().map(|blurry| image_bytes(blurry.clone()));
+        let panels: Vec<Vec<u8>> =
+            blurry.into_iter().chain([to_bytes(&truth), to_bytes(&image), heat.into_flattened()]).collect();
+        let width = panels.len() * panel + (panels.len() - 1) * GAP;
         let mut pixels = vec![255u8; 3 * width * height];
         for (index, bytes) in panels.iter().enumerate() {
             for (row, line) in bytes.chunks_exact(3 * panel).enumerate() {
@@ -53,7 +57,7 @@ impl SideBySide {
                 pixels[start..start + 3 * panel].copy_from_slice(line);
             }
         }
-        Self { name: comparison.name.clone(), psnr: comparison.psnr, width, height, pixels }
+        Self { name: comparison.name.clone(), psnr: comparison.psnr, width, height, panels: panels.len(), pixels }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a user chooses about motion and blur: the sections `[motion]`, `[blur]` and `[prior]` of a configuration.
 
-use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VEL};
+use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VELOCITY};
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::{ConfigError, check, not_negative, positive};
@@ -183,7 +183,7 @@ impl Default for PriorConfig {
             sharp: 1.0,
             blur: LAMBDA_BLUR,
             depth: LAMBDA_DEPTH,
-            velocity: LAMBDA_VEL,
+            velocity: LAMBDA_VELOCITY,
             smooth: LAMBDA_SMOOTH,
             pseudo: true,
             align_depth: true,

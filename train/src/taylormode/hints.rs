@@ -1,7 +1,7 @@
 //! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
 //! recording's middle and length, the exposure.
 
-use gs_datasets::motion::{self, Centre, MovingMasks};
+use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
@@ -10,7 +10,7 @@ use crate::experiment::Config;
 use crate::taylormode::config::MaskSource;
 
 /// What was found.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Found {
     /// Per training view: the moving pixels, and the centre's velocity.
     pub hints: MotionHints,
@@ -29,23 +29,31 @@ pub fn gather(scene: &Scene, config: &Config) -> Found {
         MaskSource::Prior => motion::MaskSource::Prior,
         MaskSource::Evidence => motion::MaskSource::Evidence,
         MaskSource::None => {
-            let masks = MovingMasks::none(scene.train.len());
-            let hints = MotionHints::default();
-            return Found { hints, masks, centres: Vec::new(), warnings: Vec::new() };
+            return Found::default();
         }
     };
     let masks = motion::moving_masks(scene, source);
-    let centres = motion::centres(scene, &masks);
+    let motion::Centres { centres, notes } = motion::centres(scene, &masks.masks);
     let guides = scene.train.iter().map(|view| {
         let velocity = motion::guide_velocity(&centres, view.time?)?;
         Some(velocity.to_array())
     });
-    let mut warnings = masks.warnings.clone();
-    if centres.is_empty() {
-        warnings.push("the centre of what moves could not be triangulated: the velocity term (Eq. 17) is left out".into());
-    }
     let hints = MotionHints { masks: masks.masks.clone(), guides: guides.collect() };
+    let warnings = masks.warnings.iter().cloned().chain(notes).collect();
     Found { hints, masks, centres, warnings }
+}
+
+impl Found {
+    /// Where the masks are from, in words.
+    pub fn origin(&self) -> String {
+        let count = |origin| self.masks.count(origin);
+        match (count(MaskOrigin::Prior), count(MaskOrigin::Evidence)) {
+            (0, 0) => "no mask".into(),
+            (given, 0) => format!("the data set's masks in {given} views"),
+            (0, found) => format!("what changes in front of standing cameras in {found} views"),
+            (given, found) => format!("the data set's masks in {given} views and what changes in {found}"),
+        }
+    }
 }
 
 /// The time paths are expanded at (the training time nearest the middle of the recording), and the half length that makes

@@ -4,7 +4,8 @@
 use burn::tensor::Device;
 use gs_datasets::motion::{self, HullOptions, Trajectory};
 use gs_datasets::{PointCloud, Scene, View};
-use gs_models::taylormode::TimeWindow;
+use gs_models::network::Mlp;
+use gs_models::taylormode::{BlurWeights, DirectVelocity, PeanoMap, RemainderNetwork, TimeWindow};
 
 use crate::experiment::Config;
 use crate::parameters::{Parameters, from_host};
@@ -13,7 +14,7 @@ use crate::step::Trainer;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use crate::taylormode::hints::{Found, first_exposure, gather, window};
 use crate::taylormode::learned::Learned;
-use crate::taylormode::state::{LearnedNetwork, MotionState, Network, still};
+use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame, still};
 
 /// The state before the first step.
 pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
@@ -38,63 +39,111 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
     if config.motion.masks != MaskSource::None {
         follow_centre(&mut state, &found, config.motion.order, window, device);
     }
-    state.networks = networks(config, device);
+    (state.networks, state.remainder) = networks(&state, &first.means, config, device);
     let parameters = Parameters::first(&first.gaussians, device);
     Trainer::from_parts(parameters, Some(state), extent, config)
 }
 
 /// The networks that the configuration asks for.
-fn networks(config: &Config, device: &Device) -> Vec<LearnedNetwork> {
-    use gs_models::taylormode::{Remainder, warp};
+fn networks(
+    state: &MotionState,
+    means: &[[f32; 3]],
+    config: &Config,
+    device: &Device,
+) -> (Vec<LearnedNetwork>, Option<RemainderFrame>) {
     let mut networks = Vec::new();
     let blur = &config.blur;
+    let mut frame = None;
     if config.motion.remainder == RemainderChoice::On {
-        let mlp = Remainder::first(config.seed, device).into_mlp();
-        networks.push(LearnedNetwork::new(Network::Remainder, &mlp));
+        let found = remainder_frame(state, means, config.motion.order);
+        let network = RemainderNetwork::new(found.order, found.centre, found.scale, config.seed, device);
+        networks.push(LearnedNetwork::new(Network::Remainder, &network.mlp));
+        frame = Some(found);
     }
     if blur.mode == BlurMode::Warp {
+        // Their units are those of every step (`units`), so only the matrices are kept.
+        let mut add = |kind, mlp: Mlp| networks.push(LearnedNetwork::new(kind, &mlp));
         if blur.velocity == VelocitySource::Network {
-            networks.push(LearnedNetwork::new(Network::Velocity, &warp::first_direct(config.seed, device)));
+            add(Network::Velocity, DirectVelocity::new([0.0; 3], 1.0, 1.0, config.seed, device).mlp);
         } else if blur.peano {
-            networks.push(LearnedNetwork::new(Network::Peano, &warp::first_peano(config.seed, device)));
+            add(Network::Peano, PeanoMap::new(1.0, config.seed, device).mlp);
         }
         if blur.weights {
-            networks.push(LearnedNetwork::new(Network::Weights, &warp::first_weights(config.seed, blur.samples, device)));
+            add(Network::Weights, BlurWeights::new(blur.samples, 1.0, 1.0, config.seed, device).mlp);
         }
     }
-    networks
+    (networks, frame)
+}
+
+/// Centre and root mean square size of what moves.
+pub fn remainder_frame(state: &MotionState, means: &[[f32; 3]], order: usize) -> RemainderFrame {
+    let places: Vec<glam::DVec3> =
+        state.rows.iter().map(|row| glam::Vec3::from(means[*row as usize]).as_dvec3()).collect();
+    let count = places.len().max(1) as f64;
+    let centre = places.iter().sum::<glam::DVec3>() / count;
+    let spread = (places.iter().map(|place| place.distance_squared(centre)).sum::<f64>() / count).sqrt();
+    RemainderFrame { centre: centre.to_array(), scale: if spread > 0.0 { spread } else { 1.0 }, order }
 }
 
 /// Static points (`None`: random ones) and moving points.
 fn first_points(scene: &Scene, found: &Found, config: &Config, t0: f64) -> (Option<PointCloud>, PointCloud) {
     let options = HullOptions { points: config.motion.points, ..HullOptions::default() };
-    let mut moving = motion::hull(scene, &found.masks, t0, &options);
+    let hull = motion::hull(scene, &found.masks.masks, t0, &options);
+    for note in &hull.notes {
+        tracing::info!("{note}");
+    }
+    let mut moving = hull.points;
     let Some(points) = scene.points.as_ref().filter(|points| !points.is_empty()) else {
         return (None, moving);
     };
-    let moves = motion::points_that_move(scene, &found.masks, t0, points);
     let mut fixed = PointCloud::default();
-    for (index, moves) in moves.iter().enumerate() {
-        let to = if *moves { &mut moving } else { &mut fixed };
-        to.positions.push(points.positions[index]);
-        to.colors.push(points.colors[index]);
+    for (position, color) in points.positions.iter().zip(&points.colors) {
+        let to = if moves_at(scene, found, t0, *position) { &mut moving } else { &mut fixed };
+        to.positions.push(*position);
+        to.colors.push(*color);
     }
     (Some(fixed), moving)
+}
+
+/// Share of the views of one time that must have a point in their mask before it counts as moving.
+const MOVING_VIEWS: f64 = 0.8;
+
+/// Whether a point lies in the masks of nearly all views of a time that see it.
+fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
+    let (mut seen, mut inside) = (0, 0);
+    for (view, mask) in scene.train.iter().zip(&found.masks.masks) {
+        let (Some(mask), true) = (mask, view.time == Some(t0)) else { continue };
+        let place = view.c2w.inverse().transform_point3(glam::Vec3::from(point).as_dvec3());
+        let k = &view.intrinsics;
+        let (x, y) = (k.fx * place.x / place.z + k.cx, k.fy * place.y / place.z + k.cy);
+        if place.z > 0.0 && x >= 0.0 && y >= 0.0 && x < view.width as f64 && y < view.height as f64 {
+            seen += 1;
+            inside += usize::from(mask[y as usize * view.width + x as usize] > 0);
+        }
+    }
+    seen > 0 && inside as f64 >= MOVING_VIEWS * f64::from(seen)
 }
 
 /// Gaussians at points, or random in front of the cameras, coloured by what stands still there.
 fn gaussians_of(scene: &Scene, points: Option<PointCloud>, config: &Config, cap: usize) -> FirstGaussians {
     if points.as_ref().is_some_and(PointCloud::is_empty) {
-        return FirstGaussians { opacity_logit: 0.0, ..FirstGaussians::default() };
+        return FirstGaussians::default();
     }
     let train = if points.is_some() { scene.train.clone() } else { backgrounds(scene) };
     let scene = Scene { train, test: Vec::new(), points, warnings: Vec::new(), ..scene.clone() };
     first_gaussians(&scene, &config.init, cap, config.seed)
 }
 
-/// One view per camera that stands still, showing what stands still in front of it.
+/// One view for each camera that stands still, showing what stands still in front of it; all views where none does.
 fn backgrounds(scene: &Scene) -> Vec<View> {
-    motion::static_backgrounds(&scene.train)
+    let views: Vec<View> = motion::static_cameras(&scene.train)
+        .iter()
+        .filter_map(|camera| {
+            let background = motion::background(&scene.train, camera)?;
+            Some(View { image: background.image, ..scene.train[*camera.views.first()?].clone() })
+        })
+        .collect();
+    if views.is_empty() { scene.train.clone() } else { views }
 }
 
 struct First {
@@ -115,12 +164,75 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
     First { means: gaussians.means.clone(), gaussians, fixed: count }
 }
 
+/// Times at which a path is sampled for each order it is fitted with.
+const SAMPLES_PER_ORDER: usize = 4;
+
 /// Sends every moving Gaussian along the path of the centre, a polynomial of at most the configured order.
 fn follow_centre(state: &mut MotionState, found: &Found, order: usize, window: TimeWindow, device: &Device) {
-    let Some(path) = Trajectory::fit(&found.centres, order) else { return };
-    let blocks = path.displacement_blocks(window.t0, window.half, order);
-    let row: Vec<f32> = blocks.iter().flat_map(|block| block.as_vec3().to_array()).collect();
-    if row.len() == 3 * order && order > 0 {
-        state.position = Learned::new(from_host(row.repeat(state.rows.len()), 3 * order, device));
+    let Some(path) = Trajectory::fit(&found.centres, order).filter(|_| order > 0) else { return };
+    let row = displacement_blocks(&path, window, order);
+    state.position = Learned::new(from_host(row.repeat(state.rows.len()), 3 * order, device));
+}
+
+/// The path as coefficient blocks of the window: the least squares fit of `sum_k c_k s^k`, without a constant, to the
+/// displacement since `t0`.
+fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize) -> Vec<f32> {
+    let count = SAMPLES_PER_ORDER * order + 1;
+    let start = path.position(window.t0);
+    let mut normal = vec![vec![0.0; order + 3]; order];
+    for i in 0..count {
+        let s = 2.0 * i as f64 / (count - 1) as f64 - 1.0;
+        let displacement = (path.position(window.t0 + s * window.half) - start).to_array();
+        for (row, equation) in normal.iter_mut().enumerate() {
+            let power = s.powi(row as i32 + 1);
+            for (column, entry) in equation.iter_mut().enumerate() {
+                *entry += power * if column < order { s.powi(column as i32 + 1) } else { displacement[column - order] };
+            }
+        }
+    }
+    solve(&mut normal).into_iter().flatten().map(|x| x as f32).collect()
+}
+
+/// Gauss and Jordan with pivots on `[A | B]`, `A` square and positive definite, `B` of three columns.
+fn solve(rows: &mut [Vec<f64>]) -> Vec<[f64; 3]> {
+    let order = rows.len();
+    for column in 0..order {
+        let pivot = (column..order).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()));
+        rows.swap(column, pivot.unwrap_or(column));
+        let lead = rows[column].clone();
+        for (index, row) in rows.iter_mut().enumerate() {
+            let factor = if index == column { 1.0 - 1.0 / lead[column] } else { row[column] / lead[column] };
+            row.iter_mut().zip(&lead).for_each(|(entry, lead)| *entry -= factor * lead);
+        }
+    }
+    rows.iter().map(|row| [row[order], row[order + 1], row[order + 2]]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use gs_datasets::motion::Centre;
+
+    #[test]
+    fn blocks_are_the_path() {
+        let truth = |t: f64| DVec3::new(1.0 + 2.0 * t, -t * t, 0.5 * t * t * t);
+        let centres: Vec<Centre> = (0..=20)
+            .map(|i| Centre {
+                t: f64::from(i) / 20.0,
+                position: truth(f64::from(i) / 20.0),
+                residual_px: 0.1,
+                cameras: 5,
+            })
+            .collect();
+        let path = Trajectory::fit(&centres, 3).expect("a path");
+        let window = TimeWindow { t0: 0.5, half: 0.5 };
+        let blocks = displacement_blocks(&path, window, 3);
+        for t in [0.0, 0.3, 0.8, 1.0] {
+            let s = (t - 0.5) / 0.5;
+            let moved: Vec<f64> =
+                (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * s.powi(k as i32 + 1)).sum()).collect();
+            assert!((DVec3::from_slice(&moved) - (truth(t) - truth(0.5))).length() < 1e-5, "{t}: {moved:?}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
 use gs_burn::{Extras, Gaussians, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::Motion;
-use gs_models::taylormode::TaylorScene;
+use gs_models::taylormode::{Samples, TaylorScene};
 use serde::{Deserialize, Serialize};
 
 use crate::data::{camera, to_tensor};
@@ -63,7 +63,7 @@ pub struct MotionCost {
 
 /// Measures the scene on the held-out views.
 pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config: &Config) -> MotionScores {
-    let model = TaylorScene { gaussians: gaussians.clone(), motion: state.motion() };
+    let model = TaylorScene { gaussians: gaussians.clone(), motion: state.motion(gaussians) };
     let views = if scene.test.is_empty() { &scene.train } else { &scene.test };
     let blurry: Vec<f64> = views.iter().filter_map(|view| blurry_psnr(&model, state, view, config)).collect();
     let (angles, magnitudes) = velocity_errors(&model, views, config);
@@ -84,17 +84,13 @@ pub fn form_blur(model: &TaylorScene, rows: &[u32], exposure: f64, view: &View, 
     let device = model.gaussians.device();
     let options = config.render.options(model.gaussians.sh_degree(), config.data.background);
     let t = view.time.unwrap_or(0.0);
-    let samples: Vec<MovingSample> = (0..MEASURE_SAMPLES)
-        .map(|i| {
-            let share = (i as f64 + 0.5) / MEASURE_SAMPLES as f64 - 0.5;
-            let (means, quats) = model.motion.sample_rows(
-                model.gaussians.means.val(),
-                model.gaussians.quats.val(),
-                t + share * exposure,
-            );
-            MovingSample { means, quats }
-        })
-        .collect();
+    let (means, quats) = (model.gaussians.means.val(), model.gaussians.quats.val());
+    let offsets = Samples::Middles.offsets(MEASURE_SAMPLES);
+    let sample = |offset: f64| {
+        let (means, quats) = model.motion.sample_rows(&means, &quats, t + offset * exposure);
+        MovingSample { means, quats }
+    };
+    let samples: Vec<MovingSample> = offsets.into_iter().map(sample).collect();
     let options = ExposureOptions { render: options, linear: config.blur.linear };
     render_exposure(&model.gaussians, rows, &samples, &camera(view, &device), &options, None).color.clamp(0.0, 1.0)
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::parameters::{from_host, to_host};
 use crate::taylormode::learned::Learned;
-use crate::taylormode::state::{LearnedNetwork, MotionState, Network};
+use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame};
 
 /// Row numbers are stored as f32, which counts exactly up to here; more Gaussians than that do not fit any machine of today.
 const ROWS_MAX: u32 = 1 << 24;
@@ -20,6 +20,9 @@ pub struct SavedMotion {
     updates: u64,
     /// Tensors of each network.
     networks: Vec<(String, usize)>,
+    /// Centre and size (as bits) and order of the 3D remainder's frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    remainder: Option<([u64; 4], usize)>,
 }
 
 impl SavedMotion {
@@ -29,7 +32,15 @@ impl SavedMotion {
             t0_bits: state.window.t0.to_bits(),
             half_bits: state.window.half.to_bits(),
             updates: state.updates,
-            networks: state.networks.iter().map(|network| (network.kind.name().into(), network.tensors.len())).collect(),
+            networks: state
+                .networks
+                .iter()
+                .map(|network| (network.kind.name().into(), network.tensors.len()))
+                .collect(),
+            remainder: state.remainder.map(|frame| {
+                let [x, y, z] = frame.centre;
+                ([x, y, z, frame.scale].map(f64::to_bits), frame.order)
+            }),
         }
     }
 
@@ -44,7 +55,8 @@ impl SavedMotion {
         gaussians: usize,
     ) -> Result<MotionState, E> {
         let mut learned = |name: &str| -> Result<Learned, E> {
-            let [value, first, second] = [read(name)?, read(&format!("first.{name}"))?, read(&format!("second.{name}"))?];
+            let [value, first, second] =
+                [read(name)?, read(&format!("first.{name}"))?, read(&format!("second.{name}"))?];
             if value.dims() != first.dims() || value.dims() != second.dims() {
                 return Err(damaged(format!("{name} and its moments have different shapes")));
             }
@@ -76,6 +88,10 @@ impl SavedMotion {
             rotation,
             log_exposure,
             networks,
+            remainder: self.remainder.map(|(bits, order)| {
+                let [x, y, z, scale] = bits.map(f64::from_bits);
+                RemainderFrame { centre: [x, y, z], scale, order }
+            }),
             updates: self.updates,
         })
     }
@@ -97,10 +113,11 @@ pub fn columns(state: &MotionState) -> Vec<(String, Tensor<2>)> {
             add(format!("network.{}.{i}", network.kind.name()), tensor);
         }
     }
-    let table = state.rows.iter().zip(&state.orders).zip(&state.rotation_orders).flat_map(|((row, order), rotation)| {
-        debug_assert!(*row < ROWS_MAX);
-        [*row as f32, f32::from(*order), f32::from(*rotation)]
-    });
+    let table =
+        state.rows.iter().zip(&state.orders).zip(&state.rotation_orders).flat_map(|((row, order), rotation)| {
+            debug_assert!(*row < ROWS_MAX);
+            [*row as f32, f32::from(*order), f32::from(*rotation)]
+        });
     columns.push(("motion.rows".into(), from_host(table.collect(), 3, &state.position.value.device())));
     columns
 }

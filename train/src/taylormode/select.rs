@@ -22,12 +22,7 @@ pub struct Selected {
 }
 
 /// Selects once.
-pub fn select(
-    parameters: &mut Parameters,
-    state: &mut MotionState,
-    views: &[View],
-    config: &MotionConfig,
-) -> Selected {
+pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[View], config: &MotionConfig) -> Selected {
     if state.rows.is_empty() {
         return Selected::default();
     }
@@ -70,8 +65,9 @@ pub fn select(
     if columns[1] > 0 {
         state.rotation.value = from_host(rotation, columns[1], &device);
     }
-    let moving: Vec<u32> =
-        (0..state.rows.len() as u32).filter(|i| state.orders[*i as usize] + state.rotation_orders[*i as usize] > 0).collect();
+    let moving: Vec<u32> = (0..state.rows.len() as u32)
+        .filter(|i| state.orders[*i as usize] + state.rotation_orders[*i as usize] > 0)
+        .collect();
     selected.stopped = state.rows.len() - moving.len();
     if selected.stopped > 0 {
         state.retain(&moving);

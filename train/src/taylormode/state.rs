@@ -1,9 +1,10 @@
 //! What moves, and everything that is learned about it beside the Gaussians themselves.
 
 use burn::tensor::{Device, Int, Tensor};
+use gs_burn::Gaussians;
 use gs_burn::ops::adam::AdamConfig;
 use gs_models::network::Mlp;
-use gs_models::taylormode::{Remainder, TaylorMotion, TimeWindow};
+use gs_models::taylormode::{Exposure, Remainder, RemainderNetwork, TaylorMotion, TimeWindow};
 
 use crate::parameters::{from_host, indices};
 use crate::taylormode::learned::{Learned, gradient_of};
@@ -52,6 +53,17 @@ impl LearnedNetwork {
     }
 }
 
+/// Where the 3D remainder's network looks from, and what it completes; see [`RemainderNetwork`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RemainderFrame {
+    /// Centre of what moves, scene units.
+    pub centre: [f64; 3],
+    /// Its size, scene units.
+    pub scale: f64,
+    /// Order of the polynomial it completes.
+    pub order: usize,
+}
+
 /// Everything learned about motion and exposure.
 #[derive(Debug, Clone)]
 pub struct MotionState {
@@ -71,6 +83,8 @@ pub struct MotionState {
     pub log_exposure: Learned,
     /// The networks in use.
     pub networks: Vec<LearnedNetwork>,
+    /// For the 3D remainder, where it is in use.
+    pub remainder: Option<RemainderFrame>,
     /// Updates so far.
     pub updates: u64,
 }
@@ -80,8 +94,8 @@ pub struct MotionState {
 pub struct Lent {
     /// The motion, its coefficients tracked.
     pub motion: TaylorMotion,
-    /// Logarithm of the exposure, `[1, 1]`, tracked.
-    pub log_exposure: Tensor<2>,
+    /// The exposure, tracked.
+    pub exposure: Exposure,
     networks: Vec<(Network, Vec<Tensor<2>>)>,
 }
 
@@ -116,19 +130,27 @@ pub struct MotionRates {
 }
 
 impl MotionState {
-    /// The motion, outside autodiff.
-    pub fn motion(&self) -> TaylorMotion {
-        let remainder = self.network(Network::Remainder).map(Remainder::from_mlp);
-        self.build(self.position.value.clone(), self.rotation.value.clone(), remainder)
+    /// The motion of `gaussians`, outside autodiff.
+    pub fn motion(&self, gaussians: &Gaussians) -> TaylorMotion {
+        let tensors = |network: &LearnedNetwork| network.tensors.iter().map(|tensor| tensor.value.clone()).collect();
+        self.build(self.position.value.clone(), self.rotation.value.clone(), gaussians, tensors)
     }
 
-    fn network(&self, kind: Network) -> Option<Mlp> {
-        let network = self.networks.iter().find(|network| network.kind == kind)?;
-        Some(Mlp::from_tensors(network.tensors.iter().map(|tensor| tensor.value.clone()).collect()))
-    }
-
-    fn build(&self, position: Tensor<2>, rotation: Tensor<2>, remainder: Option<Remainder>) -> TaylorMotion {
-        TaylorMotion { rows: self.row_tensor(), position, rotation, window: self.window, remainder }
+    fn build(
+        &self,
+        position: Tensor<2>,
+        rotation: Tensor<2>,
+        gaussians: &Gaussians,
+        tensors: impl Fn(&LearnedNetwork) -> Vec<Tensor<2>>,
+    ) -> TaylorMotion {
+        let rows = self.row_tensor();
+        let network = self.networks.iter().find(|network| network.kind == Network::Remainder);
+        let remainder = network.zip(self.remainder).filter(|_| !self.rows.is_empty()).map(|(network, frame)| {
+            let shell = RemainderNetwork::new(frame.order, frame.centre, frame.scale, 0, &rows.device());
+            let network = RemainderNetwork { mlp: Mlp::from_tensors(tensors(network)), ..shell };
+            network.evaluate(gaussians.means.val().select(0, rows.clone())) as Remainder
+        });
+        TaylorMotion { rows, position, rotation, window: self.window, remainder }
     }
 
     /// The moving rows as a tensor `[M]`.
@@ -141,20 +163,20 @@ impl MotionState {
         f64::from(self.log_exposure.value.clone().into_scalar::<f32>()).exp()
     }
 
-    /// Everything as leaves of a new graph.
-    pub fn lend(&self) -> Lent {
+    /// Everything as leaves of a new graph, for `gaussians` lent to it too.
+    pub fn lend(&self, gaussians: &Gaussians) -> Lent {
         let networks: Vec<(Network, Vec<Tensor<2>>)> = self
             .networks
             .iter()
             .map(|network| (network.kind, network.tensors.iter().map(Learned::tracked).collect()))
             .collect();
-        let remainder = networks
-            .iter()
-            .find(|(kind, _)| *kind == Network::Remainder)
-            .map(|(_, tensors)| Remainder::from_mlp(Mlp::from_tensors(tensors.clone())));
+        let tracked = |network: &LearnedNetwork| {
+            let found = networks.iter().find(|(kind, _)| *kind == network.kind);
+            found.map(|(_, tensors)| tensors.clone()).unwrap_or_default()
+        };
         Lent {
-            motion: self.build(self.position.tracked(), self.rotation.tracked(), remainder),
-            log_exposure: self.log_exposure.tracked(),
+            motion: self.build(self.position.tracked(), self.rotation.tracked(), gaussians, tracked),
+            exposure: Exposure { log_tau: self.log_exposure.tracked() },
             networks,
         }
     }
@@ -164,7 +186,7 @@ impl MotionState {
         MotionGradients {
             position: gradient_of(&lent.motion.position, gradients),
             rotation: gradient_of(&lent.motion.rotation, gradients),
-            log_exposure: gradient_of(&lent.log_exposure, gradients),
+            log_exposure: gradient_of(&lent.exposure.log_tau, gradients),
             networks: lent
                 .networks
                 .iter()
@@ -200,15 +222,14 @@ impl MotionState {
     /// Keeps the blocks above each Gaussian's order at zero: Adam's first moment would push them on.
     pub fn hold_orders(&mut self) {
         let device = self.position.value.device();
-        for (learned, orders) in
-            [(&mut self.position, &self.orders), (&mut self.rotation, &self.rotation_orders)]
-        {
+        for (learned, orders) in [(&mut self.position, &self.orders), (&mut self.rotation, &self.rotation_orders)] {
             let columns = learned.value.dims()[1];
             let full = columns / 3;
             if columns == 0 || orders.iter().all(|order| usize::from(*order) >= full) {
                 continue;
             }
-            let mask = orders.iter().flat_map(|order| (0..columns).map(move |c| (c / 3 < usize::from(*order)) as u8 as f32));
+            let mask =
+                orders.iter().flat_map(|order| (0..columns).map(move |c| (c / 3 < usize::from(*order)) as u8 as f32));
             let mask = from_host(mask.collect(), columns, &device);
             learned.value = learned.value.clone() * mask.clone();
             learned.first = learned.first.clone() * mask;
@@ -259,7 +280,8 @@ impl MotionState {
 impl MotionGradients {
     /// One number that is finite only if every gradient is, `[1]`.
     pub fn finiteness(&self) -> Tensor<1> {
-        let all = [&self.position, &self.rotation, &self.log_exposure].into_iter().chain(self.networks.iter().flatten());
+        let all =
+            [&self.position, &self.rotation, &self.log_exposure].into_iter().chain(self.networks.iter().flatten());
         let sums = all.filter(|tensor| tensor.dims().iter().product::<usize>() > 0).map(|tensor| tensor.clone().sum());
         sums.reduce(|a, b| a + b).expect("the exposure has a gradient")
     }
@@ -278,6 +300,7 @@ pub fn still(rows: Vec<u32>, window: TimeWindow, orders: [usize; 2], exposure: f
         rotation_orders: vec![orders[1] as u8; count],
         log_exposure: Learned::new(from_host(vec![exposure.ln() as f32], 1, device)),
         networks: Vec::new(),
+        remainder: None,
         updates: 0,
     }
 }
