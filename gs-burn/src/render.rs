@@ -131,7 +131,7 @@ fn compose(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions, scre
     }
 }
 
-fn projection_config(camera: &Camera, options: &RenderOptions) -> ProjectionConfig {
+pub(crate) fn projection_config(camera: &Camera, options: &RenderOptions) -> ProjectionConfig {
     ProjectionConfig {
         width: camera.width as u32,
         height: camera.height as u32,
