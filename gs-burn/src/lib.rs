@@ -38,6 +38,7 @@ pub mod camera;
 #[cfg(feature = "cube")]
 mod cube;
 pub mod device;
+pub mod exposure;
 pub mod gaussians;
 pub mod ops;
 pub mod ply;
@@ -48,6 +49,7 @@ mod slices;
 mod testing;
 
 pub use camera::{Camera, Intrinsics};
+pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;
 pub use render::{RenderOptions, Rendering, render, render_with, render_with_screen_gradients};

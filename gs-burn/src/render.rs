@@ -159,7 +159,7 @@ pub fn render_with(gaussians: &Gaussians, camera: &Camera, options: &RenderOptio
     }
 }
 
-fn projection_config(camera: &Camera, options: &RenderOptions) -> ProjectionConfig {
+pub(crate) fn projection_config(camera: &Camera, options: &RenderOptions) -> ProjectionConfig {
     ProjectionConfig {
         width: camera.width as u32,
         height: camera.height as u32,

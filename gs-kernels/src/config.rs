@@ -93,6 +93,19 @@ impl RasterizeConfig {
     }
 }
 
+/// How the tiles of an exposure become one image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AverageConfig {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Values per pixel.
+    pub channels: usize,
+    /// How many of them, from the first on, are stored values whose light is averaged; the others are averaged as they are.
+    pub encoded: usize,
+}
+
 /// Tiles along x and y of an image in pixels.
 pub fn tile_grid(width: u32, height: u32) -> (usize, usize) {
     ((width as usize).div_ceil(TILE), (height as usize).div_ceil(TILE))

@@ -70,3 +70,18 @@ pub const SSIM_SHIFT: f64 = 0.5;
 /// Pixel values beyond this magnitude, or not finite, count as 0 in the photometric loss and get no gradient: the
 /// fourth powers inside SSIM stay in the range of `f32`.
 pub const PIXEL_MAX: f64 = 1e4;
+
+/// Exponent of sRGB's transfer curve (IEC 61966-2-1), which stands between an image as it is stored and its light.
+pub const SRGB_GAMMA: f64 = 2.4;
+
+/// Offset of the curve: `light = ((value + offset) / (1 + offset))^gamma`.
+pub const SRGB_OFFSET: f64 = 0.055;
+
+/// Slope of the line near black, `light = value / slope`; without it the root would have an infinite slope at zero.
+pub const SRGB_SLOPE: f64 = 12.92;
+
+/// Stored values up to here lie on the line.
+pub const SRGB_KNEE: f64 = 0.04045;
+
+/// Light up to here lies on the line.
+pub const SRGB_LIGHT_KNEE: f64 = 0.003_130_8;

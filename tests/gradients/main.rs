@@ -2,6 +2,7 @@
 #![recursion_limit = "256"]
 
 mod channels;
+mod exposure;
 mod projection;
 mod rasterize;
 mod render;

@@ -3,6 +3,7 @@
 
 mod adam;
 mod channels;
+mod exposure;
 mod frustum;
 mod hostile;
 mod intersect;

@@ -7,6 +7,7 @@
 
 pub mod cutoff;
 pub mod devices;
+pub mod exposure;
 pub mod finite_differences;
 pub mod fit;
 pub mod scenes;

@@ -26,6 +26,9 @@ pub struct TileIntersections {
     pub gaussian_offsets: Tensor<1, Int>,
     /// `[M]`: places in `gaussian_ids`, rising for each Gaussian.
     pub positions: Tensor<1, Int>,
+    /// `[tiles]` where the lists are not those of the image's tiles in order: the tile each is for, see
+    /// [`intersect_instants`](super::exposure::intersect_instants).
+    pub places: Option<Tensor<1, Int>>,
 }
 
 impl TileIntersections {
@@ -68,6 +71,7 @@ pub fn intersect(
         gaussian_ids: Tensor::from_dispatch(lists.gaussian_ids),
         gaussian_offsets: Tensor::from_dispatch(lists.gaussian_offsets),
         positions: Tensor::from_dispatch(lists.positions),
+        places: None,
     }
 }
 
@@ -91,6 +95,8 @@ pub struct IntersectionLists<B: Backend> {
     pub gaussian_offsets: IntTensor<B>,
     /// `[M]`
     pub positions: IntTensor<B>,
+    /// `[tiles]`, or `[0]` when the tiles are those of the image in order.
+    pub places: IntTensor<B>,
 }
 
 /// What dispatch calls for [`intersect`].
@@ -155,6 +161,7 @@ impl<B: HostBackend> IntersectKernels for B {
             gaussian_ids: int_tensor::<B>(lists.gaussian_ids),
             gaussian_offsets: int_tensor::<B>(lists.gaussian_offsets),
             positions: int_tensor::<B>(lists.positions),
+            places: int_tensor::<B>(lists.places),
         }
     }
 }
@@ -174,6 +181,7 @@ impl<B: IntersectKernels, C: CheckpointStrategy> IntersectOps for Autodiff<B, C>
             gaussian_ids: lists.gaussian_ids,
             gaussian_offsets: lists.gaussian_offsets,
             positions: lists.positions,
+            places: lists.places,
         }
     }
 }

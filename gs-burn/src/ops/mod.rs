@@ -14,6 +14,7 @@
 
 pub mod adam;
 pub mod channels;
+pub mod exposure;
 pub mod intersect;
 pub mod projection;
 pub mod rasterize;

@@ -6,8 +6,9 @@ mod tests;
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
-use burn::tensor::{Tensor, assert_shape};
+use burn::tensor::{DType, Tensor, assert_shape};
 pub use gs_kernels::config::RasterizeConfig;
+use gs_kernels::constants::TILE;
 use gs_kernels::cpu::intersect::IntersectionSlices;
 use gs_kernels::cpu::rasterize as cpu;
 use gs_kernels::rows::{PROJECTED, SCREEN};
@@ -29,7 +30,7 @@ pub use reference::rasterize_reference;
 /// - `intersections`: from [`intersect`](super::intersect::intersect) with the same rows, opacities and features
 ///
 /// Returns `[H, W, C + depth + 1]`: features over the background, accumulated depth (no background) if asked for, and
-/// alpha. A contribution under `ALPHA_MIN` is dropped, alpha is capped at `ALPHA_MAX` and a pixel ends at
+/// alpha; where the intersections have places, `[tiles, 256, C + depth + 1]`, the pixels of one tile a list. A contribution under `ALPHA_MIN` is dropped, alpha is capped at `ALPHA_MAX` and a pixel ends at
 /// `TRANSMITTANCE_MIN`, see [`gs_kernels::constants`]. Differentiable by all float tensors; nothing flows through the
 /// compensation and radius columns.
 ///
@@ -49,7 +50,8 @@ pub fn rasterize(
     assert_shape!(intersections.gaussian_offsets, [count + 1]);
     // Dispatch knows no optional tensors. An untracked stand-in receives no gradient and is never read.
     let screen = screen.unwrap_or_else(|| Tensor::empty([1, SCREEN], (&projected.device(), projected.dtype())));
-    let TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions } = intersections.clone();
+    let TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places } = intersections.clone();
+    let places = places.unwrap_or_else(|| Tensor::from_data([0_i32; 0], (&gaussian_ids.device(), DType::I32)));
     Tensor::from_dispatch(Dispatch::rasterize(
         projected.into_dispatch(),
         opacities.into_dispatch(),
@@ -61,6 +63,7 @@ pub fn rasterize(
             gaussian_ids: gaussian_ids.into_dispatch(),
             gaussian_offsets: gaussian_offsets.into_dispatch(),
             positions: positions.into_dispatch(),
+            places: places.into_dispatch(),
         },
         *config,
     ))
@@ -125,6 +128,17 @@ pub struct RasterizeInputs<B: Backend> {
     pub config: RasterizeConfig,
 }
 
+impl<B: Backend> RasterizeInputs<B> {
+    /// Of the output: an image, or tiles where the lists have places.
+    pub fn output_shape(&self) -> [usize; 3] {
+        let channels = self.config.output_channels();
+        match self.intersections.places.shape()[0] {
+            0 => [self.config.height as usize, self.config.width as usize, channels],
+            tiles => [tiles, TILE * TILE, channels],
+        }
+    }
+}
+
 /// Gradients of [`RasterizeKernels::rasterize_forward`], each in the shape of its argument.
 #[derive(Clone, Debug)]
 pub struct RasterizeGradients<B: Backend> {
@@ -142,7 +156,7 @@ pub struct RasterizeGradients<B: Backend> {
 
 /// Rasterization on a backend's primitives, without gradient tracking.
 pub trait RasterizeKernels: Backend {
-    /// The image `[H, W, C + depth + 1]`.
+    /// The image `[H, W, C + depth + 1]`, or tiles; see [`RasterizeInputs::output_shape`].
     fn rasterize_forward(inputs: RasterizeInputs<Self>) -> FloatTensor<Self>;
 
     /// Gradients from `output`, what the forward returned, and `v_output`, the gradient by it.
@@ -180,6 +194,7 @@ impl<B: HostBackend> RasterizeInputs<B> {
                 gaussian_ids: lists.gaussian_ids.contiguous(),
                 gaussian_offsets: lists.gaussian_offsets.contiguous(),
                 positions: lists.positions.contiguous(),
+                places: lists.places.contiguous(),
             },
             config: self.config,
         }
@@ -193,6 +208,7 @@ impl<B: HostBackend> IntersectionLists<B> {
             gaussian_ids: self.gaussian_ids.elements(),
             gaussian_offsets: self.gaussian_offsets.elements(),
             positions: self.positions.elements(),
+            places: self.places.elements(),
         }
     }
 }
@@ -210,7 +226,7 @@ impl<B: HostBackend> RasterizeKernels for B {
                 background.elements(),
                 intersections.as_slices(),
             );
-            float_tensor::<B>(output, [config.height as usize, config.width as usize, config.output_channels()])
+            float_tensor::<B>(output, inputs.output_shape())
         })
     }
 
@@ -282,8 +298,8 @@ impl<B: RasterizeKernels, C: CheckpointStrategy> RasterizeOps for Autodiff<B, C>
         let (features, features_node) = features.into_parts();
         let (background, background_node) = background.into_parts();
         let nodes = [projected_node, opacities_node, features_node, background_node, screen.node()];
-        let IntersectionLists { tile_offsets, gaussian_ids, gaussian_offsets, positions } = intersections;
-        let intersections = IntersectionLists::<B> { tile_offsets, gaussian_ids, gaussian_offsets, positions };
+        let IntersectionLists { tile_offsets, gaussian_ids, gaussian_offsets, positions, places } = intersections;
+        let intersections = IntersectionLists::<B> { tile_offsets, gaussian_ids, gaussian_offsets, positions, places };
         let inputs = RasterizeInputs { projected, opacities, features, background, intersections, config };
         match RasterizeBackward.prepare::<C>(nodes).compute_bound().stateful() {
             OpsKind::Tracked(prep) => {

@@ -34,6 +34,9 @@ pub struct Intersections {
     pub gaussian_offsets: Vec<i32>,
     /// `[M]`: places in `gaussian_ids`, rising for each Gaussian.
     pub positions: Vec<i32>,
+    /// Empty when the tiles are those of the image, in order. Otherwise `[tiles]`: which tile of the image each list is
+    /// for; a tile of the image may then have several lists, or none (see [`crate::cpu::exposure`]).
+    pub places: Vec<i32>,
 }
 
 /// Borrowed [`Intersections`].
@@ -47,6 +50,8 @@ pub struct IntersectionSlices<'a> {
     pub gaussian_offsets: &'a [i32],
     /// See [`Intersections::positions`].
     pub positions: &'a [i32],
+    /// See [`Intersections::places`].
+    pub places: &'a [i32],
 }
 
 impl Intersections {
@@ -57,6 +62,7 @@ impl Intersections {
             gaussian_ids: &self.gaussian_ids,
             gaussian_offsets: &self.gaussian_offsets,
             positions: &self.positions,
+            places: &self.places,
         }
     }
 }
@@ -70,12 +76,28 @@ struct Span {
 }
 
 /// Spans of a run of Gaussians.
-struct Spans {
+pub(super) struct Spans {
     spans: Vec<Span>,
     /// Per Gaussian of the run: end in `spans`.
     ends: Vec<u32>,
     /// Per Gaussian of the run: number of tiles.
     counts: Vec<u32>,
+}
+
+impl Spans {
+    /// Number of tiles that Gaussian `k` of the run touches.
+    pub(super) fn count(&self, k: usize) -> u32 {
+        self.counts[k]
+    }
+
+    /// The tiles that Gaussian `k` of the run touches, in a grid of `columns`.
+    pub(super) fn tiles(&self, k: usize, columns: usize) -> impl Iterator<Item = usize> + '_ {
+        let begin = if k == 0 { 0 } else { self.ends[k - 1] as usize };
+        self.spans[begin..self.ends[k] as usize].iter().flat_map(move |span| {
+            let row = span.row as usize * columns;
+            row + span.first as usize..=row + span.last as usize
+        })
+    }
 }
 
 /// Finds all (tile, Gaussian) pairs.
@@ -176,7 +198,7 @@ fn deal(
             }
         }
     });
-    Intersections { tile_offsets, gaussian_ids, gaussian_offsets, positions }
+    Intersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places: Vec::new() }
 }
 
 /// A run of the depth order: its spans, and per tile first their count, then where the next one goes.
@@ -211,7 +233,8 @@ fn spans(runs: &[Spans], i: u32) -> &[Span] {
     &run.spans[begin..run.ends[k] as usize]
 }
 
-fn spans_of<F: Real>(
+/// Spans of the Gaussians `members`.
+pub(super) fn spans_of<F: Real>(
     members: std::ops::Range<usize>,
     projected: &[F],
     opacities: &[F],

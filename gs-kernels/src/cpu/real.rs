@@ -45,6 +45,8 @@ pub trait Real:
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// `2^self`.
     fn exp2(self) -> Self;
+    /// `self^exponent`.
+    fn powf(self, exponent: Self) -> Self;
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
     /// Bits that order positive finite values as unsigned integers do.
@@ -121,6 +123,10 @@ macro_rules! real {
             #[inline(always)]
             fn exp2(self) -> Self {
                 self.exp2()
+            }
+            #[inline(always)]
+            fn powf(self, exponent: Self) -> Self {
+                self.powf(exponent)
             }
             #[inline(always)]
             fn is_finite(self) -> bool {

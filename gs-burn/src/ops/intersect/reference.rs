@@ -59,6 +59,7 @@ pub fn intersect_reference(
         gaussian_ids: tensor(gaussian_ids),
         gaussian_offsets: tensor(gaussian_offsets),
         positions: tensor(positions.concat()),
+        places: None,
     }
 }
 

@@ -45,12 +45,12 @@ const FIXED: usize = 8;
 /// How many rows ahead the gathering of rows fetches: adding one takes a few ns, memory about a hundred.
 const GATHER_AHEAD: usize = 16;
 
-/// Backward of [`super::forward`] from `v_output` `[H, W, C + depth + 1]`.
+/// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read.
 ///
 /// A Gaussian whose gradient is not finite receives zero.
 ///
 /// # Panics
-/// When the slices disagree in length.
+/// When the slices disagree in length, or a list is for a tile outside the image.
 pub fn backward<F: Real>(
     config: &RasterizeConfig,
     projected: &[F],
@@ -61,12 +61,11 @@ pub fn backward<F: Real>(
     v_output: &[F],
 ) -> RasterizeGradients<F> {
     let inputs = Inputs::new(config, projected, opacities, features, background, lists);
-    let pixels = config.width as usize * config.height as usize;
-    assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must be [H, W, C + depth + 1]");
-    let (columns, rows) = config.tiles();
+    let values = inputs.pixels() * config.output_channels();
+    assert_eq!(v_output.len(), values, "v_output must have the shape of the output");
     let mut pairs = zeros(lists.gaussian_ids.len() * (FIXED + inputs.blended));
     let shared = Disjoint::new(&mut pairs);
-    let backgrounds: Vec<Vec<F>> = (0..columns * rows)
+    let backgrounds: Vec<Vec<F>> = (0..inputs.tiles)
         .into_par_iter()
         .map_init(Scratch::default, |scratch, tile| {
             let (inputs, pairs) = (&inputs, &shared);
@@ -211,7 +210,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         v.clear();
         v.resize(stride, [[F::ZERO; LANES]; TILE]);
         for r in 0..rows {
-            let first = ((origin[1] + r) * self.inputs.config.width as usize + origin[0]) * stride;
+            let first = self.inputs.row_start(self.tile, origin, r) * stride;
             for (x, pixel) in self.v_output[first..][..columns * stride].chunks_exact(stride).enumerate() {
                 for (c, &value) in pixel.iter().enumerate() {
                     v[c][r][x] = value;

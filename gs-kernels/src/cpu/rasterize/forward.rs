@@ -15,10 +15,11 @@ use crate::cpu::real::LaneTask;
 /// Renders.
 ///
 /// `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]`. Returns `[H, W, C + depth + 1]`:
-/// the features over the background, the accumulated depth (no background) if asked for, and `alpha = 1 - T`.
+/// the features over the background, the accumulated depth (no background) if asked for, and `alpha = 1 - T`. Where the
+/// lists have places, `[tiles, 16, 16, C + depth + 1]`: one tile a list, zero in its pixels outside the image.
 ///
 /// # Panics
-/// When the slices disagree in length.
+/// When the slices disagree in length, or a list is for a tile outside the image.
 pub fn forward<F: Real>(
     config: &RasterizeConfig,
     projected: &[F],
@@ -28,10 +29,9 @@ pub fn forward<F: Real>(
     lists: IntersectionSlices<'_>,
 ) -> Vec<F> {
     let inputs = Inputs::new(config, projected, opacities, features, background, lists);
-    let mut output = zeros(config.width as usize * config.height as usize * config.output_channels());
-    let (columns, rows) = config.tiles();
+    let mut output = zeros(inputs.pixels() * config.output_channels());
     let pixels = Disjoint::new(&mut output);
-    (0..columns * rows).into_par_iter().for_each(|tile| match inputs.blended {
+    (0..inputs.tiles).into_par_iter().for_each(|tile| match inputs.blended {
         1 => F::with_lanes(TileForward::<F, 1> { inputs: &inputs, tile, pixels: &pixels }),
         2 => F::with_lanes(TileForward::<F, 2> { inputs: &inputs, tile, pixels: &pixels }),
         3 => F::with_lanes(TileForward::<F, 3> { inputs: &inputs, tile, pixels: &pixels }),
@@ -101,7 +101,7 @@ impl<F: Real, const UNROLL: usize> TileForward<'_, F, UNROLL> {
         let [columns, rows] = inputs.inside(origin);
         let stride = inputs.blended + 1;
         for r in 0..rows {
-            let first = ((origin[1] + r) * inputs.config.width as usize + origin[0]) * stride;
+            let first = inputs.row_start(self.tile, origin, r) * stride;
             // SAFETY: this row of this tile belongs to no other task.
             let pixels = unsafe { self.pixels.slice_mut(first, columns * stride) };
             for (x, pixel) in pixels.chunks_exact_mut(stride).enumerate() {

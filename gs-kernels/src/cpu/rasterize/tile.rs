@@ -33,6 +33,8 @@ pub(super) struct Inputs<'a, F> {
     pub limits: Vec<F>,
     /// Channels blended: features, and depth if asked for.
     pub blended: usize,
+    /// Lists of Gaussians, one a tile.
+    pub tiles: usize,
 }
 
 impl<'a, F: Real> Inputs<'a, F> {
@@ -46,10 +48,11 @@ impl<'a, F: Real> Inputs<'a, F> {
     ) -> Self {
         let count = opacities.len();
         let (columns, rows) = config.tiles();
+        let tiles = if lists.places.is_empty() { columns * rows } else { lists.places.len() };
         assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8] for {count} opacities");
         assert_eq!(features.len(), count * config.channels, "features must be [N, C] for {count} opacities");
         assert_eq!(background.len(), config.channels, "background must be [C]");
-        assert_eq!(lists.tile_offsets.len(), columns * rows + 1, "tile_offsets must be [tiles + 1]");
+        assert_eq!(lists.tile_offsets.len(), tiles + 1, "tile_offsets must be [tiles + 1]");
         assert_eq!(lists.gaussian_offsets.len(), count + 1, "gaussian_offsets must be [N + 1]");
         assert_eq!(lists.positions.len(), lists.gaussian_ids.len(), "positions must be as long as gaussian_ids");
         let mut limits = zeros(count);
@@ -62,7 +65,7 @@ impl<'a, F: Real> Inputs<'a, F> {
         let mut background: Vec<F> = background.iter().map(finite).collect();
         background.extend(config.depth.then_some(F::ZERO));
         let blended = background.len();
-        Self { config, projected, opacities, features, lists, background, limits, blended }
+        Self { config, projected, opacities, features, lists, background, limits, blended, tiles }
     }
 
     /// The Gaussians of a tile, front to back, and where they stand in the sorted list.
@@ -74,8 +77,28 @@ impl<'a, F: Real> Inputs<'a, F> {
 
     /// First pixel of a tile.
     pub fn origin(&self, tile: usize) -> [usize; 2] {
-        let columns = self.config.tiles().0;
-        [tile % columns * TILE, tile / columns * TILE]
+        let (columns, rows) = self.config.tiles();
+        let place = self.lists.places.get(tile).map_or(tile, |&place| place as usize);
+        assert!(place < columns * rows, "a list is for tile {place} of {}", columns * rows);
+        [place % columns * TILE, place / columns * TILE]
+    }
+
+    /// Pixels of the output: the image's, or those of all tiles where tiles have places of their own.
+    pub fn pixels(&self) -> usize {
+        if self.lists.places.is_empty() {
+            self.config.width as usize * self.config.height as usize
+        } else {
+            self.tiles * TILE * TILE
+        }
+    }
+
+    /// Where row `row` of the tile at `origin` begins in the output, in pixels.
+    pub fn row_start(&self, tile: usize, [x, y]: [usize; 2], row: usize) -> usize {
+        if self.lists.places.is_empty() {
+            (y + row) * self.config.width as usize + x
+        } else {
+            (tile * TILE + row) * TILE
+        }
     }
 
     /// Rows and columns of the tile inside the image.

@@ -1,0 +1,256 @@
+//! The image a camera gathers while its shutter is open: the mean over several instants, with what stands still drawn
+//! once.
+//!
+//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMode-GS, Eq. 12, with
+//! renderings instead of warped ones). Between instants only some Gaussians move, and they touch only some tiles; so
+//! what stands still is projected, coloured and listed once, and a tile is drawn once for every set of instants at which
+//! it looks the same. The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.
+
+use std::sync::Arc;
+
+use burn::tensor::{DType, Int, Tensor, assert_shape};
+use gs_kernels::config::{RasterizeConfig, tile_grid};
+
+use crate::ops::channels::channels;
+use crate::ops::columns;
+use crate::ops::exposure::{AverageConfig, TileShares, average_tiles, intersect_instants};
+use crate::ops::projection::project;
+use crate::ops::rasterize::rasterize;
+use crate::ops::sh::sh_colors;
+use crate::render::projection_config;
+use crate::{Camera, Gaussians, RenderOptions, Rendering};
+
+/// Where the moving Gaussians are at one instant.
+#[derive(Clone, Debug)]
+pub struct MovingSample {
+    /// Centres `[M, 3]`, world, scene units.
+    pub means: Tensor<2>,
+    /// Orientations `[M, 4]`, w x y z of any norm.
+    pub quats: Tensor<2>,
+}
+
+/// How an exposure is rendered.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ExposureOptions {
+    /// How each instant is rendered.
+    pub render: RenderOptions,
+    /// Average the light of colours (through the curve of sRGB) instead of the colours as they are: what a sensor does.
+    pub linear: bool,
+}
+
+/// What [`render_exposure`] returns.
+#[derive(Clone, Debug)]
+pub struct ExposureRendering {
+    /// Mean colour over the background, `[H, W, 3]`, as stored (not as light).
+    pub color: Tensor<3>,
+    /// Mean opacity of each pixel, `[H, W, 1]`.
+    pub alpha: Tensor<3>,
+    /// Mean over the instants of the depth summed with the blending weights, `[H, W, 1]`, if asked for.
+    pub depth: Option<Tensor<3>>,
+    /// Rows of [`project`], `[N + (n - 1) M, 8]`: the scene with the movers at the middle instant, then the movers at each
+    /// other instant in order.
+    pub projected: Tensor<2>,
+    /// Number of (tile, Gaussian) pairs that were blended.
+    pub intersections: usize,
+    /// Tiles that were drawn.
+    pub tiles: usize,
+    /// Tiles that one rendering an instant would draw.
+    pub full_tiles: usize,
+    shares: Arc<TileShares>,
+    drawn: Tensor<3>,
+    image: RasterizeConfig,
+    scene: usize,
+    moving: Tensor<1, Int>,
+}
+
+impl ExposureRendering {
+    /// The rendering of the middle instant, sample `n / 2`; it was drawn on the way and costs a copy.
+    pub fn middle(&self) -> Rendering {
+        let first = TileShares::first_only(self.shares.grid(), self.tiles);
+        let output = average_tiles(self.drawn.clone(), &Arc::new(first), &average_config(&self.image, false));
+        Rendering {
+            color: channels(output.clone(), 0, 3),
+            depth: self.image.depth.then(|| channels(output.clone(), 3, 1)),
+            alpha: channels(output, self.image.output_channels() - 1, 1),
+            projected: self.projected.clone().narrow(0, 0, self.scene),
+            intersections: self.intersections,
+        }
+    }
+
+    /// Bounding radii in the image, `[N]`, pixels: of a Gaussian that moves the largest over the instants; 0 for one that
+    /// is culled at all of them. Not differentiable.
+    pub fn radii(&self) -> Tensor<1> {
+        let radii = columns::radius(self.projected.clone().inner());
+        let ([count, _], [movers]) = (radii.dims(), self.moving.dims());
+        let scene: Tensor<1> = radii.clone().narrow(0, 0, self.scene).squeeze_dim(1);
+        if count == self.scene || movers == 0 {
+            return scene;
+        }
+        let others = radii.narrow(0, self.scene, count - self.scene).reshape([-1, movers as i32]);
+        let others: Tensor<1> = others.max_dim(0).squeeze_dim(0);
+        let own = scene.clone().select(0, self.moving.clone());
+        // What the largest has more than the middle instant's; never negative, so the sum is the larger of the two.
+        let more = (others - own).clamp_min(0.0);
+        scene.select_assign(0, self.moving.clone(), more, burn::tensor::IndexingUpdateOp::Add)
+    }
+}
+
+/// Renders the mean over `samples` of the scene with the Gaussians `moving` where each sample has them.
+///
+/// `moving` holds rising numbers of Gaussians; each sample has as many rows. What `gaussians` has as their centres and
+/// orientations is not used, and gets a gradient of zero; their sizes, opacities and colours hold at all instants.
+/// `screen` `[N, 4]` is as in [`render_with_screen_gradients`](crate::render_with_screen_gradients()), summed over the
+/// instants. Differentiable by every parameter, by the samples and by the camera's `viewmat`.
+///
+/// The lists of tiles are made on the host: on a GPU the projected rows are read back once.
+///
+/// # Panics
+/// When there is no sample, shapes disagree, `moving` does not rise or the image has no pixels.
+pub fn render_exposure(
+    gaussians: &Gaussians,
+    moving: &[u32],
+    samples: &[MovingSample],
+    camera: &Camera,
+    options: &ExposureOptions,
+    screen: Option<Tensor<2>>,
+) -> ExposureRendering {
+    let render = &options.render;
+    let (width, height) = (camera.width, camera.height);
+    assert!(width > 0 && height > 0, "the camera's image must have pixels, it has {width} x {height}");
+    let table = Table::new(gaussians, moving, samples);
+    let viewmat = camera.viewmat.clone().cast(table.means.dtype());
+
+    let log_scales = table.of_rows(gaussians.log_scales.val());
+    let projected = project(
+        table.means.clone(),
+        table.quats.clone(),
+        log_scales,
+        viewmat.clone(),
+        &projection_config(camera, render),
+    );
+    let degree = render.sh_degree.min(gaussians.sh_degree());
+    let colors = table.colors(gaussians.sh.val(), &viewmat, &projected, degree);
+    let mut opacities = table.of_rows(gaussians.opacities());
+    if render.antialiased {
+        opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);
+    }
+    let (rows, alphas, features) = (projected.clone(), opacities.clone(), colors.clone());
+    let (lists, shares) = intersect_instants(rows, alphas, features, width, height, table.scene, moving);
+    let background = Tensor::from_data(render.background, (&colors.device(), colors.dtype()));
+    let screen = screen.map(|screen| {
+        assert_shape!(screen, [table.scene, 4]);
+        table.of_rows(screen)
+    });
+    let image = RasterizeConfig { width: width as u32, height: height as u32, channels: 3, depth: render.depth };
+    let drawn = rasterize(projected.clone(), opacities, colors, background, screen, &lists, &image);
+    let output = average_tiles(drawn.clone(), &shares, &average_config(&image, options.linear));
+
+    let (columns, rows) = tile_grid(image.width, image.height);
+    ExposureRendering {
+        color: channels(output.clone(), 0, 3),
+        depth: render.depth.then(|| channels(output.clone(), 3, 1)),
+        alpha: channels(output, image.output_channels() - 1, 1),
+        projected,
+        intersections: lists.count(),
+        tiles: shares.tiles(),
+        full_tiles: samples.len() * columns * rows,
+        shares,
+        drawn,
+        image,
+        scene: table.scene,
+        moving: table.moving,
+    }
+}
+
+fn average_config(image: &RasterizeConfig, linear: bool) -> AverageConfig {
+    let encoded = if linear { image.channels } else { 0 };
+    AverageConfig { width: image.width, height: image.height, channels: image.output_channels(), encoded }
+}
+
+/// The rows of all instants: the scene with the movers where the middle instant has them, then the movers of each other
+/// instant.
+struct Table {
+    /// `[N + (n - 1) M, 3]`
+    means: Tensor<2>,
+    /// `[N + (n - 1) M, 4]`
+    quats: Tensor<2>,
+    /// Rows of the scene, `N`.
+    scene: usize,
+    /// Instants beside the middle one that have rows of their own.
+    further: usize,
+    /// `[M]`
+    moving: Tensor<1, Int>,
+}
+
+impl Table {
+    fn new(gaussians: &Gaussians, moving: &[u32], samples: &[MovingSample]) -> Self {
+        let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
+        let (scene, movers) = (gaussians.len(), moving.len());
+        assert!(!samples.is_empty(), "an exposure needs at least one sample");
+        assert!(moving.is_sorted_by(|a, b| a < b), "the numbers of what moves must rise");
+        assert!(
+            moving.last().is_none_or(|&last| (last as usize) < scene),
+            "what moves must be among {scene} Gaussians"
+        );
+        for MovingSample { means, quats } in samples {
+            assert_shape!(means, [movers, 3]);
+            assert_shape!(quats, [movers, 4]);
+        }
+        let indices = |values: Vec<i32>| Tensor::<1, Int>::from_data(values.as_slice(), (&means.device(), DType::I32));
+        let rows = indices(moving.iter().map(|&row| row as i32).collect());
+        if movers == 0 {
+            return Self { means, quats, scene, further: 0, moving: rows };
+        }
+        // Rows are exchanged by number, because a row that is not finite would survive any product with zero.
+        let mut taken: Vec<i32> = (0..scene as i32).collect();
+        moving.iter().enumerate().for_each(|(k, &row)| taken[row as usize] = (scene + k) as i32);
+        let taken = indices(taken);
+        let middle = samples.len() / 2;
+        let table = |scene: Tensor<2>, of: fn(&MovingSample) -> Tensor<2>| {
+            let first = Tensor::cat(vec![scene, of(&samples[middle])], 0).select(0, taken.clone());
+            let others = samples.iter().enumerate().filter(|(k, _)| *k != middle).map(|(_, sample)| of(sample));
+            concatenated(std::iter::once(first).chain(others).collect())
+        };
+        Self {
+            means: table(means, |sample| sample.means.clone()),
+            quats: table(quats, |sample| sample.quats.clone()),
+            scene,
+            further: samples.len() - 1,
+            moving: rows,
+        }
+    }
+
+    /// What every row of the table has of a parameter of the scene.
+    fn of_rows<const D: usize>(&self, parameter: Tensor<D>) -> Tensor<D> {
+        if self.further == 0 {
+            return parameter;
+        }
+        let moving = parameter.clone().select(0, self.moving.clone());
+        let mut parts = vec![parameter];
+        parts.resize(1 + self.further, moving);
+        Tensor::cat(parts, 0)
+    }
+
+    /// Colours of all rows. Each instant reads the same coefficients: they are by far the most numbers a Gaussian has.
+    fn colors(&self, sh: Tensor<3>, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
+        let movers = self.moving.dims()[0];
+        let part = |first: usize, count: usize, sh: Tensor<3>| {
+            let [means, rows] = [&self.means, projected].map(|rows| match self.further {
+                0 => rows.clone(),
+                _ => rows.clone().narrow(0, first, count),
+            });
+            sh_colors(means, sh, viewmat.clone(), rows, degree)
+        };
+        let mut parts = vec![part(0, self.scene, sh.clone())];
+        if self.further > 0 {
+            let sh = sh.select(0, self.moving.clone());
+            parts.extend((0..self.further).map(|k| part(self.scene + k * movers, movers, sh.clone())));
+        }
+        concatenated(parts)
+    }
+}
+
+/// One tensor below the other; a single one is not copied.
+fn concatenated(mut parts: Vec<Tensor<2>>) -> Tensor<2> {
+    if parts.len() == 1 { parts.remove(0) } else { Tensor::cat(parts, 0) }
+}
