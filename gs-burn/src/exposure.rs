@@ -72,6 +72,7 @@ impl ExposureRendering {
             color: channels(output.clone(), 0, 3),
             depth: self.image.depth.then(|| channels(output.clone(), 3, 1)),
             alpha: channels(output, self.image.output_channels() - 1, 1),
+            features: None,
             projected: self.projected.clone().narrow(0, 0, self.scene),
             intersections: self.intersections,
         }

@@ -52,4 +52,4 @@ pub use camera::{Camera, Intrinsics};
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;
-pub use render::{RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
+pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
