@@ -6,7 +6,7 @@
 
 use burn::tensor::{Int, Tensor, TensorData};
 
-use super::taylor_motion::TaylorMotion;
+use super::taylor_motion::{TaylorMotion, resized};
 
 /// Pixels of motion over half the window that nobody sees: a tenth of a pixel moves an edge of full contrast by a tenth
 /// of that contrast in one row of pixels.
@@ -76,15 +76,12 @@ pub fn prune(motion: &TaylorMotion, position_orders: &[usize], rotation_orders: 
     let index: Vec<i32> = kept.iter().map(|row| *row as i32).collect();
     let index = Tensor::from_data(TensorData::new(index, [kept.len()]), &motion.position.device());
     let cut = |tensor: &Tensor<2>, orders: &[usize]| {
-        let columns = (3 * highest(orders)).min(tensor.dims()[1]);
-        cut_to(tensor.clone().narrow(1, 0, columns), &index, orders)
+        let order = highest(orders).min(tensor.dims()[1] / 3);
+        cut_to(resized(tensor, 3 * order), &index, orders)
     };
     let motion = TaylorMotion {
-        rows: if kept.is_empty() {
-            motion.rows.clone().narrow(0, 0, 0)
-        } else {
-            motion.rows.clone().select(0, index.clone())
-        },
+        // Selecting nothing is not something every backend does.
+        rows: if kept.is_empty() { index.clone() } else { motion.rows.clone().select(0, index.clone()) },
         position: cut(&motion.position, &position_orders),
         rotation: cut(&motion.rotation, &rotation_orders),
         window: motion.window,
@@ -143,10 +140,15 @@ pub fn has_pattern(residuals: &[[f64; 3]]) -> bool {
         return false;
     }
     let n = count as f64;
-    let mean = [0, 1, 2].map(|axis| residuals.iter().map(|r| r[axis]).sum::<f64>() / n);
-    let product = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|i| (a[i] - mean[i]) * (b[i] - mean[i])).sum::<f64>();
-    let power: f64 = residuals.iter().map(|r| product(r, r)).sum();
-    let neighbours: f64 = residuals.windows(2).map(|pair| product(&pair[0], &pair[1])).sum();
-    // Chance: mean -1 / n since the mean was taken out, variance 1 / n (one axis moving; less with three).
-    power > 0.0 && neighbours / power + 1.0 / n > PATTERN / n.sqrt()
+    let axes = [0, 1, 2].map(|axis| {
+        let mean = residuals.iter().map(|r| r[axis]).sum::<f64>() / n;
+        let centred: Vec<f64> = residuals.iter().map(|r| r[axis] - mean).collect();
+        let neighbours = centred.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+        (centred.iter().map(|x| x * x).sum::<f64>(), neighbours)
+    });
+    let power: f64 = axes.iter().map(|axis| axis.0).sum();
+    let correlation = axes.iter().map(|axis| axis.1).sum::<f64>() / power;
+    // Chance: mean -1 / n, since the mean was taken out; variance 1 / n, over the number of axes that take part.
+    let concentration = axes.iter().map(|axis| (axis.0 / power).powi(2)).sum::<f64>();
+    power > 0.0 && correlation + 1.0 / n > PATTERN * (concentration / n).sqrt()
 }

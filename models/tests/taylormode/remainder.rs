@@ -16,7 +16,8 @@ fn it_vanishes_faster_than_the_polynomial() {
             let count = tensor.shape().num_elements();
             place.tensor(&random.values(count, -1.0, 1.0), tensor.dims())
         });
-        let mut motion = TaylorMotion::still(&[0, 1, 2], 0, 0, WINDOW, &place.device);
+        let motion = TaylorMotion::still(&[0, 1, 2], 0, 0, WINDOW, &place.device);
+        let mut motion = motion.map(|tensor| tensor.cast(place.dtype));
         motion.remainder = Some(network.evaluate(place.tensor(&random.values(9, -1.0, 1.0), [3, 3])));
         let steps = [1e-2, 1e-3, 1e-4];
         let sizes = steps.map(|s| largest(&values(&motion.displacement(WINDOW.t0 + s * WINDOW.half))));
@@ -32,8 +33,8 @@ fn it_starts_at_zero_and_one_step_moves_nothing_far() {
         let still = gaussians(place, &mut Random::new(2));
         let network = RemainderNetwork::new(2, [0.5; 3], scale, 3, &place.device)
             .map(|tensor| tensor.cast(place.dtype).autodiff().require_grad());
-        let mut motion = TaylorMotion::still(&[0, 1, 2, 3, 4, 5], 0, 0, WINDOW, &place.device);
-        motion.position = motion.position.cast(place.dtype);
+        let motion = TaylorMotion::still(&[0, 1, 2, 3, 4, 5], 0, 0, WINDOW, &place.device);
+        let mut motion = motion.map(|tensor| tensor.cast(place.dtype));
         motion.remainder = Some(network.evaluate(still.means.val()));
         let t = WINDOW.t0 + 0.9 * WINDOW.half;
         let displacement = motion.displacement(t);

@@ -18,7 +18,7 @@ fn the_remainder_starts_at_nothing_and_learns() {
         let wanted = map + 1.0;
         let first_loss = (last - wanted.clone()).square().mean();
         let gradients = first_loss.backward();
-        let stepped = peano.map(|leaf| leaf.clone().inner() - leaf.grad(&gradients).expect("tracked") * 0.01);
+        let stepped = peano.map(|leaf| leaf.clone().inner() - leaf.grad(&gradients).expect("tracked") * 1e-4);
         let loss = values(&(stepped.forward_map(wanted.clone() - 1.0, 0.3) - wanted).square().mean())[0];
         assert!(loss < values(&first_loss)[0], "{}: a step downhill leads to {loss}", place.name);
     }
