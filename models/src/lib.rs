@@ -16,6 +16,7 @@
 #![recursion_limit = "256"]
 
 mod dynamic;
+pub mod light;
 pub mod network;
 pub mod taylormode;
 

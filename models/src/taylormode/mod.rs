@@ -1,12 +1,51 @@
-//! TaylorMoDe-GS: sharp moving scenes out of blurred multi-view video.
+//! TaylorMoDe-GS: sharp moving scenes and their velocity out of blurred multi-view video.
+//!
+//! Each Gaussian moves along a Taylor series; its derivative is splatted to a velocity map, along which the sharp
+//! rendering is blurred until it looks like the photo. The paper is "TaylorMoDe-GS: Taylor-Driven Gaussian Splatting
+//! Motion Model for Multi-View Dynamic Scene Deblurring".
+//!
+//! | Paper | Here |
+//! |---|---|
+//! | 3.1, Eq. 2: Taylor motion | [`taylor_motion`], in the time of [`window`]; rotation likewise in [`rotation`] |
+//! | 3.1, Eq. 2: remainder `R_n(t)` | [`remainder`], in three dimensions |
+//! | 3.2, Eq. 3: velocity | [`TaylorMotion::velocity`] |
+//! | 3.2, Eq. 4: velocity splatting | the rasterizer's channels, fed with [`TaylorMotion::velocities`] |
+//! | 3.2, Eq. 5: Peano remainder network; Table 2, "w/o Taylor expansion" | [`velocity_map`] |
+//! | 3.3, Eq. 6: hybrid depth | [`blur_path::hybrid_depth`], with the prior of [`depth_alignment`] |
+//! | 3.3, Eq. 7: exposure samples, learnable exposure | [`exposure`] |
+//! | 3.3, Eq. 8 to 10: back-projection, camera-space velocity, re-projection | [`blur_path`], on rows of [`pixels`] |
+//! | 3.3, Eq. 11: blur weight network | [`blur_weights`] |
+//! | 3.3, Eq. 12: blurred colour | [`blur_synthesis`], reading the image with [`bilinear`](mod@bilinear) |
+//! | 3.4: gradient decoupling | [`blur_synthesis::decoupled`] |
+//! | 3.4, Eq. 13 to 19: losses | [`losses`] |
+//! | not in the paper: no more motion than a scene needs | [`shrinkage`], [`order`], [`summary`] |
 
+pub mod bilinear;
+pub mod blur_path;
+pub mod blur_synthesis;
+pub mod blur_weights;
+pub mod depth_alignment;
 pub mod exposure;
+pub mod losses;
+pub mod order;
+pub mod pixels;
 pub mod remainder;
 pub mod rotation;
+pub mod shrinkage;
+pub mod summary;
 pub mod taylor_motion;
+pub mod velocity_map;
 pub mod window;
 
+pub use bilinear::bilinear;
+pub use blur_synthesis::{blurred_color, decoupled};
+pub use blur_weights::BlurWeights;
+pub use depth_alignment::{Alignment, DepthSpace, align};
 pub use exposure::{Exposure, Samples};
+pub use order::{Evidence, Pruned};
+pub use pixels::Pixels;
 pub use remainder::{Remainder, RemainderNetwork};
+pub use summary::{FixedOrder, Size, Summary};
 pub use taylor_motion::{Instant, TaylorMotion, TaylorScene};
+pub use velocity_map::{DirectVelocity, PeanoMap};
 pub use window::TimeWindow;

@@ -49,8 +49,8 @@ pub fn product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     outer.reshape([rows, 16]).matmul(signs)
 }
 
-/// What turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[M, 3]` adds to them, `[M, 4]`; exactly zero for a
-/// rotation of zero.
+/// What turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[M, 3]` adds to them, `[M, 4]`; for a rotation of zero,
+/// so little (1e-17 of them) that the sum is `quats` to the last bit.
 pub fn turn(quats: Tensor<2>, rotation: Tensor<2>) -> Tensor<2> {
     product(exp_less_one(rotation), quats)
 }

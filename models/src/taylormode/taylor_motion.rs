@@ -210,13 +210,16 @@ fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
     coefficients.clone().matmul(Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
 }
 
-fn resized(coefficients: &Tensor<2>, columns: usize) -> Tensor<2> {
+/// `coefficients` with `columns` columns: new ones zero, surplus ones dropped.
+pub(super) fn resized(coefficients: &Tensor<2>, columns: usize) -> Tensor<2> {
     let [rows, present] = coefficients.dims();
-    if columns <= present {
-        return coefficients.clone().narrow(1, 0, columns);
+    let zeros = |columns| Tensor::zeros([rows, columns], (&coefficients.device(), coefficients.dtype()));
+    match columns {
+        _ if columns == present => coefficients.clone(),
+        _ if columns == 0 || present == 0 || rows == 0 => zeros(columns),
+        _ if columns < present => coefficients.clone().narrow(1, 0, columns),
+        _ => Tensor::cat(vec![coefficients.clone(), zeros(columns - present)], 1),
     }
-    let zeros = Tensor::zeros([rows, columns - present], (&coefficients.device(), coefficients.dtype()));
-    if present == 0 { zeros } else { Tensor::cat(vec![coefficients.clone(), zeros], 1) }
 }
 
 /// A scene some of whose Gaussians move.

@@ -6,10 +6,11 @@
 //! 1 would have learned there, and then goes on at constant velocity. Position and velocity stay continuous, order 1 is
 //! not changed at all, and no order can extrapolate much worse than order 1.
 
-/// Over which stretch of `s` past the edge a function returns to its straight line. Shorter, and the velocity jerks at
-/// the edge; longer, and a steep edge carries the Gaussian away before it turns: a slope `d` at the edge, relative to the
-/// line, adds at most `4/27 FADE d`.
-pub const FADE: f64 = 0.5;
+/// Over which stretch of `s` past the edge a function returns to its straight line; the same for all, so that what
+/// cancels between the powers at the edge keeps cancelling. Shorter, and the velocity jerks at the edge; longer, and a
+/// steep edge carries the Gaussian away before it turns: a slope `d` at the edge, relative to the line, adds at most
+/// `4/27 FADE d`. With 0.5 orders 2 to 5 fitted to a bounce extrapolate up to 21 % worse than order 1, with 0.25 up to 5 %.
+pub const FADE: f64 = 0.25;
 
 /// A window of time `[t0 - half, t0 + half]`, in the data set's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,16 +31,22 @@ pub struct Sample {
 }
 
 impl TimeWindow {
-    /// The smallest window that holds all `times`, each with an exposure of length `exposure` around it. A window
-    /// without length (one time, no exposure) gets half-length 1.
+    /// The window of frames taken at `times` (in any order, repeats allowed), each with the shutter open for `exposure`.
+    ///
+    /// It reaches half a frame interval, or half an exposure if that is longer, past the first and the last frame, so
+    /// that each frame is the middle of its share of the window: then the best line over the window is the one that
+    /// the frames themselves would give, and no exposure leaves the window. A single instant gets half-length 1.
     ///
     /// # Panics
     /// Without times.
     pub fn covering(times: impl IntoIterator<Item = f64>, exposure: f64) -> Self {
-        let ends = |(low, high): (f64, f64), t: f64| (low.min(t), high.max(t));
-        let (low, high) = times.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
-        assert!(low <= high, "a window needs at least one time");
-        let half = 0.5 * (high - low + exposure.max(0.0));
+        let mut times: Vec<f64> = times.into_iter().collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        assert!(!times.is_empty(), "a window needs at least one time");
+        let (low, high) = (times[0], times[times.len() - 1]);
+        let interval = (high - low) / (times.len() - 1).max(1) as f64;
+        let half = 0.5 * (high - low + interval.max(exposure));
         Self { t0: 0.5 * (low + high), half: if half > 0.0 { half } else { 1.0 } }
     }
 

@@ -1,0 +1,55 @@
+//! An image between its pixels: bilinear sampling, differentiable by image and place (for Eq. 12).
+
+use burn::tensor::Tensor;
+
+/// Colours of `image` `[H, W, C]` at `places` `[P, 2]` (x, y in pixels, the first pixel's centre at (0.5, 0.5)), `[P, C]`.
+///
+/// Beyond the outermost centres the image goes on as it is at its border. The gradient by place is the slope of the
+/// bilinear patch, zero beyond the border; on a line between two patches it is that of the right or lower one.
+///
+/// # Panics
+/// When the image has no pixels.
+pub fn bilinear(image: Tensor<3>, places: Tensor<2>) -> Tensor<2> {
+    let [height, width, channels] = image.dims();
+    let count = places.dims()[0];
+    assert!(height > 0 && width > 0, "an image to sample must have pixels, it has {width} x {height}");
+    // Patches are named by their first pixel; an image one pixel wide has one patch, of which only that side is used.
+    let x = Axis::new(places.clone().narrow(1, 0, 1), width);
+    let y = Axis::new(places.narrow(1, 1, 1), height);
+    let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+    // One look-up for all four corners: its backward pass then writes into one image and not into four.
+    let index = corners.map(|(right, below)| x.pixel(right) + y.pixel(below) * width as f64);
+    let share = corners.map(|(right, below)| x.share(right) * y.share(below));
+    // Pixel numbers are whole below 2^24, the last an f32 counts to. What is not a number becomes some pixel: the
+    // shares still carry it.
+    let last = (height * width - 1) as i64;
+    let index = Tensor::cat(index.to_vec(), 0).reshape([4 * count]).int().clamp(0, last);
+    let colors = image.reshape([height * width, channels]).select(0, index);
+    (colors * Tensor::cat(share.to_vec(), 0)).reshape([4, count, channels]).sum_dim(0).reshape([count, channels])
+}
+
+/// Where places lie along one axis.
+struct Axis {
+    /// `[P, 1]`, number of the pixel at or before each, no gradient.
+    first: Tensor<2>,
+    /// `[P, 1]`, 0 at that pixel's centre, 1 at the next one's.
+    fraction: Tensor<2>,
+    last: f64,
+}
+
+impl Axis {
+    fn new(places: Tensor<2>, pixels: usize) -> Self {
+        let last = (pixels - 1) as f64;
+        let places = (places - 0.5).clamp(0.0, last);
+        let first = places.clone().detach().floor().clamp(0.0, (last - 1.0).max(0.0));
+        Self { fraction: places - first.clone(), first, last }
+    }
+
+    fn pixel(&self, next: f64) -> Tensor<2> {
+        (self.first.clone() + next).clamp_max(self.last)
+    }
+
+    fn share(&self, next: f64) -> Tensor<2> {
+        if next > 0.0 { self.fraction.clone() } else { -self.fraction.clone() + 1.0 }
+    }
+}
