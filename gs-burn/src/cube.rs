@@ -1,19 +1,24 @@
 //! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers and go to
-//! [`gs_kernels::cube`]. Everything computes in `f32`, and nothing leaves the device but the number of intersections.
+//! [`gs_kernels::cube`]. Everything computes in `f32`, and nothing leaves the device but the number of intersections, and the
+//! rows from which an exposure's lists are made.
 
+use burn::backend::Backend;
+use burn::backend::tensor::IntTensor;
 use burn::tensor::{DType, Shape};
 use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
 use gs_kernels::config::{AdamConfig, ProjectionConfig, ShConfig};
+use gs_kernels::constants::TILE;
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{adam, channels, intersect, projection, rasterize, sh, ssim};
+use gs_kernels::cube::{adam, channels, exposure, intersect, projection, rasterize, sh, ssim};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::adam::{AdamKernels, AdamState};
 use crate::ops::channels::ChannelsKernels;
+use crate::ops::exposure::{AverageConfig, AverageKernels, TileShares};
 use crate::ops::intersect::{IntersectKernels, IntersectionLists};
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeGradients, RasterizeInputs, RasterizeKernels};
@@ -67,13 +72,24 @@ impl Place {
     }
 
     fn lists(&self, lists: IntersectionLists<CubeBackend>) -> intersect::Intersections {
+        let placed = lists.places.meta.shape()[0];
+        let tile_offsets = match placed {
+            0 => lists.tile_offsets,
+            _ => joined::<CubeBackend>(lists.tile_offsets, lists.places),
+        };
         intersect::Intersections {
-            tile_offsets: self.ints(lists.tile_offsets),
+            tile_offsets: self.ints(tile_offsets),
+            placed,
             gaussian_ids: self.ints(lists.gaussian_ids),
             gaussian_offsets: self.ints(lists.gaussian_offsets),
             positions: self.ints(lists.positions),
         }
     }
+}
+
+/// One list behind the other.
+fn joined<B: Backend>(first: IntTensor<B>, second: IntTensor<B>) -> IntTensor<B> {
+    B::int_cat(vec![first, second], 0)
 }
 
 /// Burn's operations return tensors, not results, so what the device cannot carry ends here.
@@ -177,19 +193,21 @@ impl IntersectKernels for CubeBackend {
             gaussian_ids: place.int_tensor(lists.gaussian_ids),
             gaussian_offsets: place.int_tensor(lists.gaussian_offsets),
             positions: place.int_tensor(lists.positions),
+            places: place.int_tensor(unwrap(Buffer::empty(&place.client, "no places of tiles", 0))),
         }
     }
 }
 
 impl RasterizeKernels for CubeBackend {
     fn rasterize_forward(inputs: RasterizeInputs<Self>) -> CubeTensor {
+        let shape = inputs.output_shape();
         let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
         let place = Place::of(&projected);
         let [projected, opacities, features, background] =
             [projected, opacities, features, background].map(|t| place.floats(t));
         let lists = place.lists(intersections);
         let image = rasterize::forward(&place.client, &config, &projected, &opacities, &features, &background, &lists);
-        place.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.output_channels()])
+        place.float_tensor(unwrap(image), shape)
     }
 
     // The kernel walks front to back once more for what it needs, so it has no use for the output.
@@ -236,6 +254,26 @@ impl ChannelsKernels for CubeBackend {
         let [height, width, count] = v.meta.shape().dims();
         let whole = channels::backward(&place.client, &place.floats(v), total, first, count);
         place.float_tensor(unwrap(whole), [height, width, total])
+    }
+}
+
+impl AverageKernels for CubeBackend {
+    fn average_forward(tiles: CubeTensor, shares: &TileShares, config: &AverageConfig) -> CubeTensor {
+        let place = Place::of(&tiles);
+        let image = exposure::average(&place.client, config, shares, &place.floats(tiles));
+        place.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.channels])
+    }
+
+    fn average_backward(
+        tiles: CubeTensor,
+        shares: &TileShares,
+        config: &AverageConfig,
+        v_image: CubeTensor,
+    ) -> CubeTensor {
+        let place = Place::of(&tiles);
+        let [tiles, v_image] = [tiles, v_image].map(|t| place.floats(t));
+        let v_tiles = exposure::average_backward(&place.client, config, shares, &tiles, &v_image);
+        place.float_tensor(unwrap(v_tiles), [shares.tiles(), TILE * TILE, config.channels])
     }
 }
 

@@ -256,7 +256,7 @@ fn average_backward_is_the_derivative() {
         average(&config, &case.shares, drawn).iter().zip(&weights).map(|(value, weight)| value * weight).sum()
     };
     let (h, mut met) = (1e-5, 0);
-    for at in (0..drawn.len()).step_by(drawn.len() / 400 | 1) {
+    for at in (0..drawn.len()).step_by((drawn.len() / 400) | 1) {
         let value = drawn[at];
         drawn[at] = value + h;
         let up = weigh(&drawn);

@@ -18,6 +18,7 @@ fn lists(found: &Intersections) -> cpu::intersect::Intersections {
         gaussian_ids: read(&found.gaussian_ids),
         gaussian_offsets: read(&found.gaussian_offsets),
         positions: read(&found.positions),
+        places: Vec::new(),
     }
 }
 

@@ -7,6 +7,8 @@ mod support;
 
 mod adam;
 mod channels;
+#[cfg(feature = "flex")]
+mod exposure;
 mod intersect;
 mod projection;
 mod rasterize;

@@ -36,7 +36,8 @@ impl Case {
     fn device_lists(&self) -> Intersections {
         let upload = |list: &[i32]| up_u32(&list.iter().map(|&v| v as u32).collect::<Vec<_>>());
         Intersections {
-            tile_offsets: upload(&self.lists.tile_offsets),
+            tile_offsets: upload(&[&self.lists.tile_offsets[..], &self.lists.places].concat()),
+            placed: self.lists.places.len(),
             gaussian_ids: upload(&self.lists.gaussian_ids),
             gaussian_offsets: upload(&self.lists.gaussian_offsets),
             positions: upload(&self.lists.positions),
@@ -149,6 +150,38 @@ impl Case {
 #[test]
 fn three_channels() {
     Case::new(&Scene::random(70, 250, 70, 45), 3, false, 1).check(2, 1e-3);
+}
+
+/// The first half of the Gaussians stand still, the others are there at three instants.
+#[test]
+fn tiles_of_several_instants() {
+    for (depth, seed) in [(false, 31), (true, 32)] {
+        let scene = Scene::random(seed, 240, 70, 45);
+        let mut case = Case::new(&scene, 3, depth, seed + 10);
+        // Rows 120.. are the movers at the first instant, then at two more.
+        let moving: Vec<u32> = (80..120).collect();
+        (case.projected, case.opacities, case.features) =
+            (case.projected[..200 * 8].to_vec(), case.opacities[..200].to_vec(), case.features[..200 * 3].to_vec());
+        let RasterizeConfig { width, height, .. } = case.config;
+        let (lists, shares) = cpu::exposure::intersect_instants(
+            &case.projected,
+            &case.opacities,
+            &case.features,
+            width,
+            height,
+            3,
+            120,
+            &moving,
+        );
+        assert!(shares.tiles() > shares.grid());
+        case.lists = lists;
+        case.check(seed + 20, 1e-3);
+
+        let v = Random(seed + 30).list(shares.tiles() * 256 * case.config.output_channels(), -1.0, 1.0);
+        let (whole, part) = (case.backward(&v), case.backward_within(&v, 100 * 4 * 12));
+        assert_eq!(down(&whole.projected), down(&part.projected), "little memory");
+        assert_eq!(down(&whole.background), down(&part.background), "little memory");
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ const WIDTH: usize = 50;
 const HEIGHT: usize = 37;
 
 /// The device under test, with gradients.
-fn gpu() -> Device {
+pub fn gpu() -> Device {
     let name = ["cuda", "metal", "vulkan", "wgpu"]
         .into_iter()
         .zip([cfg!(feature = "cuda"), cfg!(feature = "metal"), cfg!(feature = "vulkan"), cfg!(feature = "wgpu")])
@@ -20,7 +20,8 @@ fn gpu() -> Device {
     device::select(name).expect("the device works").autodiff()
 }
 
-fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+/// On the host.
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().iter::<f32>().collect()
 }
 

@@ -131,7 +131,7 @@ pub fn intersect_instants<F: Real>(
         count >= scene && (count - scene).is_multiple_of(movers.max(1)),
         "rows must be [scene + instants * moving]"
     );
-    let further = if movers == 0 { 0 } else { (count - scene) / movers };
+    let further = (count - scene).checked_div(movers).unwrap_or(0);
     let (columns, rows) = tile_grid(width, height);
     let grid = columns * rows;
 

@@ -35,8 +35,11 @@ const NO_DEPTH: u32 = u32::MAX;
 /// Tiles and the Gaussians that touch them, on the device; see [`crate::cpu::intersect::Intersections`].
 #[derive(Clone, Debug)]
 pub struct Intersections {
-    /// `[tiles + 1]`
+    /// `[tiles + 1]`; where the lists have [places](crate::cpu::intersect::Intersections::places), those `[tiles]` follow
+    /// in the same buffer, because the backward kernel has no binding left.
     pub tile_offsets: Buffer,
+    /// Number of lists with a place; 0 when the tiles are those of the image in order.
+    pub placed: usize,
     /// `[M]`, by tile, then depth, then index.
     pub gaussian_ids: Buffer,
     /// `[N + 1]`
@@ -378,5 +381,5 @@ pub fn intersect(
             pair_count,
         );
     }
-    Ok(Intersections { tile_offsets, gaussian_ids, gaussian_offsets, positions })
+    Ok(Intersections { tile_offsets, placed: 0, gaussian_ids, gaussian_offsets, positions })
 }

@@ -28,7 +28,10 @@ pub(super) struct Plan {
     pub width: u32,
     pub height: u32,
     pub columns: usize,
+    /// Lists of Gaussians, one a tile.
     pub tiles: usize,
+    /// Whether each list is for a tile of its own choice, and the output is tiles, not an image.
+    pub placed: bool,
 }
 
 impl Plan {
@@ -47,7 +50,9 @@ impl Plan {
         assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8] for {count} opacities");
         assert_eq!(features.len(), count * config.channels, "features must be [N, C] for {count} opacities");
         assert_eq!(background.len(), config.channels, "background must be [C]");
-        assert_eq!(lists.tile_offsets.len(), columns * rows + 1, "tile_offsets must be [tiles + 1]");
+        let placed = lists.placed > 0;
+        let tiles = if placed { lists.placed } else { columns * rows };
+        assert_eq!(lists.tile_offsets.len(), tiles + 1 + lists.placed, "tile_offsets must be [tiles + 1], then places");
         assert_eq!(lists.gaussian_offsets.len(), count + 1, "gaussian_offsets must be [N + 1]");
         assert_eq!(lists.positions.len(), lists.gaussian_ids.len(), "positions must be as long as gaussian_ids");
         Self {
@@ -57,13 +62,19 @@ impl Plan {
             width: config.width,
             height: config.height,
             columns,
-            tiles: columns * rows,
+            tiles,
+            placed,
         }
     }
 
     /// Channels blended: features, and depth if it is accumulated.
     pub fn blended(&self) -> usize {
         self.channels + usize::from(self.depth)
+    }
+
+    /// Pixels of the output: the image's, or those of all tiles.
+    pub fn pixels(&self) -> usize {
+        if self.placed { self.tiles * PIXELS } else { self.width as usize * self.height as usize }
     }
 
     /// Values in an attribute row.
@@ -158,4 +169,24 @@ pub(super) fn stage(
         staged[(gaussian as usize) * stride + column as usize] = attributes[id * stride + column as usize];
         k += units;
     }
+}
+
+/// Which tile of the image list `tile` of `tiles` is for; where the lists are `placed`, behind their offsets.
+#[cube]
+pub(super) fn place_of(tile_offsets: &[u32], tile: u32, tiles: u32, #[comptime] placed: bool) -> u32 {
+    let mut place = tile;
+    if comptime!(placed) {
+        place = tile_offsets[(tiles + 1u32 + tile) as usize];
+    }
+    place
+}
+
+/// Number in the output of the pixel (`x`, `y`) of the image, which is pixel `own` of list `tile`.
+#[cube]
+pub(super) fn output_pixel(x: u32, y: u32, width: u32, tile: u32, own: u32, #[comptime] placed: bool) -> usize {
+    let mut pixel = y as usize * width as usize + x as usize;
+    if comptime!(placed) {
+        pixel = tile as usize * PIXELS + own as usize;
+    }
+    pixel
 }

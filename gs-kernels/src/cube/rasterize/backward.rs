@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use cubecl::prelude::*;
 
-use super::attributes::{GEOMETRY, PIXELS, Plan, stage};
+use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
 use super::forward::UNROLLED;
 use super::gather::{add_pairs, finish};
 use crate::config::RasterizeConfig;
@@ -94,8 +94,10 @@ fn rasterize_backward_kernel(
     tile_columns: u32,
     first_tile: u32,
     tiles: u32,
+    all_tiles: u32,
     #[comptime] channels: usize,
     #[comptime] depth: bool,
+    #[comptime] placed: bool,
     #[comptime] batch: u32,
 ) {
     if CUBE_POS >= tiles as usize {
@@ -112,8 +114,9 @@ fn rasterize_backward_kernel(
 
     let tile = first_tile + CUBE_POS as u32;
     let unit = UNIT_POS as usize;
-    let x = tile % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
-    let y = tile / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
+    let place = place_of(tile_offsets, tile, all_tiles, placed);
+    let x = place % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
+    let y = place / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
     let pixel_x = f32::cast_from(x) + 0.5f32;
     let pixel_y = f32::cast_from(y) + 0.5f32;
 
@@ -199,7 +202,8 @@ fn rasterize_backward_kernel(
     for j in 0..OWN {
         let row = y + comptime!((j * ROWS) as u32);
         let inside = x < width && row < height;
-        let pixel = (row as usize * width as usize + x as usize) * comptime!(blended + 1);
+        let own = UNIT_POS + comptime!((j * UNITS) as u32);
+        let pixel = output_pixel(x, row, width, tile, own, placed) * comptime!(blended + 1);
         #[unroll(unroll)]
         for c in 0..comptime!(blended + 1) {
             let mut value = 0.0f32;
@@ -332,7 +336,7 @@ fn rasterize_backward_kernel(
 /// twelve million pairs.
 pub const PAIR_BYTES: usize = 512 << 20;
 
-/// Backward of [`super::forward`] from `v_output` `[H, W, C + depth + 1]`; the twin of
+/// Backward of [`super::forward`] from `v_output` in the shape of its result; the twin of
 /// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero.
 ///
 /// # Errors
@@ -373,8 +377,8 @@ pub fn backward_within(
     pair_bytes: usize,
 ) -> Result<RasterizeGradients, CubeError> {
     let plan = Plan::new(config, projected, opacities, features, background, lists);
-    let pixels = plan.width as usize * plan.height as usize;
-    assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must be [H, W, C + depth + 1]");
+    let pixels = plan.pixels();
+    assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must have the shape of the output");
     let row_len = MOMENTS + plan.blended();
     let attributes = plan.pack(client, projected, opacities, features)?;
     let backgrounds = Buffer::empty(client, "gradients of the background by tile", plan.tiles * plan.channels)?;
@@ -400,8 +404,10 @@ pub fn backward_within(
                 plan.columns as u32,
                 tiles.start as u32,
                 tiles.len() as u32,
+                plan.tiles as u32,
                 plan.channels,
                 plan.depth,
+                plan.placed,
                 plan.batch(STAGE) as u32,
             );
         }

@@ -2,7 +2,7 @@
 
 use cubecl::prelude::*;
 
-use super::attributes::{GEOMETRY, PIXELS, Plan, stage};
+use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
 use crate::config::RasterizeConfig;
 use crate::constants::TILE;
 use crate::cube::blend::{ALPHA_MIN, TRANSMITTANCE_MIN, capped, sight};
@@ -32,6 +32,7 @@ fn rasterize_forward_kernel(
     tiles: u32,
     #[comptime] channels: usize,
     #[comptime] depth: bool,
+    #[comptime] placed: bool,
     #[comptime] batch: u32,
 ) {
     if CUBE_POS >= tiles as usize {
@@ -41,8 +42,9 @@ fn rasterize_forward_kernel(
     let stride = comptime!(GEOMETRY + channels + depth as usize);
     let unroll = comptime!(channels <= UNROLLED);
     let tile = CUBE_POS as u32;
-    let x = tile % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
-    let y = tile / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
+    let place = place_of(tile_offsets, tile, tiles, placed);
+    let x = place % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
+    let y = place / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
     let pixel_x = f32::cast_from(x) + 0.5f32;
     let pixel_y = f32::cast_from(y) + 0.5f32;
     let inside = x < width && y < height;
@@ -104,8 +106,13 @@ fn rasterize_forward_kernel(
         }
     }
 
+    let pixel = output_pixel(x, y, width, tile, UNIT_POS, placed) * comptime!(blended + 1);
+    if comptime!(placed) && !inside {
+        for value in 0..comptime!(blended + 1) {
+            output[pixel + value] = 0.0f32;
+        }
+    }
     if inside {
-        let pixel = (y as usize * width as usize + x as usize) * comptime!(blended + 1);
         #[unroll(unroll)]
         for c in 0..channels {
             let behind = background[c];
@@ -118,8 +125,8 @@ fn rasterize_forward_kernel(
     }
 }
 
-/// Renders: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]` to `[H, W, C + depth + 1]`;
-/// the twin of [`crate::cpu::rasterize::forward`].
+/// Renders: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]` to `[H, W, C + depth + 1]`, or
+/// `[tiles, 16, 16, C + depth + 1]` where the lists have places; the twin of [`crate::cpu::rasterize::forward`].
 ///
 /// # Errors
 /// When a buffer would be too large.
@@ -136,7 +143,7 @@ pub fn forward(
     lists: &Intersections,
 ) -> Result<Buffer, CubeError> {
     let plan = Plan::new(config, projected, opacities, features, background, lists);
-    let pixels = plan.width as usize * plan.height as usize;
+    let pixels = plan.pixels();
     let output = Buffer::empty(client, "rendered image", pixels * config.output_channels())?;
     if pixels == 0 {
         return Ok(output);
@@ -157,6 +164,7 @@ pub fn forward(
         plan.tiles as u32,
         plan.channels,
         plan.depth,
+        plan.placed,
         plan.batch(STAGE) as u32,
     );
     Ok(output)
