@@ -367,7 +367,7 @@ pub struct SynthDeblurArgs {
     pub frames: u32,
 
     /// Moments that each blurry frame is averaged over
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024), value_name = "N")]
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(16..=4096), value_name = "N")]
     pub subframes: u32,
 
     /// How long the shutter is open, in frame intervals
@@ -378,16 +378,16 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     pub speed: f64,
 
-    /// Leave out the priors (depth, masks and pseudo-sharp photos with realistic faults)
+    /// Write the priors (depth, masks, pseudo-sharp photos) without faults
     #[arg(long)]
-    pub no_priors: bool,
-
-    /// Write the priors without faults
-    #[arg(long, conflicts_with = "no_priors")]
     pub perfect_priors: bool,
 
-    /// Seed of textures and faults
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    /// Points to start from, noisy ones on surfaces; 0: none
+    #[arg(long, default_value_t = 4000, value_name = "N")]
+    pub points: usize,
+
+    /// Seed of textures, still bodies and faults
+    #[arg(long, default_value_t = 0, value_name = "N")]
     pub seed: u64,
 }
 
@@ -419,9 +419,13 @@ pub struct BlurFromFramesArgs {
     #[arg(long, default_value_t = 5, value_name = "N")]
     pub window: usize,
 
-    /// Frames from one blurry frame to the next
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    /// Frames from one blurry frame to the next; below the window exposures overlap
+    #[arg(long, default_value_t = 5, value_name = "N")]
     pub stride: usize,
+
+    /// The data set's masks show what moves in white: keep them as priors and for measuring
+    #[arg(long)]
+    pub moving_masks: bool,
 
     /// Downscale to this width first, pixels
     #[arg(long, value_name = "PIXELS")]

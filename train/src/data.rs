@@ -2,6 +2,7 @@
 //! as tensors ([`Photos`]).
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, Intrinsics};
@@ -165,8 +166,9 @@ pub struct Hints {
     pub pixels: Option<Pixels>,
     /// The photo as a deblurring network would have it, `[H, W, 3]`.
     pub sharp: Option<Tensor<3>>,
-    /// `[H, W, 1]`, with what its values mean; 0 where unknown.
-    pub depth: Option<(Tensor<3>, DepthSpace, bool)>,
+    /// `[H * W]`, 0 where unknown, with what its values mean and whether they are in scene units; on the host, where priors
+    /// are aligned.
+    pub depth: Option<(Arc<Vec<f32>>, DepthSpace, bool)>,
     /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
     pub guide: Option<[f64; 3]>,
 }
@@ -256,10 +258,7 @@ pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
 
 fn upload(view: &View, device: &Device) -> Photo {
     let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
-    let depth = |prior: &DepthPrior| {
-        let values = TensorData::new(prior.values.clone(), [view.height, view.width, 1]);
-        (Tensor::from_data(values, device), prior.space, prior.metric)
-    };
+    let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
     Photo {
         camera: camera(view, device),
         image: tensor(&view.image.data, 3),

@@ -90,7 +90,7 @@ fn table(runs: &[EvalFile]) -> String {
                 e.gaussians,
                 e.motion.as_ref().map_or("–".into(), |motion| motion.cost.moving.to_string()),
                 e.motion.as_ref().map_or("–".into(), |motion| format!("{:.2}", motion.cost.mean_order)),
-                megabytes((e.bytes + e.motion.as_ref().map_or(0, |motion| motion.cost.bytes)) as u64),
+                megabytes(e.motion.as_ref().map_or(e.bytes, |motion| motion.cost.bytes) as u64),
                 e.seconds,
                 e.peak_memory_bytes.map_or("–".into(), megabytes)
             )

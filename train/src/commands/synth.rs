@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::synthetic::blur_from_frames::{BlurFromFrames, blur_from_frames};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults, World};
+use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, WorldName};
@@ -39,11 +39,8 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         exposure: args.exposure,
         speed: args.speed,
         seed: args.seed,
-        priors: match (args.no_priors, args.perfect_priors) {
-            (true, _) => None,
-            (_, true) => Some(PriorFaults::none()),
-            _ => Some(PriorFaults::default()),
-        },
+        points: args.points,
+        priors: if args.perfect_priors { PriorFaults::none() } else { PriorFaults::default() },
     };
     let bar = bar();
     deblur::write(&args.out, &options, |done, total| {
@@ -56,9 +53,24 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
 }
 
 fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
-    let options = BlurFromFrames { window: args.window, stride: args.stride, max_width: args.max_width };
-    blur_from_frames(&args.dataset, &args.out, &options)?;
-    print(format!("{}: a blurry data set with its sharp frames as truth", args.out.display()));
+    let options = BlurFromFrames {
+        window: args.window,
+        stride: args.stride,
+        max_width: args.max_width,
+        moving_masks: args.moving_masks,
+    };
+    let made = blur_from_frames(&args.dataset, &args.out, &options)?;
+    for warning in &made.warnings {
+        print(format!("warning: {warning}"));
+    }
+    print(format!(
+        "{}: {} blurry photos of {} cameras with their sharp frames as truth, {} cameras held out, exposure {:.4}",
+        args.out.display(),
+        made.photos,
+        made.train_cameras,
+        made.test_cameras,
+        made.exposure
+    ));
     Ok(ExitCode::SUCCESS)
 }
 

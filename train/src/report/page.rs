@@ -120,11 +120,15 @@ fn motion_cards(last: &Evaluation) -> Vec<(&'static str, String, String)> {
         thousands(cost.moving),
         format!("<small>{:.0} % are static; mean order {:.2}</small>", 100.0 * cost.static_share, cost.mean_order),
     ));
-    let share = 100.0 * (1.0 - cost.parameters as f64 / cost.fixed_parameters.max(1) as f64);
     cards.push((
         "Numbers of motion",
-        thousands(cost.parameters),
-        format!("<small>{share:.0} % fewer than one order for all ({})</small>", thousands(cost.fixed_parameters)),
+        thousands(cost.motion_parameters),
+        format!(
+            "<small>{:.0} % fewer than one order for all ({}); all numbers of the scene: {}</small>",
+            100.0 * cost.saved(),
+            thousands(cost.fixed_motion_parameters),
+            thousands(cost.parameters)
+        ),
     ));
     cards
 }

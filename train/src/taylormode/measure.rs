@@ -6,14 +6,14 @@ use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
 use gs_burn::{Extras, Gaussians, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::Motion;
-use gs_models::taylormode::{Samples, TaylorScene};
+use gs_models::taylormode::{FixedOrder, Samples, Size, Summary, TaylorScene};
 use serde::{Deserialize, Serialize};
 
 use crate::data::{camera, to_tensor};
 use crate::experiment::Config;
 use crate::metrics::psnr;
 use crate::parameters::to_host;
-use crate::taylormode::state::MotionState;
+use crate::taylormode::state::{MotionState, Network};
 
 /// Samples a measured blur is formed with, whatever the training used: enough that more change nothing visible up to about
 /// sixty pixels of motion.
@@ -42,7 +42,7 @@ pub struct MotionScores {
     pub cost: MotionCost,
 }
 
-/// What the motion costs, beside the same Gaussians with a fixed order everywhere.
+/// What the scene costs, beside the same Gaussians with a fixed order everywhere.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotionCost {
     /// Gaussians that move.
@@ -51,11 +51,15 @@ pub struct MotionCost {
     pub static_share: f64,
     /// Mean order of the paths of those that move.
     pub mean_order: f64,
-    /// Gaussians by order of their path, from 0 on; order 0 is static.
+    /// Gaussians by order of their path, from 0 on.
     pub orders: Vec<usize>,
-    /// Numbers that describe motion: coefficients of paths and rotations that are not zero by order, and networks.
-    pub parameters: usize,
+    /// Numbers that describe motion: coefficients of paths and rotations up to each Gaussian's order, and the 3D remainder.
+    pub motion_parameters: usize,
     /// The same with order `motion.order` and `motion.rotation_order` for every Gaussian.
+    pub fixed_motion_parameters: usize,
+    /// All numbers of the scene.
+    pub parameters: usize,
+    /// All numbers with fixed orders for every Gaussian.
     pub fixed_parameters: usize,
     /// Bytes of `parameters` as f32, with a row number per moving Gaussian.
     pub bytes: usize,
@@ -75,7 +79,7 @@ pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config
         velocity_magnitude: median(magnitudes),
         exposure,
         exposure_error: said.map(|said| (exposure / said - 1.0).abs()),
-        cost: cost(state, gaussians.len(), config),
+        cost: cost(state, gaussians, config),
     }
 }
 
@@ -130,27 +134,37 @@ fn velocity_errors(model: &TaylorScene, views: &[View], config: &Config) -> (Vec
     (angles, magnitudes)
 }
 
-/// What the motion of a state costs.
-pub fn cost(state: &MotionState, gaussians: usize, config: &Config) -> MotionCost {
-    let moving = state.rows.len();
-    let mut orders = vec![0; config.motion.order + 1];
-    orders[0] = gaussians - moving;
-    for order in &state.orders {
-        orders[usize::from(*order)] += 1;
-    }
-    let blocks: usize = state.orders.iter().chain(&state.rotation_orders).map(|order| usize::from(*order)).sum();
-    let tensors = state.networks.iter().flat_map(|network| &network.tensors);
-    let networks: usize = tensors.map(|tensor| tensor.value.dims().iter().product::<usize>()).sum();
-    let parameters = 3 * blocks + networks;
-    let order_sum: usize = state.orders.iter().map(|order| usize::from(*order)).sum();
+/// What a scene costs.
+fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCost {
+    let usize_of = |orders: &[u8]| -> Vec<usize> { orders.iter().map(|order| usize::from(*order)).collect() };
+    // Rendering needs the 3D remainder; the other networks only form blur in training.
+    let remainder = state.networks.iter().filter(|network| network.kind == Network::Remainder);
+    let network = remainder.flat_map(|network| &network.tensors).map(|tensor| tensor.value.dims().iter().product::<usize>());
+    let size = Size {
+        gaussians: gaussians.len(),
+        sh_coefficients: gaussians.sh.dims()[1],
+        position_orders: usize_of(&state.orders),
+        rotation_orders: usize_of(&state.rotation_orders),
+        network: network.sum(),
+    };
+    let fixed = FixedOrder {
+        gaussians: size.gaussians,
+        sh_coefficients: size.sh_coefficients,
+        position: config.motion.order,
+        rotation: config.motion.rotation_order,
+    };
+    let blocks: usize = size.position_orders.iter().chain(&size.rotation_orders).sum();
+    let summary = Summary::new(&size, &fixed);
     MotionCost {
-        moving,
-        static_share: 1.0 - moving as f64 / gaussians.max(1) as f64,
-        mean_order: order_sum as f64 / moving.max(1) as f64,
-        orders,
-        parameters,
-        fixed_parameters: 3 * gaussians * (config.motion.order + config.motion.rotation_order) + networks,
-        bytes: 4 * (parameters + moving),
+        moving: state.rows.len(),
+        static_share: summary.static_share,
+        mean_order: size.position_orders.iter().sum::<usize>() as f64 / state.rows.len().max(1) as f64,
+        orders: summary.histogram,
+        motion_parameters: 3 * blocks + size.network,
+        fixed_motion_parameters: 3 * size.gaussians * (fixed.position + fixed.rotation),
+        parameters: summary.parameters,
+        fixed_parameters: summary.fixed_order_parameters,
+        bytes: summary.bytes,
     }
 }
 
@@ -160,9 +174,9 @@ impl MotionScores {
         let optional = |text: &str, value: Option<f64>, unit: &str| {
             value.map_or(String::new(), |value| format!("{text} {value:.2}{unit}, "))
         };
-        let saved = 100.0 * (1.0 - self.cost.parameters as f64 / self.cost.fixed_parameters.max(1) as f64);
+        let saved = 100.0 * self.cost.saved();
         format!(
-            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}, {} numbers ({saved:.0} % fewer than fixed order)",
+            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}, {} numbers of motion ({saved:.0} % fewer than fixed order)",
             optional("blurry PSNR", self.blurry_psnr, " dB"),
             optional("velocity off by", self.velocity_angle, " degrees"),
             optional("speed off by", self.velocity_magnitude.map(|x| 100.0 * x), " %"),
@@ -171,8 +185,15 @@ impl MotionScores {
             self.cost.moving,
             100.0 * self.cost.static_share,
             self.cost.mean_order,
-            self.cost.parameters,
+            self.cost.motion_parameters,
         )
+    }
+}
+
+impl MotionCost {
+    /// Share of the fixed orders' numbers of motion that this scene does without.
+    pub fn saved(&self) -> f64 {
+        1.0 - self.motion_parameters as f64 / self.fixed_motion_parameters.max(1) as f64
     }
 }
 

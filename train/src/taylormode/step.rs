@@ -1,22 +1,21 @@
 //! One step on one blurry photo: form the image, compare, add the priors, go back (Eq. 13 to 19).
 
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use burn::tensor::{IndexingUpdateOp, Tensor, TensorData};
 use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
 use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
-use gs_datasets::DepthSpace;
 use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_models::taylormode::blur_synthesis::{blurred_color, decoupled};
 use gs_models::taylormode::{
-    BlurWeights, DirectVelocity, Exposure, PeanoMap, Pixels, Samples, depth_alignment, losses,
+    Alignment, BlurWeights, DepthSpace, DirectVelocity, Exposure, PeanoMap, Pixels, Samples, align, losses,
 };
 
 use crate::data::Photo;
 use crate::density::Observation;
 use crate::experiment::Config;
 use crate::losses::regularisers;
-use crate::parameters::Gradients;
+use crate::parameters::{Gradients, to_host};
 use crate::step::{Compared, Trainer};
 use crate::taylormode::config::{BlurMode, VelocitySource};
 use crate::taylormode::state::{Lent, MotionGradients, MotionState, Network};
@@ -188,7 +187,7 @@ impl Step<'_> {
     /// Eq. 6: the prior, aligned to what is rendered, and the rendering.
     fn hybrid_depth(&self, centre: &Rendering) -> Tensor<3> {
         let rendered = centre.expected_depth().expect("the centre is rendered with depth");
-        match self.aligned_prior(&rendered) {
+        match self.aligned_prior(&rendered, &centre.alpha) {
             Some(prior) => hybrid_depth(rendered, prior, self.config.blur.depth_beta),
             None => rendered,
         }
@@ -335,22 +334,25 @@ impl Step<'_> {
             return loss;
         }
         let Some(depth) = centre.expected_depth() else { return loss };
-        match self.aligned_prior(&depth) {
+        match self.aligned_prior(&depth, &centre.alpha) {
             Some(aligned) => loss + losses::depth_loss(depth, aligned) * prior.depth,
             None => loss,
         }
     }
 
-    /// The depth prior in scene units, `[H, W, 1]`, 0 where unknown.
-    fn aligned_prior(&self, rendered: &Tensor<3>) -> Option<Tensor<3>> {
+    /// The depth prior in scene units, `[H, W, 1]`, 0 where unknown; `None` where it fits nothing that is rendered.
+    fn aligned_prior(&self, rendered: &Tensor<3>, alpha: &Tensor<3>) -> Option<Tensor<3>> {
         let (values, space, metric) = self.photo.hints.depth.as_ref()?;
         let space = match space {
-            DepthSpace::Depth => depth_alignment::Space::Depth,
-            DepthSpace::InverseDepth => depth_alignment::Space::InverseDepth,
+            gs_datasets::DepthSpace::Depth => DepthSpace::Depth,
+            gs_datasets::DepthSpace::InverseDepth => DepthSpace::InverseDepth,
         };
-        if *metric || !self.config.prior.align_depth {
-            return Some(depth_alignment::as_depth(values.clone(), space));
-        }
-        depth_alignment::align(values.clone(), rendered.clone().detach(), space)
+        let aligned = if *metric || !self.config.prior.align_depth {
+            Alignment { space, scale: 1.0, shift: 0.0, inliers: 1.0, deviation: 0.0 }
+        } else {
+            let (rendered, alpha) = (to_host(rendered.clone().inner()), to_host(alpha.clone().inner()));
+            align(values, &rendered, Some(&alpha), space)?
+        };
+        Some(Tensor::from_data(TensorData::new(aligned.depth(values), rendered.dims()), &rendered.device()))
     }
 }
