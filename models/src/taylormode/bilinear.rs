@@ -14,8 +14,10 @@ pub fn bilinear(image: Tensor<3>, places: Tensor<2>) -> Tensor<2> {
     let count = places.dims()[0];
     assert!(height > 0 && width > 0, "an image to sample must have pixels, it has {width} x {height}");
     // Patches are named by their first pixel; an image one pixel wide has one patch, of which only that side is used.
-    let x = Axis::new(places.clone().narrow(1, 0, 1), width);
-    let y = Axis::new(places.narrow(1, 1, 1), height);
+    // Turned once, since every operation on a column of two would walk memory with a stride.
+    let places = places.transpose();
+    let x = Axis::new(places.clone().narrow(0, 0, 1), width);
+    let y = Axis::new(places.narrow(0, 1, 1), height);
     let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
     // One look-up for all four corners: its backward pass then writes into one image and not into four.
     let index = corners.map(|(right, below)| x.pixel(right) + y.pixel(below) * width as f64);
@@ -25,14 +27,15 @@ pub fn bilinear(image: Tensor<3>, places: Tensor<2>) -> Tensor<2> {
     let last = (height * width - 1) as i64;
     let index = Tensor::cat(index.to_vec(), 0).reshape([4 * count]).int().clamp(0, last);
     let colors = image.reshape([height * width, channels]).select(0, index);
-    (colors * Tensor::cat(share.to_vec(), 0)).reshape([4, count, channels]).sum_dim(0).reshape([count, channels])
+    let share = Tensor::cat(share.to_vec(), 0).reshape([4 * count, 1]);
+    (colors * share).reshape([4, count, channels]).sum_dim(0).reshape([count, channels])
 }
 
 /// Where places lie along one axis.
 struct Axis {
-    /// `[P, 1]`, number of the pixel at or before each, no gradient.
+    /// `[1, P]`, number of the pixel at or before each, no gradient.
     first: Tensor<2>,
-    /// `[P, 1]`, 0 at that pixel's centre, 1 at the next one's.
+    /// `[1, P]`, 0 at that pixel's centre, 1 at the next one's.
     fraction: Tensor<2>,
     last: f64,
 }

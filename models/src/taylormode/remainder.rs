@@ -85,7 +85,7 @@ impl Remainder {
     fn function(&self, j: usize, s: f64) -> Sample {
         let rate = PI * j.div_ceil(2) as f64;
         let (sin, cos) = (rate * s).sin_cos();
-        let phi = if j % 2 == 0 && j > 0 {
+        let phi = if j > 0 && j.is_multiple_of(2) {
             Sample { value: sin, slope: rate * cos }
         } else {
             // j = 0 has rate 0: the constant.

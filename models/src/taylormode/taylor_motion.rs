@@ -161,17 +161,26 @@ impl TaylorMotion {
     }
 
     /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, out of those of all rows at `t0`
-    /// (`[N, 3]`, `[N, 4]`): what an exposure needs once a sample.
+    /// (`[N, 3]`, `[N, 4]`).
     pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, at: impl Into<Instant>) -> (Tensor<2>, Tensor<2>) {
-        let at = at.into();
+        self.samples(means, quats, &[at.into()]).remove(0)
+    }
+
+    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure. The rows are picked out once, and
+    /// their gradients put back once.
+    pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &[Instant]) -> Vec<(Tensor<2>, Tensor<2>)> {
         let means = means.clone().select(0, self.rows.clone());
         let quats = quats.clone().select(0, self.rows.clone());
         if self.is_empty() {
-            return (means, quats);
+            return vec![(means, quats); instants.len()];
         }
-        let (displacement, rotation) = self.moved_by(&at);
-        let quats = if self.rotation_order() == 0 { quats } else { quats.clone() + turn(quats, rotation) };
-        (means + displacement, quats)
+        let sample = |instant: &Instant| {
+            let (displacement, rotation) = self.moved_by(instant);
+            let turns = self.rotation_order() > 0;
+            let turned = if turns { quats.clone() + turn(quats.clone(), rotation) } else { quats.clone() };
+            (means.clone() + displacement, turned)
+        };
+        instants.iter().map(sample).collect()
     }
 
     /// With as many blocks as `order` and `rotation_order` ask for: new ones zero, surplus ones dropped.

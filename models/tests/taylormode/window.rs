@@ -6,8 +6,10 @@ use gs_models::taylormode::window::{FADE, best_line, continued, powers};
 /// Frames of one recording, the middles of equal parts of the window.
 const FRAMES: usize = 16;
 
+type Motion = Box<dyn Fn(f64) -> f64>;
+
 /// Motions in one coordinate over `s`.
-fn motions() -> Vec<(&'static str, Box<dyn Fn(f64) -> f64>)> {
+fn motions() -> Vec<(&'static str, Motion)> {
     vec![
         ("sinusoid", Box::new(|s: f64| (2.0 * s + 0.4).sin())),
         ("sinusoid, one period", Box::new(|s: f64| (3.1 * s + 0.7).sin())),
