@@ -23,6 +23,7 @@ mod formats;
 mod frame;
 pub mod image_io;
 mod lens;
+pub mod light;
 mod loader;
 mod mask;
 mod names;

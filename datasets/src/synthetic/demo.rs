@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::random::gaussian;
 use super::shapes::Ray;
 use super::world::World;
 use crate::error::DatasetError;
@@ -203,12 +204,6 @@ fn ply(world: &World, count: usize, rng: &mut ChaCha8Rng) -> String {
         text += &format!("{:.5} {:.5} {:.5} {} {} {}\n", noisy.x, noisy.y, noisy.z, color.x, color.y, color.z);
     }
     text
-}
-
-/// A draw from the normal distribution (Box and Muller).
-fn gaussian(rng: &mut impl Rng) -> f64 {
-    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
-    radius * (TAU * rng.random::<f64>()).cos()
 }
 
 #[cfg(test)]

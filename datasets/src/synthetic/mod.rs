@@ -1,10 +1,16 @@
-//! Small worlds with known ground truth, made by an analytic ray caster.
+//! Small worlds with known ground truth, made by an analytic ray caster, and blurry sets made from real frames.
 //!
 //! Nothing here is shared with the rasterizer that learns from these images, so a mistake in one cannot hide in the
-//! other. [`demo_scene`] writes a data set to disk in the Blender layout.
+//! other. [`demo_scene`] writes a static data set in the Blender layout; [`deblur::write`] writes moving worlds with
+//! motion blur, their truth and the priors a deblurring pipeline starts from; [`blur_from_frames`] averages the frames of
+//! real multi-view video.
 
+pub mod deblur;
 mod demo;
+mod frames;
+mod random;
 mod shapes;
 mod world;
 
 pub use demo::{DemoOptions, demo_scene};
+pub use frames::{BlurFromFrames, BlurSummary, blur_from_frames};

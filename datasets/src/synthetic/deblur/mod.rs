@@ -1,0 +1,146 @@
+//! [`write()`]: a moving body in a textured room, filmed by static cameras with open shutters, with the truth beside it.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `motion.rs` | rigid motion in closed form, with its velocity |
+//! | `texture.rs`, `body.rs`, `stage.rs` | paint; forms and where rays meet them; light and shadows at an instant |
+//! | `worlds.rs` | the four worlds |
+//! | `rig.rs` | the cameras |
+//! | `shutter.rs` | exposures: blurry, sharp, depth, velocity, masks |
+//! | `priors.rs` | depth, masks and pseudo-sharp images with faults |
+//! | `points.rs` | points to start from |
+//! | `write.rs` | the folder and its JSON |
+//!
+//! Light is added up in linear light with the curve of [`light`](crate::light). Nothing here is shared with the
+//! rasterizer that learns from these images.
+
+mod body;
+mod motion;
+mod points;
+mod priors;
+mod rig;
+mod shutter;
+mod stage;
+mod texture;
+mod worlds;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+use std::str::FromStr;
+
+pub use priors::PriorFaults;
+pub use write::write;
+
+/// The worlds, after the four of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one mover in a
+/// room with still bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum World {
+    /// A tilted box that crosses the room while it turns.
+    Cube,
+    /// A bumpy sphere that spins.
+    Lychee,
+    /// A head of spheres and rings that accelerates around a bend.
+    Monkey,
+    /// A ball that bounces.
+    Sphere,
+}
+
+impl World {
+    /// All worlds.
+    pub const ALL: [Self; 4] = [Self::Cube, Self::Lychee, Self::Monkey, Self::Sphere];
+
+    /// The world's name in lower case, as [`FromStr`] reads it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cube => "cube",
+            Self::Lychee => "lychee",
+            Self::Monkey => "monkey",
+            Self::Sphere => "sphere",
+        }
+    }
+}
+
+impl fmt::Display for World {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for World {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|world| world.name() == name);
+        found.ok_or_else(|| format!("expected cube, lychee, monkey or sphere, found {name:?}"))
+    }
+}
+
+/// What [`write()`] writes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeblurOptions {
+    /// Which world.
+    pub world: World,
+    /// Image width, 8 to 8192 pixels.
+    pub width: usize,
+    /// Image height, 8 to 8192 pixels.
+    pub height: usize,
+    /// Cameras, held-out ones included, 1 to 1000. They stand on an arc of 80 degrees.
+    pub cameras: usize,
+    /// Cameras that are held out; they stand between others, so at most `(cameras - 1) / 2`.
+    pub held_out: usize,
+    /// Frames of each camera, 1 to 10 000, at times `i / (frames - 1)`; a single one at 0.5.
+    pub frames: usize,
+    /// Instants that a blurry image is averaged from, 16 to 4096. Fewer than the pixels of motion per exposure leave
+    /// steps in the blur.
+    pub subframes: usize,
+    /// How long the shutter is open, as a share of the time between frames, 0 to 2; 0 gives sharp photos, above 1
+    /// the exposures overlap. For a single frame, of 1/15.
+    pub exposure: f64,
+    /// Multiplies all velocities; bodies are at the same place at time 0.5. -10 to 10; 0 holds everything still.
+    pub speed: f64,
+    /// Points to start from, at most 10 million; 0 writes none.
+    pub points: usize,
+    /// What is wrong with the priors.
+    pub priors: PriorFaults,
+    /// Seed of all random draws: textures, still bodies, cameras, points and faults. The same options write the same
+    /// bytes.
+    pub seed: u64,
+}
+
+impl Default for DeblurOptions {
+    fn default() -> Self {
+        Self {
+            world: World::Cube,
+            width: 256,
+            height: 192,
+            cameras: 10,
+            held_out: 1,
+            frames: 16,
+            subframes: 32,
+            exposure: 0.9,
+            speed: 1.0,
+            points: 4000,
+            priors: PriorFaults::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// The time between frames of a lone frame, which has no neighbour to measure from: that of the default 16.
+const LONE_INTERVAL: f64 = 1.0 / 15.0;
+
+impl DeblurOptions {
+    /// How long the shutter is open, in the unit of time.
+    pub fn exposure_time(&self) -> f64 {
+        let interval = if self.frames > 1 { 1.0 / (self.frames - 1) as f64 } else { LONE_INTERVAL };
+        self.exposure * interval
+    }
+
+    /// The time of frame `index`, the centre of its exposure.
+    pub fn time(&self, index: usize) -> f64 {
+        if self.frames > 1 { index as f64 / (self.frames - 1) as f64 } else { 0.5 }
+    }
+}
