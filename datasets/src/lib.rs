@@ -2,7 +2,8 @@
 //!
 //! [`load`] turns a folder into a [`Scene`]: photos undistorted and resized, cameras in one convention (OpenCV axes,
 //! camera to world), points to start from, and a split into training and held-out views. It reads the transforms.json
-//! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi) and COLMAP models (text and binary). [`check`] says what
+//! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors and truth), COLMAP
+//! models (text and binary), Panoptic sets and LLFF poses with frames of several cameras. [`check`] says what
 //! is in a folder and what is wrong with it, [`load_cameras`] reads a camera path, and [`synthetic`] writes a scene with
 //! known ground truth. The crate knows nothing of tensors; the trainer turns a `Scene` into them.
 //!
@@ -18,6 +19,7 @@
 //! ```
 
 mod check;
+mod consistency;
 mod error;
 mod formats;
 mod frame;
@@ -31,6 +33,7 @@ mod options;
 mod pixels;
 mod ply;
 mod pose;
+mod priors;
 mod raw;
 mod resize;
 mod scene;
@@ -42,5 +45,5 @@ pub use check::{CheckReport, check};
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
-pub use options::{DEFAULT_HOLDOUT, Holdout, LoadOptions, MaskUse, RECENTRE_DISTANCE};
+pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE};
 pub use scene::{PointCloud, Scene, SceneFormat};

@@ -5,13 +5,16 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::consistency;
 use crate::error::DatasetError;
 use crate::formats;
-use crate::frame::{CameraPose, Priors, RgbImage8, Truth, View};
+use crate::frame::{CameraPose, RgbImage8, View};
 use crate::mask::{self, Mask};
 use crate::names;
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
 use crate::pixels::{self, Photo};
+use crate::priors::attach::{self, attach};
+use crate::priors::summary::{self, Noted};
 use crate::raw::{Findings, RawFrame, RawPoints, some_names};
 use crate::resize::{AreaResampler, target_size};
 use crate::scene::{PointCloud, Scene, mean};
@@ -22,12 +25,13 @@ use crate::undistort::{Undistortion, sample};
 /// from masked or undefined pixels would be mixed into ones that are learned from.
 const COVERAGE_MIN: f32 = 0.999;
 
-/// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, or a folder
-/// with a COLMAP model and its images.
+/// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, a folder with a
+/// COLMAP model and its images, with train_meta.json (Panoptic), or with poses_bounds.npy (LLFF, N3DV).
 ///
 /// Lens distortion is removed (keeping focal lengths and principal point; pixels that the photo does not show are masked
 /// out), transparency is composited, images are downscaled to `options.max_width` with an area filter, and the views
-/// are split. Images that do not exist are left out with a warning.
+/// are split. Images that do not exist are left out with a warning. Priors and truth beside the photos are loaded at the
+/// photos' training size; one that is missing, broken or of another shape is left out with a warning.
 ///
 /// # Errors
 /// When a file is missing, unreadable, cut off or contradicts its format; when a pose, point or intrinsic is not finite
@@ -38,13 +42,27 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let mut findings = Findings::default();
     let raw = formats::read(path, options, &mut findings)?;
     let frames = sort_and_name(raw.frames, &mut findings);
+    let frames = consistency::settle(frames, path, options, &mut findings);
     let origin = origin(&frames, options);
     let Split { train, test, rule } = split(frames, &options.holdout, path)?;
-    let (train, mut notes) = load_views(&train, options, origin)?;
-    let (test, more) = load_views(&test, options, origin)?;
+    let (mut train, mut notes) = load_views(&train, options, origin)?;
+    let (mut test, more) = load_views(&test, options, origin)?;
     tracing::info!("{}: {} training views, {} held out ({rule})", path.display(), train.len(), test.len());
+    let trains = notes.len();
     notes.extend(more);
     summarise(path, &notes, &mut findings);
+    let noted: Vec<Noted> = notes
+        .iter()
+        .enumerate()
+        .map(|(i, note)| Noted { name: &note.name, trains: i < trains, notes: &note.sides })
+        .collect();
+    summary::warn(path, &noted, &mut findings);
+    if summary::no_mask_marks_anything(&noted) {
+        train.iter_mut().chain(&mut test).for_each(|view| view.priors.moving = None);
+    }
+    for fact in &findings.facts {
+        tracing::info!("{fact}");
+    }
     let time_range = time_range(train.iter().chain(&test), &mut findings);
     for warning in &findings.warnings {
         tracing::warn!("{warning}");
@@ -76,6 +94,11 @@ pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), Da
     };
     if options.max_width == Some(0) {
         return wrong("max_width", "a width of at least 1 pixel", "0".to_string());
+    }
+    if let Some(exposure) = options.exposure
+        && !(exposure > 0.0 && exposure.is_finite())
+    {
+        return wrong("exposure", "a duration above 0, in the unit of time", exposure.to_string());
     }
     if options.background.iter().any(|value| !(0.0..=1.0).contains(value)) {
         return wrong("background", "values from 0 to 1", format!("{:?}", options.background));
@@ -129,6 +152,7 @@ struct Note {
     masked: Option<f64>,
     /// No pixel of the view counts.
     is_blank: bool,
+    sides: attach::Notes,
 }
 
 fn load_views(
@@ -154,6 +178,8 @@ fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(
     let (scale_x, scale_y) = (target.0 as f64 / size.0 as f64, target.1 as f64 / size.1 as f64);
     let mut c2w = frame.c2w;
     c2w.w_axis -= origin.extend(0.0);
+    let photo = attach::Photo { size, target, undistorted: undistortion.is_some(), background: options.background };
+    let sides = attach(&frame.sides, &photo);
     let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
     let view = View {
         name: frame.name.clone(),
@@ -166,16 +192,16 @@ fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(
         camera_id: frame.camera_id.clone(),
         image: RgbImage8 { width: target.0, height: target.1, data },
         mask,
-        exposure: None,
-        priors: Priors::default(),
-        truth: Truth::default(),
+        exposure: frame.exposure,
+        priors: sides.priors,
+        truth: sides.truth,
     };
     let rescaled = resolved.rescaled_from.map(|declared| (declared, size));
-    Ok((view, Note { name: frame.name.clone(), rescaled, masked, is_blank }))
+    Ok((view, Note { name: frame.name.clone(), rescaled, masked, is_blank, sides: sides.notes }))
 }
 
 /// Undistorts, masks and downscales row by row: beside the decoded photo only one row is held in floats.
-fn resample(
+pub(crate) fn resample(
     photo: Photo,
     masks: &[Mask],
     undistortion: Option<&Undistortion>,

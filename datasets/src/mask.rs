@@ -12,7 +12,7 @@ use crate::raw::{MaskFile, White};
 const JPEG_BLACK: u8 = 128;
 
 /// When masks take more than this share of the median view, their polarity is probably the other one.
-const SUSPECT_SHARE: f64 = 0.6;
+pub(crate) const SUSPECT_SHARE: f64 = 0.6;
 
 /// Which pixels of a photo count, at a size of its own; lookups scale to the nearest pixel.
 pub(crate) struct Mask {
@@ -36,8 +36,7 @@ impl Mask {
                 ),
             });
         }
-        let lossy = ImageFormat::from_path(&file.path).is_ok_and(|format| format == ImageFormat::Jpeg);
-        let threshold = if lossy { JPEG_BLACK } else { 1 };
+        let threshold = threshold(&file.path);
         let keep_white = file.white == White::Keep;
         let keep = levels(image).into_iter().map(|level| (level >= threshold) == keep_white).collect();
         Ok(Self { width, height, keep })
@@ -49,6 +48,12 @@ impl Mask {
         let y = ((v * self.height as f64 / size.1 as f64) as usize).min(self.height.saturating_sub(1));
         self.keep.get(y * self.width + x).copied().unwrap_or(true)
     }
+}
+
+/// The lowest level that is not black in a mask file of this name.
+pub(crate) fn threshold(path: &Path) -> u8 {
+    let lossy = ImageFormat::from_path(path).is_ok_and(|format| format == ImageFormat::Jpeg);
+    if lossy { JPEG_BLACK } else { 1 }
 }
 
 /// The share of a photo that its masks ignore, on a grid that is fine enough for [`suspicion`].
@@ -78,7 +83,7 @@ pub(crate) fn suspicion(scene: &Path, mut shares: Vec<f64>) -> Option<String> {
 }
 
 /// The brightest colour channel of each pixel. Alpha does not count: masks saved as RGBA are opaque everywhere.
-fn levels(image: DynamicImage) -> Vec<u8> {
+pub(crate) fn levels(image: DynamicImage) -> Vec<u8> {
     match image {
         DynamicImage::ImageLuma8(image) => image.into_raw(),
         // 16-bit values are brought to 8 bits rounding up, so that an id of 1 does not become black.

@@ -24,14 +24,47 @@ pub const DEFAULT_HOLDOUT: usize = 8;
 pub enum MaskUse {
     /// By the rules of the format: `mask_path` (nerfstudio) and COLMAP's `masks` folder ignore where black;
     /// instant-ngp's `dynamic_mask_<stem>.png` ignores where white. A transforms.json that says
-    /// `"mask_meaning": "dynamic"` marks moving objects, and its `mask_path` is then left alone.
+    /// `"mask_meaning": "dynamic"` marks moving objects, and so do the masks of a Panoptic set (`seg`): they become
+    /// [`Priors::moving`](crate::Priors::moving), and every pixel counts.
     Auto,
     /// No mask file is read.
     Ignore,
+    /// `mask_path` and `masks` files mark moving objects in white, whatever `mask_meaning` says.
+    Moving,
     /// `mask_path` and `masks` files keep what is white, whatever `mask_meaning` says.
     KeepWhite,
     /// `mask_path` and `masks` files keep what is black: for masks of moving objects in a static reconstruction.
     KeepBlack,
+}
+
+/// Which priors are read where a data set has them. Truth is always read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PriorUse {
+    /// [`Priors::depth`](crate::Priors::depth).
+    pub depth: bool,
+    /// [`Priors::moving`](crate::Priors::moving).
+    pub masks: bool,
+    /// [`Priors::sharp`](crate::Priors::sharp).
+    pub sharp: bool,
+}
+
+impl PriorUse {
+    /// Every prior there is.
+    pub const ALL: Self = Self { depth: true, masks: true, sharp: true };
+    /// None.
+    pub const NONE: Self = Self { depth: false, masks: false, sharp: false };
+}
+
+/// What the numbers in depth files mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DepthKind {
+    /// Camera z in scene units as it is (`"metric_z"` in JSON). 16-bit files count thousandths of a unit, as
+    /// nerfstudio's do, or `integer_depth_scale` units.
+    MetricZ,
+    /// Camera z, up to a scale and shift that differ from photo to photo (`"depth"`).
+    Depth,
+    /// One over camera z, likewise (`"inverse_depth"`).
+    InverseDepth,
 }
 
 /// How to load a scene.
@@ -49,6 +82,13 @@ pub struct LoadOptions {
     pub recentre: bool,
     /// How mask files are used. Default [`MaskUse::Auto`].
     pub masks: MaskUse,
+    /// Which priors are read. Default all.
+    pub priors: PriorUse,
+    /// What depth files mean, whatever the data set says; `None` (the default) goes by the data set.
+    pub depth_kind: Option<DepthKind>,
+    /// How long the shutter was open in every view, in the unit of time, whatever the data set says; above 0. `None`
+    /// (the default) goes by the data set.
+    pub exposure: Option<f64>,
 }
 
 /// A scene is moved to the origin when the mean of its camera centres is farther from it than this, in scene units.
@@ -65,6 +105,9 @@ impl Default for LoadOptions {
             images: None,
             recentre: true,
             masks: MaskUse::Auto,
+            priors: PriorUse::ALL,
+            depth_kind: None,
+            exposure: None,
         }
     }
 }

@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3};
 
 use crate::error::DatasetError;
 use crate::lens::Lens;
+use crate::priors::SideFiles;
 use crate::scene::SceneFormat;
 
 /// Which list of the data set's own split a frame is in.
@@ -42,6 +43,10 @@ pub(crate) struct RawFrame {
     pub time: Option<f64>,
     pub camera_id: Option<String>,
     pub masks: Vec<MaskFile>,
+    /// See [`View::exposure`](crate::View::exposure). Finite and not negative.
+    pub exposure: Option<f64>,
+    /// Priors and truth.
+    pub sides: SideFiles,
     /// `None` where the data set does not split.
     pub part: Option<Part>,
     /// The file with the intrinsics, for messages.
@@ -68,6 +73,8 @@ pub(crate) struct RawScene {
 pub(crate) struct Findings {
     /// Keep reading after an error.
     pub lenient: bool,
+    /// What was found, where that is worth a sentence.
+    pub facts: Vec<String>,
     pub warnings: Vec<String>,
     pub errors: Vec<DatasetError>,
 }

@@ -16,6 +16,10 @@ pub enum SceneFormat {
     ColmapText,
     /// A COLMAP sparse model in binary files.
     ColmapBinary,
+    /// train_meta.json and test_meta.json of Dynamic 3D Gaussians (PanopticSports).
+    Panoptic,
+    /// LLFF's poses_bounds.npy with the frames of several cameras in folders (N3DV), or with photos.
+    Llff,
 }
 
 impl fmt::Display for SceneFormat {
@@ -24,6 +28,8 @@ impl fmt::Display for SceneFormat {
             Self::Transforms => "transforms.json",
             Self::ColmapText => "COLMAP text",
             Self::ColmapBinary => "COLMAP binary",
+            Self::Panoptic => "Panoptic (train_meta.json)",
+            Self::Llff => "LLFF (poses_bounds.npy)",
         })
     }
 }

@@ -1,22 +1,19 @@
 //! [`check`]: what is in a data set, what is missing and what is wrong, without needing it to load.
 
 mod geometry;
+mod images;
 mod report;
 
 use std::path::Path;
 
-use rayon::prelude::*;
-
+use crate::consistency;
 use crate::error::DatasetError;
-use crate::formats::{self, Layout, colmap, transforms};
-use crate::frame::Intrinsics;
+use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
 use crate::loader;
-use crate::mask::{self, Mask};
 use crate::options::LoadOptions;
 use crate::raw::{Findings, RawFrame, RawScene, some_names};
-use crate::resize::target_size;
+use crate::scene;
 use crate::split::split;
-use crate::{pixels, scene};
 
 pub use self::report::CheckReport;
 
@@ -57,10 +54,22 @@ fn fill(
             }
             colmap::scene(&files, model, options, findings)?
         }
+        Layout::Panoptic(files) => {
+            let names: Vec<String> = files.files.iter().map(|(file, _)| file.display().to_string()).collect();
+            report.facts.push(format!("The description is in {}.", names.join(", ")));
+            panoptic::read(&files, options, findings)?
+        }
+        Layout::Llff(poses) => {
+            report.facts.push(format!("The poses are in {}.", poses.path.display()));
+            llff::read(&poses, options, findings)?
+        }
     };
     report.format = Some(raw.format);
+    report.facts.append(&mut findings.facts);
     let RawScene { frames, points, .. } = raw;
     let frames = loader::sort_and_name(frames, findings);
+    let frames = consistency::settle(frames, path, options, findings);
+    report.facts.append(&mut findings.facts);
     report.points = points.as_ref().map_or(0, |points| points.positions.len());
     report.facts.push(geometry::describe_points(points.as_ref()));
     if frames.is_empty() {
@@ -68,7 +77,7 @@ fn fill(
         return Err(DatasetError::NoFrames { path: path.to_path_buf(), found });
     }
     report.facts.push(format!("Frames with an image: {}.", frames.len()));
-    describe_images(&frames, options, report, findings);
+    images::describe(&frames, options, report, findings);
     report.facts.push(geometry::describe_cameras(&frames));
     let origin = loader::origin(&frames, options);
     if origin != glam::DVec3::ZERO {
@@ -86,79 +95,6 @@ fn fill(
         findings.warn("all training cameras stand in one place; depth cannot be learned from them");
     }
     Ok(())
-}
-
-/// What decoding one frame's files gave.
-struct Decoded {
-    size: (usize, usize),
-    intrinsics: Intrinsics,
-    rescaled: bool,
-    /// Share of the image that masks ignore; `None` without masks.
-    masked: Option<f64>,
-}
-
-fn decode(frame: &RawFrame) -> Result<Decoded, DatasetError> {
-    let image = pixels::decode(&frame.image_path)?;
-    let size = (image.width() as usize, image.height() as usize);
-    let resolved = frame.lens.resolve((image.width(), image.height()), &frame.image_path, &frame.file)?;
-    let masks: Vec<Mask> = frame.masks.iter().map(|file| Mask::open(file, size)).collect::<Result<_, _>>()?;
-    let masked = (!masks.is_empty()).then(|| mask::ignored_share(&masks, size));
-    Ok(Decoded { size, intrinsics: resolved.intrinsics, rescaled: resolved.rescaled_from.is_some(), masked })
-}
-
-fn describe_images(frames: &[RawFrame], options: &LoadOptions, report: &mut CheckReport, findings: &mut Findings) {
-    let results: Vec<Result<Decoded, DatasetError>> = frames.par_iter().map(decode).collect();
-    let mut decoded = Vec::new();
-    for result in results {
-        match result {
-            Ok(value) => decoded.push(value),
-            Err(error) => findings.errors.push(error),
-        }
-    }
-    let mut sizes: Vec<((usize, usize), usize)> = Vec::new();
-    for Decoded { size, .. } in &decoded {
-        match sizes.iter_mut().find(|(known, _)| known == size) {
-            Some((_, count)) => *count += 1,
-            None => sizes.push((*size, 1)),
-        }
-    }
-    for ((width, height), count) in sizes.iter().take(5) {
-        let (w, h) = target_size((*width, *height), options.max_width);
-        let loaded = if (w, h) == (*width, *height) { String::new() } else { format!(", loaded at {w} x {h}") };
-        report.facts.push(format!("{count} images are {width} x {height} pixels{loaded}."));
-    }
-    if sizes.len() > 5 {
-        report.facts.push(format!("There are {} more image sizes.", sizes.len() - 5));
-    }
-    let rescaled = decoded.iter().filter(|value| value.rescaled).count();
-    if rescaled > 0 {
-        findings.warn(format!("the intrinsics of {rescaled} views are for another size and will be rescaled"));
-    }
-    let across = |focal: fn(&Decoded) -> f64| {
-        let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
-        (low, decoded.iter().map(focal).fold(0.0, f64::max))
-    };
-    if !decoded.is_empty() {
-        let (x, y) = (across(|value| value.intrinsics.fx), across(|value| value.intrinsics.fy));
-        let angle = across(|value| 2.0 * (0.5 * value.size.0 as f64 / value.intrinsics.fx).atan().to_degrees());
-        report.facts.push(format!(
-            "Focal lengths are {} by {} pixels; the horizontal angle of view is {} degrees.",
-            range(x),
-            range(y),
-            range(angle)
-        ));
-    }
-    let distorted = frames.iter().filter(|frame| !frame.lens.distortion.is_none()).count();
-    report.facts.push(match distorted {
-        0 => "No lens distortion is declared.".to_string(),
-        _ => format!("{distorted} images have a lens distortion, which is removed at load."),
-    });
-    let masked = frames.iter().filter(|frame| !frame.masks.is_empty()).count();
-    if masked > 0 {
-        report.facts.push(format!("{masked} images have masks."));
-    }
-    let shares = decoded.iter().filter_map(|value| value.masked).collect();
-    findings.warnings.extend(mask::suspicion(&report.path, shares));
 }
 
 fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
@@ -184,9 +120,23 @@ fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
         times.len(),
         sorted.len()
     ));
+    if let Some((cameras, still)) = consistency::standing(frames) {
+        report.facts.push(format!("{still} of {cameras} cameras with several times stand still."));
+    }
+    describe_exposure(frames, report);
 }
 
-/// "1375.52" or "1370.00 to 1380.00".
-fn range((low, high): (f64, f64)) -> String {
-    if high - low < 0.005 { format!("{low:.2}") } else { format!("{low:.2} to {high:.2}") }
+/// How long the shutter is open, also as a share of the frame interval.
+fn describe_exposure(frames: &[RawFrame], report: &mut CheckReport) {
+    let exposures: Vec<f64> = frames.iter().filter_map(|frame| frame.exposure).collect();
+    if exposures.is_empty() {
+        report.facts.push("No exposure is given.".to_string());
+        return;
+    }
+    let low = exposures.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = exposures.iter().copied().fold(0.0, f64::max);
+    let of = |value: f64| consistency::frame_interval(frames).map(|interval| value / interval);
+    let share = of(high).map_or_else(String::new, |share| format!(", {share:.2} of the frame interval"));
+    let value = if high > low { format!("{low} to {high}") } else { high.to_string() };
+    report.facts.push(format!("The exposure of {} views is {value}{share}.", exposures.len()));
 }

@@ -1,6 +1,9 @@
 //! One reader per layout on disk; [`read`] tells which one a path holds.
 
 pub(crate) mod colmap;
+pub(crate) mod json;
+pub(crate) mod llff;
+pub(crate) mod panoptic;
 pub(crate) mod transforms;
 
 use std::path::Path;
@@ -13,23 +16,42 @@ use crate::raw::{Findings, RawScene};
 pub(crate) enum Layout {
     Transforms(transforms::Sources),
     Colmap(colmap::ModelFiles),
+    Panoptic(panoptic::MetaFiles),
+    Llff(llff::PoseFile),
 }
 
 /// Recognises the layout. JSON wins over a COLMAP model beside it: converters that write both (nerfstudio) put the
-/// poses that belong to their images into the JSON.
+/// poses that belong to their images into the JSON. For the same reason transforms.json wins over train_meta.json, which
+/// can be given as a file instead. Poses of LLFF with frames of several cameras win over a COLMAP model, which then is of
+/// one time only; with mere photos they are made from the model and lose to it.
 pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
+    if let Some(files) = panoptic::find_named(path) {
+        return Ok(Layout::Panoptic(files));
+    }
     if let Some(sources) = transforms::find(path, metadata.is_dir()) {
         return Ok(Layout::Transforms(sources));
+    }
+    if let Some(files) = panoptic::find(path) {
+        return Ok(Layout::Panoptic(files));
+    }
+    let poses = llff::find(path);
+    if let Some(poses) = poses.as_ref().filter(|poses| poses.has_cameras()) {
+        return Ok(Layout::Llff(poses.clone()));
     }
     if let Some(files) = colmap::find(path) {
         return Ok(Layout::Colmap(files));
     }
+    if let Some(poses) = poses {
+        return Ok(Layout::Llff(poses));
+    }
     Err(DatasetError::UnknownFormat {
         path: path.to_path_buf(),
-        expected: "transforms.json, transforms_train.json, a .json file, or a COLMAP model (cameras, images and \
-                   points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, sparse_bin/0 or dense/sparse"
-            .to_string(),
+        expected:
+            "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, or a COLMAP \
+                   model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
+                   sparse_bin/0 or dense/sparse"
+                .to_string(),
         found: contents(path, metadata.is_dir()),
     })
 }
@@ -39,6 +61,8 @@ pub(crate) fn read(path: &Path, options: &LoadOptions, findings: &mut Findings) 
     match detect(path)? {
         Layout::Transforms(sources) => transforms::read(&sources, options, findings),
         Layout::Colmap(files) => colmap::read(&files, options, findings),
+        Layout::Panoptic(files) => panoptic::read(&files, options, findings),
+        Layout::Llff(poses) => llff::read(&poses, options, findings),
     }
 }
 

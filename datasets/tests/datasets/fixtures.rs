@@ -95,3 +95,41 @@ pub fn ring_scene(count: usize) -> (Folder, Value) {
 pub fn names(views: &[gs_datasets::View]) -> Vec<&str> {
     views.iter().map(|view| view.name.as_str()).collect()
 }
+
+/// Bytes of a NumPy file: `descr` like "<f4", `data` in the order the file holds it.
+pub fn npy(version: u8, descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u8> {
+    let order = if fortran { "True" } else { "False" };
+    let header = format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}\n");
+    let mut bytes = b"\x93NUMPY".to_vec();
+    bytes.extend([version, 0]);
+    match version {
+        1 => bytes.extend((header.len() as u16).to_le_bytes()),
+        _ => bytes.extend((header.len() as u32).to_le_bytes()),
+    }
+    bytes.extend(header.as_bytes());
+    bytes.extend(data);
+    bytes
+}
+
+/// A version 1 file of little-endian f32.
+pub fn npy_f32(shape: &str, values: &[f32]) -> Vec<u8> {
+    npy(1, "<f4", false, shape, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
+}
+
+/// `cameras` static cameras of 8 x 6 pixels at `times` times 0, 0.1 and on: train/cam00/0000.png and on; the description.
+pub fn rig(folder: &Folder, part: &str, first: usize, cameras: usize, times: usize) -> Value {
+    let mut frames = Vec::new();
+    for camera in first..first + cameras {
+        for time in 0..times {
+            let name = format!("{part}/cam{camera:02}/{time:04}.png");
+            folder.photo(&name, 8, 6);
+            frames.push(json!({
+                "file_path": name,
+                "time": time as f64 / 10.0,
+                "camera_id": format!("cam{camera:02}"),
+                "transform_matrix": ring(camera),
+            }));
+        }
+    }
+    json!({ "camera_angle_x": 0.8, "w": 8, "h": 6, "frames": frames })
+}

@@ -2,11 +2,15 @@
 
 mod check;
 mod colmap;
+mod consistency;
 mod fixtures;
 mod hostile;
+mod hostile_priors;
 mod image_io;
+mod layouts;
 mod masks;
 mod poses;
+mod priors;
 mod split;
 mod transforms;
 mod undistort;

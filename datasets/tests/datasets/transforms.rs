@@ -13,6 +13,9 @@ const ALL: LoadOptions = LoadOptions {
     images: None,
     recentre: true,
     masks: gs_datasets::MaskUse::Auto,
+    priors: gs_datasets::PriorUse::ALL,
+    depth_kind: None,
+    exposure: None,
 };
 
 /// A ball of 0.3 m that moves along x; photographed from three places at five times, 32 x 24 RGBA.

@@ -12,6 +12,7 @@ use self::model::Model;
 use crate::error::DatasetError;
 use crate::lens::Lens;
 use crate::options::{LoadOptions, MaskUse};
+use crate::priors::{Kind, SideFile, SideFiles};
 use crate::raw::{Findings, MaskFile, RawFrame, RawPoints, RawScene, White, some_names};
 use crate::scene::SceneFormat;
 use crate::{names, pose};
@@ -135,9 +136,16 @@ pub(crate) fn scene(
         let c2w = pose::from_world_to_camera(image.q, image.t, &images_file, &image.name);
         let (Some(lens), Some(c2w)) = (findings.take(lens)?, findings.take(c2w)?) else { continue };
         lenses.insert(image.camera_id, lens.clone());
+        let mask = mask(mask_folder.as_deref(), &image.name, options.masks);
+        let mut sides = SideFiles::default();
+        if options.masks == MaskUse::Moving && options.priors.masks && mask_folder.is_some() {
+            sides.files.push(SideFile { kind: Kind::Moving, path: mask.as_ref().map(|mask| mask.path.clone()) });
+        }
         frames.push(RawFrame {
             name: names::view_name(&image_folder, &image.name),
-            masks: mask(mask_folder.as_deref(), &image.name, options.masks).into_iter().collect(),
+            masks: mask.filter(|_| options.masks != MaskUse::Moving).into_iter().collect(),
+            exposure: None,
+            sides,
             image_path,
             c2w,
             lens,

@@ -5,11 +5,13 @@ use std::path::Path;
 use glam::DMat4;
 use serde_json::{Map, Value};
 
-use super::json::{self, Keys};
 use super::lens;
 use crate::error::DatasetError;
+use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
 use crate::pose;
+use crate::priors::Kind;
+use crate::priors::sources::{FRAME_KEYS, TRUTH_KEYS};
 use crate::raw::Findings;
 
 /// One frame as written, checked but without its image.
@@ -22,6 +24,10 @@ pub(super) struct Entry {
     pub time: Option<f64>,
     pub camera_id: Option<String>,
     pub mask_path: Option<String>,
+    /// Finite and not negative.
+    pub exposure: Option<f64>,
+    /// Files beside the photo, as written.
+    pub sides: Vec<(Kind, String)>,
 }
 
 /// Reads all frames of a file in file order.
@@ -107,7 +113,43 @@ fn read_entry(
         time: own.number("time")?,
         camera_id,
         mask_path: own.text("mask_path")?.map(str::to_string),
+        exposure: exposure(&all)?,
+        sides: sides(&own)?,
     })
+}
+
+fn exposure(keys: &Keys) -> Result<Option<f64>, DatasetError> {
+    match keys.number("exposure")? {
+        Some(value) if value < 0.0 => {
+            Err(keys.wrong("exposure", "a duration above 0, in the unit of `time`", value.to_string()))
+        }
+        other => Ok(other),
+    }
+}
+
+/// The files that a frame's keys and its `truth` object name; the first key of a kind wins.
+fn sides(keys: &Keys) -> Result<Vec<(Kind, String)>, DatasetError> {
+    let mut found: Vec<(Kind, String)> = Vec::new();
+    let mut add = |keys: &Keys, table: &[(&str, Kind)]| -> Result<(), DatasetError> {
+        for (key, kind) in table {
+            if let Some(path) = keys.text(key)?.filter(|path| !path.trim().is_empty())
+                && found.iter().all(|(known, _)| known != kind)
+            {
+                found.push((*kind, path.to_string()));
+            }
+        }
+        Ok(())
+    };
+    add(keys, FRAME_KEYS)?;
+    match keys.get("truth") {
+        None => {}
+        Some(Value::Object(truth)) => {
+            let location = format!("{}, key `truth`", keys.location);
+            add(&Keys { file: keys.file, location, objects: vec![truth] }, TRUTH_KEYS)?;
+        }
+        Some(other) => return Err(keys.wrong("truth", "an object with paths", json::kind(other))),
+    }
+    Ok(found)
 }
 
 /// A 4 x 4 matrix, or 3 x 4 with the last row understood. Non-finite entries pass: the pose check names them.

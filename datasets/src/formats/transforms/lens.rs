@@ -1,7 +1,7 @@
 //! The lens keys of transforms.json, per frame or shared.
 
-use super::json::Keys;
 use crate::error::DatasetError;
+use crate::formats::json::Keys;
 use crate::lens::{Distortion, Focal, Lens};
 
 /// Largest declared image side, pixels; beyond it a number is not a size.

@@ -1,7 +1,8 @@
-//! The transforms.json family: instant-ngp, nerfstudio, Blender/NeRF, D-NeRF and NVFi.
+//! The transforms.json family: instant-ngp, nerfstudio, Blender/NeRF, D-NeRF and NVFi, and sets of blurred photos in the
+//! same layout with `exposure`, priors and truth.
 
+mod attach;
 mod frames;
-mod json;
 mod lens;
 
 use std::collections::HashSet;
@@ -10,12 +11,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use self::frames::Entry;
-use self::json::Keys;
 use crate::error::DatasetError;
+use crate::formats::json::{self, Keys};
 use crate::frame::CameraPose;
 use crate::names;
-use crate::options::{LoadOptions, MaskUse};
-use crate::raw::{Findings, MaskFile, Part, RawFrame, RawPoints, RawScene, White, some_names};
+use crate::options::LoadOptions;
+use crate::raw::{Findings, Part, RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
 use crate::{pixels, ply};
 
@@ -63,7 +64,7 @@ pub(crate) fn read(
         let parsed = frames::read(&top, file, findings);
         let Some(entries) = findings.take(parsed)? else { continue };
         listed += entries.len();
-        let found = attach_images(entries, &top, root, file, options, findings)?;
+        let found = attach::images(entries, &top, root, file, options, findings)?;
         let found = assign_parts(found, &top, file, part.filter(|_| splits), findings)?;
         scene.frames.extend(found);
         if scene.points.is_none() {
@@ -141,104 +142,6 @@ fn folder_of(file: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
-}
-
-/// Finds the image and masks of each frame. Frames without an image are dropped with a warning.
-fn attach_images(
-    entries: Vec<Entry>,
-    top: &Map<String, Value>,
-    root: &Path,
-    file: &Path,
-    options: &LoadOptions,
-    findings: &mut Findings,
-) -> Result<Vec<RawFrame>, DatasetError> {
-    let total = entries.len();
-    let white = mask_rule(top, file, options.masks, &entries, findings)?;
-    let (mut missing, mut missing_masks) = (Vec::new(), Vec::new());
-    let mut found = Vec::new();
-    for entry in entries {
-        let Some(written) = entry.file_path else {
-            missing.push("a frame without file_path".to_string());
-            continue;
-        };
-        let Some(image_path) = names::find_image(root, &written) else {
-            missing.push(written);
-            continue;
-        };
-        let mut masks = Vec::new();
-        if let (Some(path), Some(white)) = (&entry.mask_path, white) {
-            match names::find_image(root, path) {
-                Some(path) => masks.push(MaskFile { path, white }),
-                None => missing_masks.push(path.clone()),
-            }
-        }
-        masks.extend(dynamic_mask(&image_path, options.masks));
-        found.push(RawFrame {
-            name: names::view_name(root, &written),
-            image_path,
-            c2w: entry.c2w,
-            lens: entry.lens,
-            time: entry.time,
-            camera_id: entry.camera_id,
-            masks,
-            part: None,
-            file: file.to_path_buf(),
-        });
-    }
-    for (list, what) in [(missing, "images"), (missing_masks, "masks")] {
-        if !list.is_empty() {
-            let effect = if what == "images" { "their frames were left out" } else { "their frames are not masked" };
-            findings.warn(format!(
-                "{}: {} of {total} {what} do not exist; {effect} ({})",
-                file.display(),
-                list.len(),
-                some_names(&list)
-            ));
-        }
-    }
-    Ok(found)
-}
-
-/// What white means in `mask_path` files; `None` when they are not to be used.
-fn mask_rule(
-    top: &Map<String, Value>,
-    file: &Path,
-    masks: MaskUse,
-    entries: &[Entry],
-    findings: &mut Findings,
-) -> Result<Option<White>, DatasetError> {
-    if entries.iter().all(|entry| entry.mask_path.is_none()) {
-        return Ok(None);
-    }
-    match masks {
-        MaskUse::Ignore => return Ok(None),
-        MaskUse::KeepWhite => return Ok(Some(White::Keep)),
-        MaskUse::KeepBlack => return Ok(Some(White::Ignore)),
-        MaskUse::Auto => {}
-    }
-    let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
-    match keys.text("mask_meaning")? {
-        None | Some("keep") => Ok(Some(White::Keep)),
-        Some("ignore") => Ok(Some(White::Ignore)),
-        Some("dynamic") => {
-            findings.warn(format!(
-                "{}: mask_path marks moving objects (mask_meaning is \"dynamic\"); the masks are not used",
-                file.display()
-            ));
-            Ok(None)
-        }
-        Some(other) => Err(keys.wrong("mask_meaning", "\"keep\", \"ignore\" or \"dynamic\"", format!("{other:?}"))),
-    }
-}
-
-/// instant-ngp's mask beside the image: `dynamic_mask_<stem>.png`, where anything but black is ignored.
-fn dynamic_mask(image: &Path, masks: MaskUse) -> Option<MaskFile> {
-    if masks == MaskUse::Ignore {
-        return None;
-    }
-    let stem = image.file_stem()?.to_str()?;
-    let path = image.with_file_name(format!("dynamic_mask_{stem}.png"));
-    path.is_file().then_some(MaskFile { path, white: White::Ignore })
 }
 
 /// Marks frames by the file they are in, or by nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`.

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use crate::error::DatasetError;
 
 /// Reads a JSON file whose top level is an object.
-pub(super) fn read(path: &Path) -> Result<Map<String, Value>, DatasetError> {
+pub(crate) fn read(path: &Path) -> Result<Map<String, Value>, DatasetError> {
     let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
@@ -50,7 +50,7 @@ fn quote_non_finite(text: &str) -> String {
 }
 
 /// A value in a few words, for messages.
-pub(super) fn kind(value: &Value) -> String {
+pub(crate) fn kind(value: &Value) -> String {
     match value {
         Value::Null => "null".to_string(),
         Value::Bool(value) => value.to_string(),
@@ -62,7 +62,7 @@ pub(super) fn kind(value: &Value) -> String {
 }
 
 /// A number, also the quoted non-finite ones.
-pub(super) fn as_f64(value: &Value) -> Option<f64> {
+pub(crate) fn as_f64(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64(),
         Value::String(text) => match text.as_str() {
@@ -76,7 +76,7 @@ pub(super) fn as_f64(value: &Value) -> Option<f64> {
 }
 
 /// Objects that are asked in turn: the frame's own keys first, then the file's shared ones.
-pub(super) struct Keys<'a> {
+pub(crate) struct Keys<'a> {
     pub file: &'a Path,
     /// "top level" or "frame ...".
     pub location: String,

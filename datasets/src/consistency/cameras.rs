@@ -1,0 +1,260 @@
+//! Cameras: which frames one physical camera took, whether it stood still, and whether train and test sets agree on it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+
+use crate::lens::{Focal, Lens};
+use crate::raw::{Findings, Part, RawFrame, some_names};
+use crate::scene::mean;
+
+/// Rotations closer than this are the same, radians: half a pixel at a focal length of 500.
+const SAME_ANGLE: f64 = 1e-3;
+
+/// Camera centres closer than this share of the cameras' spread are the same.
+const SAME_PLACE: f64 = 1e-3;
+
+/// Lenses whose focal lengths and principal points differ by less than this share of the image are the same: 1 pixel of
+/// 1000, what calibrating the same camera twice may give.
+const SAME_LENS: f64 = 1e-3;
+
+/// A held-out camera this many times farther from (or nearer to) what the training cameras look at is in other units.
+const FAR_RATIO: f64 = 3.0;
+
+/// Training cameras look at one thing when the point nearest to all their axes lies within this angle of each, radians.
+const LOOKING_AT: f64 = 0.5;
+
+/// Gives frames a camera by their pose where the data set names none: frames of equal pose and different times are one
+/// camera's. In a set where no pose returns (a moving camera), nothing is named.
+pub(super) fn name_by_pose(frames: &mut [RawFrame], findings: &mut Findings) {
+    if frames.iter().any(|frame| frame.camera_id.is_some()) || frames.iter().all(|frame| frame.time.is_none()) {
+        return;
+    }
+    let spread = spread(frames);
+    // The first frame of each group, and how many times differ from its own.
+    let mut groups: Vec<(usize, usize)> = Vec::new();
+    let mut group_of = Vec::with_capacity(frames.len());
+    for (i, frame) in frames.iter().enumerate() {
+        let known = groups.iter().position(|(first, _)| same_pose(&frames[*first], frame, spread));
+        let group = known.unwrap_or(groups.len());
+        match groups.get_mut(group) {
+            Some((first, others)) => *others += usize::from(frames[*first].time != frame.time),
+            None => groups.push((i, 0)),
+        }
+        // Many groups mean a moving camera; comparing on would take the square of the frames.
+        if groups.len() > GROUPS_MAX {
+            return;
+        }
+        group_of.push(group);
+    }
+    if groups.iter().filter(|(_, others)| *others > 0).count() * 2 < groups.len() {
+        return;
+    }
+    for (frame, group) in frames.iter_mut().zip(group_of) {
+        frame.camera_id = Some(format!("pose{group:02}"));
+    }
+    findings.facts.push(format!("No camera is named; {} were told apart by their poses.", groups.len()));
+}
+
+/// More camera poses than any rig has.
+const GROUPS_MAX: usize = 1000;
+
+/// Whether two frames have one pose, up to [`SAME_PLACE`] of `spread` and [`SAME_ANGLE`].
+pub(super) fn same_pose(a: &RawFrame, b: &RawFrame, spread: f64) -> bool {
+    let (place_a, place_b) = (a.c2w.w_axis.truncate(), b.c2w.w_axis.truncate());
+    let rounding = 1e-9 * place_a.length().max(1.0);
+    place_a.distance(place_b) <= (SAME_PLACE * spread).max(rounding) && angle(a, b) <= SAME_ANGLE
+}
+
+/// The angle between two cameras' orientations, radians.
+fn angle(a: &RawFrame, b: &RawFrame) -> f64 {
+    // |Ra - Rb| = 2 sqrt(2) sin(angle / 2) in the Frobenius norm: exact for small angles, where the trace is not.
+    let difference = DMat3::from_mat4(a.c2w) - DMat3::from_mat4(b.c2w);
+    let norm = difference.to_cols_array().iter().map(|value| value * value).sum::<f64>().sqrt();
+    2.0 * (norm / 8.0_f64.sqrt()).min(1.0).asin()
+}
+
+/// The median distance of camera centres from their mean; 0 for one camera.
+pub(super) fn spread(frames: &[RawFrame]) -> f64 {
+    let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
+    let middle = mean(&centres).unwrap_or_default();
+    let mut distances: Vec<f64> = centres.iter().map(|centre| centre.distance(middle)).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Cameras with several times, and how many of them keep their pose over all of these.
+pub(crate) fn standing(frames: &[RawFrame]) -> Option<(usize, usize)> {
+    let spread = spread(frames);
+    let cameras = by_camera(frames);
+    let several: Vec<_> = cameras.values().filter(|group| group.iter().any(|f| f.time != group[0].time)).collect();
+    let still = several.iter().filter(|group| group.iter().all(|frame| same_pose(group[0], frame, spread))).count();
+    (!several.is_empty()).then_some((several.len(), still))
+}
+
+/// Frames with a time by camera; no group is empty.
+fn by_camera(frames: &[RawFrame]) -> BTreeMap<&str, Vec<&RawFrame>> {
+    let mut cameras: BTreeMap<&str, Vec<&RawFrame>> = BTreeMap::new();
+    for frame in frames.iter().filter(|frame| frame.time.is_some()) {
+        if let Some(camera) = &frame.camera_id {
+            cameras.entry(camera).or_default().push(frame);
+        }
+    }
+    cameras
+}
+
+/// Warns about cameras that move, and about train and test sets that disagree.
+pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
+    let spread = spread(frames);
+    let (mut moved, mut disagree, mut zoomed) = (Vec::new(), Vec::new(), Vec::new());
+    for (camera, group) in by_camera(frames) {
+        let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
+            group.into_iter().partition(|frame| !matches!(frame.part, Some(Part::Test | Part::Val)));
+        let still = |group: &[&RawFrame]| group.iter().all(|frame| same_pose(group[0], frame, spread));
+        let one_lens = |group: &[&RawFrame]| group.iter().all(|frame| same_lens(&group[0].lens, &frame.lens));
+        if !still(&train) || !still(&test) {
+            moved.push(camera);
+        } else if let (Some(a), Some(b)) = (train.first(), test.first())
+            && !same_pose(a, b, spread)
+        {
+            disagree.push(camera);
+        }
+        if !one_lens(&train) || !one_lens(&test) {
+            zoomed.push(camera);
+        } else if let (Some(a), Some(b)) = (train.first(), test.first())
+            && !same_lens(&a.lens, &b.lens)
+        {
+            disagree.push(camera);
+        }
+    }
+    disagree.dedup();
+    let scene_name = scene.display();
+    if !moved.is_empty() {
+        findings.warn(format!(
+            "{scene_name}: {} cameras change their pose over time ({}); blur from their own motion is not modelled, and \
+             what moves cannot be told from their photos alone",
+            moved.len(),
+            some_names(&moved)
+        ));
+    }
+    if !zoomed.is_empty() {
+        findings.warn(format!(
+            "{scene_name}: {} cameras change their intrinsics over time ({})",
+            zoomed.len(),
+            some_names(&zoomed)
+        ));
+    }
+    if !disagree.is_empty() {
+        findings.warn(format!(
+            "{scene_name}: {} cameras have another pose or other intrinsics in the test set than in the training set \
+             ({}); figures on them will be low",
+            disagree.len(),
+            some_names(&disagree)
+        ));
+    }
+    compare_sets(frames, scene, findings);
+}
+
+/// Differences between the training and the test set as wholes.
+fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
+    let (test, train): (Vec<&RawFrame>, Vec<&RawFrame>) =
+        frames.iter().partition(|frame| matches!(frame.part, Some(Part::Test | Part::Val)));
+    let (Some(first_train), Some(first_test)) = (train.first(), test.first()) else { return };
+    let uniform = |set: &[&RawFrame]| set.iter().all(|frame| same_lens(&set[0].lens, &frame.lens));
+    let shared_id = test.iter().any(|frame| frame.camera_id.is_some() && frame.camera_id == first_train.camera_id);
+    if !shared_id && uniform(&train) && uniform(&test) && !same_lens(&first_train.lens, &first_test.lens) {
+        findings.warn(format!(
+            "{}: all training cameras share one set of intrinsics and all test cameras another (focal lengths of {} \
+             and {}); is one of the files wrong?",
+            scene.display(),
+            focal_length(&first_train.lens),
+            focal_length(&first_test.lens)
+        ));
+    }
+    if let Some(target) = common_target(&train) {
+        let distance = |frame: &RawFrame| frame.c2w.w_axis.truncate().distance(target);
+        let mut distances: Vec<f64> = train.iter().map(|frame| distance(frame)).collect();
+        distances.sort_by(f64::total_cmp);
+        let usual = distances[distances.len() / 2];
+        let strange = |frame: &&RawFrame| {
+            let depth = (target - frame.c2w.w_axis.truncate()).dot(frame.c2w.z_axis.truncate());
+            let ratio = distance(frame) / usual;
+            depth <= 0.0 || !(1.0 / FAR_RATIO..=FAR_RATIO).contains(&ratio)
+        };
+        let names: Vec<&str> = test.iter().copied().filter(strange).map(|frame| frame.name.as_str()).collect();
+        if !names.is_empty() {
+            findings.warn(format!(
+                "{}: {} held-out views turn their back on what all training cameras look at, or stand more than {FAR_RATIO} \
+                 times nearer or farther ({}); do both sets use one world and one convention?",
+                scene.display(),
+                names.len(),
+                some_names(&names)
+            ));
+        }
+    }
+}
+
+/// The point nearest to the optical axes of all cameras, if every camera has it before it and near its axis.
+fn common_target(frames: &[&RawFrame]) -> Option<DVec3> {
+    let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
+    for frame in frames {
+        let (centre, axis) = (frame.c2w.w_axis.truncate(), frame.c2w.z_axis.truncate());
+        let off_axis = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        a += off_axis;
+        b += off_axis * centre;
+    }
+    // Parallel axes meet nowhere: the determinant, of matrices that sum to 3 n at most, then goes to 0.
+    if a.determinant() < 1e-4 * (frames.len() as f64).powi(3) {
+        return None;
+    }
+    let target = a.inverse() * b;
+    let sees = |frame: &&RawFrame| {
+        let to = target - frame.c2w.w_axis.truncate();
+        to.length() > 0.0 && to.angle_between(frame.c2w.z_axis.truncate()) < LOOKING_AT
+    };
+    (target.is_finite() && frames.iter().all(sees)).then_some(target)
+}
+
+/// Focal lengths and principal point as shares of the image's sides; `None` where that takes the image's own size.
+fn shares(lens: &Lens) -> [Option<f64>; 4] {
+    let focal = |focal: Option<Focal>, side: Option<f64>| match focal? {
+        Focal::Pixels(pixels) => side.map(|side| pixels / side),
+        Focal::Angle(angle) => Some(0.5 / (0.5 * angle).tan()),
+    };
+    let centre = |place: Option<f64>, side: Option<f64>| match place {
+        Some(place) => side.map(|side| place / side),
+        None => Some(0.5),
+    };
+    [
+        focal(lens.focal_x, lens.width),
+        focal(lens.focal_y, lens.height),
+        centre(lens.cx, lens.width),
+        centre(lens.cy, lens.height),
+    ]
+}
+
+/// Whether two lenses agree in everything that both files tell.
+fn same_lens(a: &Lens, b: &Lens) -> bool {
+    let shares = shares(a).into_iter().zip(shares(b));
+    let close = shares.into_iter().all(|pair| match pair {
+        (Some(a), Some(b)) => (a - b).abs() <= SAME_LENS,
+        _ => true,
+    });
+    let same_pixels = match (a.focal_x, b.focal_x) {
+        (Some(Focal::Pixels(x)), Some(Focal::Pixels(y))) if a.width.is_none() && b.width.is_none() => {
+            (x - y).abs() <= SAME_LENS * x
+        }
+        _ => true,
+    };
+    close && same_pixels
+}
+
+/// For messages: the focal length in widths of the image, or in pixels where the file gives no width.
+fn focal_length(lens: &Lens) -> String {
+    match (shares(lens)[0], lens.focal_x.or(lens.focal_y)) {
+        (Some(share), _) => format!("{share:.4} image widths"),
+        (None, Some(Focal::Pixels(pixels))) => format!("{pixels} pixels"),
+        _ => "unknown".to_string(),
+    }
+}

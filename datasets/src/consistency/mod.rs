@@ -1,0 +1,31 @@
+//! What frames must agree on before they are loaded: cameras, times and exposures. Nothing here keeps a scene from
+//! loading; what contradicts itself is repaired or left out, and said.
+
+mod cameras;
+mod order;
+mod timing;
+
+use std::path::Path;
+
+use crate::options::LoadOptions;
+use crate::raw::{Findings, RawFrame};
+
+pub(crate) use self::cameras::standing;
+pub(crate) use self::order::natural;
+pub(crate) use self::timing::frame_interval;
+
+/// Names cameras, drops repeated times, settles exposures, and warns about what disagrees. `frames` are sorted by name
+/// and stay so.
+pub(crate) fn settle(
+    mut frames: Vec<RawFrame>,
+    scene: &Path,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Vec<RawFrame> {
+    cameras::name_by_pose(&mut frames, findings);
+    timing::drop_repeats(&mut frames, scene, findings);
+    timing::find_backward(&frames, scene, findings);
+    timing::settle_exposures(&mut frames, scene, options, findings);
+    cameras::compare(&frames, scene, findings);
+    frames
+}

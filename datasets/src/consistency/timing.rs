@@ -1,0 +1,155 @@
+//! Times and exposures.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use super::cameras::{same_pose, spread};
+use super::order::natural;
+use crate::options::LoadOptions;
+use crate::raw::{Findings, Part, RawFrame, some_names};
+
+/// An exposure may exceed the frame interval by this share before it is taken for a mistake: intervals are measured on
+/// rounded times.
+const INTERVAL_SLACK: f64 = 0.01;
+
+/// Times closer than this share of their range are the same: well below the interval of a million frames.
+const SAME_TIME: f64 = 1e-9;
+
+/// The time between frames of one camera, in the unit of time: the median over all cameras. Where no camera has two
+/// times (a hand-held camera in a world that moves), the median between the times of all frames. `None` with fewer than
+/// two times.
+pub(crate) fn frame_interval(frames: &[RawFrame]) -> Option<f64> {
+    let mut by_camera: HashMap<Option<&str>, Vec<f64>> = HashMap::new();
+    for frame in frames {
+        if let Some(time) = frame.time {
+            by_camera.entry(frame.camera_id.as_deref()).or_default().push(time);
+        }
+    }
+    let gaps: Vec<f64> = by_camera.into_values().flat_map(gaps).collect();
+    median(gaps).or_else(|| median(gaps_of_all(frames)))
+}
+
+fn gaps_of_all(frames: &[RawFrame]) -> Vec<f64> {
+    gaps(frames.iter().filter_map(|frame| frame.time).collect())
+}
+
+/// The distances between different times.
+fn gaps(mut times: Vec<f64>) -> Vec<f64> {
+    times.sort_by(f64::total_cmp);
+    let span = times.last().copied().unwrap_or(0.0) - times.first().copied().unwrap_or(0.0);
+    times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > SAME_TIME * span).collect()
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// Leaves out later photos of the same camera, pose, time and part of the split: two photos of one moment can only
+/// agree, or contradict each other.
+pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &mut Findings) {
+    let mut first: HashMap<(String, Option<Part>, u64), usize> = HashMap::new();
+    let (mut drop, mut pairs) = (vec![false; frames.len()], Vec::new());
+    let spread = spread(frames);
+    for (i, frame) in frames.iter().enumerate() {
+        let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
+        // + 0.0 makes one zero of the two.
+        let earlier = *first.entry((camera.clone(), frame.part, (time + 0.0).to_bits())).or_insert(i);
+        if earlier != i && same_pose(&frames[earlier], frame, spread) {
+            drop[i] = true;
+            pairs.push(format!("{} after {}", frame.name, frames[earlier].name));
+        }
+    }
+    if pairs.is_empty() {
+        return;
+    }
+    let mut drop = drop.into_iter();
+    frames.retain(|_| !drop.next().unwrap_or(false));
+    findings.warn(format!(
+        "{}: times repeat: {} photos have the camera and time of an earlier one and are left out ({})",
+        scene.display(),
+        pairs.len(),
+        some_names(&pairs)
+    ));
+}
+
+/// Warns where a camera's times fall while its file names rise. Frames without a camera are in no order to speak of.
+pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
+    let mut tracks: HashMap<(&str, Option<Part>, &str), Vec<(&str, f64)>> = HashMap::new();
+    for frame in frames {
+        let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
+        let folder = frame.name.rsplit_once('/').map_or("", |(folder, _)| folder);
+        tracks.entry((camera.as_str(), frame.part, folder)).or_default().push((frame.name.as_str(), time));
+    }
+    let mut places = Vec::new();
+    for track in tracks.values_mut() {
+        track.sort_by(|a, b| natural(a.0, b.0));
+        for pair in track.windows(2) {
+            if pair[1].1 < pair[0].1 {
+                places.push(format!("{} at {} after {} at {}", pair[1].0, pair[1].1, pair[0].0, pair[0].1));
+            }
+        }
+    }
+    if !places.is_empty() {
+        places.sort_by(|a, b| natural(a, b));
+        findings.warn(format!(
+            "{}: times run backwards in {} places although file names go on; they are used as written ({})",
+            scene.display(),
+            places.len(),
+            some_names(&places)
+        ));
+    }
+}
+
+/// Puts the user's exposure in place of the data set's, or leaves out exposures that cannot be: 0, and more than one
+/// frame interval, in which the shutter would have to be open twice. The user's own is believed, with a warning.
+pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &LoadOptions, findings: &mut Findings) {
+    let interval = frame_interval(frames);
+    let limit = interval.map_or(f64::INFINITY, |interval| interval * (1.0 + INTERVAL_SLACK));
+    if let Some(exposure) = options.exposure {
+        frames.iter_mut().filter(|frame| frame.time.is_some()).for_each(|frame| frame.exposure = Some(exposure));
+        if exposure > limit {
+            findings.warn(format!(
+                "{}: the given exposure of {exposure} is longer than one frame interval ({}); it is used as given",
+                scene.display(),
+                interval.unwrap_or(0.0)
+            ));
+        }
+        return;
+    }
+    let (mut zero, mut long, mut timeless) = (Vec::new(), Vec::new(), Vec::new());
+    let mut longest: f64 = 0.0;
+    for frame in frames {
+        let Some(exposure) = frame.exposure else { continue };
+        if frame.time.is_none() {
+            timeless.push(frame.name.clone());
+        } else if exposure == 0.0 {
+            zero.push(frame.name.clone());
+        } else if exposure > limit {
+            longest = longest.max(exposure);
+            long.push(frame.name.clone());
+        } else {
+            continue;
+        }
+        frame.exposure = None;
+    }
+    let sentences = [
+        (zero, "is 0, in which no light is gathered".to_string()),
+        (timeless, "belongs to no time".to_string()),
+        (
+            long,
+            format!(
+                "is longer than one frame interval ({longest} against {}; is it in the unit of `time`?)",
+                interval.unwrap_or(0.0)
+            ),
+        ),
+    ];
+    for (names, why) in sentences.into_iter().filter(|(names, _)| !names.is_empty()) {
+        findings.warn(format!(
+            "{}: the exposure of {} views {why}; it is left out and counts as unknown ({})",
+            scene.display(),
+            names.len(),
+            some_names(&names)
+        ));
+    }
+}

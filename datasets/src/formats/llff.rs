@@ -1,0 +1,233 @@
+//! LLFF's poses_bounds.npy, with frames of several static cameras (N3DV) or with photos.
+//!
+//! ```text
+//! poses_bounds.npy                    [cameras, 17]: 3 x 5 rows [R | t | (height, width, focal)], then near and far
+//! cam00/0000.png  cam01/images/0000.png   frames of each camera, in its folder or in `images` below it
+//! images/0000.png                     or, in a static scene, one photo a row
+//! ```
+//!
+//! R's columns are the camera's down, right and back axes in the world. Rows go with camera folders (or photos) in the
+//! order of their names. As in N3DV, the first camera is held out; time is the place among all frame names over the last
+//! place, 0 to 1.
+
+use std::path::{Path, PathBuf};
+
+use glam::DMat4;
+
+use crate::consistency::natural;
+use crate::error::DatasetError;
+use crate::lens::{Distortion, Focal, Lens};
+use crate::options::LoadOptions;
+use crate::priors::{DepthMeaning, Kind, SideFiles, npy, sources};
+use crate::raw::{Findings, Part, RawFrame, RawScene};
+use crate::scene::SceneFormat;
+use crate::{names, pose};
+
+const POSE_FILE: &str = "poses_bounds.npy";
+
+/// Numbers in a row of the file.
+const ROW: usize = 17;
+
+/// How folders of cameras are called.
+const CAMERA_PREFIX: &str = "cam";
+
+/// Extensions of frames.
+const IMAGES: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// Videos that would have to be taken apart first.
+const VIDEOS: [&str; 3] = ["mp4", "mov", "avi"];
+
+/// A pose file and what lies beside it.
+#[derive(Clone)]
+pub(crate) struct PoseFile {
+    pub path: PathBuf,
+    folder: PathBuf,
+    /// Folders of frames, in the order of the rows.
+    cameras: Vec<PathBuf>,
+    has_videos: bool,
+}
+
+impl PoseFile {
+    /// Whether there are frames of cameras, rather than photos.
+    pub fn has_cameras(&self) -> bool {
+        !self.cameras.is_empty() || self.has_videos
+    }
+}
+
+/// The pose file in a folder, or given itself.
+pub(crate) fn find(path: &Path) -> Option<PoseFile> {
+    let (file, folder) = if path.is_dir() {
+        (path.join(POSE_FILE), path.to_path_buf())
+    } else {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        (path.to_path_buf(), folder.to_path_buf())
+    };
+    if file.file_name()? != POSE_FILE || !file.is_file() {
+        return None;
+    }
+    let is_camera = |path: &Path| file_name(path).to_ascii_lowercase().starts_with(CAMERA_PREFIX);
+    let entries = sorted(&folder);
+    let cameras = entries.iter().filter(|path| is_camera(path) && path.is_dir()).cloned().collect();
+    let has_videos = entries.iter().any(|path| is_camera(path) && has_extension(path, &VIDEOS));
+    Some(PoseFile { path: file, folder, cameras, has_videos })
+}
+
+/// Reads the description of a scene.
+pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findings) -> Result<RawScene, DatasetError> {
+    let rows = npy::read(&poses.path)?;
+    if rows.shape.len() != 2 || rows.shape[1] != ROW {
+        let found = format!("{:?}", rows.shape);
+        return Err(DatasetError::malformed(&poses.path, "shape", "(cameras, 17)", found));
+    }
+    let rows: Vec<&[f64]> = rows.values.chunks_exact(ROW).collect();
+    let photos = if poses.has_cameras() { camera_frames(poses, rows.len())? } else { still_photos(poses, rows.len())? };
+    let mut frames = Vec::new();
+    for (index, row) in rows.iter().enumerate() {
+        let camera = camera(row, &poses.path, index);
+        let Some((c2w, lens)) = findings.take(camera)? else { continue };
+        for photo in photos.iter().filter(|photo| photo.row == index) {
+            let depth = DepthMeaning { kind: options.depth_kind, ..DepthMeaning::default() };
+            frames.push(RawFrame {
+                name: names::view_name(&poses.folder, &photo.path.to_string_lossy()),
+                image_path: photo.path.clone(),
+                c2w,
+                lens: lens.clone(),
+                time: photo.time,
+                camera_id: photo.camera.clone(),
+                masks: Vec::new(),
+                exposure: None,
+                sides: SideFiles { files: Vec::new(), depth },
+                part: photo.part,
+                file: poses.path.clone(),
+            });
+        }
+    }
+    if frames.is_empty() && !findings.lenient {
+        let found = format!("none for {} poses", rows.len());
+        return Err(DatasetError::NoFrames { path: poses.folder.clone(), found });
+    }
+    // Which masks a folder holds is not said anywhere; in a set of frames over time they mark what moves.
+    let mut kinds = vec![Kind::Depth, Kind::Sharp];
+    if matches!(options.masks, crate::MaskUse::Auto | crate::MaskUse::Moving) {
+        kinds.push(Kind::Moving);
+    }
+    if poses.has_cameras() {
+        sources::search(&mut frames, &poses.folder, &poses.path, &kinds, options.priors, findings);
+        sources::note_gaps(&mut frames);
+    }
+    Ok(RawScene { format: SceneFormat::Llff, frames, points: None })
+}
+
+struct Photo {
+    path: PathBuf,
+    /// Of the pose file.
+    row: usize,
+    time: Option<f64>,
+    camera: Option<String>,
+    part: Option<Part>,
+}
+
+/// Frames of all cameras. Cameras that lack frames keep the others' times: time goes by the name.
+fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<Photo>, DatasetError> {
+    let found: Vec<Vec<PathBuf>> = poses.cameras.iter().map(|folder| frames_of(folder)).collect();
+    if found.iter().all(Vec::is_empty) {
+        let what =
+            if poses.has_videos { "videos, which have to be taken apart into frames first" } else { "empty folders" };
+        let (path, found) = (poses.folder.clone(), what.to_string());
+        return Err(DatasetError::NoFrames { path, found });
+    }
+    if poses.cameras.len() != rows {
+        let found = format!("{} folders named {CAMERA_PREFIX}*", poses.cameras.len());
+        let expected = format!("one camera folder for each of {rows} poses");
+        return Err(DatasetError::malformed(&poses.path, "rows", expected, found));
+    }
+    let mut stems: Vec<String> = found.iter().flatten().map(|path| stem(path)).collect();
+    stems.sort_by(|a, b| natural(a, b));
+    stems.dedup();
+    let last = stems.len().saturating_sub(1).max(1) as f64;
+    let mut photos = Vec::new();
+    for (row, paths) in found.into_iter().enumerate() {
+        for path in paths {
+            let name = stem(&path);
+            let place = stems.binary_search_by(|other| natural(other, &name)).unwrap_or(0);
+            let part = if row == 0 { Part::Test } else { Part::Train };
+            photos.push(Photo {
+                path,
+                row,
+                time: (stems.len() > 1).then_some(place as f64 / last),
+                camera: Some(file_name(&poses.cameras[row])),
+                part: (rows > 1).then_some(part),
+            });
+        }
+    }
+    Ok(photos)
+}
+
+fn frames_of(folder: &Path) -> Vec<PathBuf> {
+    let images = |folder: &Path| -> Vec<PathBuf> {
+        sorted(folder).into_iter().filter(|path| has_extension(path, &IMAGES) && path.is_file()).collect()
+    };
+    let found = images(folder);
+    if found.is_empty() { images(&folder.join("images")) } else { found }
+}
+
+fn still_photos(poses: &PoseFile, rows: usize) -> Result<Vec<Photo>, DatasetError> {
+    let folder = poses.folder.join("images");
+    let found: Vec<PathBuf> = sorted(&folder).into_iter().filter(|path| has_extension(path, &IMAGES)).collect();
+    if found.len() != rows {
+        let count = format!("{} images in {}", found.len(), folder.display());
+        let expected = format!("folders {CAMERA_PREFIX}00 and on, or one image for each of {rows} poses");
+        return Err(DatasetError::malformed(&poses.path, "rows", expected, count));
+    }
+    let photo = |(row, path)| Photo { path, row, time: None, camera: None, part: None };
+    Ok(found.into_iter().enumerate().map(photo).collect())
+}
+
+/// Pose and lens of one row.
+fn camera(row: &[f64], file: &Path, index: usize) -> Result<(DMat4, Lens), DatasetError> {
+    let label = format!("row {index}");
+    let at = |line: usize, column: usize| row[5 * line + column];
+    let (height, width, focal) = (at(0, 4), at(1, 4), at(2, 4));
+    let sound = [height, width].iter().all(|side| (1.0..=1e6).contains(side)) && focal > 0.0 && focal.is_finite();
+    if !sound {
+        let found = format!("height {height}, width {width}, focal length {focal}");
+        return Err(DatasetError::malformed(file, label, "an image size and a focal length in pixels", found));
+    }
+    // OpenCV's right, down and forward are LLFF's second, first and negated third column.
+    let mut matrix = [[0.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
+    for (line, out) in matrix.iter_mut().take(3).enumerate() {
+        *out = [at(line, 1), at(line, 0), -at(line, 2), at(line, 3)];
+    }
+    let c2w = pose::rigid(&matrix, file, &label)?.c2w;
+    let lens = Lens {
+        focal_x: Some(Focal::Pixels(focal)),
+        focal_y: Some(Focal::Pixels(focal)),
+        cx: None,
+        cy: None,
+        width: Some(width),
+        height: Some(height),
+        distortion: Distortion::default(),
+    };
+    Ok((c2w, lens))
+}
+
+/// What a folder holds, in the order of names; nothing when it cannot be listed.
+fn sorted(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort_by(|a, b| natural(&file_name(a), &file_name(b)));
+    paths
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    extensions.contains(&extension.as_str())
+}

@@ -1,0 +1,250 @@
+//! PanopticSports as Dynamic 3D Gaussians published it: many static cameras, all of whose frames two JSON files list.
+//!
+//! ```text
+//! train_meta.json  test_meta.json    { w, h, k[t][c] 3x3, w2c[t][c] 4x4 (OpenCV), fn[t][c] "cam/000000.jpg", cam_id[t][c] }
+//! ims/<cam>/000000.jpg               photos
+//! seg/<cam>/000000.png               masks: white is what moves
+//! ```
+//!
+//! Time is the place in the list over the last place, 0 to 1, of the training list: test times are on the same axis.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
+
+use crate::error::DatasetError;
+use crate::formats::json::{self, Keys};
+use crate::lens::{Distortion, Focal, Lens};
+use crate::options::{LoadOptions, MaskUse};
+use crate::priors::{DepthMeaning, Kind, SideFile, SideFiles, sources};
+use crate::raw::{Findings, MaskFile, Part, RawFrame, RawScene, White, some_names};
+use crate::scene::SceneFormat;
+use crate::{names, pose};
+
+/// The file that makes a folder a Panoptic set.
+pub(crate) const TRAIN_FILE: &str = "train_meta.json";
+const TEST_FILE: &str = "test_meta.json";
+
+/// Where photos and masks are.
+const IMAGE_FOLDER: &str = "ims";
+pub(crate) const MASK_FOLDER: &str = "seg";
+
+/// Points of the original sets, in a container that is not read.
+const POINTS_FILE: &str = "init_pt_cld.npz";
+
+/// The descriptions of a set.
+pub(crate) struct MetaFiles {
+    scene: PathBuf,
+    folder: PathBuf,
+    pub files: Vec<(PathBuf, Part)>,
+}
+
+/// The set in a folder.
+pub(crate) fn find(path: &Path) -> Option<MetaFiles> {
+    let files: Vec<(PathBuf, Part)> = [(TRAIN_FILE, Part::Train), (TEST_FILE, Part::Test)]
+        .map(|(name, part)| (path.join(name), part))
+        .into_iter()
+        .filter(|(file, _)| file.is_file())
+        .collect();
+    let trains = files.iter().any(|(_, part)| *part == Part::Train);
+    trains.then(|| MetaFiles { scene: path.to_path_buf(), folder: path.to_path_buf(), files })
+}
+
+/// The set whose train_meta.json was given by name.
+pub(crate) fn find_named(path: &Path) -> Option<MetaFiles> {
+    if path.file_name()? != TRAIN_FILE || !path.is_file() {
+        return None;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    find(folder)
+}
+
+/// Reads the description of a set.
+pub(crate) fn read(
+    files: &MetaFiles,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<RawScene, DatasetError> {
+    let mut frames = Vec::new();
+    let mut last_time = None;
+    let mut missing = Vec::new();
+    for (file, part) in &files.files {
+        let Some(top) = findings.take(json::read(file))? else { continue };
+        let meta = Meta::read(&top, file);
+        let Some(meta) = findings.take(meta)? else { continue };
+        let last = *last_time.get_or_insert(meta.times.len().saturating_sub(1).max(1));
+        for (t, cameras) in meta.times.iter().enumerate() {
+            for shot in cameras {
+                let written = format!("{IMAGE_FOLDER}/{}", names::with_slashes(shot.image));
+                let c2w = shot.c2w(file);
+                let Some(c2w) = findings.take(c2w)? else { continue };
+                let Some(image_path) = names::find_image(&files.folder, &written) else {
+                    missing.push(written);
+                    continue;
+                };
+                let name = names::view_name(&files.folder, &written);
+                let (masks, sides) = masks(files, &name, options);
+                frames.push(RawFrame {
+                    name,
+                    image_path,
+                    c2w,
+                    lens: meta.lens(shot.k),
+                    time: Some(t as f64 / last as f64),
+                    camera_id: Some(shot.camera.clone()),
+                    masks,
+                    exposure: None,
+                    sides,
+                    part: (files.files.len() > 1).then_some(*part),
+                    file: file.clone(),
+                });
+            }
+        }
+    }
+    if !missing.is_empty() {
+        findings.warn(format!(
+            "{}: {} images do not exist; their frames were left out ({})",
+            files.scene.display(),
+            missing.len(),
+            some_names(&missing)
+        ));
+    }
+    if files.folder.join(POINTS_FILE).is_file() {
+        findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
+    }
+    if frames.is_empty() && !findings.lenient {
+        let found = format!("none of {} images", missing.len());
+        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
+    }
+    let kinds = [Kind::Depth, Kind::Sharp];
+    let description = files.folder.join(TRAIN_FILE);
+    sources::search(&mut frames, &files.folder, &description, &kinds, options.priors, findings);
+    sources::note_gaps(&mut frames);
+    Ok(RawScene { format: SceneFormat::Panoptic, frames, points: None })
+}
+
+/// The mask of a view, `seg/1/000000.png` for `ims/1/000000`, as the user wants it read. Held-out cameras have none.
+fn masks(files: &MetaFiles, name: &str, options: &LoadOptions) -> (Vec<MaskFile>, SideFiles) {
+    let depth = DepthMeaning { kind: options.depth_kind, ..DepthMeaning::default() };
+    let mut sides = SideFiles { files: Vec::new(), depth };
+    let relative = name.strip_prefix(IMAGE_FOLDER).unwrap_or(name).trim_start_matches('/');
+    let path = files.folder.join(MASK_FOLDER).join(format!("{relative}.png"));
+    if !path.is_file() || options.masks == MaskUse::Ignore {
+        return (Vec::new(), sides);
+    }
+    let counting = |white| vec![MaskFile { path: path.clone(), white }];
+    match options.masks {
+        MaskUse::KeepWhite => (counting(White::Keep), sides),
+        MaskUse::KeepBlack => (counting(White::Ignore), sides),
+        _ => {
+            if options.priors.masks {
+                sides.files.push(SideFile { kind: Kind::Moving, path: Some(path) });
+            }
+            (Vec::new(), sides)
+        }
+    }
+}
+
+/// One photo of one camera, as listed.
+struct Shot<'a> {
+    image: &'a str,
+    camera: String,
+    k: [[f64; 3]; 3],
+    w2c: [[f64; 4]; 4],
+}
+
+impl Shot<'_> {
+    fn c2w(&self, file: &Path) -> Result<glam::DMat4, DatasetError> {
+        pose::rigid(&self.w2c, file, self.image).map(|rigid| rigid.c2w.inverse())
+    }
+}
+
+struct Meta<'a> {
+    width: f64,
+    height: f64,
+    /// `[times][cameras]`.
+    times: Vec<Vec<Shot<'a>>>,
+}
+
+impl<'a> Meta<'a> {
+    fn read(top: &'a Map<String, Value>, file: &'a Path) -> Result<Self, DatasetError> {
+        let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
+        let side = |key: &str| match keys.number(key)? {
+            Some(value) if (1.0..=1e6).contains(&value) => Ok(value),
+            Some(value) => Err(keys.wrong(key, "an image side of 1 to 1000000 pixels", value.to_string())),
+            None => Err(keys.wrong(key, "an image side in pixels", "nothing".to_string())),
+        };
+        let (width, height) = (side("w")?, side("h")?);
+        let names = table(&keys, "fn")?;
+        let (k, w2c, ids) = (table(&keys, "k")?, table(&keys, "w2c")?, table(&keys, "cam_id")?);
+        for (key, other) in [("k", &k), ("w2c", &w2c), ("cam_id", &ids)] {
+            let sizes = |table: &[&[Value]]| table.iter().map(|row| row.len()).collect::<Vec<_>>();
+            if sizes(other) != sizes(&names) {
+                let count = |table: &[&[Value]]| {
+                    format!("{} entries at {} times", sizes(table).iter().sum::<usize>(), table.len())
+                };
+                return Err(keys.wrong(key, &format!("as many as `fn`, {}", count(&names)), count(other)));
+            }
+        }
+        let mut times = Vec::with_capacity(names.len());
+        for t in 0..names.len() {
+            let mut cameras = Vec::with_capacity(names[t].len());
+            for c in 0..names[t].len() {
+                let at = |key: &str, expected: &str, value: &Value| {
+                    DatasetError::malformed(
+                        file,
+                        format!("key `{key}`, time {t}, camera {c}"),
+                        expected,
+                        json::kind(value),
+                    )
+                };
+                let image = names[t][c].as_str().ok_or_else(|| at("fn", "a file name", &names[t][c]))?;
+                let camera = match &ids[t][c] {
+                    Value::String(id) => id.clone(),
+                    Value::Number(id) => id.to_string(),
+                    other => return Err(at("cam_id", "a number or a name", other)),
+                };
+                let k = matrix(&k[t][c]).ok_or_else(|| at("k", "3 rows of 3 numbers", &k[t][c]))?;
+                let w2c = matrix(&w2c[t][c]).ok_or_else(|| at("w2c", "4 rows of 4 numbers", &w2c[t][c]))?;
+                if !(k[0][0] > 0.0 && k[1][1] > 0.0 && k.iter().flatten().all(|value| value.is_finite())) {
+                    return Err(at("k", "finite focal lengths above 0", &Value::String(format!("{k:?}"))));
+                }
+                cameras.push(Shot { image, camera, k, w2c });
+            }
+            times.push(cameras);
+        }
+        Ok(Self { width, height, times })
+    }
+
+    fn lens(&self, k: [[f64; 3]; 3]) -> Lens {
+        Lens {
+            focal_x: Some(Focal::Pixels(k[0][0])),
+            focal_y: Some(Focal::Pixels(k[1][1])),
+            cx: Some(k[0][2]),
+            cy: Some(k[1][2]),
+            width: Some(self.width),
+            height: Some(self.height),
+            distortion: Distortion::default(),
+        }
+    }
+}
+
+/// A list of lists.
+fn table<'a>(keys: &Keys<'a>, key: &str) -> Result<Vec<&'a [Value]>, DatasetError> {
+    let value = keys.get(key).unwrap_or(&Value::Null);
+    let rows = value
+        .as_array()
+        .and_then(|rows| rows.iter().map(|row| row.as_array().map(Vec::as_slice)).collect::<Option<Vec<_>>>());
+    rows.ok_or_else(|| keys.wrong(key, "a list over times of lists over cameras", json::kind(value)))
+}
+
+fn matrix<const N: usize>(value: &Value) -> Option<[[f64; N]; N]> {
+    let rows = value.as_array().filter(|rows| rows.len() == N)?;
+    let mut out = [[0.0; N]; N];
+    for (out, row) in out.iter_mut().zip(rows) {
+        let row = row.as_array().filter(|row| row.len() == N)?;
+        for (out, value) in out.iter_mut().zip(row) {
+            *out = json::as_f64(value)?;
+        }
+    }
+    Some(out)
+}

@@ -1,0 +1,191 @@
+//! Finding the files of each frame: the image, its masks, priors and truth.
+
+use std::path::Path;
+
+use serde_json::{Map, Value};
+
+use super::frames::Entry;
+use crate::error::DatasetError;
+use crate::formats::json::Keys;
+use crate::formats::panoptic;
+use crate::names;
+use crate::options::{DepthKind, LoadOptions, MaskUse};
+use crate::priors::{DepthMeaning, Kind, SideFile, SideFiles, sources};
+use crate::raw::{Findings, MaskFile, RawFrame, White, some_names};
+
+/// What `mask_path` files are for.
+#[derive(Clone, Copy, PartialEq)]
+enum MaskRule {
+    /// They say which pixels count.
+    Counting(White),
+    /// They mark moving objects.
+    Moving,
+    Unused,
+}
+
+/// Finds the files of each frame. Frames without an image are dropped with a warning.
+pub(super) fn images(
+    entries: Vec<Entry>,
+    top: &Map<String, Value>,
+    root: &Path,
+    file: &Path,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<Vec<RawFrame>, DatasetError> {
+    let total = entries.len();
+    let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
+    let rule = mask_rule(&keys, root, options, &entries)?;
+    let depth = depth_meaning(&keys, options)?;
+    blur_space(&keys, findings)?;
+    let (mut missing, mut missing_masks) = (Vec::new(), Vec::new());
+    let mut found = Vec::new();
+    for entry in entries {
+        let Some(written) = entry.file_path else {
+            missing.push("a frame without file_path".to_string());
+            continue;
+        };
+        let Some(image_path) = names::find_image(root, &written) else {
+            missing.push(written);
+            continue;
+        };
+        let mut sides = SideFiles { files: Vec::new(), depth };
+        // instant-ngp turns depth off by a scale of 0.
+        let wanted = |kind| sources::is_wanted(kind, options.priors) && (kind != Kind::Depth || depth.step > 0.0);
+        for (kind, path) in entry.sides.iter().filter(|(kind, _)| wanted(*kind)) {
+            sides.files.push(SideFile { kind: *kind, path: Some(sources::named(root, path)) });
+        }
+        let mut masks = Vec::new();
+        match (&entry.mask_path, rule) {
+            (Some(path), MaskRule::Counting(white)) => match names::find_image(root, path) {
+                Some(path) => masks.push(MaskFile { path, white }),
+                None => missing_masks.push(path.clone()),
+            },
+            (Some(path), MaskRule::Moving) if options.priors.masks => {
+                sides.files.push(SideFile { kind: Kind::Moving, path: Some(sources::named(root, path)) });
+            }
+            _ => {}
+        }
+        masks.extend(dynamic_mask(&image_path, options.masks));
+        found.push(RawFrame {
+            name: names::view_name(root, &written),
+            image_path,
+            c2w: entry.c2w,
+            lens: entry.lens,
+            time: entry.time,
+            camera_id: entry.camera_id,
+            masks,
+            exposure: entry.exposure,
+            sides,
+            part: None,
+            file: file.to_path_buf(),
+        });
+    }
+    for (list, what) in [(missing, "images"), (missing_masks, "masks")] {
+        if !list.is_empty() {
+            let effect = if what == "images" { "their frames were left out" } else { "their frames are not masked" };
+            findings.warn(format!(
+                "{}: {} of {total} {what} do not exist; {effect} ({})",
+                file.display(),
+                list.len(),
+                some_names(&list)
+            ));
+        }
+    }
+    search_side_folders(&mut found, root, file, rule, options, findings);
+    Ok(found)
+}
+
+/// Looks beside the JSON for priors that it does not name.
+fn search_side_folders(
+    frames: &mut [RawFrame],
+    root: &Path,
+    file: &Path,
+    rule: MaskRule,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) {
+    // Folders of static sets hold other things: a set without times is left alone.
+    if frames.iter().any(|frame| frame.time.is_some()) || options.masks == MaskUse::Moving {
+        let mut kinds = vec![Kind::Depth, Kind::Sharp];
+        if rule == MaskRule::Moving {
+            kinds.push(Kind::Moving);
+        }
+        sources::search(frames, root, file, &kinds, options.priors, findings);
+    }
+    sources::note_gaps(frames);
+}
+
+/// What white means in `mask_path` files.
+fn mask_rule(keys: &Keys, root: &Path, options: &LoadOptions, entries: &[Entry]) -> Result<MaskRule, DatasetError> {
+    match options.masks {
+        MaskUse::Ignore => return Ok(MaskRule::Unused),
+        MaskUse::KeepWhite => return Ok(MaskRule::Counting(White::Keep)),
+        MaskUse::KeepBlack => return Ok(MaskRule::Counting(White::Ignore)),
+        MaskUse::Moving => return Ok(MaskRule::Moving),
+        MaskUse::Auto => {}
+    }
+    match keys.text("mask_meaning")? {
+        Some("keep") => Ok(MaskRule::Counting(White::Keep)),
+        Some("ignore") => Ok(MaskRule::Counting(White::Ignore)),
+        Some("dynamic") => Ok(MaskRule::Moving),
+        Some(other) => Err(keys.wrong("mask_meaning", "\"keep\", \"ignore\" or \"dynamic\"", format!("{other:?}"))),
+        None if marks_moving_people(root, entries) => Ok(MaskRule::Moving),
+        None => Ok(MaskRule::Counting(White::Keep)),
+    }
+}
+
+/// Whether masks without a stated meaning are those of a Panoptic set, converted: its own description lies beside the
+/// JSON, and its masks, which mark what moves, are in the folder that it keeps them in.
+fn marks_moving_people(root: &Path, entries: &[Entry]) -> bool {
+    let folder = format!("{}/", panoptic::MASK_FOLDER);
+    let in_folder = |path: &str| names::with_slashes(path).trim_start_matches("./").starts_with(&folder);
+    let mut named = entries.iter().filter_map(|entry| entry.mask_path.as_deref()).peekable();
+    named.peek().is_some() && named.all(in_folder) && root.join(panoptic::TRAIN_FILE).is_file()
+}
+
+/// What the file says about its depth maps; the user's word comes first.
+fn depth_meaning(keys: &Keys, options: &LoadOptions) -> Result<DepthMeaning, DatasetError> {
+    let mut meaning = DepthMeaning::default();
+    meaning.kind = match keys.text("depth_kind")? {
+        None => None,
+        Some("metric_z") => Some(DepthKind::MetricZ),
+        Some("depth") => Some(DepthKind::Depth),
+        Some("inverse_depth" | "disparity") => Some(DepthKind::InverseDepth),
+        Some(other) => {
+            let expected = "\"metric_z\", \"depth\" or \"inverse_depth\"";
+            return Err(keys.wrong("depth_kind", expected, format!("{other:?}")));
+        }
+    };
+    meaning.kind = options.depth_kind.or(meaning.kind);
+    if let Some(step) = keys.number("integer_depth_scale")? {
+        if step < 0.0 {
+            return Err(keys.wrong("integer_depth_scale", "a scale of 0 (no depth) or above", step.to_string()));
+        }
+        meaning.step = step;
+    }
+    Ok(meaning)
+}
+
+/// Blur is modelled in linear light; a file that says otherwise is read, with a word about it.
+fn blur_space(keys: &Keys, findings: &mut Findings) -> Result<(), DatasetError> {
+    match keys.text("blur_space")? {
+        None | Some("linear") => {}
+        Some("encoded") => findings.warn(format!(
+            "{}: its photos were averaged as they are encoded (blur_space), not in linear light as cameras and this \
+             program's blur model do; bright moving edges will differ",
+            keys.file.display()
+        )),
+        Some(other) => return Err(keys.wrong("blur_space", "\"linear\" or \"encoded\"", format!("{other:?}"))),
+    }
+    Ok(())
+}
+
+/// instant-ngp's mask beside the image: `dynamic_mask_<stem>.png`, where anything but black is ignored.
+fn dynamic_mask(image: &Path, masks: MaskUse) -> Option<MaskFile> {
+    if masks == MaskUse::Ignore {
+        return None;
+    }
+    let stem = image.file_stem()?.to_str()?;
+    let path = image.with_file_name(format!("dynamic_mask_{stem}.png"));
+    path.is_file().then_some(MaskFile { path, white: White::Ignore })
+}

@@ -1,0 +1,146 @@
+//! Depth and the other maps, from whichever file holds them.
+
+use std::path::Path;
+
+use image::DynamicImage;
+
+use super::map::Map;
+use super::{DepthMeaning, exr, npy};
+use crate::error::DatasetError;
+use crate::frame::DepthSpace;
+use crate::mask;
+use crate::options::DepthKind;
+use crate::pixels;
+
+/// From here on a depth is a renderer's word for "nothing there" (Blender and Infinigen write 1e10 for the sky), and one
+/// such value would decide any fit of scale and shift.
+const SKY: f32 = 1e9;
+
+/// A depth file's numbers and what they mean.
+pub(super) struct Depth {
+    pub map: Map<f32>,
+    pub space: DepthSpace,
+    pub metric: bool,
+    /// The data set does not say what the numbers mean; the kind of file decided.
+    pub guessed: bool,
+}
+
+/// The formats, told from the first bytes because extensions are often wrong.
+enum Content {
+    Numpy(npy::Array),
+    Exr(Vec<u8>),
+    Picture(DynamicImage),
+}
+
+fn open(path: &Path) -> Result<Content, DatasetError> {
+    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    if bytes.starts_with(npy::MAGIC) {
+        npy::parse(path, &bytes).map(Content::Numpy)
+    } else if bytes.starts_with(exr::MAGIC) {
+        Ok(Content::Exr(bytes))
+    } else {
+        pixels::decode(path).map(Content::Picture)
+    }
+}
+
+/// Opens a depth file. Unknown places are 0 in the map: what is not finite, sky, and in metric depth what is not in
+/// front of the camera.
+///
+/// Where the data set does not say what the numbers mean, an 8-bit picture is taken for inverse depth, since that is
+/// what single-image networks save as a picture, and everything else for depth; both up to scale and shift.
+pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, DatasetError> {
+    let mut is_8_bit = false;
+    let mut is_integer = false;
+    let mut map = match open(path)? {
+        Content::Numpy(array) => {
+            let shape = format!("{:?}", array.shape);
+            let map = array.into_map(1);
+            map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))?
+        }
+        Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH)?,
+        Content::Picture(picture) => {
+            is_integer = true;
+            is_8_bit = picture.color().bytes_per_pixel() == picture.color().channel_count();
+            first_channel(path, picture)?
+        }
+    };
+    let guess = if is_8_bit { DepthKind::InverseDepth } else { DepthKind::Depth };
+    let kind = meaning.kind.unwrap_or(guess);
+    // 256 levels over an unstated range are in no unit.
+    let metric = kind == DepthKind::MetricZ && !is_8_bit;
+    let step = if metric && is_integer { meaning.step as f32 } else { 1.0 };
+    for value in &mut map.values {
+        let scaled = *value * step;
+        let known = scaled.is_finite() && scaled.abs() < SKY && (scaled > 0.0 || !metric);
+        *value = if known { scaled } else { 0.0 };
+    }
+    let space = if kind == DepthKind::InverseDepth { DepthSpace::InverseDepth } else { DepthSpace::Depth };
+    Ok(Depth { map, space, metric, guessed: meaning.kind.is_none() })
+}
+
+/// Opens a map of vectors: EXR channels X, Y, Z (or R, G, B), or an array `(H, W, 3)`. What is not finite becomes 0.
+pub(super) fn vectors(path: &Path) -> Result<Map<f32>, DatasetError> {
+    let mut map = match open(path)? {
+        Content::Numpy(array) => {
+            let shape = format!("{:?}", array.shape);
+            array.into_map(3).ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W, 3)", shape))?
+        }
+        Content::Exr(bytes) => exr::parse(path, &bytes, exr::VECTOR)?,
+        Content::Picture(_) => {
+            let found = "a picture".to_string();
+            return Err(DatasetError::malformed(path, "velocity", "an OpenEXR file or a NumPy array", found));
+        }
+    };
+    map.values.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
+    Ok(map)
+}
+
+/// Opens a mask: 255 where the file is not 0 (an object's number, white, or any colour), 0 elsewhere.
+pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
+    let binary = |map: Map<f32>| Map {
+        width: map.width,
+        height: map.height,
+        channels: 1,
+        values: map.values.into_iter().map(|value| if value != 0.0 && !value.is_nan() { 255 } else { 0 }).collect(),
+    };
+    match open(path)? {
+        Content::Numpy(array) => {
+            let shape = format!("{:?}", array.shape);
+            let map = array.into_map(1).map(binary);
+            map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))
+        }
+        Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH).map(binary),
+        Content::Picture(picture) => {
+            let (width, height) = (picture.width() as usize, picture.height() as usize);
+            let threshold = mask::threshold(path);
+            let white = |level| if level >= threshold { 255 } else { 0 };
+            let values = mask::levels(picture).into_iter().map(white).collect();
+            Map::new(width, height, 1, values)
+                .ok_or_else(|| DatasetError::malformed(path, "size", "at least one pixel", "none"))
+        }
+    }
+}
+
+/// The first channel's numbers as they are. Pictures of depth in false colours are refused: their channels say nothing.
+fn first_channel(path: &Path, picture: DynamicImage) -> Result<Map<f32>, DatasetError> {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let channels = usize::from(picture.color().channel_count());
+    let first = |values: Vec<f32>| -> Option<Vec<f32>> {
+        let grey =
+            channels < 3 || values.chunks_exact(channels).all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2]);
+        grey.then(|| values.into_iter().step_by(channels).collect())
+    };
+    let values = match picture {
+        DynamicImage::ImageLuma8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageLumaA8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageRgb8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageRgba8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageLuma16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageLumaA16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageRgb16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        DynamicImage::ImageRgba16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
+        _ => None,
+    };
+    let map = values.and_then(|values| Map::new(width, height, 1, values));
+    map.ok_or_else(|| DatasetError::malformed(path, "colours", "grey levels of depth", "a picture in false colours"))
+}

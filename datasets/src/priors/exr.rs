@@ -1,0 +1,105 @@
+//! OpenEXR files: named channels of half, float or integer samples.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::block;
+use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
+
+use super::map::Map;
+use crate::error::DatasetError;
+
+/// The first bytes of every file.
+pub(super) const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
+
+/// Most samples of one file, over all its channels: 1 GiB in floats. A header that asks for more is broken, and its
+/// memory is asked for before the pixels are looked at.
+const SAMPLES_MAX: usize = 1 << 28;
+
+/// Names of the channel with depth, best first. Files with a picture and its depth call the depth Z; files of depth
+/// alone use any of the others.
+pub(super) const DEPTH: &[&[&str]] = &[&["Z"], &["DEPTH"], &["V"], &["Y"], &["R"]];
+
+/// Names of the three channels of a vector.
+pub(super) const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
+
+/// Reads the first group of channels in `groups` that the file has, ignoring case and the names of layers before the
+/// last dot; a file with one channel only may call it anything when one is wanted. All groups have the same length.
+pub(super) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map<f32>, DatasetError> {
+    let wrong = |expected: &str, found: String| DatasetError::malformed(path, "OpenEXR", expected, found);
+    let layers = decode(bytes).map_err(|found| wrong("a readable OpenEXR file", found))?;
+    let all = || layers.iter().flat_map(|layer| layer.channels.iter().map(move |channel| (layer, channel)));
+    let find = |wanted: &str| all().find(|(_, (name, _))| last_part(name).eq_ignore_ascii_case(wanted));
+    let named = groups.iter().find_map(|group| group.iter().map(|name| find(name)).collect::<Option<Vec<_>>>());
+    let lone = || {
+        let first = all().next()?;
+        (groups.iter().all(|group| group.len() == 1) && all().count() == 1).then(|| vec![first])
+    };
+    let Some(found) = named.or_else(lone) else {
+        let names: Vec<&str> = all().take(8).map(|(_, (name, _))| name.as_str()).collect();
+        let expected: Vec<String> = groups.iter().map(|group| group.join(" ")).collect();
+        return Err(wrong(&format!("channels named {}", expected.join(" or ")), names.join(", ")));
+    };
+    let (width, height) = found.first().map_or((0, 0), |(layer, _)| (layer.width, layer.height));
+    let mut values = vec![0.0; width * height * found.len()];
+    for (i, (_, (name, samples))) in found.iter().enumerate() {
+        if samples.len() != width * height {
+            return Err(wrong("channels of the layer's size", format!("{} samples in {name}", samples.len())));
+        }
+        for (place, value) in values.iter_mut().skip(i).step_by(found.len()).zip(samples) {
+            *place = *value;
+        }
+    }
+    Map::new(width, height, found.len(), values).ok_or_else(|| wrong("at least one pixel", "none".to_string()))
+}
+
+struct Layer {
+    width: usize,
+    height: usize,
+    channels: Vec<(String, Vec<f32>)>,
+}
+
+/// All flat layers. The headers are looked at before any memory for pixels is asked for.
+fn decode(bytes: &[u8]) -> Result<Vec<Layer>, String> {
+    let chunks = block::read(Cursor::new(bytes), false).map_err(|error| error.to_string())?;
+    let mut samples = 0_usize;
+    for header in chunks.headers() {
+        let pixels = header.layer_size.0.checked_mul(header.layer_size.1);
+        let size = pixels.and_then(|pixels| pixels.checked_mul(header.channels.list.len()));
+        samples = samples.saturating_add(size.unwrap_or(usize::MAX));
+    }
+    if samples > SAMPLES_MAX {
+        return Err(format!("a header that asks for more than {SAMPLES_MAX} samples"));
+    }
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_chunks(chunks)
+        .map_err(|error| error.to_string())?;
+    let layer = |layer: exr::prelude::Layer<exr::prelude::AnyChannels<FlatSamples>>| {
+        let channels = layer.channel_data.list.into_iter();
+        Layer {
+            width: layer.size.0,
+            height: layer.size.1,
+            channels: channels.map(|channel| (channel.name.to_string(), floats(channel.sample_data))).collect(),
+        }
+    };
+    Ok(image.layer_data.into_iter().map(layer).collect())
+}
+
+fn floats(samples: FlatSamples) -> Vec<f32> {
+    match samples {
+        FlatSamples::F16(values) => values.into_iter().map(exr::prelude::f16::to_f32).collect(),
+        FlatSamples::F32(values) => values,
+        FlatSamples::U32(values) => values.into_iter().map(|value| value as f32).collect(),
+    }
+}
+
+/// "Z" of "ViewLayer.Depth.Z".
+fn last_part(name: &str) -> &str {
+    name.rsplit('.').next().unwrap_or(name)
+}

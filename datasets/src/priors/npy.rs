@@ -1,0 +1,186 @@
+//! NumPy arrays (`.npy`, versions 1 to 3), of any plain number type, in C or Fortran order.
+//!
+//! ```text
+//! "\x93NUMPY" | u8 major | u8 minor | header length (u16 in version 1, else u32) | header | values
+//! header: a Python dictionary, {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }
+//! ```
+
+use std::path::Path;
+
+use exr::prelude::f16;
+
+use super::map::Map;
+use crate::error::DatasetError;
+
+/// The first bytes of every file.
+pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Longest header that is read, bytes. NumPy itself refuses more than 10 000.
+const HEADER_MAX: usize = 1 << 16;
+
+/// An array as its file holds it.
+pub(crate) struct Array {
+    /// Lengths of the axes, outermost first. The values are always in C order.
+    pub shape: Vec<usize>,
+    pub values: Vec<f64>,
+}
+
+/// Reads a file.
+pub(crate) fn read(path: &Path) -> Result<Array, DatasetError> {
+    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    parse(path, &bytes)
+}
+
+/// Reads a file's bytes; `path` is for messages.
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Array, DatasetError> {
+    let wrong =
+        |location: &str, expected: &str, found: String| DatasetError::malformed(path, location, expected, found);
+    let cut = |location: &str| wrong(location, "more bytes", "the end of the file".to_string());
+    let rest = bytes
+        .strip_prefix(MAGIC)
+        .ok_or_else(|| wrong("byte 0", "a NumPy array (\\x93NUMPY)", format!("{:?}", &bytes[..bytes.len().min(6)])))?;
+    let (version, rest) = rest.split_first_chunk::<2>().ok_or_else(|| cut("version"))?;
+    let (length, rest) = match version[0] {
+        1 => {
+            let (length, rest) = rest.split_first_chunk::<2>().ok_or_else(|| cut("header length"))?;
+            (usize::from(u16::from_le_bytes(*length)), rest)
+        }
+        2 | 3 => {
+            let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(|| cut("header length"))?;
+            (u32::from_le_bytes(*length) as usize, rest)
+        }
+        other => return Err(wrong("version", "1, 2 or 3", other.to_string())),
+    };
+    if length > HEADER_MAX {
+        return Err(wrong("header length", "at most 65536 bytes", length.to_string()));
+    }
+    let (header, data) = rest.split_at_checked(length).ok_or_else(|| cut("header"))?;
+    let header = String::from_utf8_lossy(header);
+    let header = Header::parse(&header)
+        .ok_or_else(|| wrong("header", "a dictionary with descr, fortran_order and shape", shortened(&header)))?;
+    let number = Number::from_descr(&header.descr)
+        .ok_or_else(|| wrong("descr", "a plain number type (f2 f4 f8 u1 u2 u4 i1 .. i8 b1)", header.descr.clone()))?;
+    let count = header.shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
+    let needed = count.and_then(|count| count.checked_mul(number.bytes));
+    let data = needed.and_then(|needed| data.get(..needed)).ok_or_else(|| {
+        wrong("values", &format!("an array of {:?} {}", header.shape, header.descr), format!("{} bytes", data.len()))
+    })?;
+    let values: Vec<f64> = data.chunks_exact(number.bytes).map(|bytes| number.read(bytes)).collect();
+    let values = if header.fortran { to_c_order(&values, &header.shape) } else { values };
+    Ok(Array { shape: header.shape, values })
+}
+
+impl Array {
+    /// The array as one plane, `(H, W)`, `(1, H, W)` or `(H, W, 1)`, or with `channels` above 1 as `(H, W, channels)`.
+    pub(super) fn into_map(self, channels: usize) -> Option<Map<f32>> {
+        let (height, width) = match *self.shape.as_slice() {
+            [height, width] if channels == 1 => (height, width),
+            [1, height, width] if channels == 1 => (height, width),
+            [height, width, last] if last == channels => (height, width),
+            _ => return None,
+        };
+        Map::new(width, height, channels, self.values.into_iter().map(|value| value as f32).collect())
+    }
+}
+
+struct Header {
+    descr: String,
+    fortran: bool,
+    shape: Vec<usize>,
+}
+
+impl Header {
+    fn parse(text: &str) -> Option<Self> {
+        let descr = value_of(text, "descr")?;
+        // A list in place of a string describes records with named fields; they are no plain numbers.
+        let quote = descr.chars().next()?;
+        let descr = match quote {
+            '\'' | '"' => descr[1..].split(quote).next()?.to_string(),
+            _ => "records".to_string(),
+        };
+        let fortran = value_of(text, "fortran_order")?.starts_with("True");
+        let shape = value_of(text, "shape")?.strip_prefix('(')?.split(')').next()?;
+        let shape = shape
+            .split(',')
+            .map(|side| side.trim().trim_end_matches('L'))
+            .filter(|side| !side.is_empty())
+            .map(|side| side.parse().ok())
+            .collect::<Option<Vec<usize>>>()?;
+        Some(Self { descr, fortran, shape })
+    }
+}
+
+/// What follows `'key':` in the text of a dictionary.
+fn value_of<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
+    let after = quoted.iter().find_map(|quoted| text.split_once(quoted.as_str()))?.1;
+    Some(after.trim_start().strip_prefix(':')?.trim_start())
+}
+
+fn shortened(text: &str) -> String {
+    format!("{:?}", text.chars().take(60).collect::<String>())
+}
+
+/// A number type: `kind` is NumPy's letter.
+struct Number {
+    kind: u8,
+    bytes: usize,
+    big_endian: bool,
+}
+
+impl Number {
+    fn from_descr(descr: &str) -> Option<Self> {
+        let (order, rest) = descr.as_bytes().split_first()?;
+        let (kind, size) = rest.split_first()?;
+        let bytes: usize = std::str::from_utf8(size).ok()?.parse().ok()?;
+        let known = match kind {
+            b'f' => [2, 4, 8].contains(&bytes),
+            b'u' | b'i' => [1, 2, 4, 8].contains(&bytes),
+            b'b' => bytes == 1,
+            _ => false,
+        };
+        (known && b"<>|=".contains(order)).then_some(Self { kind: *kind, bytes, big_endian: *order == b'>' })
+    }
+
+    /// Reads one value of `self.bytes` bytes.
+    fn read(&self, bytes: &[u8]) -> f64 {
+        let mut raw = [0_u8; 8];
+        for (place, byte) in raw.iter_mut().zip(bytes) {
+            *place = *byte;
+        }
+        if self.big_endian {
+            raw[..self.bytes].reverse();
+        }
+        let unsigned = u64::from_le_bytes(raw);
+        match (self.kind, self.bytes) {
+            (b'f', 2) => f64::from(f16::from_bits(unsigned as u16).to_f32()),
+            (b'f', 4) => f64::from(f32::from_bits(unsigned as u32)),
+            (b'f', _) => f64::from_bits(unsigned),
+            (b'i', 1) => f64::from(unsigned as u8 as i8),
+            (b'i', 2) => f64::from(unsigned as u16 as i16),
+            (b'i', 4) => f64::from(unsigned as u32 as i32),
+            (b'i', _) => unsigned as i64 as f64,
+            _ => unsigned as f64,
+        }
+    }
+}
+
+/// From Fortran order (first axis fastest) to C order (last axis fastest).
+fn to_c_order(values: &[f64], shape: &[usize]) -> Vec<f64> {
+    let mut strides = Vec::with_capacity(shape.len());
+    let mut stride = 1;
+    for side in shape {
+        strides.push(stride);
+        stride *= side;
+    }
+    (0..values.len())
+        .map(|index| {
+            let (mut rest, mut place) = (index, 0);
+            for (side, stride) in shape.iter().zip(&strides).rev() {
+                place += rest % side * stride;
+                rest /= side;
+            }
+            values[place]
+        })
+        .collect()
+}

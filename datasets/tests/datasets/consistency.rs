@@ -1,0 +1,185 @@
+//! Times, exposures and cameras that contradict themselves or each other.
+
+use gs_datasets::{LoadOptions, Scene, check, load};
+use serde_json::{Value, json};
+
+use crate::fixtures::{Folder, rig, ring};
+
+/// Two training cameras and a held-out one at four times, 0.1 apart.
+fn set() -> (Folder, Value, Value) {
+    let folder = Folder::new();
+    let train = rig(&folder, "train", 0, 2, 4);
+    let test = rig(&folder, "test", 2, 1, 4);
+    (folder, train, test)
+}
+
+fn read(folder: &Folder, train: &Value, test: &Value) -> Scene {
+    read_with(folder, train, test, &LoadOptions::default())
+}
+
+fn read_with(folder: &Folder, train: &Value, test: &Value, options: &LoadOptions) -> Scene {
+    folder.write_json("transforms_train.json", train);
+    folder.write_json("transforms_test.json", test);
+    let scene = load(folder.path(), options).expect("loaded");
+    let report = check(folder.path(), options);
+    assert_eq!(report.warnings, scene.warnings, "the report says what loading says");
+    scene
+}
+
+#[track_caller]
+fn only_warning<'a>(scene: &'a Scene, parts: &[&str]) -> &'a str {
+    assert_eq!(scene.warnings.len(), 1, "{}", scene.warnings.join("\n"));
+    let text = &scene.warnings[0];
+    parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text:?}"));
+    text
+}
+
+#[test]
+fn a_sound_set_is_not_complained_about() {
+    let (folder, mut train, test) = set();
+    train["exposure"] = json!(0.09);
+    let scene = read(&folder, &train, &test);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let report = check(folder.path(), &LoadOptions::default()).to_string();
+    for part in
+        ["exposure of 8 views is 0.09, 0.90 of the frame interval", "3 of 3 cameras with several times stand still"]
+    {
+        assert!(report.contains(part), "{part:?} is not in\n{report}");
+    }
+}
+
+#[test]
+fn an_exposure_of_nothing_or_of_more_than_a_frame_is_left_out() {
+    for (exposure, part) in
+        [(0.0, "is 0, in which no light"), (0.15, "longer than one frame interval (0.15 against 0.1")]
+    {
+        let (folder, mut train, test) = set();
+        train["exposure"] = json!(exposure);
+        let scene = read(&folder, &train, &test);
+        only_warning(&scene, &["exposure of 8 views", part, "counts as unknown"]);
+        assert!(scene.train.iter().all(|view| view.exposure.is_none()));
+    }
+    let (folder, mut train, test) = set();
+    train["exposure"] = json!(0.1);
+    let scene = read(&folder, &train, &test);
+    assert!(
+        scene.warnings.is_empty() && scene.train.iter().all(|view| view.exposure == Some(0.1)),
+        "a whole frame is open"
+    );
+}
+
+#[test]
+fn an_exposure_that_is_no_duration_is_an_error() {
+    for value in [json!(-0.1), json!("long"), json!("NaN"), json!([1])] {
+        let (folder, mut train, _) = set();
+        train["frames"][1]["exposure"] = value;
+        folder.write_json("transforms_train.json", &train);
+        let error = load(folder.path(), &LoadOptions::default()).expect_err("no duration").to_string();
+        assert!(error.contains("exposure") && error.contains("train/cam00/0001.png"), "{error}");
+    }
+    for exposure in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let (folder, train, _) = set();
+        folder.write_json("transforms_train.json", &train);
+        let options = LoadOptions { exposure: Some(exposure), ..LoadOptions::default() };
+        let error = load(folder.path(), &options).expect_err("no duration").to_string();
+        assert!(error.contains("option `exposure`"), "{error}");
+    }
+}
+
+#[test]
+fn the_users_exposure_is_believed() {
+    let (folder, mut train, test) = set();
+    train["exposure"] = json!(0.0);
+    let with = |exposure| LoadOptions { exposure: Some(exposure), ..LoadOptions::default() };
+    let scene = read_with(&folder, &train, &test, &with(0.05));
+    assert!(scene.warnings.is_empty() && scene.train.iter().all(|view| view.exposure == Some(0.05)));
+    let scene = read_with(&folder, &train, &test, &with(0.3));
+    only_warning(&scene, &["0.3 is longer than one frame interval", "used as given"]);
+    assert!(scene.test.iter().all(|view| view.exposure == Some(0.3)));
+}
+
+#[test]
+fn a_time_that_repeats_keeps_the_first_photo() {
+    let (folder, mut train, test) = set();
+    train["frames"][2]["time"] = json!(0.1);
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["times repeat: 1 photos", "train/cam00/0002 after train/cam00/0001"]);
+    assert_eq!(scene.train.len(), 7);
+}
+
+#[test]
+fn times_that_run_backwards_are_told() {
+    let (folder, mut train, test) = set();
+    train["frames"][2]["time"] = json!(0.05);
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["backwards in 1 places", "train/cam00/0002 at 0.05 after train/cam00/0001 at 0.1"]);
+    assert_eq!(scene.train.len(), 8);
+    // frame_10 comes after frame_9, though not in the alphabet.
+    let folder = Folder::new();
+    let mut names = rig(&folder, "train", 0, 2, 12);
+    for i in 0..12 {
+        let name = format!("train/frame_{i}.png");
+        folder.photo(&name, 8, 6);
+        names["frames"][i]["file_path"] = json!(name);
+    }
+    let scene = read(&folder, &names, &rig(&folder, "test", 1, 1, 1));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
+fn a_camera_that_moves_is_told() {
+    let (folder, mut train, test) = set();
+    train["frames"][2]["transform_matrix"][0][3] = json!(0.5);
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["1 cameras change their pose over time (cam00)"]);
+}
+
+#[test]
+fn train_and_test_sets_that_disagree_are_told() {
+    let (folder, train, mut test) = set();
+    test["camera_angle_x"] = json!(1.2);
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["one set of intrinsics", "1.182", "0.730"]);
+
+    let (folder, train, mut test) = set();
+    for i in 0..4 {
+        test["frames"][i]["camera_id"] = json!("cam00");
+        test["frames"][i]["camera_angle_x"] = json!(1.2);
+        test["frames"][i]["transform_matrix"] = ring(0);
+    }
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["1 cameras have another pose or other intrinsics in the test set", "(cam00)"]);
+
+    // The test set in other units.
+    let (folder, train, mut test) = set();
+    for i in 0..4 {
+        for row in 0..3 {
+            let value = test["frames"][i]["transform_matrix"][row][3].as_f64().expect("a number");
+            test["frames"][i]["transform_matrix"][row][3] = json!(value * 100.0);
+        }
+    }
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["4 held-out views turn their back", "one world"]);
+}
+
+#[test]
+fn cameras_are_told_apart_by_their_poses_where_nothing_names_them() {
+    let (folder, mut train, mut test) = set();
+    for top in [&mut train, &mut test] {
+        for frame in top["frames"].as_array_mut().expect("frames") {
+            frame.as_object_mut().expect("a frame").remove("camera_id");
+        }
+    }
+    let scene = read(&folder, &train, &test);
+    let ids: Vec<&str> = scene.train.iter().map(|view| view.camera_id.as_deref().expect("a camera")).collect();
+    assert!(ids[..4].iter().all(|id| *id == ids[0]) && ids[4..].iter().all(|id| *id == ids[4]) && ids[0] != ids[4]);
+    // A camera that never stands still is one camera or many; nobody can say.
+    for (i, frame) in train["frames"].as_array_mut().expect("frames").iter_mut().enumerate() {
+        frame["transform_matrix"] = ring(i);
+        frame["time"] = json!(i);
+    }
+    let (folder_2, _, _) = set();
+    folder_2.write_json("transforms_train.json", &train);
+    let scene = load(folder_2.path(), &LoadOptions::default()).expect("loaded");
+    assert!(scene.train.iter().all(|view| view.camera_id.is_none()));
+}
