@@ -169,11 +169,12 @@ impl TaylorMotion {
     /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure. The rows are picked out once, and
     /// their gradients put back once.
     pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &[Instant]) -> Vec<(Tensor<2>, Tensor<2>)> {
+        if self.is_empty() {
+            let none = |columns| Tensor::zeros([0, columns], (&means.device(), means.dtype()));
+            return instants.iter().map(|_| (none(3), none(4))).collect();
+        }
         let means = means.clone().select(0, self.rows.clone());
         let quats = quats.clone().select(0, self.rows.clone());
-        if self.is_empty() {
-            return vec![(means, quats); instants.len()];
-        }
         let sample = |instant: &Instant| {
             let (displacement, rotation) = self.moved_by(instant);
             let turns = self.rotation_order() > 0;

@@ -187,6 +187,8 @@ fn nothing_that_moves_is_no_special_case() {
         let none = TaylorMotion::still(&[], 3, 1, WINDOW, &place.device);
         assert_eq!(values(&none.means_at(still.means.val(), 0.6)), values(&still.means.val()));
         assert_eq!(values(&none.velocities(6, 0.6)).len(), 18);
+        let (means, quats) = none.sample_rows(&still.means.val(), &still.quats.val(), 0.6);
+        assert_eq!([means.dims(), quats.dims()], [[0, 3], [0, 4]], "{}", place.name);
         let flat = TaylorMotion::still(&[0, 5], 0, 0, WINDOW, &place.device);
         assert_eq!(flat.displacement(0.6).dims(), [2, 3]);
         let wide = TaylorMotion::still(&[0, 5], 1, 0, WINDOW, &place.device).with_orders(3, 2);
