@@ -28,6 +28,7 @@ mod lens;
 pub mod light;
 mod loader;
 mod mask;
+pub mod motion;
 mod names;
 mod options;
 mod pixels;

@@ -44,7 +44,10 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let frames = sort_and_name(raw.frames, &mut findings);
     let frames = consistency::settle(frames, path, options, &mut findings);
     let origin = origin(&frames, options);
-    let Split { train, test, rule } = split(frames, &options.holdout, path)?;
+    let Split { mut train, test, rule } = split(frames, &options.holdout, path)?;
+    if !test.is_empty() && !options.training_truth {
+        train.iter_mut().for_each(|frame| frame.sides.files.retain(|file| file.kind.is_prior()));
+    }
     let (mut train, mut notes) = load_views(&train, options, origin)?;
     let (mut test, more) = load_views(&test, options, origin)?;
     tracing::info!("{}: {} training views, {} held out ({rule})", path.display(), train.len(), test.len());

@@ -84,6 +84,9 @@ pub struct LoadOptions {
     pub masks: MaskUse,
     /// Which priors are read. Default all.
     pub priors: PriorUse,
+    /// Whether the truth of training views is read too. Where views are held out nobody measures by it, and velocity maps
+    /// alone are twelve bytes a pixel. Default no; truth of held-out views, and of all views where none is, always is.
+    pub training_truth: bool,
     /// What depth files mean, whatever the data set says; `None` (the default) goes by the data set.
     pub depth_kind: Option<DepthKind>,
     /// How long the shutter was open in every view, in the unit of time, whatever the data set says; above 0. `None`
@@ -106,6 +109,7 @@ impl Default for LoadOptions {
             recentre: true,
             masks: MaskUse::Auto,
             priors: PriorUse::ALL,
+            training_truth: false,
             depth_kind: None,
             exposure: None,
         }

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, Intrinsics};
-use gs_datasets::{DatasetError, DepthPrior, DepthSpace, Holdout, LoadOptions, MaskUse, Scene, View};
+use gs_datasets::{
+    DatasetError, DepthKind, DepthPrior, DepthSpace, Holdout, LoadOptions, MaskUse, PriorUse, Scene, View,
+};
 use gs_models::taylormode::Pixels;
 use rand::seq::SliceRandom;
 use rayon::prelude::*;
@@ -42,6 +44,32 @@ pub enum MaskChoice {
     KeepBlack,
 }
 
+/// A guess that another program made about the photos.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PriorKind {
+    /// Depth maps.
+    Depth,
+    /// Masks of what moves.
+    Masks,
+    /// Pseudo-sharp photos.
+    Sharp,
+}
+
+/// What the numbers in depth files mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DepthChoice {
+    /// As the data set says.
+    Auto,
+    /// Camera z in scene units.
+    MetricZ,
+    /// Camera z, up to a scale and a shift per photo.
+    Depth,
+    /// One over camera z, up to a scale and a shift per photo.
+    InverseDepth,
+}
+
 /// How the data set is read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -60,6 +88,10 @@ pub struct DataConfig {
     pub background: [f32; 3],
     /// How mask files are used.
     pub masks: MaskChoice,
+    /// Priors that are read where the data set has them: "depth", "masks", "sharp".
+    pub priors: Vec<PriorKind>,
+    /// What depth files mean, whatever the data set says; "auto" goes by the data set.
+    pub depth_kind: DepthChoice,
     /// Photos are kept as floats up to this many MB in all; the rest is converted from 8 bits in each step.
     pub cache_mb: usize,
 }
@@ -74,6 +106,8 @@ impl Default for DataConfig {
             images: String::new(),
             background: [0.0; 3],
             masks: MaskChoice::Auto,
+            priors: vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp],
+            depth_kind: DepthChoice::Auto,
             cache_mb: 64,
         }
     }
@@ -105,6 +139,17 @@ impl DataConfig {
                 MaskChoice::Ignore => MaskUse::Ignore,
                 MaskChoice::KeepWhite => MaskUse::KeepWhite,
                 MaskChoice::KeepBlack => MaskUse::KeepBlack,
+            },
+            priors: PriorUse {
+                depth: self.priors.contains(&PriorKind::Depth),
+                masks: self.priors.contains(&PriorKind::Masks),
+                sharp: self.priors.contains(&PriorKind::Sharp),
+            },
+            depth_kind: match self.depth_kind {
+                DepthChoice::Auto => None,
+                DepthChoice::MetricZ => Some(DepthKind::MetricZ),
+                DepthChoice::Depth => Some(DepthKind::Depth),
+                DepthChoice::InverseDepth => Some(DepthKind::InverseDepth),
             },
             ..LoadOptions::default()
         }

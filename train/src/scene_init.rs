@@ -56,11 +56,22 @@ pub struct FirstGaussians {
 
 /// Gaussians for `scene`, at most `cap` of them.
 pub fn first_gaussians(scene: &Scene, config: &InitConfig, cap: usize, seed: u64) -> FirstGaussians {
+    gaussians_at(scene.points.as_ref(), &scene.train, size_of(scene), config, cap, seed)
+}
+
+/// Gaussians at `points`, or random in front of `views` where there are none; `extent` in scene units.
+pub fn gaussians_at(
+    points: Option<&PointCloud>,
+    views: &[View],
+    extent: f64,
+    config: &InitConfig,
+    cap: usize,
+    seed: u64,
+) -> FirstGaussians {
     let mut rng = stream(seed, Purpose::Init, 0);
-    let extent = size_of(scene);
-    let points = match &scene.points {
+    let points = match points {
         Some(points) if !points.is_empty() => keep_at_most(points, cap, &mut rng),
-        _ => random_points(&scene.train, config.random_points.min(cap), extent, &mut rng),
+        _ => random_points(views, config.random_points.min(cap), extent, &mut rng),
     };
     let opacity = config.opacity;
     FirstGaussians {

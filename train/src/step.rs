@@ -257,7 +257,7 @@ impl Trainer {
         let Some(state) = &mut self.motion else { return };
         let begun = self.step as f64 >= motion.select_from * config.steps as f64;
         if motion.select && begun && (due(self.step, motion.select_every) || self.step == config.steps) {
-            let selected = taylormode::select::select(&mut self.parameters, state, views, motion);
+            let selected = taylormode::likelihood::select_with_check(&mut self.parameters, state, views, config);
             tracing::debug!(step = self.step, moving = state.rows.len(), ?selected, "motion");
         }
     }

@@ -35,8 +35,11 @@ pub enum RemainderChoice {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionConfig {
-    /// Highest order of a Gaussian's path, 0 to 6. More bends more, and leaves the window sooner.
+    /// Order of a Gaussian's path before selection, 0 to 6. More bends more, and leaves the window sooner.
     pub order: usize,
+    /// Where the path of the moving object's centre asks for a higher order (by BIC over its triangulated places), paths begin
+    /// with that, up to this. At most 6, at least `order`.
+    pub order_max: usize,
     /// Highest order of its rotation, 0 to 6; 0: it keeps its orientation.
     pub rotation_order: usize,
     /// Which pixels are taken for moving before anything is learned.
@@ -51,6 +54,8 @@ pub struct MotionConfig {
     pub final_share: f64,
     /// The 3D remainder.
     pub remainder: RemainderChoice,
+    /// Rate of its network. The paper's networks (1e-4) correct maps; this one must carry a Gaussian as far as a bounce.
+    pub remainder_lr: f64,
     /// Whether each Gaussian keeps only the order that it needs. Off: all keep `order`.
     pub select: bool,
     /// Share of the run after which orders are first selected.
@@ -67,13 +72,15 @@ impl Default for MotionConfig {
     fn default() -> Self {
         Self {
             order: 3,
+            order_max: 6,
             rotation_order: 2,
             masks: MaskSource::Auto,
             points: 4000,
             position_lr: 1e-3,
             rotation_lr: 2e-3,
             final_share: 0.02,
-            remainder: RemainderChoice::Off,
+            remainder: RemainderChoice::Auto,
+            remainder_lr: 2e-3,
             select: true,
             select_from: 0.5,
             select_every: 100,
@@ -198,10 +205,13 @@ const MAX_ORDER: usize = 6;
 impl MotionConfig {
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
         check("motion.order", self.order, self.order <= MAX_ORDER, "from 0 to 6")?;
+        let above = (self.order..=MAX_ORDER).contains(&self.order_max);
+        check("motion.order_max", self.order_max, above, "from motion.order to 6")?;
         check("motion.rotation_order", self.rotation_order, self.rotation_order <= MAX_ORDER, "from 0 to 6")?;
         check("motion.points", self.points, self.points >= 1, "at least 1")?;
         check("motion.position_lr", self.position_lr, not_negative(self.position_lr), "0 or more")?;
         check("motion.rotation_lr", self.rotation_lr, not_negative(self.rotation_lr), "0 or more")?;
+        check("motion.remainder_lr", self.remainder_lr, not_negative(self.remainder_lr), "0 or more")?;
         check("motion.final_share", self.final_share, positive(self.final_share), "positive")?;
         check("motion.select_from", self.select_from, (0.0..=1.0).contains(&self.select_from), "from 0 to 1")?;
         check("motion.select_every", self.select_every, self.select_every >= 1, "at least 1")?;

@@ -18,6 +18,8 @@ pub struct Found {
     pub masks: MovingMasks,
     /// The centre of what moves, by time.
     pub centres: Vec<Centre>,
+    /// Pixels that one scene unit spans at the centre, mean over the training views; 0 without centres.
+    pub pixels_per_unit: f64,
     /// What was left out, in sentences.
     pub warnings: Vec<String>,
 }
@@ -40,7 +42,18 @@ pub fn gather(scene: &Scene, config: &Config) -> Found {
     });
     let hints = MotionHints { masks: masks.masks.clone(), guides: guides.collect() };
     let warnings = masks.warnings.iter().cloned().chain(notes).collect();
-    Found { hints, masks, centres, warnings }
+    let pixels_per_unit = pixels_per_unit(scene, &centres);
+    Found { hints, masks, centres, pixels_per_unit, warnings }
+}
+
+fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
+    let Some(middle) = centres.get(centres.len() / 2) else { return 0.0 };
+    let scales = scene.train.iter().filter_map(|view| {
+        let depth = (middle.position - view.c2w.w_axis.truncate()).dot(view.c2w.z_axis.truncate());
+        (depth > 0.0).then(|| view.intrinsics.fx / depth)
+    });
+    let scales: Vec<f64> = scales.collect();
+    scales.iter().sum::<f64>() / scales.len().max(1) as f64
 }
 
 impl Found {

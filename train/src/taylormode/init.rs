@@ -5,11 +5,12 @@ use burn::tensor::Device;
 use gs_datasets::motion::{self, HullOptions, Trajectory};
 use gs_datasets::{PointCloud, Scene, View};
 use gs_models::network::Mlp;
+use gs_models::taylormode::order::has_pattern;
 use gs_models::taylormode::{BlurWeights, DirectVelocity, PeanoMap, RemainderNetwork, TimeWindow};
 
 use crate::experiment::Config;
 use crate::parameters::{Parameters, from_host};
-use crate::scene_init::{FirstGaussians, first_gaussians, size_of};
+use crate::scene_init::{FirstGaussians, gaussians_at, size_of};
 use crate::step::Trainer;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use crate::taylormode::hints::{Found, first_exposure, gather, window};
@@ -24,9 +25,9 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
     let extent = size_of(scene);
 
     let (still_points, moving_points) = first_points(scene, &found, config, window.t0);
-    let fixed = gaussians_of(scene, still_points, config, config.density.cap);
+    let fixed = gaussians_of(scene, still_points.as_ref(), config, config.density.cap);
     let room = config.density.cap.saturating_sub(fixed.means.len()).max(1);
-    let moving = gaussians_of(scene, Some(moving_points), config, room.min(config.motion.points));
+    let moving = gaussians_of(scene, Some(&moving_points), config, room.min(config.motion.points));
     let first = joined(fixed, moving);
 
     let count = first.means.len();
@@ -34,12 +35,14 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
         MaskSource::None => (0..count as u32).collect(),
         _ => (first.fixed as u32..count as u32).collect(),
     };
-    let orders = [config.motion.order, config.motion.rotation_order];
-    let mut state = still(rows, window, orders, exposure, device);
-    if config.motion.masks != MaskSource::None {
-        follow_centre(&mut state, &found, config.motion.order, window, device);
+    let path = Trajectory::fit(&found.centres, config.motion.order_max);
+    let order = path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);
+    let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
+    if let Some(path) = path.filter(|_| config.motion.masks != MaskSource::None && order > 0) {
+        let row = displacement_blocks(&path, window, order);
+        state.position = Learned::new(from_host(row.repeat(state.rows.len()), 3 * order, device));
     }
-    (state.networks, state.remainder) = networks(&state, &first.means, config, device);
+    (state.networks, state.remainder) = networks(&state, &found, &first.means, config, device);
     let parameters = Parameters::first(&first.gaussians, device);
     Trainer::from_parts(parameters, Some(state), extent, config)
 }
@@ -47,6 +50,7 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
 /// The networks that the configuration asks for.
 fn networks(
     state: &MotionState,
+    found: &Found,
     means: &[[f32; 3]],
     config: &Config,
     device: &Device,
@@ -54,11 +58,11 @@ fn networks(
     let mut networks = Vec::new();
     let blur = &config.blur;
     let mut frame = None;
-    if config.motion.remainder == RemainderChoice::On {
-        let found = remainder_frame(state, means, config.motion.order);
-        let network = RemainderNetwork::new(found.order, found.centre, found.scale, config.seed, device);
+    if wants_remainder(found, config) {
+        let around = remainder_frame(state, means, state.order());
+        let network = RemainderNetwork::new(around.order, around.centre, around.scale, config.seed, device);
         networks.push(LearnedNetwork::new(Network::Remainder, &network.mlp));
-        frame = Some(found);
+        frame = Some(around);
     }
     if blur.mode == BlurMode::Warp {
         // Their units are those of every step (`units`), so only the matrices are kept.
@@ -73,6 +77,27 @@ fn networks(
         }
     }
     (networks, frame)
+}
+
+/// Root mean square distance of the centres from their best polynomial, pixels, under which a remainder has nothing to add
+/// that a photo shows.
+const REMAINDER_PIXELS: f64 = 0.5;
+
+/// Whether the 3D remainder is worth having: asked for, or the centre's distances from the best polynomial follow a pattern
+/// in time that is large enough to be seen.
+pub fn wants_remainder(found: &Found, config: &Config) -> bool {
+    match config.motion.remainder {
+        RemainderChoice::On => true,
+        RemainderChoice::Off => false,
+        RemainderChoice::Auto => {
+            let Some(path) = Trajectory::fit(&found.centres, config.motion.order_max) else { return false };
+            let residuals: Vec<[f64; 3]> =
+                found.centres.iter().map(|centre| (centre.position - path.position(centre.t)).to_array()).collect();
+            let scale = found.pixels_per_unit;
+            let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / residuals.len().max(1) as f64).sqrt();
+            rms * scale > REMAINDER_PIXELS && has_pattern(&residuals)
+        }
+    }
 }
 
 /// Centre and root mean square size of what moves.
@@ -125,13 +150,13 @@ fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
 }
 
 /// Gaussians at points, or random in front of the cameras, coloured by what stands still there.
-fn gaussians_of(scene: &Scene, points: Option<PointCloud>, config: &Config, cap: usize) -> FirstGaussians {
-    if points.as_ref().is_some_and(PointCloud::is_empty) {
-        return FirstGaussians::default();
+fn gaussians_of(scene: &Scene, points: Option<&PointCloud>, config: &Config, cap: usize) -> FirstGaussians {
+    let extent = size_of(scene);
+    match points {
+        Some(points) if points.is_empty() => FirstGaussians::default(),
+        Some(points) => gaussians_at(Some(points), &[], extent, &config.init, cap, config.seed),
+        None => gaussians_at(None, &backgrounds(scene), extent, &config.init, cap, config.seed),
     }
-    let train = if points.is_some() { scene.train.clone() } else { backgrounds(scene) };
-    let scene = Scene { train, test: Vec::new(), points, warnings: Vec::new(), ..scene.clone() };
-    first_gaussians(&scene, &config.init, cap, config.seed)
 }
 
 /// One view for each camera that stands still, showing what stands still in front of it; all views where none does.
@@ -166,13 +191,6 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
 
 /// Times at which a path is sampled for each order it is fitted with.
 const SAMPLES_PER_ORDER: usize = 4;
-
-/// Sends every moving Gaussian along the path of the centre, a polynomial of at most the configured order.
-fn follow_centre(state: &mut MotionState, found: &Found, order: usize, window: TimeWindow, device: &Device) {
-    let Some(path) = Trajectory::fit(&found.centres, order).filter(|_| order > 0) else { return };
-    let row = displacement_blocks(&path, window, order);
-    state.position = Learned::new(from_host(row.repeat(state.rows.len()), 3 * order, device));
-}
 
 /// The path as coefficient blocks of the window: the least squares fit of `sum_k c_k s^k`, without a constant, to the
 /// displacement since `t0`.

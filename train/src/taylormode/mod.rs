@@ -6,13 +6,14 @@
 //! | 3.3 blur synthesis (Eq. 6 to 12) | [`step`]: `warped`; the exact formation: `integrated` |
 //! | 3.4 losses (Eq. 13 to 19), gradient decoupling | [`step`], weights in [`config`] |
 //! | 4.1 masks, depth, pseudo-sharp photos, optimisers | [`hints`], [`init`], [`learned`] |
-//! | beyond the paper: no more motion than a scene needs | [`select`] |
+//! | beyond the paper: no more motion than a scene needs | [`select`], judged by [`likelihood`] |
 //! | measuring on sharp ground truth | [`measure`] |
 
 pub mod config;
 pub mod hints;
 pub mod init;
 pub mod learned;
+pub mod likelihood;
 pub mod measure;
 pub mod saved;
 pub mod select;
@@ -32,5 +33,6 @@ pub fn rates(config: &Config, step: usize, extent: f64) -> MotionRates {
         rotation: motion.rotation_lr * decay,
         exposure: if blur.learn_exposure { blur.exposure_lr * decay } else { 0.0 },
         network: blur.network_lr,
+        remainder: motion.remainder_lr * decay,
     }
 }

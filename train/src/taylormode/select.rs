@@ -78,7 +78,7 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
 
 /// Pixels that a displacement of one scene unit spans in the view that sees it largest, per moving row. Gaussians that no
 /// camera has in front of it keep what they have.
-fn pixels_per_unit(means: &[f32], rows: &[u32], views: &[View]) -> Vec<f64> {
+pub(crate) fn pixels_per_unit(means: &[f32], rows: &[u32], views: &[View]) -> Vec<f64> {
     let mut cameras: Vec<(glam::DMat4, f64)> = Vec::new();
     for view in views {
         let camera = (view.c2w.inverse(), view.intrinsics.fx.max(view.intrinsics.fy));

@@ -127,6 +127,8 @@ pub struct MotionRates {
     pub exposure: f64,
     /// Of the networks.
     pub network: f64,
+    /// Of the 3D remainder's network.
+    pub remainder: f64,
 }
 
 impl MotionState {
@@ -151,6 +153,11 @@ impl MotionState {
             network.evaluate(gaussians.means.val().select(0, rows.clone())) as Remainder
         });
         TaylorMotion { rows, position, rotation, window: self.window, remainder }
+    }
+
+    /// Highest order that paths have room for.
+    pub fn order(&self) -> usize {
+        self.position.value.dims()[1] / 3
     }
 
     /// The moving rows as a tensor `[M]`.
@@ -210,8 +217,8 @@ impl MotionState {
         if rates.exposure > 0.0 {
             self.log_exposure.step(gradients.log_exposure, &adam(rates.exposure));
         }
-        let network = adam(rates.network);
         for (learned, gradients) in self.networks.iter_mut().zip(gradients.networks) {
+            let network = adam(if learned.kind == Network::Remainder { rates.remainder } else { rates.network });
             for (tensor, gradient) in learned.tensors.iter_mut().zip(gradients) {
                 tensor.step(gradient, &network);
             }

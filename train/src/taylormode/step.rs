@@ -21,7 +21,7 @@ use crate::taylormode::config::{BlurMode, VelocitySource};
 use crate::taylormode::state::{Lent, MotionGradients, MotionState, Network};
 
 /// Compares the scene with a photo that was exposed for a while, and goes back.
-pub fn compare(trainer: &Trainer, state: &MotionState, photo: &Photo, config: &Config) -> Compared {
+pub(crate) fn compare(trainer: &Trainer, state: &MotionState, photo: &Photo, config: &Config) -> Compared {
     let tracked = trainer.parameters.tracked();
     let lent = state.lend(&tracked);
     let options = config.render.options(trainer.parameters.sh_degree(), config.data.background);
