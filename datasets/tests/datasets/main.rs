@@ -9,6 +9,7 @@ mod hostile_priors;
 mod image_io;
 mod layouts;
 mod masks;
+mod motion;
 mod poses;
 mod priors;
 mod split;
