@@ -7,14 +7,16 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 const EXAMPLES: &str = "\
 Examples:
-  gsburn demo                                       a small scene, trained on the CPU, with a report
+  gsburn demo                                       blurry video to a sharp moving scene on the CPU, with a report
   gsburn check my-photos                            what is in a data set, and what is wrong with it
   gsburn train my-photos --set data.max_width=800   photos with poses (COLMAP or transforms.json) to Gaussians
   gsburn train --resume --out runs/my-photos        continue after Ctrl-C or a power cut
+  gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
+  gsburn train sphere --config configs/taylormode/base.toml
   gsburn render runs/my-photos --cameras path/transforms.json --out frames
   gsburn export runs/my-photos --out scene.ply";
 
-/// Gaussian splatting with Burn: posed photos in, a scene you can render, measure and export out.
+/// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.
 #[derive(Debug, Parser)]
 #[command(name = "gsburn", version, after_help = EXAMPLES, max_term_width = 110)]
 pub struct Cli {
@@ -46,7 +48,7 @@ pub enum Command {
     Info(InfoArgs),
     /// Time every operation and a whole training step on a synthetic scene
     Bench(BenchArgs),
-    /// Make a small synthetic scene, train it on the CPU and write a report
+    /// Make blurry video of a small world, train a sharp moving scene from it on the CPU and write a report
     Demo(DemoArgs),
     /// Draw accuracy against time and count from several runs
     Chart(ChartArgs),
@@ -296,6 +298,10 @@ pub struct DemoArgs {
     /// Folder for the scene and the run [default: runs/demo, numbered if there is one]
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
+
+    /// Photos of a scene that stands still instead of blurry video
+    #[arg(long)]
+    pub still: bool,
 
     /// Steps; fewer for a quick look
     #[arg(long, value_name = "N")]

@@ -8,7 +8,7 @@ use burn::tensor::Device;
 use gs_datasets::Scene;
 
 use crate::checkpoint::Checkpoint;
-use crate::data::{Photos, Sampler};
+use crate::data::{Curriculum, Photos, Sampler};
 use crate::evaluate::{Comparison, Evaluation, Evaluator};
 use crate::experiment::{Config, Pipeline};
 use crate::export::write_ply;
@@ -70,6 +70,10 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     let mut photos = Photos::new(&scene.train, &request.device, config.data.cache_mb << 20)
         .with_motion(found.as_ref().map(|found| found.hints.clone()).unwrap_or_default());
     let mut sampler = Sampler::new(config.seed, scene.train.len());
+    let curriculum = run.trainer.motion.as_ref().and_then(|state| {
+        let steps = (config.motion.curriculum * config.steps as f64) as usize;
+        Curriculum::new(&scene.train, state.window.t0, steps, config.seed)
+    });
     run.introduce(&scene);
     if let Some(found) = &found {
         run.introduce_motion(&scene, found);
@@ -80,7 +84,9 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
             return run.leave();
         }
         let started = (Instant::now(), cpu_seconds());
-        let photo = photos.get(sampler.pick(run.trainer.step + 1));
+        let next = run.trainer.step + 1;
+        let index = curriculum.as_ref().and_then(|opening| opening.pick(next)).unwrap_or_else(|| sampler.pick(next));
+        let photo = photos.get(index);
         let report = run.trainer.step(&photo, config);
         run.trainer.select_motion(&scene.train, config);
         run.clock.add(started);

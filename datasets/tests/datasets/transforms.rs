@@ -14,6 +14,7 @@ const ALL: LoadOptions = LoadOptions {
     recentre: true,
     masks: gs_datasets::MaskUse::Auto,
     priors: gs_datasets::PriorUse::ALL,
+    training_truth: false,
     depth_kind: None,
     exposure: None,
 };

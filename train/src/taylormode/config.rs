@@ -46,6 +46,10 @@ pub struct MotionConfig {
     pub masks: MaskSource,
     /// Gaussians that may move, to begin with.
     pub points: usize,
+    /// Share of the run over which the photos used spread from the middle of the recording to its ends; 0: all from the start.
+    /// What has learned its texture at one time can be followed to the next; compared over the whole recording at once, a
+    /// texture that repeats finds the wrong repetition.
+    pub curriculum: f64,
     /// Rate of the path's coefficients at the first step, scene extents of displacement at the window's edge.
     pub position_lr: f64,
     /// Rate of the rotation's coefficients at the first step, radians at the window's edge.
@@ -76,6 +80,7 @@ impl Default for MotionConfig {
             rotation_order: 2,
             masks: MaskSource::Auto,
             points: 4000,
+            curriculum: 0.4,
             position_lr: 1e-3,
             rotation_lr: 2e-3,
             final_share: 0.02,
@@ -209,6 +214,7 @@ impl MotionConfig {
         check("motion.order_max", self.order_max, above, "from motion.order to 6")?;
         check("motion.rotation_order", self.rotation_order, self.rotation_order <= MAX_ORDER, "from 0 to 6")?;
         check("motion.points", self.points, self.points >= 1, "at least 1")?;
+        check("motion.curriculum", self.curriculum, (0.0..=1.0).contains(&self.curriculum), "from 0 to 1")?;
         check("motion.position_lr", self.position_lr, not_negative(self.position_lr), "0 or more")?;
         check("motion.rotation_lr", self.rotation_lr, not_negative(self.rotation_lr), "0 or more")?;
         check("motion.remainder_lr", self.remainder_lr, not_negative(self.remainder_lr), "0 or more")?;
