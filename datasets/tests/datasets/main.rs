@@ -1,8 +1,10 @@
 //! What a data set on disk becomes when it is loaded: fixtures are written by the tests themselves.
 
+mod blur_from_frames;
 mod check;
 mod colmap;
 mod consistency;
+mod deblur;
 mod fixtures;
 mod hostile;
 mod hostile_priors;

@@ -171,10 +171,9 @@ impl Stage {
     pub fn sight(&self, ray: &Ray, still: &StillPoint, movers: &[Placed]) -> Sight {
         let mut nearest: Option<(usize, Hit)> = None;
         for (index, (mover, placed)) in self.movers.iter().zip(movers).enumerate() {
-            if let Some(hit) = mover.body.intersect(ray, &placed.pose) {
-                if hit.t < nearest.map_or(still.t, |(_, nearest)| nearest.t) {
-                    nearest = Some((index, hit));
-                }
+            let limit = nearest.map_or(still.t, |(_, hit)| hit.t);
+            if let Some(hit) = mover.body.intersect(ray, &placed.pose).filter(|hit| hit.t < limit) {
+                nearest = Some((index, hit));
             }
         }
         let Some((index, hit)) = nearest else {
