@@ -52,7 +52,8 @@ pub struct View {
     pub height: usize,
     /// Time as the file gives it (D-NeRF: 0 to 1); `None` in a static scene.
     pub time: Option<f64>,
-    /// Which physical camera took it, where the file says so.
+    /// Which physical camera took it: as the file says, or where it names no camera and poses return at other times, by
+    /// pose ("pose00" and on). `None` where neither tells.
     pub camera_id: Option<String>,
     /// The photo; RGBA is already composited on the chosen background.
     pub image: RgbImage8,

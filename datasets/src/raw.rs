@@ -43,7 +43,8 @@ pub(crate) struct RawFrame {
     pub time: Option<f64>,
     pub camera_id: Option<String>,
     pub masks: Vec<MaskFile>,
-    /// See [`View::exposure`](crate::View::exposure). Finite and not negative.
+    /// See [`View::exposure`](crate::View::exposure). Finite and not negative;
+    /// `None` without a time.
     pub exposure: Option<f64>,
     /// Priors and truth.
     pub sides: SideFiles,

@@ -75,7 +75,8 @@ pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &
 
 /// Warns where a camera's times fall while its file names rise. Frames without a camera are in no order to speak of.
 pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    let mut tracks: HashMap<(&str, Option<Part>, &str), Vec<(&str, f64)>> = HashMap::new();
+    type Track<'a> = (&'a str, Option<Part>, &'a str);
+    let mut tracks: HashMap<Track, Vec<(&str, f64)>> = HashMap::new();
     for frame in frames {
         let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
         let folder = frame.name.rsplit_once('/').map_or("", |(folder, _)| folder);
@@ -117,13 +118,11 @@ pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &
         }
         return;
     }
-    let (mut zero, mut long, mut timeless) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut zero, mut long) = (Vec::new(), Vec::new());
     let mut longest: f64 = 0.0;
     for frame in frames {
         let Some(exposure) = frame.exposure else { continue };
-        if frame.time.is_none() {
-            timeless.push(frame.name.clone());
-        } else if exposure == 0.0 {
+        if exposure == 0.0 {
             zero.push(frame.name.clone());
         } else if exposure > limit {
             longest = longest.max(exposure);
@@ -135,7 +134,6 @@ pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &
     }
     let sentences = [
         (zero, "is 0, in which no light is gathered".to_string()),
-        (timeless, "belongs to no time".to_string()),
         (
             long,
             format!(

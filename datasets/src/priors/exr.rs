@@ -27,7 +27,11 @@ pub(super) const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
 /// last dot; a file with one channel only may call it anything when one is wanted. All groups have the same length.
 pub(super) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map<f32>, DatasetError> {
     let wrong = |expected: &str, found: String| DatasetError::malformed(path, "OpenEXR", expected, found);
-    let layers = decode(bytes).map_err(|found| wrong("a readable OpenEXR file", found))?;
+    // The decoder asserts where a damaged file contradicts itself (a tile of another resolution level, for one). Nothing
+    // outlives the call, so that a panic in it leaves nothing half done.
+    let layers =
+        std::panic::catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("a file that contradicts itself".into()));
+    let layers = layers.map_err(|found| wrong("a readable OpenEXR file", found))?;
     let all = || layers.iter().flat_map(|layer| layer.channels.iter().map(move |channel| (layer, channel)));
     let find = |wanted: &str| all().find(|(_, (name, _))| last_part(name).eq_ignore_ascii_case(wanted));
     let named = groups.iter().find_map(|group| group.iter().map(|name| find(name)).collect::<Option<Vec<_>>>());

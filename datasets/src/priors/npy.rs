@@ -18,6 +18,9 @@ pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header that is read, bytes. NumPy itself refuses more than 10 000.
 const HEADER_MAX: usize = 1 << 16;
 
+/// Most values that are read: half a GiB in f64, and more pixels than any camera has.
+const VALUES_MAX: usize = 1 << 26;
+
 /// An array as its file holds it.
 pub(crate) struct Array {
     /// Lengths of the axes, outermost first. The values are always in C order.
@@ -61,6 +64,7 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Array, DatasetError> {
     let number = Number::from_descr(&header.descr)
         .ok_or_else(|| wrong("descr", "a plain number type (f2 f4 f8 u1 u2 u4 i1 .. i8 b1)", header.descr.clone()))?;
     let count = header.shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
+    let count = count.filter(|count| *count <= VALUES_MAX);
     let needed = count.and_then(|count| count.checked_mul(number.bytes));
     let data = needed.and_then(|needed| data.get(..needed)).ok_or_else(|| {
         wrong("values", &format!("an array of {:?} {}", header.shape, header.descr), format!("{} bytes", data.len()))

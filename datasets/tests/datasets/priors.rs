@@ -57,7 +57,7 @@ fn everything_a_frame_names_is_loaded() {
         write_exr(&folder.file(name), 8, 6, channels).expect("written");
     };
     write("priors/depth.exr", &[("Y", &plane)]);
-    write("depth.exr", &[("R", &vec![9.0; 48]), ("Z", &plane)]);
+    write("depth.exr", &[("R", &[9.0; 48]), ("Z", &plane)]);
     write("velocity.exr", &[("X", &velocity[0]), ("Y", &velocity[1]), ("Z", &velocity[2])]);
     folder.grey("priors/mask.png", 8, 6, |x, _| if x < 2 { 255 } else { 0 });
     folder.grey("mask.png", 8, 6, |x, _| u8::from(x == 3));

@@ -106,18 +106,20 @@ fn read_entry(
         Some(Value::Number(id)) => Some(id.to_string()),
         _ => camera.map(|(key, _)| key.to_string()),
     };
+    let time = own.number("time")?;
     Ok(Entry {
         file_path,
         c2w: pose::opencv_from_opengl(rigid.c2w),
         lens: lens::read(&all)?,
-        time: own.number("time")?,
+        time,
         camera_id,
         mask_path: own.text("mask_path")?.map(str::to_string),
-        exposure: exposure(&all)?,
+        exposure: if time.is_some() { exposure(&all)? } else { None },
         sides: sides(&own)?,
     })
 }
 
+/// How long the shutter was open around the frame's time. Photos without a time may say other things under this key.
 fn exposure(keys: &Keys) -> Result<Option<f64>, DatasetError> {
     match keys.number("exposure")? {
         Some(value) if value < 0.0 => {
