@@ -13,6 +13,10 @@ use gs_burn::{Camera, ExposureOptions, Gaussians, Intrinsics, MovingSample, rend
 #[path = "../../gs-kernels/tests/scenes/mod.rs"]
 mod generator;
 
+#[path = "../../gs-kernels/tests/scenes/clock.rs"]
+mod clock;
+
+use clock::cpu_seconds;
 use generator::Random;
 
 const COUNT: usize = 10_000;
@@ -58,16 +62,6 @@ fn best(run: impl Fn()) -> f64 {
         cpu_seconds() - start
     };
     (0..7).map(seconds).fold(f64::MAX, f64::min)
-}
-
-/// CPU time of all threads of this process: the machine may be busy with other things.
-fn cpu_seconds() -> f64 {
-    let tasks = std::fs::read_dir("/proc/self/task").expect("Linux lists a process's threads");
-    let nanoseconds = |task: std::fs::DirEntry| {
-        let text = std::fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
-        text.split_whitespace().next().and_then(|ns| ns.parse::<u64>().ok()).unwrap_or(0)
-    };
-    tasks.flatten().map(nanoseconds).sum::<u64>() as f64 * 1e-9
 }
 
 struct World {
