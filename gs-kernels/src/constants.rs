@@ -1,6 +1,7 @@
 //! Every threshold of the rasterizer, once, with its source and reason. Both twins read them here.
 
-/// Tile edge in pixels. 16 lets one tile row be one 512-bit vector of `f32`, and one tile one 256-thread group on a GPU.
+/// Tile edge in pixels. 16 makes a tile sixteen blocks of sixteen pixels, each one 512-bit vector of `f32`, and one
+/// 256-thread group on a GPU.
 pub const TILE: usize = 16;
 
 /// A Gaussian's contribution to a pixel is dropped when `opacity * exp(-sigma)` is below this: it could not change an

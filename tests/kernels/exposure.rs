@@ -1,9 +1,10 @@
 //! `gs_burn::exposure`.
 
 use burn::tensor::Tensor;
-use gs_burn::{ExposureOptions, ExposureRendering, Rendering, render, render_exposure};
+use gs_burn::{ExposureOptions, ExposureRendering, Gaussians, MovingSample, Rendering, render, render_exposure};
 use gs_tests::devices::{Place, everywhere, singles};
 use gs_tests::exposure::Moving;
+use gs_tests::scenes::Scene;
 use gs_tests::tolerance::{assert_finite, assert_near, assert_near_scaled, bits, values};
 
 /// Means of a few renderings of order 1 (depth: of order 5, and scaled). Single precision loses 6e-8 an operation of
@@ -167,6 +168,33 @@ fn one_two_or_seven_threads() {
         for threads in [2, 7] {
             assert!(one == with(threads), "{threads} threads on {}", place.name);
         }
+    }
+}
+
+/// On a device that does not track, as an evaluation renders.
+#[test]
+fn without_gradients() {
+    for place in everywhere() {
+        let case = Moving::random(60, 5, 3, 0.05, 15);
+        let expected = values(&image(&exposure(&case, place, &case.options(true))));
+        let (count, movers) = (case.scene.count(), case.moving.len());
+        let Scene { means, quats, log_scales, opacity_logits, sh, viewmat, .. } = &case.scene;
+        let gaussians = Gaussians::from_tensors(
+            place.tensor(means, [count, 3]),
+            place.tensor(quats, [count, 4]),
+            place.tensor(log_scales, [count, 3]),
+            place.tensor(opacity_logits, [count]),
+            place.tensor(sh, [count, 16, 3]),
+        );
+        let sample = |(means, quats): (&Vec<f64>, &Vec<f64>)| MovingSample {
+            means: place.tensor(means, [movers, 3]),
+            quats: place.tensor(quats, [movers, 4]),
+        };
+        let samples: Vec<MovingSample> = case.means.iter().zip(&case.quats).map(sample).collect();
+        let camera = case.scene.camera(place.tensor(viewmat, [4, 4]));
+        let rendering = render_exposure(&gaussians, &case.moving, &samples, &camera, &case.options(true), None);
+        assert_near(&place.name, &values(&image(&rendering)), &expected, 0.0);
+        assert_eq!(rendering.radii().dims(), [count]);
     }
 }
 

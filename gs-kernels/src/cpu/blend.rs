@@ -1,13 +1,18 @@
-//! One Gaussian at one row of sixteen pixels: alpha and transmittance. The forward walk and the backward's replay both
+//! One Gaussian at one block of 4 x 4 pixels: alpha and transmittance. The forward walk and the backward's replay both
 //! call it, so they agree to the bit.
+//!
+//! Blocks, not rows of sixteen: most Gaussians are a few pixels wide, and touch a third fewer blocks than rows.
 
-use crate::constants::{ALPHA_MAX, ALPHA_MIN, TILE, TRANSMITTANCE_MIN};
+use crate::constants::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 use crate::cpu::Real;
 use crate::cpu::lanes::{LANES, Lanes};
 use crate::rows::ProjectedRow;
 
-/// Slack of the row test in powers of two; the row test may only ever say yes too often.
-const ROW_SLACK: (f64, f64) = (1e-5, 1e-3);
+/// Edge of a block, pixels; a tile has as many blocks along each side.
+pub const EDGE: usize = 4;
+
+/// Slack of the reach test in powers of two; it may only ever say yes too often.
+const REACH_SLACK: (f64, f64) = (1e-5, 1e-3);
 
 /// A Gaussian prepared for one tile.
 #[derive(Clone, Copy, Debug)]
@@ -35,81 +40,132 @@ impl<F: Real> TileGaussian<F> {
         }
     }
 
-    /// Horizontal distance of each lane's pixel from the mean.
-    #[inline(always)]
-    pub fn dx<L: Lanes<Real = F>>(&self) -> L {
-        L::ramp().sub(L::splat(self.offset[0]))
-    }
-
-    /// Per tile row: what the row's pixels share, and whether any of them can reach the cut-off.
+    /// What the tile's blocks of 4 x 4 pixels need, and which of them can reach the cut-off.
     ///
     /// `limit` is `log2(opacity / ALPHA_MIN)`.
     #[inline(always)]
-    pub fn rows<L: Lanes<Real = F>>(&self, limit: F) -> Rows<F> {
+    pub fn blocks<L: Lanes<Real = F>>(&self, limit: F) -> Blocks<L> {
+        // One lane a row of the tile.
         let dy = L::ramp().sub(L::splat(self.offset[1]));
         let skew = dy.mul(L::splat(self.shear));
         let power = dy.mul(dy).mul(L::splat(self.half_conic[1]));
-        // |dx + l dy| is smallest at the row's end nearer to zero, or zero between the ends.
-        let first = skew.sub(L::splat(self.offset[0]));
-        let last = first.add(L::splat(F::of((TILE - 1) as f64)));
-        let zero = L::splat(F::ZERO);
-        let nearest = first.max(zero.sub(last)).max(zero);
-        let least = nearest.mul(nearest).mul_add(L::splat(self.half_conic[0]), power);
-        let limit = limit * F::of(1.0 + ROW_SLACK.0) + F::of(ROW_SLACK.1);
-        Rows {
+        let limit = L::splat(limit * F::of(1.0 + REACH_SLACK.0) + F::of(REACH_SLACK.1));
+        let start = skew.sub(L::splat(self.offset[0]));
+        // Sixteen bits a column, one a row; a block's four rows are four bits, whose first takes them all.
+        let mut rows = 0;
+        let mut dx = [dy; EDGE];
+        for k in 0..EDGE {
+            rows |= u64::from(self.reached(start, power, limit, k)) << (LANES * k);
+            dx[k] = L::load(&column(k)).sub(L::splat(self.offset[0]));
+        }
+        rows |= rows >> 1;
+        rows = (rows | rows >> 2) & 0x1111_1111_1111_1111;
+        Blocks {
+            dx,
             dy: dy.to_array(),
             skew: skew.to_array(),
-            power: zero.sub(power).to_array(),
-            reached: L::bits(L::splat(limit).ge(least)),
+            power: L::splat(F::ZERO).sub(power).to_array(),
+            reached: (rows | rows >> 15 | rows >> 30 | rows >> 45) as u16,
         }
     }
 
-    /// `dx + l dy` for a row.
+    /// Rows of the tile whose four pixels of column `column` can reach the cut-off, as bits. `start` is `dx + l dy` at
+    /// the tile's left edge, one lane a row.
     #[inline(always)]
-    pub fn u<L: Lanes<Real = F>>(&self, dx: L, rows: &Rows<F>, row: usize) -> L {
-        dx.add(L::splat(rows.skew[row]))
+    fn reached<L: Lanes<Real = F>>(&self, start: L, power: L, limit: L, column: usize) -> u16 {
+        let zero = L::splat(F::ZERO);
+        // |dx + l dy| is smallest at the end nearer to zero, or zero between the ends.
+        let first = start.add(L::splat(F::of((column * EDGE) as f64)));
+        let last = first.add(L::splat(F::of((EDGE - 1) as f64)));
+        let nearest = first.max(zero.sub(last)).max(zero);
+        let least = nearest.mul(nearest).mul_add(L::splat(self.half_conic[0]), power);
+        L::bits(limit.ge(least))
     }
 
-    /// Blends the row over what is in front: `t` is the transmittance before.
+    /// Blends block `block` over what is in front: `u` is its `dx + l dy`, `t` the transmittance before.
     #[inline(always)]
-    pub fn blend<L: Lanes<Real = F>>(&self, u: L, rows: &Rows<F>, row: usize, t: L) -> Blend<L> {
-        let power = u.mul(u).neg_mul_add(L::splat(self.half_conic[0]), L::splat(rows.power[row]));
+    pub fn blend<L: Lanes<Real = F>>(&self, u: L, blocks: &Blocks<L>, block: usize, t: L) -> Blend<L> {
+        let power = u.mul(u).neg_mul_add(L::splat(self.half_conic[0]), blocks.spread(&blocks.power, block));
         let raw = power.exp2_nonpositive().mul(L::splat(self.opacity));
-        let alpha = raw.min(L::splat(F::of(ALPHA_MAX)));
+        let zero = L::splat(F::ZERO);
         let visible = raw.ge(L::splat(F::of(ALPHA_MIN)));
+        // What is not visible leaves t as it is, bit for bit. (Chosen here and not at the end, where the choice between
+        // new and old t would be compiled to a masked store, which the next load of this block would have to wait for.)
+        let alpha = L::select(visible, raw.min(L::splat(F::of(ALPHA_MAX))), zero);
         let next = alpha.neg_mul_add(t, t);
         let open = next.ge(L::splat(F::of(TRANSMITTANCE_MIN)));
-        let zero = L::splat(F::ZERO);
         let after = L::select(open, next, zero.sub(t.abs()));
-        Blend { alpha: L::select(L::both(visible, open), alpha, zero), after: L::select(visible, after, t) }
+        Blend { alpha: L::select(open, alpha, zero), after, visible, open }
     }
 }
 
-/// What the pixels of a tile row share, for all rows.
+/// What the blocks of a tile share: one value a column, one a row. Block `b` is the `b % 4`th from the left and the
+/// `b / 4`th from the top; its lane `i` is the pixel `i % 4` to the right and `i / 4` down.
 #[derive(Clone, Copy, Debug)]
-pub struct Rows<F> {
-    /// Vertical distance from the mean.
-    pub dy: [F; LANES],
-    skew: [F; LANES],
-    power: [F; LANES],
-    /// Bit `r`: row `r` can reach the cut-off.
+pub struct Blocks<L: Lanes> {
+    /// Horizontal distance of each lane's pixel from the mean, by column of blocks.
+    dx: [L; EDGE],
+    /// Vertical distance from the mean, by row of pixels.
+    dy: [L::Real; LANES],
+    skew: [L::Real; LANES],
+    power: [L::Real; LANES],
+    /// Bit `b`: block `b` can reach the cut-off.
     pub reached: u16,
 }
 
+impl<L: Lanes> Blocks<L> {
+    /// `dx + l dy` of a block's pixels.
+    #[inline(always)]
+    pub fn u(&self, block: usize) -> L {
+        self.dx[block % EDGE].add(self.spread(&self.skew, block))
+    }
+
+    /// Vertical distance of a block's pixels from the mean.
+    #[inline(always)]
+    pub fn dy(&self, block: usize) -> L {
+        self.spread(&self.dy, block)
+    }
+
+    #[inline(always)]
+    fn spread(&self, rows: &[L::Real; LANES], block: usize) -> L {
+        L::spread(&rows.as_chunks::<EDGE>().0[block / EDGE % EDGE])
+    }
+}
+
+/// Horizontal place of each lane's pixel in a tile, for column `column` of its blocks.
+#[inline(always)]
+fn column<F: Real>(column: usize) -> [F; LANES] {
+    let mut places = [F::ZERO; LANES];
+    for (i, place) in places.iter_mut().enumerate() {
+        *place = F::of((column * EDGE + i % EDGE) as f64);
+    }
+    places
+}
+
 /// One step of blending.
-#[derive(Clone, Copy, Debug)]
-pub struct Blend<L> {
+#[derive(Clone, Copy)]
+pub struct Blend<L: Lanes> {
     /// Alpha where the Gaussian is blended, else 0.
     pub alpha: L,
     /// Transmittance behind it. Negative marks a pixel that has ended; its magnitude is the pixel's final value.
     pub after: L,
+    visible: L::Mask,
+    open: L::Mask,
+}
+
+impl<L: Lanes> Blend<L> {
+    /// Whether some pixel is still open.
+    #[inline(always)]
+    pub fn is_open(&self) -> bool {
+        L::bits(self.open) != 0
+    }
+
+    /// Whether the Gaussian is blended at some pixel.
+    #[inline(always)]
+    pub fn is_drawn(&self) -> bool {
+        L::bits(L::both(self.visible, self.open)) != 0
+    }
 }
 
 /// Transmittance of a pixel outside the image: it has ended before it began.
 pub const OUTSIDE: f64 = -1.0;
-
-/// Rows of which some pixel is still open.
-#[inline(always)]
-pub fn is_open<L: Lanes>(t: L) -> bool {
-    L::bits(t.ge(L::splat(L::Real::of(TRANSMITTANCE_MIN)))) != 0
-}

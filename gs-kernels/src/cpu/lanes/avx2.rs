@@ -41,6 +41,27 @@ pub unsafe fn sum8(v: __m256) -> f32 {
     }
 }
 
+/// [`sum8`] of four vectors, transposed as they shrink; the same additions.
+///
+/// # Safety
+/// The processor must have AVX.
+#[inline(always)]
+pub unsafe fn sums8([a, b, c, d]: [__m256; 4]) -> [f32; 4] {
+    unsafe {
+        // Halves of two vectors side by side: their sums are lanes 0 to 3 of a, then of b.
+        let ab = _mm256_add_ps(_mm256_permute2f128_ps::<0x20>(a, b), _mm256_permute2f128_ps::<0x31>(a, b));
+        let cd = _mm256_add_ps(_mm256_permute2f128_ps::<0x20>(c, d), _mm256_permute2f128_ps::<0x31>(c, d));
+        // Per half: lanes 0 + 2 and 1 + 3 of a (or b), then of c (or d).
+        let pairs = _mm256_add_ps(_mm256_shuffle_ps::<0x44>(ab, cd), _mm256_shuffle_ps::<0xee>(ab, cd));
+        let sums = _mm256_add_ps(_mm256_shuffle_ps::<0x88>(pairs, pairs), _mm256_shuffle_ps::<0xdd>(pairs, pairs));
+        // [a, c, a, c | b, d, b, d]
+        let both = _mm_unpacklo_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps::<1>(sums));
+        let mut out = [0.0; 4];
+        _mm_storeu_ps(out.as_mut_ptr(), both);
+        out
+    }
+}
+
 #[inline(always)]
 unsafe fn exp2(x: __m256) -> __m256 {
     unsafe {
@@ -68,6 +89,14 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn load(from: &[f32; LANES]) -> Self {
         unsafe { Self(_mm256_loadu_ps(from.as_ptr()), _mm256_loadu_ps(from.as_ptr().add(8))) }
+    }
+    #[inline(always)]
+    fn spread(from: &[f32; 4]) -> Self {
+        unsafe {
+            let four = _mm256_broadcast_ps(&_mm_loadu_ps(from.as_ptr()));
+            let (low, high) = (_mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1), _mm256_setr_epi32(2, 2, 2, 2, 3, 3, 3, 3));
+            Self(_mm256_permutevar_ps(four, low), _mm256_permutevar_ps(four, high))
+        }
     }
     #[inline(always)]
     fn store(self, to: &mut [f32; LANES]) {
@@ -116,6 +145,10 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        unsafe { Self(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }
+    }
+    #[inline(always)]
     fn ge(self, b: Self) -> (__m256, __m256) {
         unsafe { (_mm256_cmp_ps::<_CMP_GE_OQ>(self.0, b.0), _mm256_cmp_ps::<_CMP_GE_OQ>(self.1, b.1)) }
     }
@@ -138,5 +171,11 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn sum(self) -> f32 {
         unsafe { sum8(_mm256_add_ps(self.0, self.1)) }
+    }
+    #[inline(always)]
+    fn sums([a, b, c, d]: [Self; 4]) -> [f32; 4] {
+        unsafe {
+            sums8([_mm256_add_ps(a.0, a.1), _mm256_add_ps(b.0, b.1), _mm256_add_ps(c.0, c.1), _mm256_add_ps(d.0, d.1)])
+        }
     }
 }

@@ -32,6 +32,14 @@ impl Lanes for Avx512 {
         Self(unsafe { _mm512_loadu_ps(from.as_ptr()) })
     }
     #[inline(always)]
+    fn spread(from: &[f32; 4]) -> Self {
+        unsafe {
+            let four = _mm512_broadcast_f32x4(_mm_loadu_ps(from.as_ptr()));
+            let index = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+            Self(_mm512_permutevar_ps(four, index))
+        }
+    }
+    #[inline(always)]
     fn store(self, to: &mut [f32; LANES]) {
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
     }
@@ -72,6 +80,10 @@ impl Lanes for Avx512 {
         Self(unsafe { _mm512_abs_ps(self.0) })
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(unsafe { _mm512_sqrt_ps(self.0) })
+    }
+    #[inline(always)]
     fn ge(self, b: Self) -> __mmask16 {
         unsafe { _mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, b.0) }
     }
@@ -104,6 +116,25 @@ impl Lanes for Avx512 {
         unsafe {
             let halves = _mm256_add_ps(_mm512_castps512_ps256(self.0), _mm512_extractf32x8_ps::<1>(self.0));
             super::avx2::sum8(halves)
+        }
+    }
+    #[inline(always)]
+    fn sums([a, b, c, d]: [Self; 4]) -> [f32; 4] {
+        unsafe {
+            // Quarters 0 + 2 and 1 + 3 of a, then of b.
+            let ab = _mm512_add_ps(_mm512_shuffle_f32x4::<0x44>(a.0, b.0), _mm512_shuffle_f32x4::<0xee>(a.0, b.0));
+            let cd = _mm512_add_ps(_mm512_shuffle_f32x4::<0x44>(c.0, d.0), _mm512_shuffle_f32x4::<0xee>(c.0, d.0));
+            // One quarter for each of a, b, c, d.
+            let quarters = _mm512_add_ps(_mm512_shuffle_f32x4::<0x88>(ab, cd), _mm512_shuffle_f32x4::<0xdd>(ab, cd));
+            let pairs = _mm512_add_ps(quarters, _mm512_permute_ps::<0x4e>(quarters));
+            let sums = _mm512_add_ps(pairs, _mm512_permute_ps::<0xb1>(pairs));
+            let firsts = _mm512_castps512_ps128(_mm512_permutexvar_ps(
+                _mm512_setr_epi32(0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12),
+                sums,
+            ));
+            let mut out = [0.0; 4];
+            _mm_storeu_ps(out.as_mut_ptr(), firsts);
+            out
         }
     }
 }

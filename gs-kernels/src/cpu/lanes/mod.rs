@@ -1,4 +1,4 @@
-//! Sixteen numbers at once: one row of a tile.
+//! Sixteen numbers at once: a block of 4 x 4 pixels, or sixteen Gaussians.
 //!
 //! One trait, one implementation per vector unit, chosen at run time. Every implementation rounds the same operations
 //! in the same order (fused multiply-add, the same exponential polynomial, the same summation tree), so all give the
@@ -15,7 +15,7 @@ mod neon;
 
 use crate::cpu::real::{LaneTask, Real};
 
-/// Lanes in a vector, the tile's edge.
+/// Lanes in a vector: the tile's edge, and the pixels of a block.
 pub const LANES: usize = crate::constants::TILE;
 
 /// Sixteen lanes of `Real`.
@@ -29,6 +29,8 @@ pub trait Lanes: Copy {
     fn splat(x: Self::Real) -> Self;
     /// Lanes from memory.
     fn load(from: &[Self::Real; LANES]) -> Self;
+    /// Each of four numbers in four lanes: 0 to 3, 4 to 7 and so on.
+    fn spread(from: &[Self::Real; 4]) -> Self;
     /// Lanes to memory.
     fn store(self, to: &mut [Self::Real; LANES]);
     /// `self + b`.
@@ -49,6 +51,8 @@ pub trait Lanes: Copy {
     fn max(self, b: Self) -> Self;
     /// Magnitude.
     fn abs(self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
     /// `self >= b`; false for NaN.
     fn ge(self, b: Self) -> Self::Mask;
     /// Both.
@@ -62,6 +66,11 @@ pub trait Lanes: Copy {
     fn exp2_nonpositive(self) -> Self;
     /// Sum of all lanes by halves: `((0+8)+(4+12)) + ...`, the same tree everywhere.
     fn sum(self) -> Self::Real;
+    /// [`Lanes::sum`] of four vectors, to the bit; most units share the work.
+    #[inline(always)]
+    fn sums([a, b, c, d]: [Self; 4]) -> [Self::Real; 4] {
+        [a.sum(), b.sum(), c.sum(), d.sum()]
+    }
 
     /// 0, 1, ... 15.
     #[inline(always)]
@@ -141,6 +150,9 @@ mod tests {
                 bits.extend(e.to_array().map(f32::to_bits));
                 bits.extend(z.to_array().map(f32::to_bits));
                 bits.push(z.sum().to_bits());
+                bits.extend(L::sums([z, e, y, x]).map(f32::to_bits));
+                let spread = L::spread(&[e.sum(), -1.5, y.sum(), 0.25]);
+                bits.extend(spread.abs().sqrt().to_array().map(f32::to_bits));
                 bits.push(L::bits(m).into());
             }
             bits
@@ -155,6 +167,28 @@ mod tests {
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             // SAFETY: the features were just detected.
             assert_eq!(unsafe { avx2::run(Probe) }, portable);
+        }
+    }
+
+    struct Sums;
+    impl LaneTask<f32> for Sums {
+        type Output = [[f32; 4]; 2];
+        #[inline(always)]
+        fn run<L: Lanes<Real = f32>>(self) -> [[f32; 4]; 2] {
+            let vectors = [0.1_f32, 0.7, -1.3, 2.9].map(|k| L::ramp().mul(L::splat(k)).add(L::splat(1.0 / k)));
+            [L::sums(vectors), vectors.map(|v| v.sum())]
+        }
+    }
+
+    #[test]
+    fn four_sums_at_once_are_the_sums() {
+        let [together, alone] = with_f32_lanes(Sums);
+        assert_eq!(together, alone);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the features were just detected.
+            let [together, alone] = unsafe { avx2::run(Sums) };
+            assert_eq!(together, alone);
         }
     }
 

@@ -43,6 +43,10 @@ impl Lanes for Neon {
         Self(std::array::from_fn(|i| unsafe { vld1q_f32(from[4 * i..].as_ptr()) }))
     }
     #[inline(always)]
+    fn spread(from: &[f32; 4]) -> Self {
+        Self(std::array::from_fn(|i| unsafe { vdupq_n_f32(from[i]) }))
+    }
+    #[inline(always)]
     fn store(self, to: &mut [f32; LANES]) {
         for (i, v) in self.0.into_iter().enumerate() {
             unsafe { vst1q_f32(to[4 * i..].as_mut_ptr(), v) }
@@ -83,6 +87,10 @@ impl Lanes for Neon {
     #[inline(always)]
     fn abs(self) -> Self {
         Self(self.0.map(|a| unsafe { vabsq_f32(a) }))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(|a| unsafe { vsqrtq_f32(a) }))
     }
     #[inline(always)]
     fn ge(self, b: Self) -> [uint32x4_t; 4] {

@@ -51,6 +51,10 @@ impl<F: PortableExp> Lanes for Portable<F> {
         Self(*from)
     }
     #[inline(always)]
+    fn spread(from: &[F; 4]) -> Self {
+        Self(std::array::from_fn(|i| from[i / 4]))
+    }
+    #[inline(always)]
     fn store(self, to: &mut [F; LANES]) {
         *to = self.0;
     }
@@ -89,6 +93,10 @@ impl<F: PortableExp> Lanes for Portable<F> {
     #[inline(always)]
     fn abs(self) -> Self {
         Self(self.0.map(|a| a.abs()))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(|a| a.sqrt()))
     }
     #[inline(always)]
     fn ge(self, b: Self) -> [bool; LANES] {

@@ -13,13 +13,13 @@
 
 use rayon::prelude::*;
 
-use super::tile::{FeatureLanes, Inputs, TilePlane, fresh_transmittance};
+use super::tile::{Aligned, BLOCKS, FeatureLanes, Inputs, TilePlane, block_and_lane, fresh_transmittance, plane};
 use crate::config::RasterizeConfig;
-use crate::constants::{ALPHA_MAX, TILE};
+use crate::constants::ALPHA_MAX;
 use crate::cpu::Real;
-use crate::cpu::blend::{Rows, TileGaussian, is_open};
+use crate::cpu::blend::TileGaussian;
 use crate::cpu::intersect::IntersectionSlices;
-use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::lanes::Lanes;
 use crate::cpu::parallel::{CHUNK, Disjoint, prefetch, zeros};
 use crate::cpu::real::LaneTask;
 use crate::rows::{PROJECTED, ProjectedRow, SCREEN};
@@ -148,8 +148,8 @@ fn gather<F: Real>(inputs: &Inputs<'_, F>, pairs: &[F], background: Vec<F>) -> R
 
 /// What the replay of a tile keeps.
 struct Scratch<F> {
-    /// Per blended row of a Gaussian: alpha and the transmittance before it.
-    steps: Vec<[[F; LANES]; 2]>,
+    /// Per blended block of a Gaussian: alpha and the transmittance before it.
+    steps: Vec<[Aligned<F>; 2]>,
     gaussians: Vec<Replayed<F>>,
     /// Gradient by the pixels, one plane per output channel.
     v: Vec<TilePlane<F>>,
@@ -165,8 +165,7 @@ struct Replayed<F> {
     id: usize,
     position: usize,
     gaussian: TileGaussian<F>,
-    rows: Rows<F>,
-    /// Rows in which some pixel blended it; their steps begin at `first_step`.
+    /// Blocks in which some pixel blended it; their steps begin at `first_step`.
     blended: u16,
     first_step: usize,
 }
@@ -208,12 +207,13 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         let [columns, rows] = self.inputs.inside(origin);
         let v = &mut self.scratch.v;
         v.clear();
-        v.resize(stride, [[F::ZERO; LANES]; TILE]);
+        v.resize(stride, plane(F::ZERO));
         for r in 0..rows {
             let first = self.inputs.row_start(self.tile, origin, r) * stride;
             for (x, pixel) in self.v_output[first..][..columns * stride].chunks_exact(stride).enumerate() {
+                let (b, lane) = block_and_lane(x, r);
                 for (c, &value) in pixel.iter().enumerate() {
-                    v[c][r][x] = value;
+                    v[c][b].0[lane] = value;
                 }
             }
         }
@@ -232,28 +232,27 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
             inputs.prefetch(ids, k);
             let id = id as usize;
             let (_, gaussian) = inputs.gaussian(id, origin);
-            let rows = gaussian.rows::<L>(inputs.limits[id]);
-            let dx = gaussian.dx::<L>();
+            let blocks = gaussian.blocks::<L>(inputs.limits[id]);
             let first_step = steps.len();
-            steps.reserve(TILE);
+            steps.reserve(BLOCKS);
             let mut blended = 0;
-            let mut active = rows.reached & !ended;
+            let mut active = blocks.reached & !ended;
             while active != 0 {
-                let r = active.trailing_zeros() as usize;
+                let b = active.trailing_zeros() as usize % BLOCKS;
                 active &= active - 1;
-                let t = L::load(&transmittance[r]);
-                let step = gaussian.blend(gaussian.u(dx, &rows, r), &rows, r, t);
-                step.after.store(&mut transmittance[r]);
-                if L::bits(step.alpha.ge(L::splat(F::of(crate::constants::ALPHA_MIN)))) != 0 {
-                    blended |= 1 << r;
-                    steps.push([step.alpha.to_array(), t.to_array()]);
+                let t = L::load(&transmittance[b].0);
+                let step = gaussian.blend(blocks.u(b), &blocks, b, t);
+                step.after.store(&mut transmittance[b].0);
+                if step.is_drawn() {
+                    blended |= 1 << b;
+                    steps.push([Aligned(step.alpha.to_array()), Aligned(t.to_array())]);
                 }
-                if !is_open(step.after) {
-                    ended |= 1 << r;
+                if !step.is_open() {
+                    ended |= 1 << b;
                 }
             }
             if blended != 0 {
-                gaussians.push(Replayed { id, position: begin + k, gaussian, rows, blended, first_step });
+                gaussians.push(Replayed { id, position: begin + k, gaussian, blended, first_step });
             }
             if ended == u16::MAX {
                 break;
@@ -267,17 +266,17 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
     fn behind_everything<L: Lanes<Real = F>>(&self, transmittance: &TilePlane<F>) -> (TilePlane<F>, Vec<F>) {
         let channels = self.channels();
         let v = &self.scratch.v;
-        let mut behind = [[F::ZERO; LANES]; TILE];
+        let mut behind = plane(F::ZERO);
         let mut v_background = vec![F::ZERO; channels];
-        for r in 0..TILE {
-            let t = L::load(&transmittance[r]).abs();
-            let mut s = L::splat(F::ZERO).sub(L::load(&v[channels][r]));
+        for b in 0..BLOCKS {
+            let t = L::load(&transmittance[b].0).abs();
+            let mut s = L::splat(F::ZERO).sub(L::load(&v[channels][b].0));
             for c in 0..channels {
-                let v = L::load(&v[c][r]);
+                let v = L::load(&v[c][b].0);
                 s = v.mul_add(L::splat(self.inputs.background[c]), s);
                 v_background[c] += t.mul(v).sum();
             }
-            s.store(&mut behind[r]);
+            s.store(&mut behind[b].0);
         }
         (behind, v_background)
     }
@@ -293,40 +292,44 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         for replayed in gaussians.iter().rev() {
             let features = features.read(self.inputs, replayed.id);
             let v_features = v_features.lanes();
-            v_features.fill(zero);
+            for v_feature in &mut *v_features {
+                *v_feature = zero;
+            }
             let row = ProjectedRow::read(self.inputs.projected, replayed.id);
             let [d1, l, d2] = row.conic;
-            let dx = replayed.gaussian.dx::<L>();
+            // Which blocks are reached is known; the rest of this is cheaper made again than kept.
+            let blocks = replayed.gaussian.blocks::<L>(F::ZERO);
             let mut moments = Moments::<L>::new();
             let mut active = replayed.blended;
             let mut step = replayed.first_step;
             while active != 0 {
-                let r = active.trailing_zeros() as usize;
+                let b = active.trailing_zeros() as usize % BLOCKS;
                 active &= active - 1;
-                let [alpha, t] = [L::load(&steps[step][0]), L::load(&steps[step][1])];
+                let [alpha, t] = [L::load(&steps[step][0].0), L::load(&steps[step][1].0)];
                 step += 1;
                 let weight = alpha.mul(t);
                 let mut q = zero;
                 for ((plane, &feature), v_feature) in v.iter().zip(features).zip(&mut *v_features) {
-                    let v = L::load(&plane[r]);
+                    let v = L::load(&plane[b].0);
                     q = v.mul_add(feature, q);
                     *v_feature = weight.mul_add(v, *v_feature);
                 }
-                let shown = L::load(&behind[r]);
+                let shown = L::load(&behind[b].0);
                 let difference = q.sub(shown);
-                alpha.mul_add(difference, shown).store(&mut behind[r]);
+                alpha.mul_add(difference, shown).store(&mut behind[b].0);
                 // A capped alpha does not move with sigma or opacity; where nothing was blended alpha is zero.
                 let capped = alpha.ge(L::splat(F::of(ALPHA_MAX)));
                 let s = L::select(capped, zero, zero.sub(weight.mul(difference)));
-                let u = replayed.gaussian.u(dx, &replayed.rows, r);
-                moments.add(s, u, replayed.rows.dy[r], [d1, l, d2]);
+                moments.add(s, blocks.u(b), blocks.dy(b), [d1, l, d2]);
             }
             // SAFETY: every pair of the sorted list belongs to one tile.
             let out = unsafe { self.pairs.slice_mut(replayed.position * stride, stride) };
             let opacity = self.inputs.opacities[replayed.id];
             out[..FIXED].copy_from_slice(&moments.gradients([d1, l, d2], opacity));
-            for c in 0..channels {
-                out[FIXED + c] = v_features[c].sum();
+            for (out, v_features) in out[FIXED..].chunks_mut(4).zip(v_features.chunks(4)) {
+                let mut four = [zero; 4];
+                four[..v_features.len()].copy_from_slice(v_features);
+                out.copy_from_slice(&L::sums(four)[..out.len()]);
             }
         }
     }
@@ -352,8 +355,7 @@ impl<L: Lanes> Moments<L> {
     }
 
     #[inline(always)]
-    fn add(&mut self, s: L, u: L, dy: L::Real, [d1, l, d2]: [L::Real; 3]) {
-        let y = L::splat(dy);
+    fn add(&mut self, s: L, u: L, y: L, [d1, l, d2]: [L::Real; 3]) {
         let (su, sy) = (s.mul(u), s.mul(y));
         self.s = self.s.add(s);
         self.s_dy = self.s_dy.add(sy);
@@ -369,16 +371,17 @@ impl<L: Lanes> Moments<L> {
     #[inline(always)]
     fn gradients(&self, [d1, l, d2]: [L::Real; 3], opacity: L::Real) -> [L::Real; FIXED] {
         let half = L::Real::of(0.5);
-        let s_u = self.s_u.sum();
+        let [s, s_dy, s_dy2, s_u] = L::sums([self.s, self.s_dy, self.s_dy2, self.s_u]);
+        let [s_u_dy, s_u2, abs_x, abs_y] = L::sums([self.s_u_dy, self.s_u2, self.abs_x, self.abs_y]);
         [
             -(d1 * s_u),
-            -(d1 * l * s_u + d2 * self.s_dy.sum()),
-            half * self.s_u2.sum(),
-            d1 * self.s_u_dy.sum(),
-            half * self.s_dy2.sum(),
-            -(self.s.sum() / opacity),
-            d1 * self.abs_x.sum(),
-            self.abs_y.sum(),
+            -(d1 * l * s_u + d2 * s_dy),
+            half * s_u2,
+            d1 * s_u_dy,
+            half * s_dy2,
+            -(s / opacity),
+            d1 * abs_x,
+            abs_y,
         ]
     }
 }

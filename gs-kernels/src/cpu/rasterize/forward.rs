@@ -2,13 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::tile::{FeatureLanes, Inputs, TilePlane, UNROLLED, fresh_transmittance};
+use super::tile::{BLOCKS, FeatureLanes, Inputs, TilePlane, UNROLLED, block_and_lane, fresh_transmittance, plane};
 use crate::config::RasterizeConfig;
-use crate::constants::TILE;
 use crate::cpu::Real;
-use crate::cpu::blend::is_open;
 use crate::cpu::intersect::IntersectionSlices;
-use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::lanes::Lanes;
 use crate::cpu::parallel::{Disjoint, zeros};
 use crate::cpu::real::LaneTask;
 
@@ -57,8 +55,8 @@ impl<F: Real, const UNROLL: usize> LaneTask<F> for TileForward<'_, F, UNROLL> {
         let channels = if UNROLL > 0 { UNROLL } else { inputs.blended };
         let origin = inputs.origin(self.tile);
         let (mut transmittance, mut ended) = fresh_transmittance::<F>(inputs.inside(origin));
-        let mut small = [[[F::ZERO; LANES]; TILE]; UNROLLED];
-        let mut large = if UNROLL > 0 { Vec::new() } else { vec![[[F::ZERO; LANES]; TILE]; channels] };
+        let mut small = [plane(F::ZERO); UNROLLED];
+        let mut large = if UNROLL > 0 { Vec::new() } else { vec![plane(F::ZERO); channels] };
         let sums: &mut [TilePlane<F>] = if UNROLL > 0 { &mut small[..UNROLL] } else { &mut large };
         let mut features = FeatureLanes::<L, UNROLL>::new(channels);
 
@@ -67,23 +65,22 @@ impl<F: Real, const UNROLL: usize> LaneTask<F> for TileForward<'_, F, UNROLL> {
             inputs.prefetch(ids, k);
             let id = id as usize;
             let (_, gaussian) = inputs.gaussian(id, origin);
-            let rows = gaussian.rows::<L>(inputs.limits[id]);
-            let dx = gaussian.dx::<L>();
+            let blocks = gaussian.blocks::<L>(inputs.limits[id]);
             let features = features.read(inputs, id);
-            let mut active = rows.reached & !ended;
+            let mut active = blocks.reached & !ended;
             while active != 0 {
-                let r = active.trailing_zeros() as usize;
+                let b = active.trailing_zeros() as usize % BLOCKS;
                 active &= active - 1;
-                let t = L::load(&transmittance[r]);
-                let step = gaussian.blend(gaussian.u(dx, &rows, r), &rows, r, t);
-                step.after.store(&mut transmittance[r]);
+                let t = L::load(&transmittance[b].0);
+                let step = gaussian.blend(blocks.u(b), &blocks, b, t);
+                step.after.store(&mut transmittance[b].0);
                 let weight = step.alpha.mul(t);
                 for (plane, &feature) in sums.iter_mut().zip(features) {
-                    let sum = &mut plane[r];
+                    let sum = &mut plane[b].0;
                     weight.mul_add(feature, L::load(sum)).store(sum);
                 }
-                if !is_open(step.after) {
-                    ended |= 1 << r;
+                if !step.is_open() {
+                    ended |= 1 << b;
                 }
             }
             if ended == u16::MAX {
@@ -105,9 +102,10 @@ impl<F: Real, const UNROLL: usize> TileForward<'_, F, UNROLL> {
             // SAFETY: this row of this tile belongs to no other task.
             let pixels = unsafe { self.pixels.slice_mut(first, columns * stride) };
             for (x, pixel) in pixels.chunks_exact_mut(stride).enumerate() {
-                let t = transmittance[r][x].abs();
+                let (b, lane) = block_and_lane(x, r);
+                let t = transmittance[b].0[lane].abs();
                 for c in 0..inputs.blended {
-                    pixel[c] = sums[c][r][x] + t * inputs.background[c];
+                    pixel[c] = sums[c][b].0[lane] + t * inputs.background[c];
                 }
                 pixel[stride - 1] = F::ONE - t;
             }

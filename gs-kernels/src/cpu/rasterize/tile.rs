@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::config::RasterizeConfig;
 use crate::constants::{ALPHA_MIN, TILE};
 use crate::cpu::Real;
-use crate::cpu::blend::{OUTSIDE, TileGaussian};
+use crate::cpu::blend::{EDGE, OUTSIDE, TileGaussian};
 use crate::cpu::intersect::IntersectionSlices;
 use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::{CHUNK, prefetch, zeros};
@@ -17,8 +17,27 @@ pub(super) const UNROLLED: usize = 4;
 /// How far ahead Gaussians are fetched: a pair takes about 100 ns, memory about as long.
 const PREFETCH: usize = 4;
 
-/// One value per pixel of a tile, row by row.
-pub(super) type TilePlane<F> = [[F; LANES]; TILE];
+/// Blocks of a tile.
+pub(super) const BLOCKS: usize = EDGE * EDGE;
+
+/// Lanes in memory, at the start of a cache line: a vector that crosses into the next costs twice.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct Aligned<F>(pub [F; LANES]);
+
+/// One value per pixel of a tile, block by block as in [`crate::cpu::blend::Blocks`].
+pub(super) type TilePlane<F> = [Aligned<F>; BLOCKS];
+
+/// A plane of one value.
+pub(super) fn plane<F: Copy>(value: F) -> TilePlane<F> {
+    [Aligned([value; LANES]); BLOCKS]
+}
+
+/// Block and lane of the pixel (`x`, `y`) of a tile.
+#[inline(always)]
+pub(super) fn block_and_lane(x: usize, y: usize) -> (usize, usize) {
+    (y / EDGE * EDGE + x / EDGE, y % EDGE * EDGE + x % EDGE)
+}
 
 /// Everything a rasterization reads.
 pub(super) struct Inputs<'a, F> {
@@ -158,16 +177,27 @@ impl<L: Lanes, const UNROLL: usize> FeatureLanes<L, UNROLL> {
     #[inline(always)]
     pub fn read(&mut self, inputs: &Inputs<'_, L::Real>, id: usize) -> &[L] {
         let lanes = self.lanes();
-        lanes.iter_mut().enumerate().for_each(|(c, lane)| *lane = L::splat(inputs.feature(id, c)));
+        // A loop, not `for_each`: its closure is compiled without the processor's features where it is not inlined.
+        for (c, lane) in lanes.iter_mut().enumerate() {
+            *lane = L::splat(inputs.feature(id, c));
+        }
         lanes
     }
 }
 
-/// Transmittance 1 inside the image, [`OUTSIDE`] elsewhere; and the rows wholly outside as bits.
+/// Transmittance 1 inside the image, [`OUTSIDE`] elsewhere; and the blocks wholly outside as bits.
 pub(super) fn fresh_transmittance<F: Real>([columns, rows]: [usize; 2]) -> (TilePlane<F>, u16) {
-    let mut plane = [[F::of(OUTSIDE); LANES]; TILE];
-    for row in &mut plane[..rows] {
-        row[..columns].fill(F::ONE);
+    if columns == TILE && rows == TILE {
+        return (plane(F::ONE), 0);
     }
-    (plane, !(((1_u32 << rows) - 1) as u16))
+    let mut plane = plane(F::of(OUTSIDE));
+    let mut ended = u16::MAX;
+    for y in 0..rows {
+        for x in 0..columns {
+            let (block, lane) = block_and_lane(x, y);
+            plane[block].0[lane] = F::ONE;
+            ended &= !(1 << block);
+        }
+    }
+    (plane, ended)
 }
