@@ -4,7 +4,8 @@
 //! camera to world), points to start from, and a split into training and held-out views. It reads the transforms.json
 //! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi) and COLMAP models (text and binary). [`check`] says what
 //! is in a folder and what is wrong with it, [`load_cameras`] reads a camera path, and [`synthetic`] writes a scene with
-//! known ground truth. The crate knows nothing of tensors; the trainer turns a `Scene` into them.
+//! known ground truth. [`motion`] finds what moves in a scene. The crate knows nothing of tensors; the trainer turns a
+//! `Scene` into them.
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};
@@ -25,6 +26,7 @@ pub mod image_io;
 mod lens;
 mod loader;
 mod mask;
+pub mod motion;
 mod names;
 mod options;
 mod pixels;

@@ -6,6 +6,7 @@ mod fixtures;
 mod hostile;
 mod image_io;
 mod masks;
+mod motion;
 mod poses;
 mod split;
 mod transforms;

@@ -1,0 +1,287 @@
+//! Carving: a place belongs to the object when (nearly) every camera that sees the place has it inside its mask.
+//!
+//! A block of places is judged at once by the masks' pixels under it (a table of sums answers that in constant time): no
+//! pixel set means outside, all set means inside, and only blocks in between are divided, down to single voxels. The
+//! work so follows the surface and not the volume.
+
+use glam::{DVec3, UVec3};
+use rayon::prelude::*;
+
+use super::geometry::Pinhole;
+
+/// Edge of the blocks that carving starts from, voxels; a power of two.
+const BLOCK: usize = 8;
+
+/// From this many cameras on one may be wrong about a place, and one more for every [`CAMERAS_PER_MISS`]. With fewer,
+/// one that may always be wrong would leave nothing certain.
+const FORGIVING: usize = 5;
+
+/// See [`FORGIVING`]. A miss costs shape: the hull of all but k of n cameras is larger than that of all.
+const CAMERAS_PER_MISS: usize = 16;
+
+/// A camera with the mask of what it sees of the object.
+pub(crate) struct Silhouette {
+    pub camera: Pinhole,
+    /// `[height + 1, width + 1]`: set pixels above and left.
+    sums: Vec<u32>,
+}
+
+/// How a mask covers a piece of the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cover {
+    /// The camera does not see the place.
+    Unseen,
+    Outside,
+    Partly,
+    Inside,
+}
+
+impl Silhouette {
+    /// `mask` has the camera's size.
+    pub fn new(camera: Pinhole, mask: &[bool]) -> Self {
+        let stride = camera.width + 1;
+        let mut sums = vec![0_u32; stride * (camera.height + 1)];
+        for y in 0..camera.height {
+            let mut row = 0;
+            for x in 0..camera.width {
+                row += u32::from(mask[y * camera.width + x]);
+                sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row;
+            }
+        }
+        Self { camera, sums }
+    }
+
+    /// Set pixels in columns `x` and rows `y`.
+    fn count(&self, x: (usize, usize), y: (usize, usize)) -> u32 {
+        let at = |x: usize, y: usize| self.sums[y * (self.camera.width + 1) + x];
+        at(x.1, y.1) + at(x.0, y.0) - at(x.0, y.1) - at(x.1, y.0)
+    }
+
+    /// Whether the mask is set where the camera sees the place; `None` where it does not see it.
+    pub fn contains(&self, place: DVec3) -> Option<bool> {
+        let (pixel, _) = self.camera.project(place)?;
+        let (x, y) = self.camera.pixel(pixel)?;
+        Some(self.count((x, x + 1), (y, y + 1)) > 0)
+    }
+
+    /// The largest distance from a place, in its depth, of what the mask shows; `None` if that is nothing.
+    pub fn reach(&self, place: DVec3) -> Option<f64> {
+        let (pixel, depth) = self.camera.project(place)?;
+        let (width, height) = (self.camera.width, self.camera.height);
+        let mut farthest: Option<f64> = None;
+        for y in (0..height).filter(|y| self.count((0, width), (*y, *y + 1)) > 0) {
+            for x in (0..width).filter(|x| self.count((*x, *x + 1), (y, y + 1)) > 0) {
+                let distance = pixel.distance(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+                farthest = Some(farthest.map_or(distance, |most| most.max(distance)));
+            }
+        }
+        farthest.map(|pixels| (pixels + 1.0) * depth / self.camera.focal())
+    }
+
+    /// How the mask covers a ball.
+    fn cover(&self, centre: DVec3, radius: f64) -> Cover {
+        let camera = &self.camera;
+        let near = centre.distance(camera.centre) <= 2.0 * radius;
+        let Some((pixel, depth)) = camera.project(centre).filter(|(_, depth)| *depth > radius) else {
+            return if near { Cover::Partly } else { Cover::Unseen };
+        };
+        // The image of a ball off the axis is stretched by one over the cosine.
+        let k = &camera.intrinsics;
+        let (a, b) = ((pixel.x - k.cx) / k.fx, (pixel.y - k.cy) / k.fy);
+        let reach = camera.focal() * radius / (depth - radius) * (1.0 + a * a + b * b).sqrt();
+        let span = |at: f64, size: usize| {
+            let (low, high) = ((at - reach).floor(), (at + reach).ceil());
+            let clipped = (low.clamp(0.0, size as f64) as usize, high.clamp(0.0, size as f64) as usize);
+            (clipped, low >= 0.0 && high <= size as f64)
+        };
+        let ((x, x_whole), (y, y_whole)) = (span(pixel.x, camera.width), span(pixel.y, camera.height));
+        let area = (x.1 - x.0) * (y.1 - y.0);
+        if area == 0 {
+            return Cover::Unseen;
+        }
+        let set = self.count(x, y) as usize;
+        match (set, x_whole && y_whole) {
+            (0, true) => Cover::Outside,
+            (set, true) if set == area => Cover::Inside,
+            // Beyond the image's edge nobody knows.
+            _ => Cover::Partly,
+        }
+    }
+}
+
+/// How many cameras must agree.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Consensus {
+    /// Cameras that may disagree; `None` chooses by how many see the place.
+    pub misses: Option<usize>,
+    /// Cameras that must see a place, so that what only a corner of the rig sees is not kept for lack of evidence.
+    pub seen_min: usize,
+}
+
+impl Consensus {
+    /// For a number of cameras: half of them, and two at least, must see a place.
+    pub fn of(cameras: usize, misses: Option<usize>) -> Self {
+        Self { misses, seen_min: cameras.div_ceil(2).max(2) }
+    }
+
+    fn allowed(&self, seen: usize) -> usize {
+        let usual = if seen < FORGIVING { 0 } else { 1 + seen / CAMERAS_PER_MISS };
+        self.misses.unwrap_or(usual).min(seen.saturating_sub(2))
+    }
+
+    fn keeps(&self, silhouettes: &[Silhouette], place: DVec3) -> bool {
+        let (hits, seen) = support(silhouettes, place);
+        seen >= self.seen_min && seen - hits <= self.allowed(seen)
+    }
+
+    /// Whether a part of a ball may be kept. Cameras count that see its middle: where the ball is cut by the image's
+    /// edge they know nothing, and without them whatever is at the edge of all pictures would be kept.
+    fn may_keep(&self, silhouettes: &[Silhouette], centre: DVec3, radius: f64) -> bool {
+        let covers = silhouettes.iter().filter(|one| one.contains(centre).is_some());
+        let (hits, seen) = covers.fold((0, 0), |(hits, seen), one| {
+            (hits + usize::from(one.cover(centre, radius) != Cover::Outside), seen + 1)
+        });
+        seen >= self.seen_min && seen - hits <= self.allowed(seen)
+    }
+}
+
+/// How many cameras have the place in their masks, and how many see it at all.
+pub(crate) fn support(silhouettes: &[Silhouette], place: DVec3) -> (usize, usize) {
+    let answers = silhouettes.iter().filter_map(|silhouette| silhouette.contains(place));
+    answers.fold((0, 0), |(hits, seen), hit| (hits + usize::from(hit), seen + 1))
+}
+
+/// A grid of cubes, those of the object marked.
+#[derive(Debug, Clone)]
+pub(crate) struct Voxels {
+    /// Corner of the first cube.
+    pub low: DVec3,
+    /// Edge of a cube, scene units.
+    pub edge: f64,
+    /// Cubes along x, y, z.
+    pub dims: [usize; 3],
+    /// `[z, y, x]`.
+    pub filled: Vec<bool>,
+}
+
+impl Voxels {
+    /// An empty grid over a box with `resolution` cubes along its longest side.
+    pub fn over(low: DVec3, high: DVec3, resolution: usize) -> Self {
+        let size = high - low;
+        let edge = size.max_element() / resolution as f64;
+        let dims = size.to_array().map(|side| ((side / edge - 1e-6).ceil().max(1.0) as usize).min(resolution));
+        Self { low, edge, dims, filled: vec![false; dims[0] * dims[1] * dims[2]] }
+    }
+
+    /// The middle of a cube.
+    pub fn place(&self, cell: UVec3) -> DVec3 {
+        self.low + self.edge * (cell.as_dvec3() + 0.5)
+    }
+
+    pub fn index(&self, cell: UVec3) -> usize {
+        (cell.z as usize * self.dims[1] + cell.y as usize) * self.dims[0] + cell.x as usize
+    }
+
+    pub fn cell(&self, index: usize) -> UVec3 {
+        let [nx, ny, _] = self.dims;
+        UVec3::new((index % nx) as u32, (index / nx % ny) as u32, (index / nx / ny) as u32)
+    }
+
+    /// The marked cubes.
+    pub fn cells(&self) -> impl Iterator<Item = UVec3> {
+        (0..self.filled.len()).filter(|index| self.filled[*index]).map(|index| self.cell(index))
+    }
+
+    /// The cubes around one, those over corners too if `corners`.
+    pub fn around(&self, cell: UVec3, corners: bool) -> impl Iterator<Item = UVec3> {
+        let dims = self.dims.map(|n| n as i32);
+        let c = cell.as_ivec3();
+        (0..27_i32).filter_map(move |i| {
+            let step = glam::IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
+            let faces = step.abs().element_sum();
+            let next = c + step;
+            let inside = next.cmpge(glam::IVec3::ZERO).all() && next.cmplt(glam::IVec3::from_array(dims)).all();
+            (inside && faces > 0 && (corners || faces == 1)).then(|| next.as_uvec3())
+        })
+    }
+
+    /// Marked cubes with a face towards an unmarked one or the end of the grid.
+    pub fn surface(&self) -> Vec<UVec3> {
+        let is_inner =
+            |cell: &UVec3| self.around(*cell, false).filter(|next| self.filled[self.index(*next)]).count() == 6;
+        self.cells().filter(|cell| !is_inner(cell)).collect()
+    }
+
+    /// Marks every cube that consensus keeps; `generous` also those that only may contain a part of the object.
+    pub fn carve(&mut self, silhouettes: &[Silhouette], consensus: Consensus, generous: bool) {
+        let blocks: Vec<UVec3> = {
+            let [nx, ny, nz] = self.dims.map(|n| n.div_ceil(BLOCK) as u32);
+            let all = (0..nx * ny * nz).map(|i| UVec3::new(i % nx, i / nx % ny, i / nx / ny));
+            all.map(|block| block * BLOCK as u32).collect()
+        };
+        let task = Task { grid: self, silhouettes, consensus, generous };
+        let found: Vec<Vec<usize>> = blocks
+            .into_par_iter()
+            .map(|corner| {
+                let mut kept = Vec::new();
+                task.divide(corner, BLOCK as u32, &mut kept);
+                kept
+            })
+            .collect();
+        for index in found.into_iter().flatten() {
+            self.filled[index] = true;
+        }
+    }
+}
+
+/// What a block is carved by.
+struct Task<'a> {
+    grid: &'a Voxels,
+    silhouettes: &'a [Silhouette],
+    consensus: Consensus,
+    generous: bool,
+}
+
+impl Task<'_> {
+    fn divide(&self, corner: UVec3, size: u32, kept: &mut Vec<usize>) {
+        let grid = self.grid;
+        if corner.to_array().iter().zip(&grid.dims).any(|(at, n)| *at as usize >= *n) {
+            return;
+        }
+        let half = 0.5 * f64::from(size) * grid.edge;
+        let centre = grid.low + grid.edge * corner.as_dvec3() + half;
+        let (mut outside, mut partly, mut seen) = (0, 0, 0);
+        for silhouette in self.silhouettes {
+            let cover = silhouette.cover(centre, half * 3.0_f64.sqrt());
+            outside += usize::from(cover == Cover::Outside);
+            partly += usize::from(cover == Cover::Partly);
+            seen += usize::from(cover != Cover::Unseen);
+        }
+        if seen < self.consensus.seen_min || outside > self.consensus.allowed(seen) {
+            return;
+        }
+        if size == 1 {
+            let keeps = if self.generous {
+                self.consensus.may_keep(self.silhouettes, centre, half * 3.0_f64.sqrt())
+            } else {
+                self.consensus.keeps(self.silhouettes, centre)
+            };
+            if keeps {
+                kept.push(grid.index(corner));
+            }
+        } else if partly == 0 {
+            for z in corner.z..(corner.z + size).min(grid.dims[2] as u32) {
+                for y in corner.y..(corner.y + size).min(grid.dims[1] as u32) {
+                    for x in corner.x..(corner.x + size).min(grid.dims[0] as u32) {
+                        kept.push(grid.index(UVec3::new(x, y, z)));
+                    }
+                }
+            }
+        } else {
+            let half = size / 2;
+            for i in 0..8 {
+                self.divide(corner + half * UVec3::new(i & 1, i >> 1 & 1, i >> 2), half, kept);
+            }
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The moving object's centre per time and its velocity: the guide of TaylorMoDe-GS, Eq. 17.
+//!
+//! ```text
+//! L_vel = || M_dyn * (v_cam - v_guide) ||_1                                                              (17)
+//! v_guide(t_i) = (c(t_{i+1}) - c(t_{i-1})) / (t_{i+1} - t_{i-1}),   c(t): triangulated centre of the masks at t
+//! ```
+//!
+//! The paper says "object center displacement" and no more. Here the centre is the place that projects to the masks'
+//! centroids in as many cameras as possible, so that an occluded or wrong mask does not pull it. The centroid of a
+//! silhouette is not the projection of the object's centroid, but for a rigid object that does not turn the difference
+//! is nearly constant and cancels in the velocity. `v_guide` is in world axes; the caller turns it into each camera.
+
+use glam::{DVec2, DVec3};
+
+use crate::frame::View;
+use crate::scene::Scene;
+
+use super::cameras::instants;
+use super::geometry::Pinhole;
+use super::triangulate::{Sight, triangulate};
+
+/// Fewest pixels of a mask that have a centroid worth having.
+const AREA_MIN: usize = 4;
+
+/// How far from the place's projection a centroid may lie, pixels, and as a share of the mask's own spread (root mean
+/// square radius): half of it hidden behind something moves it by about that much.
+const SLACK: (f64, f64) = (2.0, 0.5);
+
+/// Where the moving object is at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Centre {
+    /// Time, as [`View::time`].
+    pub t: f64,
+    /// Place in the world of [`View::c2w`], scene units.
+    pub position: DVec3,
+    /// Root mean square distance of its projections from the masks' centroids, pixels.
+    pub residual_px: f64,
+    /// How many cameras agree on it.
+    pub cameras: usize,
+}
+
+/// Centres over time, and why some times have none.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Centres {
+    /// By time, earliest first.
+    pub centres: Vec<Centre>,
+    /// What is missing, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// The centre of everything that moves, per time with masks in at least two cameras that agree. `masks` are one per
+/// training view, as [`moving_masks`](super::moving_masks) gives them; ones of a wrong size are ignored.
+pub fn centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Centres {
+    let views = &scene.train;
+    let mut found = Centres::default();
+    let instants = instants(views);
+    if instants.is_empty() {
+        found.notes.push("no training view has a time, so there is no centre to follow".to_string());
+        return found;
+    }
+    let mut reasons: Vec<(&'static str, usize)> = Vec::new();
+    for instant in &instants {
+        let spots: Vec<(Spot, &View)> = instant
+            .views
+            .iter()
+            .filter_map(|index| Some((Spot::of(mask_of(views, masks, *index)?, views[*index].width)?, &views[*index])))
+            .collect();
+        match locate(&spots) {
+            Ok((position, residual_px, cameras)) => {
+                found.centres.push(Centre { t: instant.t, position, residual_px, cameras });
+            }
+            Err(reason) => match reasons.iter_mut().find(|(known, _)| *known == reason) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((reason, 1)),
+            },
+        }
+    }
+    for (reason, count) in reasons {
+        found.notes.push(format!("no centre of the moving object at {count} of {} times: {reason}", instants.len()));
+    }
+    found
+}
+
+/// The velocity of the centre at a time, scene units per unit of time: the derivative of the parabola through the three
+/// centres around it (at an inner centre of even spacing the central difference), or the difference of two.
+/// `None` with fewer than two centres, or outside their times by more than their mean distance.
+pub fn guide_velocity(centres: &[Centre], t: f64) -> Option<DVec3> {
+    let (first, last) = (centres.first()?, centres.last()?);
+    let gap = (last.t - first.t) / (centres.len() as f64 - 1.0);
+    // Also refuses NaN, and a single centre (0 / 0).
+    if !(t >= first.t - gap && t <= last.t + gap && gap > 0.0) {
+        return None;
+    }
+    if let [a, b] = centres {
+        return Some((b.position - a.position) / (b.t - a.t));
+    }
+    let nearest = (0..centres.len()).min_by(|a, b| (centres[*a].t - t).abs().total_cmp(&(centres[*b].t - t).abs()))?;
+    let middle = nearest.clamp(1, centres.len() - 2);
+    let [a, b, c] = [middle - 1, middle, middle + 1].map(|i| &centres[i]);
+    // Lagrange's parabola, differentiated.
+    let weight = |own: f64, p: f64, q: f64| (2.0 * t - p - q) / ((own - p) * (own - q));
+    let velocity =
+        weight(a.t, b.t, c.t) * a.position + weight(b.t, a.t, c.t) * b.position + weight(c.t, a.t, b.t) * c.position;
+    velocity.is_finite().then_some(velocity)
+}
+
+/// A view's mask, if it has one of its size.
+pub(super) fn mask_of<'a>(views: &[View], masks: &'a [Option<Vec<u8>>], index: usize) -> Option<&'a [u8]> {
+    let mask = masks.get(index)?.as_deref()?;
+    (mask.len() == views[index].width * views[index].height).then_some(mask)
+}
+
+/// A mask as one spot in the image.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot {
+    /// Mean of its pixels' centres.
+    pub centroid: DVec2,
+    /// Root mean square distance from the centroid, pixels.
+    pub spread: f64,
+    /// Whether it reaches the image's edge, so that a part is probably missing.
+    pub is_cut: bool,
+}
+
+impl Spot {
+    /// `None` for masks without pixels to speak of. `width` is the image's.
+    pub fn of(mask: &[u8], width: usize) -> Option<Self> {
+        let set = mask.iter().enumerate().filter(|(_, value)| **value != 0).map(|(pixel, _)| pixel);
+        Self::of_pixels(set, width, mask.len().checked_div(width)?)
+    }
+
+    /// The same from pixel numbers.
+    pub fn of_pixels(pixels: impl Iterator<Item = usize>, width: usize, height: usize) -> Option<Self> {
+        let (mut count, mut sum, mut squares, mut is_cut) = (0_usize, DVec2::ZERO, 0.0, false);
+        for pixel in pixels {
+            let (x, y) = (pixel % width, pixel / width);
+            let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+            count += 1;
+            sum += at;
+            squares += at.length_squared();
+            is_cut |= x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+        }
+        if count < AREA_MIN {
+            return None;
+        }
+        let centroid = sum / count as f64;
+        let variance = squares / count as f64 - centroid.length_squared();
+        Some(Self { centroid, spread: variance.max(0.0).sqrt(), is_cut })
+    }
+}
+
+/// Position, residual (pixels) and number of agreeing cameras of one object's spots at one time.
+pub(super) fn locate(spots: &[(Spot, &View)]) -> Result<(DVec3, f64, usize), &'static str> {
+    let sights = |with_cut: bool| -> Vec<Sight> {
+        spots
+            .iter()
+            .filter(|(spot, _)| with_cut || !spot.is_cut)
+            .map(|(spot, view)| Sight {
+                camera: Pinhole::new(view),
+                pixel: spot.centroid,
+                slack: SLACK.0 + SLACK.1 * spot.spread,
+            })
+            .collect()
+    };
+    // A spot at the image's edge has its centroid in the wrong place, so such views only help out.
+    let place = triangulate(&sights(false)).or_else(|_| triangulate(&sights(true)))?;
+    Ok((place.position, place.residual, place.inliers.len()))
+}

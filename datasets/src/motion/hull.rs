@@ -1,0 +1,338 @@
+//! The visual hull of what moves at one time, as coloured points.
+//!
+//! First where: the masks' centroids are triangulated and a box is drawn around that place, so that the object may be
+//! small against the scene. Then which views to believe: those whose masks miss the core, the places that most cameras
+//! have in their masks, are left out. Then a coarse carving that keeps whatever may belong to the object tightens the
+//! box, and a fine one inside it finds the surface.
+//!
+//! The hull contains the object, up to ragged masks, and is larger: hollows that no camera sees through stay filled, a
+//! rig that looks from one side leaves it long in that direction, masks of blurry photos add the path of the exposure.
+
+use glam::{DVec3, UVec3};
+
+use crate::frame::View;
+use crate::scene::{PointCloud, Scene};
+
+use super::cameras::{Instant, instants};
+use super::carve::{Consensus, Silhouette, Voxels, support};
+use super::geometry::Pinhole;
+use super::guide::{Spot, locate, mask_of};
+use super::regions::fill_holes;
+
+/// Voxels along the box while it is being found. The object fills most of it, so a limb of a tenth of it still counts.
+const COARSE: usize = 32;
+
+/// Voxels along the tight box: at least so many that the surface is good to a hundredth of the object, at most so many
+/// that the grid stays in a few megabytes.
+const FINE: (usize, usize) = (56, 176);
+
+/// Fine carvings at most.
+const PASSES: usize = 3;
+
+/// How much larger the first box is than the masks seem.
+const MARGIN: f64 = 1.2;
+
+/// A box that the object touches grows by this, so often.
+const GROWTH: (f64, usize) = (1.6, 5);
+
+/// Share of views whose masks may be too large by far without enlarging the box.
+const OVERSIZED: f64 = 0.25;
+
+/// Share of the core that a view's mask must contain to be believed. A mask of half of the object would cut the other
+/// half off.
+const BELIEVED: f64 = 0.6;
+
+/// Least share of cameras that must agree on any place at all.
+const AGREEMENT_MIN: f64 = 0.6;
+
+/// Holes in a mask up to this share of the region around them are filled before carving: each would be a tunnel.
+const HOLE: f64 = 0.1;
+
+/// A point is visible when nothing of the hull is nearer by more than this many voxels.
+const OCCLUDED: f64 = 2.0;
+
+/// How to make a hull.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HullOptions {
+    /// Points wanted; spread evenly over the surface. Fewer come where the surface has fewer voxels.
+    pub points: usize,
+    /// How many cameras may have a place outside of their masks although it belongs to the object. `None`: one from 5
+    /// cameras on and another for every 16.
+    pub misses: Option<usize>,
+}
+
+impl Default for HullOptions {
+    fn default() -> Self {
+        Self { points: 4000, misses: None }
+    }
+}
+
+/// What moves at one time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Hull {
+    /// Points on its surface, coloured with the median of the views that see them.
+    pub points: PointCloud,
+    /// Mean of its volume; zero when there is none.
+    pub centre: DVec3,
+    /// Smallest and largest coordinates; both zero when there is none.
+    pub bounds: (DVec3, DVec3),
+    /// Volume, cubic scene units.
+    pub volume: f64,
+    /// Edge of a voxel: how far a point may be off the hull's surface, scene units.
+    pub spacing: f64,
+    /// How many views it was carved by.
+    pub cameras: usize,
+    /// What was left out and why, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// The hull of what moves at time `t`, from the views of the nearest time there is. `masks` are one per training view.
+/// Without enough masks the hull is empty and its notes say why.
+pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOptions) -> Hull {
+    let views = &scene.train;
+    let instants = instants(views);
+    let nearest = instants.iter().min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()));
+    let Some(instant) = nearest else {
+        return Hull {
+            notes: vec!["no training view has a time, so there is nothing to carve".into()],
+            ..Hull::default()
+        };
+    };
+    let mut notes = Vec::new();
+    let gap = (instants[instants.len() - 1].t - instants[0].t) / (instants.len() - 1).max(1) as f64;
+    if (instant.t - t).abs() > gap {
+        notes.push(format!("no view was taken near time {t}; the hull is of time {}", instant.t));
+    }
+    let solid = match Solid::of(views, masks, instant, options) {
+        Ok(solid) => solid,
+        Err(reason) => {
+            notes.push(format!("no hull at time {}: {reason}", instant.t));
+            return Hull { notes, ..Hull::default() };
+        }
+    };
+    notes.extend(solid.notes);
+    let voxels = &solid.voxels;
+    let surface = voxels.surface();
+    let chosen = spread(&surface, options.points);
+    let positions: Vec<DVec3> = chosen.iter().map(|cell| voxels.place(*cell)).collect();
+    let colors = colors(views, &solid.views, &solid.silhouettes, voxels, &surface, &positions);
+    let count = voxels.cells().count() as f64;
+    let edge = voxels.edge;
+    let low = surface.iter().fold(DVec3::INFINITY, |low, cell| low.min(voxels.place(*cell) - 0.5 * edge));
+    let high = surface.iter().fold(DVec3::NEG_INFINITY, |high, cell| high.max(voxels.place(*cell) + 0.5 * edge));
+    Hull {
+        points: PointCloud { positions: positions.iter().map(|place| place.as_vec3().to_array()).collect(), colors },
+        centre: voxels.cells().map(|cell| voxels.place(cell)).sum::<DVec3>() / count,
+        bounds: (low, high),
+        volume: count * edge.powi(3),
+        spacing: edge,
+        cameras: solid.silhouettes.len(),
+        notes,
+    }
+}
+
+/// What carving leaves, and what by.
+pub(super) struct Solid {
+    /// At least one is filled.
+    pub voxels: Voxels,
+    pub silhouettes: Vec<Silhouette>,
+    /// The view of each silhouette.
+    pub views: Vec<usize>,
+    pub notes: Vec<String>,
+}
+
+impl Solid {
+    pub fn of(
+        views: &[View],
+        masks: &[Option<Vec<u8>>],
+        instant: &Instant,
+        options: &HullOptions,
+    ) -> Result<Self, String> {
+        let mut used: Vec<usize> =
+            instant.views.iter().copied().filter(|index| mask_of(views, masks, *index).is_some()).collect();
+        let spots: Vec<(Spot, &View)> = used
+            .iter()
+            .filter_map(|index| Some((Spot::of(mask_of(views, masks, *index)?, views[*index].width)?, &views[*index])))
+            .collect();
+        let (middle, ..) = locate(&spots)?;
+        let mut silhouettes: Vec<Silhouette> = used
+            .iter()
+            .filter_map(|index| mask_of(views, masks, *index).map(|mask| silhouette(&views[*index], mask)))
+            .collect();
+        let mut half = reach(&silhouettes, middle).ok_or("the masks have no size around their centre")?;
+        let mut notes = Vec::new();
+        for attempt in 0..=GROWTH.1 {
+            let (low, high) = (middle - half, middle + half);
+            let wrong = disbelieved(&silhouettes, low, high)?;
+            if !wrong.is_empty() {
+                let names: Vec<&str> = wrong.iter().map(|i| views[used[*i]].name.as_str()).collect();
+                notes.push(format!("masks that contradict the others were left out: {}", names.join(", ")));
+                for i in wrong.into_iter().rev() {
+                    silhouettes.remove(i);
+                    used.remove(i);
+                }
+            }
+            let consensus = Consensus::of(silhouettes.len(), options.misses);
+            let mut coarse = Voxels::over(low, high, COARSE);
+            coarse.carve(&silhouettes, consensus, true);
+            let (first, last) = span(&coarse).ok_or("no place is in enough masks")?;
+            let touches = first.min_element() == 0 || last.cmpge(UVec3::splat(COARSE as u32 - 1)).any();
+            if touches && attempt < GROWTH.1 {
+                half *= GROWTH.0;
+                continue;
+            }
+            if touches {
+                notes.push("the cameras do not bound the object on all sides; its hull is cut".to_string());
+            }
+            let voxels = fine(coarse, &silhouettes, consensus, options.points);
+            let voxels = voxels.ok_or("no place is in enough masks")?;
+            return Ok(Self { voxels, silhouettes, views: used, notes });
+        }
+        Err("the box around the object could not be found".to_string())
+    }
+}
+
+/// Carves ever more closely until the surface has enough voxels: the box tightens with every pass, and how many of them
+/// a surface has shows only when it is there.
+fn fine(coarse: Voxels, silhouettes: &[Silhouette], consensus: Consensus, points: usize) -> Option<Voxels> {
+    let mut voxels = coarse;
+    let mut resolution = FINE.0;
+    for pass in 1.. {
+        let (first, last) = span(&voxels)?;
+        // What is carved by the cubes' middles may reach half a cube beyond them.
+        let margin = if pass == 1 { 0.0 } else { 1.0 };
+        let low = voxels.low + voxels.edge * (first.as_dvec3() - margin);
+        let high = voxels.low + voxels.edge * (last.as_dvec3() + 1.0 + margin);
+        voxels = Voxels::over(low, high, resolution);
+        voxels.carve(silhouettes, consensus, false);
+        let surface = voxels.surface().len();
+        let (first, last) = span(&voxels)?;
+        let longest = (last - first).max_element() as usize + 1;
+        if pass == PASSES || (surface >= points && longest >= FINE.0 * 3 / 4) {
+            break;
+        }
+        // The surface grows with the square; a little more, so that one pass is enough.
+        let wanted = 1.1 * longest as f64 * (points as f64 / surface.max(1) as f64).sqrt().max(1.0);
+        resolution = (wanted.ceil() as usize).clamp(FINE.0, FINE.1);
+    }
+    Some(voxels)
+}
+
+fn silhouette(view: &View, mask: &[u8]) -> Silhouette {
+    let mut mask: Vec<bool> = mask.iter().map(|value| *value != 0).collect();
+    fill_holes(&mut mask, (view.width, view.height), HOLE);
+    Silhouette::new(Pinhole::new(view), &mask)
+}
+
+/// Half the edge of a box around `middle` that holds what the masks show; `None` if no mask shows anything.
+fn reach(silhouettes: &[Silhouette], middle: DVec3) -> Option<f64> {
+    let mut reaches: Vec<f64> = silhouettes.iter().filter_map(|silhouette| silhouette.reach(middle)).collect();
+    reaches.sort_by(|a, b| b.total_cmp(a));
+    let reach = *reaches.get((OVERSIZED * reaches.len() as f64) as usize)?;
+    (reach.is_finite() && reach > 0.0).then_some(MARGIN * reach)
+}
+
+/// The silhouettes, by number, that miss the core: the places in the box that most cameras have in their masks.
+fn disbelieved(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<Vec<usize>, String> {
+    let grid = Voxels::over(low, high, COARSE);
+    let seen_min = Consensus::of(silhouettes.len(), None).seen_min;
+    let shares: Vec<(DVec3, f64)> = (0..grid.filled.len())
+        .map(|index| grid.place(grid.cell(index)))
+        .filter_map(|place| {
+            let (hits, seen) = support(silhouettes, place);
+            (seen >= seen_min).then(|| (place, hits as f64 / seen as f64))
+        })
+        .collect();
+    let best = shares.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+    if best < AGREEMENT_MIN {
+        return Err(format!("at most {:.0} % of the cameras that see a place have it in their masks", 100.0 * best));
+    }
+    let core: Vec<DVec3> = shares.iter().filter(|(_, share)| *share >= best - 1e-9).map(|(place, _)| *place).collect();
+    let misses_core = |silhouette: &Silhouette| {
+        let answers: Vec<bool> = core.iter().filter_map(|place| silhouette.contains(*place)).collect();
+        let hits = answers.iter().filter(|hit| **hit).count();
+        // A camera that sees nothing of the core does not contradict.
+        !answers.is_empty() && (hits as f64) < BELIEVED * answers.len() as f64
+    };
+    Ok((0..silhouettes.len()).filter(|i| misses_core(&silhouettes[*i])).collect())
+}
+
+/// First and last marked cube along each axis.
+fn span(voxels: &Voxels) -> Option<(UVec3, UVec3)> {
+    voxels.cells().map(|cell| (cell, cell)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+/// At most `count` cubes, evenly over the surface: every n-th along a curve that keeps neighbours together.
+fn spread(surface: &[UVec3], count: usize) -> Vec<UVec3> {
+    let mut sorted = surface.to_vec();
+    sorted.sort_by_key(|cell| {
+        (0..8).fold(0_u32, |key, bit| {
+            let [x, y, z] = cell.to_array().map(|value| value >> bit & 1);
+            key | (x | y << 1 | z << 2) << (3 * bit)
+        })
+    });
+    if count >= sorted.len() {
+        return sorted;
+    }
+    (0..count).map(|i| sorted[i * sorted.len() / count]).collect()
+}
+
+/// The median over the views that see a place, per channel; of all views that have it in the picture if none sees it.
+fn colors(
+    views: &[View],
+    used: &[usize],
+    silhouettes: &[Silhouette],
+    voxels: &Voxels,
+    surface: &[UVec3],
+    positions: &[DVec3],
+) -> Vec<[u8; 3]> {
+    let places: Vec<DVec3> = surface.iter().map(|cell| voxels.place(*cell)).collect();
+    let depths: Vec<Vec<f64>> = silhouettes.iter().map(|one| depth_map(one, &places, voxels.edge)).collect();
+    let seen_by = |place: DVec3, slack: f64| -> Vec<[u8; 3]> {
+        let looks = silhouettes.iter().zip(&depths).zip(used).filter_map(|((one, nearest), index)| {
+            let (pixel, depth) = one.camera.project(place)?;
+            let (x, y) = one.camera.pixel(pixel)?;
+            let view = &views[*index];
+            let at = y * view.width + x;
+            let data = view.image.data.get(3 * at..3 * at + 3)?;
+            let visible = depth <= nearest[at] + slack && one.contains(place) == Some(true);
+            visible.then(|| [data[0], data[1], data[2]])
+        });
+        looks.collect()
+    };
+    positions
+        .iter()
+        .map(|place| {
+            let mut seen = seen_by(*place, OCCLUDED * voxels.edge);
+            if seen.is_empty() {
+                seen = seen_by(*place, f64::INFINITY);
+            }
+            [0, 1, 2].map(|c| {
+                let mut values: Vec<u8> = seen.iter().map(|color| color[c]).collect();
+                values.sort_unstable();
+                values.get(values.len() / 2).copied().unwrap_or(128)
+            })
+        })
+        .collect()
+}
+
+/// Depth of the nearest cube per pixel; infinite where there is none.
+fn depth_map(silhouette: &Silhouette, places: &[DVec3], edge: f64) -> Vec<f64> {
+    let camera = &silhouette.camera;
+    let mut nearest = vec![f64::INFINITY; camera.width * camera.height];
+    for place in places {
+        let Some((pixel, depth)) = camera.project(*place) else { continue };
+        let half = 0.5 * edge * camera.focal() / depth;
+        let span = |at: f64, size: usize| {
+            let clip = |value: f64| value.clamp(0.0, size as f64) as usize;
+            clip((at - half).floor())..clip((at + half).ceil())
+        };
+        for y in span(pixel.y, camera.height) {
+            for x in span(pixel.x, camera.width) {
+                let at = &mut nearest[y * camera.width + x];
+                *at = at.min(depth);
+            }
+        }
+    }
+    nearest
+}

@@ -1,0 +1,115 @@
+//! Connected regions of a mask: finding them, dropping specks, filling holes, growing into doubtful pixels.
+
+/// A connected set of pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Region {
+    pub area: usize,
+    /// A pixel of it; the first in reading order.
+    pub first: usize,
+    /// Whether it touches the image's edge.
+    pub at_border: bool,
+}
+
+/// Regions of a mask and for each pixel the number of its region, [`NOWHERE`] outside.
+pub(crate) struct Regions {
+    pub labels: Vec<u32>,
+    pub list: Vec<Region>,
+}
+
+/// Label of pixels in no region.
+pub(crate) const NOWHERE: u32 = u32::MAX;
+
+/// The regions of the pixels that satisfy `is_in`, joined over edges, and over corners too if `corners`.
+pub(crate) fn regions(size: (usize, usize), corners: bool, is_in: impl Fn(usize) -> bool) -> Regions {
+    let (width, height) = size;
+    let mut labels = vec![NOWHERE; width * height];
+    let mut list = Vec::new();
+    let mut stack = Vec::new();
+    for start in 0..width * height {
+        if labels[start] != NOWHERE || !is_in(start) {
+            continue;
+        }
+        let label = list.len() as u32;
+        let mut region = Region { area: 0, first: start, at_border: false };
+        labels[start] = label;
+        stack.push(start);
+        while let Some(pixel) = stack.pop() {
+            region.area += 1;
+            let (x, y) = (pixel % width, pixel / width);
+            region.at_border |= x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+            neighbours(x, y, size, corners, |next| {
+                if labels[next] == NOWHERE && is_in(next) {
+                    labels[next] = label;
+                    stack.push(next);
+                }
+            });
+        }
+        list.push(region);
+    }
+    Regions { labels, list }
+}
+
+fn neighbours(x: usize, y: usize, (width, height): (usize, usize), corners: bool, mut visit: impl FnMut(usize)) {
+    for v in y.saturating_sub(1)..(y + 2).min(height) {
+        for u in x.saturating_sub(1)..(x + 2).min(width) {
+            if (u != x || v != y) && (corners || u == x || v == y) {
+                visit(v * width + u);
+            }
+        }
+    }
+}
+
+/// Clears regions of fewer than `area_min` pixels.
+pub(crate) fn drop_specks(mask: &mut [bool], size: (usize, usize), area_min: usize) {
+    let found = regions(size, true, |pixel| mask[pixel]);
+    for (value, label) in mask.iter_mut().zip(&found.labels) {
+        *value &= *label != NOWHERE && found.list[*label as usize].area >= area_min;
+    }
+}
+
+/// Sets gaps and notches up to two pixels wide: grows by a pixel on all sides and wears by one.
+pub(crate) fn close_gaps(mask: &mut [bool], size: (usize, usize)) {
+    let grown: Vec<bool> = (0..mask.len())
+        .map(|pixel| {
+            let mut set = mask[pixel];
+            neighbours(pixel % size.0, pixel / size.0, size, true, |next| set |= mask[next]);
+            set
+        })
+        .collect();
+    for (pixel, value) in mask.iter_mut().enumerate() {
+        let mut set = grown[pixel];
+        neighbours(pixel % size.0, pixel / size.0, size, true, |next| set &= grown[next]);
+        *value = set;
+    }
+}
+
+/// Sets what a region encloses, where the hole is at most `share` of the region that encloses it.
+pub(crate) fn fill_holes(mask: &mut [bool], size: (usize, usize), share: f64) {
+    let filled = regions(size, true, |pixel| mask[pixel]);
+    let empty = regions(size, false, |pixel| !mask[pixel]);
+    let closes: Vec<bool> = empty
+        .list
+        .iter()
+        .map(|hole| {
+            // The pixel left of a hole's first one is not in the hole, and an inner hole has one.
+            let around = hole.first.checked_sub(1).map_or(NOWHERE, |left| filled.labels[left]);
+            !hole.at_border && around != NOWHERE && hole.area as f64 <= share * filled.list[around as usize].area as f64
+        })
+        .collect();
+    for (value, label) in mask.iter_mut().zip(&empty.labels) {
+        *value |= *label != NOWHERE && closes[*label as usize];
+    }
+}
+
+/// Adds to `mask` every pixel of `doubtful` that is connected to it.
+pub(crate) fn grow(mask: &mut [bool], size: (usize, usize), doubtful: impl Fn(usize) -> bool) {
+    let mut stack: Vec<usize> = (0..mask.len()).filter(|pixel| mask[*pixel]).collect();
+    while let Some(pixel) = stack.pop() {
+        neighbours(pixel % size.0, pixel / size.0, size, false, |next| {
+            if !mask[next] && doubtful(next) {
+                mask[next] = true;
+                stack.push(next);
+            }
+        });
+    }
+}
