@@ -5,7 +5,8 @@
 //! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors and truth), COLMAP
 //! models (text and binary), Panoptic sets and LLFF poses with frames of several cameras. [`check`] says what
 //! is in a folder and what is wrong with it, [`load_cameras`] reads a camera path, and [`synthetic`] writes a scene with
-//! known ground truth. The crate knows nothing of tensors; the trainer turns a `Scene` into them.
+//! known ground truth. [`motion`] finds what moves in a scene. The crate knows nothing of tensors; the trainer turns a
+//! `Scene` into them.
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};
