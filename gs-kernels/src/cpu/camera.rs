@@ -2,7 +2,9 @@
 
 use crate::config::ProjectionConfig;
 use crate::cpu::Real;
+use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Mat3, Vec3, combine, dot, mat_vec};
+use crate::cpu::wide::{Number, Wide};
 
 /// World-to-camera rotation and translation.
 #[derive(Clone, Copy, Debug)]
@@ -32,11 +34,26 @@ impl<F: Real> Pose<F> {
         crate::cpu::math::mat_t_vec(&self.rotation, self.translation).map(|c| -c)
     }
 
+    /// The same pose for sixteen points.
+    #[inline(always)]
+    pub fn wide<L: Lanes<Real = F>>(&self) -> Pose<Wide<L>> {
+        let mut wide = Pose { rotation: [[Wide::of(0.0); 3]; 3], translation: [Wide::of(0.0); 3] };
+        for i in 0..3 {
+            wide.translation[i] = Wide::splat(self.translation[i]);
+            for j in 0..3 {
+                wide.rotation[i][j] = Wide::splat(self.rotation[i][j]);
+            }
+        }
+        wide
+    }
+}
+
+impl<N: Number> Pose<N> {
     /// A world point in camera axes.
     #[inline(always)]
-    pub fn apply(&self, point: Vec3<F>) -> Vec3<F> {
+    pub fn apply(&self, point: Vec3<N>) -> Vec3<N> {
         let p = mat_vec(&self.rotation, point);
-        std::array::from_fn(|i| p[i] + self.translation[i])
+        [p[0] + self.translation[0], p[1] + self.translation[1], p[2] + self.translation[2]]
     }
 }
 
@@ -47,6 +64,39 @@ pub struct PoseGradient<F> {
     pub rotation: Mat3<F>,
     /// By the translation.
     pub translation: Vec3<F>,
+}
+
+impl<L: Lanes> PoseGradient<Wide<L>> {
+    /// No gradient.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { rotation: [[Wide::of(0.0); 3]; 3], translation: [Wide::of(0.0); 3] }
+    }
+
+    /// Adds the lanes of another sum where the mask holds.
+    #[inline(always)]
+    pub fn add_where(&mut self, mask: L::Mask, other: &Self) {
+        let zero = Wide::of(0.0);
+        for i in 0..3 {
+            self.translation[i] += Wide::select(mask, other.translation[i], zero);
+            for j in 0..3 {
+                self.rotation[i][j] += Wide::select(mask, other.rotation[i][j], zero);
+            }
+        }
+    }
+
+    /// Sum over the lanes.
+    #[inline(always)]
+    pub fn sum(&self) -> PoseGradient<L::Real> {
+        let mut sum = PoseGradient::default();
+        for i in 0..3 {
+            sum.translation[i] = self.translation[i].0.sum();
+            for j in 0..3 {
+                sum.rotation[i][j] = self.rotation[i][j].0.sum();
+            }
+        }
+        sum
+    }
 }
 
 impl<F: Real> PoseGradient<F> {
@@ -96,24 +146,39 @@ impl<F: Real> Pinhole<F> {
         }
     }
 
+    /// The same intrinsics for sixteen points.
+    #[inline(always)]
+    pub fn wide<L: Lanes<Real = F>>(&self) -> Pinhole<Wide<L>> {
+        let two = |[a, b]: [F; 2]| [Wide::splat(a), Wide::splat(b)];
+        Pinhole {
+            focal: two(self.focal),
+            principal: two(self.principal),
+            limits: [two(self.limits[0]), two(self.limits[1])],
+        }
+    }
+}
+
+impl<L: Lanes> Pinhole<Wide<L>> {
     /// Rows of `J R`: how the pixel moves with the world point, `[2][3]`, linearised inside the limits.
     #[inline(always)]
-    pub fn jacobian(&self, p: Vec3<F>, rotation: &Mat3<F>) -> [Vec3<F>; 2] {
-        std::array::from_fn(|k| {
+    pub fn jacobian(&self, p: Vec3<Wide<L>>, rotation: &Mat3<Wide<L>>) -> [Vec3<Wide<L>>; 2] {
+        let mut rows = [[Wide::of(0.0); 3]; 2];
+        for (k, row) in rows.iter_mut().enumerate() {
             let scale = self.focal[k] / p[2];
-            combine(scale, rotation[k], -scale * self.slope(k, p).0, rotation[2])
-        })
+            *row = combine(scale, rotation[k], -scale * self.slope(k, p).0, rotation[2]);
+        }
+        rows
     }
 
     /// Adds to `v_p` (camera point) and `v_rotation` the gradients from `v`, the gradient by [`Pinhole::jacobian`].
     #[inline(always)]
     pub fn jacobian_vjp(
         &self,
-        p: Vec3<F>,
-        rotation: &Mat3<F>,
-        v: [Vec3<F>; 2],
-        v_p: &mut Vec3<F>,
-        v_rotation: &mut Mat3<F>,
+        p: Vec3<Wide<L>>,
+        rotation: &Mat3<Wide<L>>,
+        v: [Vec3<Wide<L>>; 2],
+        v_p: &mut Vec3<Wide<L>>,
+        v_rotation: &mut Mat3<Wide<L>>,
     ) {
         for k in 0..2 {
             let scale = self.focal[k] / p[2];
@@ -121,10 +186,9 @@ impl<F: Real> Pinhole<F> {
             let v_scale = dot(v[k], rotation[k]) - slope * dot(v[k], rotation[2]);
             let v_slope = -scale * dot(v[k], rotation[2]);
             v_p[2] -= v_scale * scale / p[2];
-            if free {
-                v_p[k] += v_slope / p[2];
-                v_p[2] -= v_slope * slope / p[2];
-            }
+            let v_slope = Wide::select(free, v_slope, Wide::of(0.0));
+            v_p[k] += v_slope / p[2];
+            v_p[2] -= v_slope * slope / p[2];
             for j in 0..3 {
                 v_rotation[k][j] += scale * v[k][j];
                 v_rotation[2][j] -= scale * slope * v[k][j];
@@ -132,17 +196,11 @@ impl<F: Real> Pinhole<F> {
         }
     }
 
-    /// `p[k] / z` held inside the limits, and whether it was free.
+    /// `p[k] / z` held inside the limits, and where it was free.
     #[inline(always)]
-    fn slope(&self, k: usize, p: Vec3<F>) -> (F, bool) {
+    fn slope(&self, k: usize, p: Vec3<Wide<L>>) -> (Wide<L>, L::Mask) {
         let slope = p[k] / p[2];
         let [low, high] = self.limits[k];
-        if slope < low {
-            (low, false)
-        } else if slope > high {
-            (high, false)
-        } else {
-            (slope, true)
-        }
+        (Wide(slope.0.max(low.0).min(high.0)), slope.within(low, high))
     }
 }

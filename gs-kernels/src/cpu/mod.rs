@@ -19,5 +19,6 @@ pub mod real;
 pub mod sh;
 pub mod sort;
 pub mod ssim;
+pub mod wide;
 
 pub use real::Real;

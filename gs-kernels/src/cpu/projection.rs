@@ -1,4 +1,4 @@
-//! 3D Gaussians to 2D ellipses (EWA), forward and backward; one Gaussian at a time, in fixed chunks over threads.
+//! 3D Gaussians to 2D ellipses (EWA), forward and backward; sixteen Gaussians at once, in fixed chunks over threads.
 
 use rayon::prelude::*;
 
@@ -6,23 +6,30 @@ use crate::config::ProjectionConfig;
 use crate::constants::{CUTOFF_SIGMAS, QUAT_NORM2_MAX, QUAT_NORM2_MIN};
 use crate::cpu::camera::{Pinhole, Pose, PoseGradient};
 use crate::cpu::covariance::{self, Projected2d};
-use crate::cpu::math::{Mat3, Vec3, mat_t_vec, normalise_vjp, rotation, rotation_vjp, row};
+use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::math::{Mat3, Vec3, mat_t_vec, normalise_vjp, rotation, rotation_vjp};
 use crate::cpu::parallel::{CHUNK, zeros};
-use crate::cpu::real::Real;
+use crate::cpu::real::{LaneTask, Real};
+use crate::cpu::wide::{Number, Wide};
 use crate::rows::{PROJECTED, ProjectedRow};
 
-/// What one Gaussian goes through, kept so that the backward pass repeats the forward's roundings exactly.
-struct Path<F> {
-    unit_quat: [F; 4],
-    quat_norm: F,
-    rotation: Mat3<F>,
-    scales: Vec3<F>,
-    p: Vec3<F>,
-    jacobian: [Vec3<F>; 2],
-    ellipse: Projected2d<F>,
+/// Numbers of a Gaussian's centre, orientation and size.
+const MEAN: usize = 3;
+const QUAT: usize = 4;
+const SCALES: usize = 3;
+
+/// Parameters of sixteen Gaussians, one array a component.
+struct Batch<F> {
+    means: [[F; LANES]; MEAN],
+    quats: [[F; LANES]; QUAT],
+    scales: [[F; LANES]; SCALES],
 }
 
-struct Projector<F> {
+/// All Gaussians and the camera.
+struct Scene<'a, F> {
+    means: &'a [F],
+    quats: &'a [F],
+    log_scales: &'a [F],
     pose: Pose<F>,
     pinhole: Pinhole<F>,
     near: F,
@@ -32,9 +39,68 @@ struct Projector<F> {
     antialiased: bool,
 }
 
-impl<F: Real> Projector<F> {
-    fn new(viewmat: &[F], config: &ProjectionConfig) -> Self {
-        Self {
+/// Component `c` of the rows `ids` of a packed list of `K`-vectors, for each `c`; lanes behind the last id hold zero.
+#[inline(always)]
+fn gather<F: Real, const K: usize>(values: &[F], ids: &[u32]) -> [[F; LANES]; K] {
+    let mut out = [[F::ZERO; LANES]; K];
+    for (lane, &id) in ids.iter().enumerate().take(LANES) {
+        let row = &values[id as usize * K..][..K];
+        for c in 0..K {
+            out[c][lane] = row[c];
+        }
+    }
+    out
+}
+
+/// The opposite of [`gather`], for lanes whose bit is set; row `id - first` of `values` belongs to Gaussian `id`.
+#[inline(always)]
+fn scatter<L: Lanes, const K: usize>(
+    lanes: [Wide<L>; K],
+    ids: &[u32],
+    first: usize,
+    kept: u16,
+    values: &mut [L::Real],
+) {
+    let mut columns = [[L::Real::ZERO; LANES]; K];
+    for c in 0..K {
+        lanes[c].0.store(&mut columns[c]);
+    }
+    for (lane, &id) in ids.iter().enumerate().take(LANES) {
+        if kept >> lane & 1 != 0 {
+            let row = &mut values[(id as usize - first) * K..][..K];
+            for c in 0..K {
+                row[c] = columns[c][lane];
+            }
+        }
+    }
+}
+
+/// As vectors.
+#[inline(always)]
+fn load<L: Lanes, const K: usize>(columns: &[[L::Real; LANES]; K]) -> [Wide<L>; K] {
+    let mut lanes = [Wide::of(0.0); K];
+    for c in 0..K {
+        lanes[c] = Wide::load(&columns[c]);
+    }
+    lanes
+}
+
+impl<'a, F: Real> Scene<'a, F> {
+    fn new(
+        means: &'a [F],
+        quats: &'a [F],
+        log_scales: &'a [F],
+        viewmat: &[F],
+        config: &ProjectionConfig,
+    ) -> (Self, usize) {
+        let count = means.len() / MEAN;
+        assert_eq!(means.len(), count * MEAN, "means must be [N, 3]");
+        assert_eq!(quats.len(), count * QUAT, "quats must be [N, 4] for {count} means");
+        assert_eq!(log_scales.len(), count * SCALES, "log_scales must be [N, 3] for {count} means");
+        let scene = Self {
+            means,
+            quats,
+            log_scales,
             pose: Pose::read(viewmat),
             pinhole: Pinhole::new(config),
             near: F::of(config.near),
@@ -42,49 +108,153 @@ impl<F: Real> Projector<F> {
             eps2d: F::of(config.eps2d),
             size: [F::of(config.width.into()), F::of(config.height.into())],
             antialiased: config.antialiased,
+        };
+        (scene, count)
+    }
+
+    /// The Gaussians `ids`, at most sixteen.
+    #[inline(always)]
+    fn batch(&self, ids: &[u32]) -> Batch<F> {
+        let mut scales = gather::<F, SCALES>(self.log_scales, ids);
+        for column in &mut scales {
+            for scale in column {
+                *scale = scale.exp();
+            }
+        }
+        Batch { means: gather(self.means, ids), quats: gather(self.quats, ids), scales }
+    }
+}
+
+/// What a [`Scene`] holds, for sixteen Gaussians.
+struct Projector<L: Lanes> {
+    pose: Pose<Wide<L>>,
+    pinhole: Pinhole<Wide<L>>,
+    near: Wide<L>,
+    far: Wide<L>,
+    eps2d: Wide<L>,
+    size: [Wide<L>; 2],
+    antialiased: bool,
+}
+
+/// What Gaussians go through, made again by the backward pass with the same roundings.
+struct Path<L: Lanes> {
+    mean: Vec3<Wide<L>>,
+    unit_quat: [Wide<L>; 4],
+    quat_norm: Wide<L>,
+    rotation: Mat3<Wide<L>>,
+    scales: Vec3<Wide<L>>,
+    p: Vec3<Wide<L>>,
+    jacobian: [Vec3<Wide<L>>; 2],
+    ellipse: Projected2d<L>,
+    /// Which can be drawn. The rest may hold anything.
+    valid: L::Mask,
+}
+
+impl<L: Lanes> Projector<L> {
+    #[inline(always)]
+    fn new(scene: &Scene<'_, L::Real>) -> Self {
+        Self {
+            pose: scene.pose.wide(),
+            pinhole: scene.pinhole.wide(),
+            near: Wide::splat(scene.near),
+            far: Wide::splat(scene.far),
+            eps2d: Wide::splat(scene.eps2d),
+            size: [Wide::splat(scene.size[0]), Wide::splat(scene.size[1])],
+            antialiased: scene.antialiased,
         }
     }
 
-    /// `None` for a Gaussian that cannot be drawn. Comparisons are written so that NaN fails them.
     #[inline(always)]
-    fn path(&self, mean: Vec3<F>, quat: [F; 4], log_scales: Vec3<F>) -> Option<Path<F>> {
+    fn path(&self, batch: &Batch<L::Real>) -> Path<L> {
+        let (mean, quat, scales) =
+            (load::<L, MEAN>(&batch.means), load::<L, QUAT>(&batch.quats), load::<L, SCALES>(&batch.scales));
         let p = self.pose.apply(mean);
-        if !(p[2] >= self.near && p[2] <= self.far) {
-            return None;
-        }
         let norm2 = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3];
-        if !(norm2 >= F::of(QUAT_NORM2_MIN) && norm2 <= F::of(QUAT_NORM2_MAX)) {
-            return None;
-        }
         let quat_norm = norm2.sqrt();
-        let unit_quat = quat.map(|q| q / quat_norm);
+        let unit_quat = [quat[0] / quat_norm, quat[1] / quat_norm, quat[2] / quat_norm, quat[3] / quat_norm];
         let rotation = rotation(unit_quat);
-        let scales = log_scales.map(|s| s.exp());
         let jacobian = self.pinhole.jacobian(p, &self.pose.rotation);
-        let ellipse = covariance::project(&rotation, scales, jacobian, self.eps2d)?;
-        Some(Path { unit_quat, quat_norm, rotation, scales, p, jacobian, ellipse })
+        let ellipse = covariance::project(&rotation, scales, jacobian, self.eps2d);
+        let turned = norm2.within(Wide::of(QUAT_NORM2_MIN), Wide::of(QUAT_NORM2_MAX));
+        let valid = L::both(L::both(p[2].within(self.near, self.far), turned), ellipse.drawable());
+        Path { mean, unit_quat, quat_norm, rotation, scales, p, jacobian, ellipse, valid }
     }
 
-    /// The packed row; `None` when the ellipse misses the image or overflows.
+    /// Packed rows by column, and which are drawn: those whose ellipse meets the image and does not overflow.
     #[inline(always)]
-    fn row(&self, path: &Path<F>) -> Option<[F; PROJECTED]> {
-        let reach = [path.ellipse.cov[0], path.ellipse.cov[2]].map(|c| F::of(CUTOFF_SIGMAS) * c.sqrt());
-        let mean: [F; 2] =
-            std::array::from_fn(|k| self.pinhole.focal[k] * (path.p[k] / path.p[2]) + self.pinhole.principal[k]);
-        let seen = |k: usize| mean[k] + reach[k] > F::ZERO && mean[k] - reach[k] < self.size[k];
-        if !(seen(0) && seen(1)) {
-            return None;
+    fn rows(&self, path: &Path<L>) -> ([Wide<L>; PROJECTED], u16) {
+        let mut valid = path.valid;
+        let (mut mean, mut reach) = ([Wide::of(0.0); 2], [Wide::of(0.0); 2]);
+        for k in 0..2 {
+            mean[k] = self.pinhole.focal[k] * (path.p[k] / path.p[2]) + self.pinhole.principal[k];
+            reach[k] = Wide::of(CUTOFF_SIGMAS) * path.ellipse.cov[2 * k].sqrt();
+            let seen = L::both((mean[k] + reach[k]).above(Wide::of(0.0)), self.size[k].above(mean[k] - reach[k]));
+            valid = L::both(valid, seen);
         }
         let row = ProjectedRow {
             mean,
             conic: path.ellipse.conic,
             depth: path.p[2],
-            compensation: if self.antialiased { path.ellipse.compensation() } else { F::ONE },
-            radius: reach[0].greatest(reach[1]),
+            compensation: if self.antialiased { path.ellipse.compensation() } else { Wide::of(1.0) },
+            radius: reach[0].max(reach[1]),
         }
         .pack();
-        row.iter().all(|x| x.is_finite()).then_some(row)
+        for column in row {
+            valid = L::both(valid, column.is_finite());
+        }
+        (row, L::bits(valid))
     }
+
+    /// Gradients by the parameters and the pose from `v`, the gradient by the rows.
+    #[inline(always)]
+    fn vjp(&self, path: &Path<L>, v: ProjectedRow<Wide<L>>) -> BatchGradient<L> {
+        let v_compensation = self.antialiased.then_some(v.compensation);
+        let ellipse =
+            covariance::project_vjp(&path.rotation, path.scales, path.jacobian, &path.ellipse, v.conic, v_compensation);
+        let p = path.p;
+        let mut v_p = [Wide::of(0.0), Wide::of(0.0), v.depth];
+        for k in 0..2 {
+            let scale = self.pinhole.focal[k] / p[2];
+            v_p[k] += v.mean[k] * scale;
+            v_p[2] -= v.mean[k] * scale * (p[k] / p[2]);
+        }
+        let mut pose = PoseGradient::zero();
+        self.pinhole.jacobian_vjp(p, &self.pose.rotation, ellipse.a, &mut v_p, &mut pose.rotation);
+        pose.translation = v_p;
+        for i in 0..3 {
+            for j in 0..3 {
+                pose.rotation[i][j] += v_p[i] * path.mean[j];
+            }
+        }
+        let means = mat_t_vec(&self.pose.rotation, v_p);
+        let quats = normalise_vjp(path.unit_quat, path.quat_norm, rotation_vjp(path.unit_quat, &ellipse.rotation));
+        let log_scales = ellipse.log_scales;
+        let mut valid = path.valid;
+        for x in means {
+            valid = L::both(valid, x.is_finite());
+        }
+        for x in quats {
+            valid = L::both(valid, x.is_finite());
+        }
+        for x in log_scales {
+            valid = L::both(valid, x.is_finite());
+        }
+        for i in 0..3 {
+            valid = L::both(valid, pose.translation[i].is_finite());
+            for x in pose.rotation[i] {
+                valid = L::both(valid, x.is_finite());
+            }
+        }
+        BatchGradient { means, quats, log_scales, pose, valid }
+    }
+}
+
+struct BatchGradient<L: Lanes> {
+    means: Vec3<Wide<L>>,
+    quats: [Wide<L>; 4],
+    log_scales: Vec3<Wide<L>>,
+    pose: PoseGradient<Wide<L>>,
+    valid: L::Mask,
 }
 
 /// Projects every Gaussian.
@@ -101,19 +271,39 @@ pub fn forward<F: Real>(
     viewmat: &[F],
     config: &ProjectionConfig,
 ) -> Vec<F> {
-    let count = check(means, quats, log_scales);
-    let projector = Projector::new(viewmat, config);
+    let (scene, count) = Scene::new(means, quats, log_scales, viewmat, config);
     let mut rows = zeros(count * PROJECTED);
     rows.par_chunks_mut(CHUNK * PROJECTED).enumerate().for_each(|(chunk, rows)| {
-        for (k, out) in rows.chunks_exact_mut(PROJECTED).enumerate() {
-            let i = chunk * CHUNK + k;
-            let path = projector.path(row(means, i), row(quats, i), row(log_scales, i));
-            if let Some(row) = path.and_then(|path| projector.row(&path)) {
-                out.copy_from_slice(&row);
-            }
-        }
+        F::with_lanes(ChunkForward { scene: &scene, first: chunk * CHUNK, rows });
     });
     rows
+}
+
+/// Gaussians from `first` on, as many as `rows` holds.
+struct ChunkForward<'a, F> {
+    scene: &'a Scene<'a, F>,
+    first: usize,
+    rows: &'a mut [F],
+}
+
+impl<F: Real> LaneTask<F> for ChunkForward<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Real = F>>(self) {
+        let projector = Projector::<L>::new(self.scene);
+        let end = self.first + self.rows.len() / PROJECTED;
+        let mut ids = [0_u32; LANES];
+        for begin in (self.first..end).step_by(LANES) {
+            let count = LANES.min(end - begin);
+            for (lane, id) in ids.iter_mut().enumerate() {
+                *id = (begin + lane) as u32;
+            }
+            let ids = &ids[..count];
+            let (row, drawn) = projector.rows(&projector.path(&self.scene.batch(ids)));
+            scatter(row, ids, self.first, drawn & (u16::MAX >> (LANES - count)), self.rows);
+        }
+    }
 }
 
 /// Gradients of [`forward`], each in the shape of its argument.
@@ -144,37 +334,19 @@ pub fn backward<F: Real>(
     projected: &[F],
     v_projected: &[F],
 ) -> ProjectionGradients<F> {
-    let count = check(means, quats, log_scales);
+    let (scene, count) = Scene::new(means, quats, log_scales, viewmat, config);
     assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8]");
     assert_eq!(v_projected.len(), count * PROJECTED, "v_projected must be [N, 8]");
-    let projector = Projector::new(viewmat, config);
-    let (mut v_means, mut v_quats, mut v_log_scales) = (zeros(count * 3), zeros(count * 4), zeros(count * 3));
+    let (mut v_means, mut v_quats, mut v_log_scales) =
+        (zeros(count * MEAN), zeros(count * QUAT), zeros(count * SCALES));
     let poses: Vec<PoseGradient<F>> = v_means
-        .par_chunks_mut(CHUNK * 3)
-        .zip(v_quats.par_chunks_mut(CHUNK * 4))
-        .zip(v_log_scales.par_chunks_mut(CHUNK * 3))
+        .par_chunks_mut(CHUNK * MEAN)
+        .zip(v_quats.par_chunks_mut(CHUNK * QUAT))
+        .zip(v_log_scales.par_chunks_mut(CHUNK * SCALES))
         .enumerate()
-        .map(|(chunk, ((v_means, v_quats), v_log_scales))| {
-            let mut pose = PoseGradient::default();
-            for k in 0..v_means.len() / 3 {
-                let i = chunk * CHUNK + k;
-                if ProjectedRow::read(projected, i).radius == F::ZERO {
-                    continue;
-                }
-                let v = ProjectedRow::read(v_projected, i);
-                // Hidden behind others: a trained scene has many, and all that follows is linear in v.
-                if v.pack() == [F::ZERO; PROJECTED] {
-                    continue;
-                }
-                let gradient = one_backward(&projector, row(means, i), row(quats, i), row(log_scales, i), v);
-                if let Some(g) = gradient {
-                    v_means[k * 3..][..3].copy_from_slice(&g.mean);
-                    v_quats[k * 4..][..4].copy_from_slice(&g.quat);
-                    v_log_scales[k * 3..][..3].copy_from_slice(&g.log_scales);
-                    pose.add(&g.pose);
-                }
-            }
-            pose
+        .map(|(chunk, ((means, quats), log_scales))| {
+            let (scene, first) = (&scene, chunk * CHUNK);
+            F::with_lanes(ChunkBackward { scene, first, projected, v_projected, means, quats, log_scales })
         })
         .collect();
     let mut pose = PoseGradient::default();
@@ -182,56 +354,57 @@ pub fn backward<F: Real>(
     ProjectionGradients { means: v_means, quats: v_quats, log_scales: v_log_scales, viewmat: pose.into_viewmat() }
 }
 
-struct OneGradient<F> {
-    mean: Vec3<F>,
-    quat: [F; 4],
-    log_scales: Vec3<F>,
-    pose: PoseGradient<F>,
+/// Gaussians from `first` on, as many as the gradients hold.
+struct ChunkBackward<'a, F> {
+    scene: &'a Scene<'a, F>,
+    first: usize,
+    projected: &'a [F],
+    v_projected: &'a [F],
+    means: &'a mut [F],
+    quats: &'a mut [F],
+    log_scales: &'a mut [F],
 }
 
-#[inline(always)]
-fn one_backward<F: Real>(
-    projector: &Projector<F>,
-    mean: Vec3<F>,
-    quat: [F; 4],
-    log_scales: Vec3<F>,
-    v: ProjectedRow<F>,
-) -> Option<OneGradient<F>> {
-    let path = projector.path(mean, quat, log_scales)?;
-    let v_compensation = if projector.antialiased { v.compensation } else { F::ZERO };
-    let ellipse =
-        covariance::project_vjp(&path.rotation, path.scales, path.jacobian, &path.ellipse, v.conic, v_compensation);
+impl<F: Real> LaneTask<F> for ChunkBackward<'_, F> {
+    /// The chunk's share of the pose's gradient.
+    type Output = PoseGradient<F>;
 
-    let p = path.p;
-    let mut v_p = [F::ZERO, F::ZERO, v.depth];
-    for k in 0..2 {
-        let scale = projector.pinhole.focal[k] / p[2];
-        v_p[k] += v.mean[k] * scale;
-        v_p[2] -= v.mean[k] * scale * (p[k] / p[2]);
-    }
-    let mut pose = PoseGradient::default();
-    projector.pinhole.jacobian_vjp(p, &projector.pose.rotation, ellipse.a, &mut v_p, &mut pose.rotation);
-    for i in 0..3 {
-        pose.translation[i] = v_p[i];
-        for j in 0..3 {
-            pose.rotation[i][j] += v_p[i] * mean[j];
+    #[inline(always)]
+    fn run<L: Lanes<Real = F>>(self) -> PoseGradient<F> {
+        let projector = Projector::<L>::new(self.scene);
+        let mut pose = PoseGradient::zero();
+        let end = self.first + self.means.len() / MEAN;
+        let mut next = self.first;
+        loop {
+            // Lanes are filled with the next Gaussians that are drawn and receive anything: a trained scene has many
+            // hidden behind others, and all that follows is linear in v.
+            let (mut ids, mut count) = ([0_u32; LANES], 0);
+            while next < end && count < LANES {
+                let v = &self.v_projected[next * PROJECTED..][..PROJECTED];
+                let mut any = false;
+                for x in v {
+                    any |= *x != F::ZERO;
+                }
+                if any && ProjectedRow::read(self.projected, next).radius != F::ZERO {
+                    ids[count] = next as u32;
+                    count += 1;
+                }
+                next += 1;
+            }
+            if count == 0 {
+                return pose.sum();
+            }
+            let ids = &ids[..count];
+            let path = projector.path(&self.scene.batch(ids));
+            let [x, y, d1, l, d2, depth, compensation, radius] = load::<L, PROJECTED>(&gather(self.v_projected, ids));
+            let v = ProjectedRow { mean: [x, y], conic: [d1, l, d2], depth, compensation, radius };
+            let gradient = projector.vjp(&path, v);
+            // Lanes behind the last id are those of a Gaussian without size or place, whose norm is zero: not valid.
+            let kept = L::bits(gradient.valid) & (u16::MAX >> (LANES - count));
+            scatter(gradient.means, ids, self.first, kept, self.means);
+            scatter(gradient.quats, ids, self.first, kept, self.quats);
+            scatter(gradient.log_scales, ids, self.first, kept, self.log_scales);
+            pose.add_where(gradient.valid, &gradient.pose);
         }
     }
-    let gradient = OneGradient {
-        mean: mat_t_vec(&projector.pose.rotation, v_p),
-        quat: normalise_vjp(path.unit_quat, path.quat_norm, rotation_vjp(path.unit_quat, &ellipse.rotation)),
-        log_scales: ellipse.log_scales,
-        pose,
-    };
-    let all = gradient.mean.iter().chain(&gradient.quat).chain(&gradient.log_scales);
-    let pose = gradient.pose.rotation.iter().flatten().chain(&gradient.pose.translation);
-    all.chain(pose).all(|x| x.is_finite()).then_some(gradient)
-}
-
-fn check<F>(means: &[F], quats: &[F], log_scales: &[F]) -> usize {
-    let count = means.len() / 3;
-    assert_eq!(means.len(), count * 3, "means must be [N, 3]");
-    assert_eq!(quats.len(), count * 4, "quats must be [N, 4] for {count} means");
-    assert_eq!(log_scales.len(), count * 3, "log_scales must be [N, 3] for {count} means");
-    count
 }

@@ -1,31 +1,16 @@
 //! The float a CPU kernel computes in.
 
 use crate::cpu::lanes::Lanes;
+use crate::cpu::wide::Number;
 
 /// `f32` for training, `f64` to judge it.
-pub trait Real:
-    Copy
-    + Send
-    + Sync
-    + PartialOrd
-    + Default
-    + std::fmt::Debug
-    + std::ops::Add<Output = Self>
-    + std::ops::Sub<Output = Self>
-    + std::ops::Mul<Output = Self>
-    + std::ops::Div<Output = Self>
-    + std::ops::Neg<Output = Self>
-    + std::ops::AddAssign
-    + std::ops::SubAssign
-    + std::ops::MulAssign
-    + 'static
-{
+pub trait Real: Number + Send + Sync + PartialOrd + Default + std::fmt::Debug + std::ops::MulAssign + 'static {
     /// 0.
     const ZERO: Self;
     /// 1.
     const ONE: Self;
-    /// The nearest value to a double.
-    fn of(value: f64) -> Self;
+    /// The largest finite value.
+    const MAX: Self;
     /// The value as a double.
     fn to_f64(self) -> f64;
     /// Square root.
@@ -79,14 +64,18 @@ pub trait LaneTask<F: Real> {
 
 macro_rules! real {
     ($float:ident, $bits:expr, $with_lanes:item) => {
-        impl Real for $float {
-            const ZERO: Self = 0.0;
-            const ONE: Self = 1.0;
-            const ORDER_BITS: u32 = $bits;
+        impl Number for $float {
             #[inline(always)]
             fn of(value: f64) -> Self {
                 value as Self
             }
+        }
+
+        impl Real for $float {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const MAX: Self = $float::MAX;
+            const ORDER_BITS: u32 = $bits;
             #[inline(always)]
             fn to_f64(self) -> f64 {
                 f64::from(self)

@@ -21,6 +21,7 @@ use crate::cpu::Real;
 use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::zeros;
 use crate::cpu::real::LaneTask;
+use crate::cpu::wide::Number;
 
 /// Rows per task: fixed, so that sums do not depend on threads; high enough that the 10 extra rows cost a sixth.
 const STRIP: usize = 64;

@@ -153,6 +153,10 @@ impl Lanes for Avx2 {
         unsafe { (_mm256_cmp_ps::<_CMP_GE_OQ>(self.0, b.0), _mm256_cmp_ps::<_CMP_GE_OQ>(self.1, b.1)) }
     }
     #[inline(always)]
+    fn gt(self, b: Self) -> (__m256, __m256) {
+        unsafe { (_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, b.0), _mm256_cmp_ps::<_CMP_GT_OQ>(self.1, b.1)) }
+    }
+    #[inline(always)]
     fn both(a: (__m256, __m256), b: (__m256, __m256)) -> (__m256, __m256) {
         unsafe { (_mm256_and_ps(a.0, b.0), _mm256_and_ps(a.1, b.1)) }
     }

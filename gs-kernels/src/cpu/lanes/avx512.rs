@@ -88,6 +88,10 @@ impl Lanes for Avx512 {
         unsafe { _mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, b.0) }
     }
     #[inline(always)]
+    fn gt(self, b: Self) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_GT_OQ>(self.0, b.0) }
+    }
+    #[inline(always)]
     fn both(a: __mmask16, b: __mmask16) -> __mmask16 {
         a & b
     }

@@ -14,6 +14,7 @@ mod avx512;
 mod neon;
 
 use crate::cpu::real::{LaneTask, Real};
+use crate::cpu::wide::Number;
 
 /// Lanes in a vector: the tile's edge, and the pixels of a block.
 pub const LANES: usize = crate::constants::TILE;
@@ -55,6 +56,8 @@ pub trait Lanes: Copy {
     fn sqrt(self) -> Self;
     /// `self >= b`; false for NaN.
     fn ge(self, b: Self) -> Self::Mask;
+    /// `self > b`; false for NaN.
+    fn gt(self, b: Self) -> Self::Mask;
     /// Both.
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// `a` where the mask holds, else `b`.
@@ -154,6 +157,7 @@ mod tests {
                 let spread = L::spread(&[e.sum(), -1.5, y.sum(), 0.25]);
                 bits.extend(spread.abs().sqrt().to_array().map(f32::to_bits));
                 bits.push(L::bits(m).into());
+                bits.push(L::bits(x.gt(L::splat(x.to_array()[7]))).into());
             }
             bits
         }

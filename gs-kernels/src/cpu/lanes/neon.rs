@@ -97,6 +97,10 @@ impl Lanes for Neon {
         std::array::from_fn(|i| unsafe { vcgeq_f32(self.0[i], b.0[i]) })
     }
     #[inline(always)]
+    fn gt(self, b: Self) -> [uint32x4_t; 4] {
+        std::array::from_fn(|i| unsafe { vcgtq_f32(self.0[i], b.0[i]) })
+    }
+    #[inline(always)]
     fn both(a: [uint32x4_t; 4], b: [uint32x4_t; 4]) -> [uint32x4_t; 4] {
         std::array::from_fn(|i| unsafe { vandq_u32(a[i], b[i]) })
     }

@@ -103,6 +103,10 @@ impl<F: PortableExp> Lanes for Portable<F> {
         std::array::from_fn(|i| self.0[i] >= b.0[i])
     }
     #[inline(always)]
+    fn gt(self, b: Self) -> [bool; LANES] {
+        std::array::from_fn(|i| self.0[i] > b.0[i])
+    }
+    #[inline(always)]
     fn both(a: [bool; LANES], b: [bool; LANES]) -> [bool; LANES] {
         std::array::from_fn(|i| a[i] & b[i])
     }

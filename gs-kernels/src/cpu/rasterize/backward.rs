@@ -22,6 +22,7 @@ use crate::cpu::intersect::IntersectionSlices;
 use crate::cpu::lanes::Lanes;
 use crate::cpu::parallel::{CHUNK, Disjoint, prefetch, zeros};
 use crate::cpu::real::LaneTask;
+use crate::cpu::wide::Number;
 use crate::rows::{PROJECTED, ProjectedRow, SCREEN};
 
 /// Gradients of [`super::forward`], each in the shape of its argument.
