@@ -1,13 +1,14 @@
 //! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
 //! recording's middle and length, the exposure.
 
-use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks};
+use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks, Trajectory};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
 use crate::data::MotionHints;
 use crate::experiment::Config;
 use crate::taylormode::config::MaskSource;
+use crate::taylormode::state::MotionState;
 
 /// What was found.
 #[derive(Debug, Clone, Default)]
@@ -57,6 +58,18 @@ fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
 }
 
 impl Found {
+    /// What is known of the centre's path, and what paths begin with, in words.
+    pub fn path_in_words(&self, state: &MotionState, config: &Config) -> String {
+        let Some(path) = Trajectory::fit(&self.centres, config.motion.order_max) else { return String::new() };
+        let remainder = if state.remainder.is_some() { " and a remainder" } else { "" };
+        format!(
+            "; its centre is {:.2} pixels (rms) from a path of order {}, paths begin with order {}{remainder}",
+            path.residual * self.pixels_per_unit,
+            path.order(),
+            state.order()
+        )
+    }
+
     /// Where the masks are from, in words.
     pub fn origin(&self) -> String {
         let count = |origin| self.masks.count(origin);

@@ -83,8 +83,12 @@ fn networks(
 /// that a photo shows.
 const REMAINDER_PIXELS: f64 = 0.5;
 
-/// Whether the 3D remainder is worth having: asked for, or the centre's distances from the best polynomial follow a pattern
-/// in time that is large enough to be seen.
+/// Standard deviations of the centre's own uncertainty that its distance from the best polynomial must exceed. What is left
+/// of a high order alternates from frame to frame, which a correlation in time alone would take for noise.
+const REMAINDER_DEVIATIONS: f64 = 3.0;
+
+/// Whether the 3D remainder is worth having: asked for, or the centre's distances from the best polynomial are large enough
+/// to be seen and are no noise.
 pub fn wants_remainder(found: &Found, config: &Config) -> bool {
     match config.motion.remainder {
         RemainderChoice::On => true,
@@ -93,9 +97,12 @@ pub fn wants_remainder(found: &Found, config: &Config) -> bool {
             let Some(path) = Trajectory::fit(&found.centres, config.motion.order_max) else { return false };
             let residuals: Vec<[f64; 3]> =
                 found.centres.iter().map(|centre| (centre.position - path.position(centre.t)).to_array()).collect();
-            let scale = found.pixels_per_unit;
-            let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / residuals.len().max(1) as f64).sqrt();
-            rms * scale > REMAINDER_PIXELS && has_pattern(&residuals)
+            let count = residuals.len().max(1) as f64;
+            let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / count).sqrt() * found.pixels_per_unit;
+            // A centroid seen by n cameras is known sqrt(n) times better than by one.
+            let noise = found.centres.iter().map(|c| c.residual_px.powi(2) / c.cameras as f64).sum::<f64>() / count;
+            let beyond_noise = rms > REMAINDER_DEVIATIONS * noise.sqrt();
+            rms > REMAINDER_PIXELS && (beyond_noise || has_pattern(&residuals))
         }
     }
 }
