@@ -35,6 +35,11 @@ const SPECK: (f64, usize) = (1e-4, 8);
 /// none that changes. Larger ones may be those of a ring.
 const HOLE: f64 = 0.25;
 
+/// Share of its outline that a region in an object's colour must have in common with what moves in order to join it.
+/// The middle that an object never uncovers lies within its moving edges, apart from where it lies on the outline
+/// itself; static things of the same colour touch it here and there.
+const CONTACT: f64 = 0.4;
+
 /// What the photos of a standing camera say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
@@ -43,11 +48,6 @@ pub struct Evidence {
     /// Standard deviation of the sensor's noise as it was found, levels of 255.
     pub noise: f32,
 }
-
-/// Share of its outline that a region in an object's colour must have in common with what moves in order to join it.
-/// The middle that an object never uncovers lies within its moving edges, apart from where it lies on the outline
-/// itself; static things of the same colour touch it here and there.
-const CONTACT: f64 = 0.4;
 
 /// Masks of what moves in a standing camera's views. `None` when the camera has fewer than [`FRAMES_MIN`] views, so for cameras that move.
 ///
