@@ -49,11 +49,12 @@ pub struct Evidence {
     pub noise: f32,
 }
 
-/// Masks of what moves in a standing camera's views. `None` when the camera has fewer than [`FRAMES_MIN`] views, so for cameras that move.
+/// Masks of what moves in a standing camera's views. `None` when the camera has fewer than [`FRAMES_MIN`] views, so for
+/// cameras that move.
 ///
 /// Limits: in blurry photos the mask covers what the object touched during the exposure, down to where its share of the
-/// exposure drops into the noise. What an object never uncovers is found only by its texture, or by its colour where that is
-/// rare in the background. A surface that darkens without texture of its own passes for a shadow.
+/// exposure drops into the noise. What an object never uncovers is found only by its texture, or by its colour where
+/// that is rare in the background. A surface that darkens without texture of its own passes for a shadow.
 pub fn evidence(views: &[View], camera: &StaticCamera) -> Option<Evidence> {
     let plate = Plate::new(views, camera)?;
     let masks = camera.views.par_iter().map(|index| moving(&plate, &views[*index])).collect();
