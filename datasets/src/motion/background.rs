@@ -152,7 +152,8 @@ fn classify_row(
     .collect()
 }
 
-/// A pixel's noise: what its brightness has, and that or more where it flickers from frame to frame, within [`FLICKER`].
+/// A pixel's noise: what its brightness has, and that or more where it flickers from frame to frame, within
+/// [`FLICKER`].
 fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> (f32, f32) {
     steps.clear();
     steps
@@ -178,8 +179,9 @@ fn median(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3] {
 /// How often each colour is seen on what passes and on what stays, at pixels where the two are told apart.
 ///
 /// It decides the torn pixels: near where an object of one colour starts or ends, its colour and the background's both
-/// stay for a while, and only the rest of the picture knows which is the object's. And it finds doubtful ones: an object
-/// that moves by less than its width never uncovers its middle, but the colour there is that of its moving edges.
+/// stay for a while, and only the rest of the picture knows which is the object's. And it finds doubtful ones: an
+/// object that moves by less than its width never uncovers its middle, but the colour there is that of its moving
+/// edges.
 struct Appearance {
     passing: Vec<u32>,
     staying: Vec<u32>,

@@ -67,8 +67,8 @@ pub(crate) fn drop_specks(mask: &mut [bool], size: (usize, usize), area_min: usi
     }
 }
 
-/// Adds to `mask` the regions of `candidate` pixels that have at least `share` of their outline (edges between pixels) in
-/// common with it.
+/// Adds to `mask` the regions of `candidate` pixels that have at least `share` of their outline (edges between pixels)
+/// in common with it.
 pub(crate) fn join(mask: &mut [bool], size: (usize, usize), share: f64, candidate: impl Fn(usize) -> bool) {
     let found = regions(size, false, |pixel| !mask[pixel] && candidate(pixel));
     let mut outlines = vec![(0_usize, 0_usize); found.list.len()];
