@@ -24,6 +24,9 @@ const COLOR_BITS: u32 = 4;
 /// How many times likelier a colour must be to overturn the order in which a torn pixel's colours come.
 const OVERTURNS: f32 = 4.0;
 
+/// A colour is doubtful when it is seen on what passes this often for each time it is seen on what stays.
+const DOUBTFUL: f32 = 0.3;
+
 /// The picture of a standing camera without passing objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Background {
@@ -69,7 +72,9 @@ pub(crate) struct Plate {
     pub state: Vec<State>,
     /// Standard deviation of a channel's noise, levels of 255.
     pub deviation: Vec<f32>,
-    /// The usual one over the image.
+    /// Whether the background has a colour here that is often seen on what passes.
+    pub doubtful: Vec<bool>,
+    /// The usual noise over the image.
     pub noise: f32,
 }
 
@@ -93,7 +98,11 @@ impl Plate {
             .map(|y| classify_row(views, camera, &noise, y * size.0..(y + 1) * size.0))
             .collect();
         let pixels: Vec<(Pixel, f32)> = rows.into_iter().flatten().collect();
-        let appearance = Appearance::new(views, camera, &pixels);
+        let settled = |pixel: usize| match &pixels[pixel] {
+            (Pixel::Settled(cluster), deviation) => Some((cluster.mean, *deviation)),
+            _ => None,
+        };
+        let appearance = Appearance::new(views, camera, settled);
         let (mut mean, mut state) = (Vec::with_capacity(pixels.len()), Vec::with_capacity(pixels.len()));
         for (pixel, _) in &pixels {
             let (color, known) = match pixel {
@@ -105,8 +114,11 @@ impl Plate {
             mean.push(color);
             state.push(known);
         }
-        let deviation = pixels.iter().map(|(_, deviation)| *deviation).collect();
-        Some(Self { size, mean, state, deviation, noise: noise.overall })
+        let deviation: Vec<f32> = pixels.iter().map(|(_, deviation)| *deviation).collect();
+        let known = |pixel: usize| (state[pixel] == State::Known).then(|| (mean[pixel], deviation[pixel]));
+        let appearance = Appearance::new(views, camera, known);
+        let doubtful = (0..mean.len()).map(|i| state[i] == State::Known && appearance.may_pass(mean[i])).collect();
+        Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall })
     }
 }
 
@@ -140,7 +152,8 @@ fn classify_row(
     .collect()
 }
 
-/// A pixel's noise: what its brightness has, and that or more where it flickers from frame to frame, within [`FLICKER`].
+/// A pixel's noise: what its brightness has, and that or more where it flickers from frame to frame, within
+/// [`FLICKER`].
 fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> (f32, f32) {
     steps.clear();
     steps
@@ -163,42 +176,55 @@ fn median(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3] {
     })
 }
 
-/// How often each colour is seen on what passes and on what stays, at pixels where the two are told apart without
-/// doubt. It decides the torn ones: near where an object of one colour starts or ends, its colour and the background's
-/// both stay for a while, and only the rest of the picture knows which is the object's.
+/// How often each colour is seen on what passes and on what stays, at pixels where the two are told apart.
+///
+/// It decides the torn pixels: near where an object of one colour starts or ends, its colour and the background's both
+/// stay for a while, and only the rest of the picture knows which is the object's. And it finds doubtful ones: an
+/// object that moves by less than its width never uncovers its middle, but the colour there is that of its moving
+/// edges.
 struct Appearance {
-    passing: Vec<f32>,
-    staying: Vec<f32>,
+    passing: Vec<u32>,
+    staying: Vec<u32>,
 }
 
 impl Appearance {
-    fn new(views: &[View], camera: &StaticCamera, pixels: &[(Pixel, f32)]) -> Self {
+    /// `known` gives a pixel's background colour and noise where they are certain.
+    fn new(views: &[View], camera: &StaticCamera, known: impl Fn(usize) -> Option<([f32; 3], f32)> + Sync) -> Self {
         let bins = 1 << (3 * COLOR_BITS);
-        let (mut passing, mut staying) = (vec![0.0; bins], vec![0.0; bins]);
-        if pixels.iter().any(|(pixel, _)| matches!(pixel, Pixel::Torn(..))) {
-            for index in &camera.views {
-                for (pixel, (kind, deviation)) in pixels.iter().enumerate() {
-                    let Pixel::Settled(cluster) = kind else { continue };
-                    let sample = color(&views[*index], pixel);
-                    // Five standard deviations: certainly not the background.
-                    let passes = distance2(&sample, &cluster.mean) > 25.0 * deviation * deviation;
-                    let counts = if passes { &mut passing } else { &mut staying };
-                    counts[bin(sample.map(f32::from))] += 1.0;
-                }
+        let count = |index: &usize| {
+            let mut counts = (vec![0; bins], vec![0; bins]);
+            for pixel in 0..views[*index].width * views[*index].height {
+                let Some((mean, deviation)) = known(pixel) else { continue };
+                let sample = color(&views[*index], pixel);
+                // Five standard deviations: certainly not the background.
+                let passes = distance2(&sample, &mean) > 25.0 * deviation * deviation;
+                let counts = if passes { &mut counts.0 } else { &mut counts.1 };
+                counts[bin(sample.map(f32::from))] += 1;
             }
-        }
-        for counts in [&mut passing, &mut staying] {
-            let total: f32 = counts.iter().sum();
-            // One part in a thousand for colours never seen, so that a ratio of two rare colours says nothing.
-            counts.iter_mut().for_each(|count| *count = *count / total.max(1.0) + 1e-3);
-        }
+            counts
+        };
+        let none = || (vec![0; bins], vec![0; bins]);
+        let add = |mut a: (Vec<u32>, Vec<u32>), b: (Vec<u32>, Vec<u32>)| {
+            a.0.iter_mut().zip(b.0).for_each(|(a, b)| *a += b);
+            a.1.iter_mut().zip(b.1).for_each(|(a, b)| *a += b);
+            a
+        };
+        let (passing, staying) = camera.views.par_iter().map(count).reduce(none, add);
         Self { passing, staying }
     }
 
     /// The background's colour of the two.
     fn choose(&self, likely: &Cluster, other: &Cluster) -> [f32; 3] {
-        let ratio = |cluster: &Cluster| self.staying[bin(cluster.mean)] / self.passing[bin(cluster.mean)];
-        if ratio(other) > OVERTURNS * ratio(likely) { other.mean } else { likely.mean }
+        let shares = [&self.staying, &self.passing].map(|counts| counts.iter().sum::<u32>().max(1) as f32);
+        // One part in a thousand for colours never seen, so that a ratio of two rare colours says nothing.
+        let share = |counts: &[u32], total: f32, color: [f32; 3]| counts[bin(color)] as f32 / total + 1e-3;
+        let ratio = |color: [f32; 3]| share(&self.staying, shares[0], color) / share(&self.passing, shares[1], color);
+        if ratio(other.mean) > OVERTURNS * ratio(likely.mean) { other.mean } else { likely.mean }
+    }
+
+    /// Whether a colour of the background is seen on passing things for a good part of the times it is seen.
+    fn may_pass(&self, color: [f32; 3]) -> bool {
+        self.passing[bin(color)] as f32 > DOUBTFUL * self.staying[bin(color)] as f32
     }
 }
 

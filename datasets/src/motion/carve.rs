@@ -1,8 +1,8 @@
 //! Carving: a place belongs to the object when (nearly) every camera that sees the place has it inside its mask.
 //!
-//! A block of places is judged at once by the masks' pixels under it (a table of sums answers that in constant time): no
-//! pixel set means outside, all set means inside, and only blocks in between are divided, down to single voxels. The
-//! work so follows the surface and not the volume.
+//! A block of places is judged at once by the masks' pixels under it (a table of sums answers that in constant time):
+//! no pixel set means outside, all set means inside, and only blocks in between are divided, down to single voxels.
+//! The work so follows the surface and not the volume.
 
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;

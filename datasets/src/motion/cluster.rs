@@ -48,7 +48,8 @@ pub(crate) enum Pixel {
     Restless,
 }
 
-/// Which colours stay. `samples` are in time order; `deviation` is the noise, levels of 255. `scratch` is reused memory.
+/// Which colours stay. `samples` are in time order; `deviation` is the noise, levels of 255. `scratch` is reused
+/// memory.
 pub(crate) fn classify(samples: &[[u8; 3]], deviation: f32, samples_min: usize, scratch: &mut Vec<bool>) -> Pixel {
     if samples.len() < samples_min.max(1) {
         return Pixel::Unseen;

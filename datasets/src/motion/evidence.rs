@@ -7,7 +7,7 @@ use crate::frame::View;
 use super::background::{Plate, SAMPLES_MIN, State, color, counts};
 use super::cameras::StaticCamera;
 use super::cluster::distance2;
-use super::regions::{close_gaps, drop_specks, fill_holes, grow};
+use super::regions::{close_gaps, drop_specks, fill_holes, grow, join};
 use super::shadow::Shadows;
 
 /// Fewest views of a standing camera from which masks are made.
@@ -35,6 +35,11 @@ const SPECK: (f64, usize) = (1e-4, 8);
 /// none that changes. Larger ones may be those of a ring.
 const HOLE: f64 = 0.25;
 
+/// Share of its outline that a region in an object's colour must have in common with what moves in order to join it.
+/// The middle that an object never uncovers lies within its moving edges, apart from where it lies on the outline
+/// itself; static things of the same colour touch it here and there.
+const CONTACT: f64 = 0.4;
+
 /// What the photos of a standing camera say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
@@ -44,11 +49,12 @@ pub struct Evidence {
     pub noise: f32,
 }
 
-/// Masks of what moves in a standing camera's views. `None` when the camera has fewer than [`FRAMES_MIN`] views, so for cameras that move.
+/// Masks of what moves in a standing camera's views. `None` when the camera has fewer than [`FRAMES_MIN`] views, so for
+/// cameras that move.
 ///
 /// Limits: in blurry photos the mask covers what the object touched during the exposure, down to where its share of the
-/// exposure drops into the noise. Objects of one colour are seen only where they uncover background at some time, apart
-/// from holes that can be filled. A surface that darkens without texture of its own passes for a shadow.
+/// exposure drops into the noise. What an object never uncovers is found only by its texture, or by its colour where
+/// that is rare in the background. A surface that darkens without texture of its own passes for a shadow.
 pub fn evidence(views: &[View], camera: &StaticCamera) -> Option<Evidence> {
     let plate = Plate::new(views, camera)?;
     let masks = camera.views.par_iter().map(|index| moving(&plate, &views[*index])).collect();
@@ -61,6 +67,8 @@ fn moving(plate: &Plate, view: &View) -> Vec<u8> {
     let vote = box_mean(&voice, plate.size);
     let mut mask: Vec<bool> = vote.iter().map(|vote| *vote >= STRONG).collect();
     grow(&mut mask, plate.size, |pixel| vote[pixel] >= WEAK && voice[pixel] >= OWN);
+    // What an object of one colour never uncovers joins its moving edges.
+    join(&mut mask, plate.size, CONTACT, |pixel| plate.doubtful[pixel] && voice[pixel] < OWN);
     close_gaps(&mut mask, plate.size);
     fill_holes(&mut mask, plate.size, HOLE);
     let area_min = SPECK.1.max((SPECK.0 * (width * height) as f64).round() as usize);

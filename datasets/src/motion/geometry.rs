@@ -4,8 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::frame::{Intrinsics, View};
 
-/// Nearest depth that is projected, as a share of the distance asked about being irrelevant: only the sign of z and
-/// its distance from zero matter, so that a division stays finite.
+/// Least depth that is projected, scene units. It only keeps a division finite: what is nearer has no image.
 const NEAR: f64 = 1e-9;
 
 /// A pinhole camera (OpenCV axes) with its inverse pose at hand.

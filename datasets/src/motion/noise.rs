@@ -4,9 +4,9 @@ use crate::frame::View;
 
 use super::cameras::StaticCamera;
 
-/// Least noise that is assumed, levels of 255. Rounding to 8 bits alone has 0.29, but light that a passing object throws
-/// back on its surroundings and the rings of compressed video around it change a few levels too, and with them a halo
-/// would be called moving. With this a change of 3 levels in every channel is seen.
+/// Least noise that is assumed, levels of 255. Rounding to 8 bits alone has 0.29, but light that a passing object
+/// throws back on its surroundings and the rings of compressed video around it change a few levels too, and with them
+/// a halo would be called moving. With this a change of 3 levels in every channel is seen.
 const NOISE_MIN: f32 = 1.5;
 
 /// Ranges of brightness with a noise of their own: light has noise that grows with it, and encoding bends that.

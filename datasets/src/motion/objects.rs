@@ -1,8 +1,8 @@
 //! Centres of several objects that move apart from each other.
 //!
-//! Which spot of one camera is which of another is decided in space: the hull of all masks falls into pieces, each piece
-//! is an object, and every region of a mask belongs to the piece that projects into it. Where two pieces share a region
-//! (one passes in front of the other) that camera says nothing about either.
+//! Which spot of one camera is which of another is decided in space: the hull of all masks falls into pieces, each
+//! piece is an object, and every region of a mask belongs to the piece that projects into it. Where two pieces share a
+//! region (one passes in front of the other) that camera says nothing about either.
 
 use glam::{DVec3, UVec3};
 

@@ -67,6 +67,23 @@ pub(crate) fn drop_specks(mask: &mut [bool], size: (usize, usize), area_min: usi
     }
 }
 
+/// Adds to `mask` the regions of `candidate` pixels that have at least `share` of their outline (edges between pixels)
+/// in common with it.
+pub(crate) fn join(mask: &mut [bool], size: (usize, usize), share: f64, candidate: impl Fn(usize) -> bool) {
+    let found = regions(size, false, |pixel| !mask[pixel] && candidate(pixel));
+    let mut outlines = vec![(0_usize, 0_usize); found.list.len()];
+    for (pixel, label) in found.labels.iter().enumerate().filter(|(_, label)| **label != NOWHERE) {
+        let (common, all) = &mut outlines[*label as usize];
+        neighbours(pixel % size.0, pixel / size.0, size, false, |next| {
+            *common += usize::from(mask[next]);
+            *all += usize::from(found.labels[next] != *label);
+        });
+    }
+    for (value, label) in mask.iter_mut().zip(&found.labels) {
+        *value |= outlines.get(*label as usize).is_some_and(|(common, all)| *common as f64 >= share * *all as f64);
+    }
+}
+
 /// Sets gaps and notches up to two pixels wide: grows by a pixel on all sides and wears by one.
 pub(crate) fn close_gaps(mask: &mut [bool], size: (usize, usize)) {
     let grown: Vec<bool> = (0..mask.len())

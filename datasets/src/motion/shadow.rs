@@ -1,4 +1,5 @@
-//! Shadows: darker than the background by a smooth factor that is nearly the same in all channels.
+//! Shadows: darker than the background (or brighter, where that was in shadow) by a smooth factor that is nearly the
+//! same in all channels.
 //!
 //! A shadow moves with its object but lies on static surfaces. Left in the masks it pulls the object's centre to the
 //! floor and adds a flat patch to its hull. It multiplies the light of a surface, and the encoding is close to a power,
@@ -10,8 +11,9 @@ use super::background::Plate;
 /// lower than this are black objects.
 const DARKEST: f32 = 0.35;
 
-/// Weakest one. Nearer 1 the factor says nothing.
-const FAINTEST: f32 = 0.985;
+/// Brightest one: where the background itself was in shadow for most of the time, what differs is the light. No more
+/// than that of a weak shadow, since bright objects are as common as dark ones.
+const BRIGHTEST: f32 = 1.25;
 
 /// How much the channels' factors may differ, and how much more at factor 0: the sky that lights a shadow is bluer than
 /// the lamp that does not.
@@ -45,7 +47,7 @@ impl<'a> Shadows<'a> {
     /// Whether a pixel (not at the image's edge) looks like a shadow on the background.
     pub fn contains(&self, pixel: usize) -> bool {
         let factor = self.factor[pixel];
-        if !(DARKEST..=FAINTEST).contains(&factor) {
+        if !(DARKEST..=BRIGHTEST).contains(&factor) {
             return false;
         }
         let width = self.plate.size.0;
@@ -67,7 +69,7 @@ fn factor(color: &[u8], mean: &[f32; 3], deviation: f32) -> f32 {
     let [r, g, b] = [0, 1, 2].map(|c| f32::from(color[c]) / mean[c]);
     let average = (r + g + b) / 3.0;
     let darkest = mean.iter().copied().fold(f32::INFINITY, f32::min);
-    let tolerance = TINT[0] + TINT[1] * (1.0 - average).max(0.0) + 3.0 * deviation / darkest;
+    let tolerance = TINT[0] + TINT[1] * (1.0 - average).abs() + 3.0 * deviation / darkest;
     let spread = r.max(g).max(b) - r.min(g).min(b);
     if spread <= tolerance { average } else { f32::NAN }
 }

@@ -14,7 +14,6 @@ fn iou(found: &[Option<Vec<u8>>], truth: &[Option<Vec<u8>>]) -> f64 {
         both += a.iter().zip(b).filter(|(a, b)| **a != 0 && **b != 0).count();
         either += a.iter().zip(b).filter(|(a, b)| **a != 0 || **b != 0).count();
     }
-    eprintln!("IoU: {}", both as f64 / either as f64);
     both as f64 / either as f64
 }
 
@@ -25,13 +24,13 @@ fn found(scene: &Scene) -> Vec<Option<Vec<u8>>> {
     masks.masks
 }
 
-/// The ball is 20 pixels wide, so half a pixel all around is 10 % of its area and leaves an IoU of 0.9.
+/// The ball is 20 pixels wide, so half a pixel all around is 10 % of its area and would leave an IoU of 0.9.
 #[test]
 fn a_moving_ball_is_found_under_noise() {
     for noise in [0.0, 1.5, 4.0] {
         let scene = World { noise, ..World::of(straight) }.scene();
         let iou = iou(&found(&scene), &true_masks(&scene));
-        assert!(iou > 0.85, "noise {noise}: IoU {iou}");
+        assert!(iou > 0.9, "noise {noise}: IoU {iou}");
     }
 }
 
@@ -41,10 +40,11 @@ fn a_moving_ball_is_found_under_noise() {
 fn a_slow_ball_leaves_no_ghost() {
     let scene = World::of(|t| DVec3::new(0.1, 0.3 * t - 0.15, 0.45)).scene();
     let iou = iou(&found(&scene), &true_masks(&scene));
-    assert!(iou > 0.8, "IoU {iou}");
+    assert!(iou > 0.9, "IoU {iou}");
 }
 
-/// One colour, covering the middle of its way for more than half of the time; only appearance tells start from end.
+/// One colour, covering the middle of its way for more than half of the time: only its colour tells its first and last
+/// place from the background, and what it never uncovers from a thing that stands there.
 #[test]
 fn a_plain_ball_leaves_no_ghost() {
     let mut world = World::of(|t| DVec3::new(0.1, 0.8 * t - 0.4, 0.45));
@@ -53,7 +53,7 @@ fn a_plain_ball_leaves_no_ghost() {
     // From the side; who looks along its way sees one colour that stays where it is.
     let scene = from_the_side(scene);
     let iou = iou(&found(&scene), &true_masks(&scene));
-    assert!(iou > 0.8, "IoU {iou}");
+    assert!(iou > 0.85, "IoU {iou}");
 }
 
 /// The five middle cameras of the arc.
@@ -70,15 +70,16 @@ fn a_turning_ball_moves() {
     world.balls[0].spin = 4.0;
     let scene = world.scene();
     let iou = iou(&found(&scene), &true_masks(&scene));
-    assert!(iou > 0.7, "IoU {iou}");
+    assert!(iou > 0.75, "IoU {iou}");
 }
 
 #[test]
 fn blur_gives_the_union_over_the_exposure() {
     let scene = World { exposure: 0.9, ..World::of(straight) }.scene();
     let iou = iou(&found(&scene), &true_masks(&scene));
-    // Both ends of a smear are faint: a pixel there was covered for a few per cent of the exposure.
-    assert!(iou > 0.75, "IoU {iou}");
+    // Both ends of a smear are faint, a pixel there is covered for a ninth of the exposure, but the smear is half a
+    // ball long and the ends are a pixel of it.
+    assert!(iou > 0.9, "IoU {iou}");
 }
 
 #[test]
@@ -109,7 +110,7 @@ fn shadows_are_not_the_object() {
         }
     }
     let iou = iou(&found(&scene), &true_masks(&scene));
-    assert!(iou > 0.8, "IoU {iou}");
+    assert!(iou > 0.9, "IoU {iou}");
 }
 
 /// Against the same world without the ball: 99 % of pixels within 2 levels (noise of 1.5 averages to 0.5 and rounds).

@@ -60,7 +60,7 @@ impl World {
     pub fn pose(&self, camera: usize) -> DMat4 {
         let share = camera as f64 / (self.cameras - 1).max(1) as f64 - 0.5;
         let (sin, cos) = (share * 200.0_f64.to_radians()).sin_cos();
-        let eye = DVec3::new(3.0 * cos, 3.0 * sin, if camera % 2 == 0 { 0.9 } else { 1.9 });
+        let eye = DVec3::new(3.0 * cos, 3.0 * sin, if camera.is_multiple_of(2) { 0.9 } else { 1.9 });
         let forward = (DVec3::new(0.0, 0.0, 0.4) - eye).normalize();
         let right = forward.cross(DVec3::Z).normalize();
         DMat4::from_cols(right.extend(0.0), forward.cross(right).extend(0.0), forward.extend(0.0), eye.extend(1.0))

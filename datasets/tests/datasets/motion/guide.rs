@@ -14,8 +14,9 @@ fn thrown_velocity(t: f64) -> DVec3 {
 }
 
 /// A found mask is wrong by a few pixels of its 300 along an edge, which moves its centroid by 0.2 pixels, the mean of
-/// nine by 0.07 pixels or 0.002 units. Two of them over two frame intervals (0.18) are 0.016 units per time: 1 % of the
-/// speed. The worst of 12 times may be four times that and more in blur, whose ends are faint; the median is held to 3 %.
+/// nine by 0.07 pixels or 0.002 units. Two of them over two frame intervals (0.18) are 0.016 units per time: 1 % of
+/// the speed. The worst of 12 times may be four times that and more in blur, whose ends are faint; the median is held
+/// to 3 %.
 #[test]
 fn the_guide_is_the_velocity() {
     for (exposure, tolerance) in [(0.0, 0.07), (0.9, 0.10)] {
