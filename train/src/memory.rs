@@ -48,12 +48,15 @@ impl Prediction {
         let views = || scene.train.iter().chain(&scene.test);
         let all_pixels: u64 = views().map(pixels).sum();
         let largest: u64 = views().map(pixels).max().unwrap_or(0);
+        // Masks as found, and as they are kept for the steps.
+        let moving = config.pipeline == crate::experiment::Pipeline::Taylormode;
+        let masks = if moving { 2 * scene.train.iter().map(pixels).sum::<u64>() } else { 0 };
         let cached = (12 * all_pixels).min((config.data.cache_mb as u64) << 20);
         Self {
             gaussians: 3 * 4 * floats * cap,
             step: cap * (4 * floats + STEP_BYTES_PER_GAUSSIAN + TILES_PER_GAUSSIAN * BYTES_PER_INTERSECTION)
                 + 4 * STEP_FLOATS_PER_PIXEL * largest,
-            photos: 3 * all_pixels + cached,
+            photos: views().map(stored_bytes).sum::<u64>() + masks + cached,
             program: PROGRAM_BYTES,
         }
     }
@@ -62,6 +65,18 @@ impl Prediction {
     pub fn total(&self) -> u64 {
         self.gaussians + self.step + self.photos + self.program
     }
+}
+
+/// What a view keeps in memory: photo, mask, priors, truth.
+fn stored_bytes(view: &View) -> u64 {
+    let (priors, truth) = (&view.priors, &view.truth);
+    let images = [Some(&view.image), priors.sharp.as_ref(), truth.sharp.as_ref(), truth.blurry.as_ref()];
+    let masks = [&view.mask, &priors.moving, &truth.moving, &truth.moving_union];
+    let floats = [priors.depth.as_ref().map(|depth| &depth.values), truth.depth.as_ref(), truth.velocity.as_ref()];
+    let sum = images.into_iter().flatten().map(|image| image.data.len()).sum::<usize>()
+        + masks.into_iter().flatten().map(Vec::len).sum::<usize>()
+        + floats.into_iter().flatten().map(|values| 4 * values.len()).sum::<usize>();
+    sum as u64
 }
 
 fn first_count(scene: &Scene, config: &Config) -> u64 {

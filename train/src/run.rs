@@ -64,6 +64,12 @@ pub enum Ending {
 pub fn run(request: &RunRequest) -> Result<Ending> {
     let config = &request.config;
     let scene = config.data.load(&request.dataset)?;
+    if config.pipeline == Pipeline::Taylormode && scene.time_range.is_none() {
+        bail!(
+            "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
+            request.dataset.display()
+        );
+    }
     let prediction = Prediction::new(&scene, config);
     let mut run = Run::begin(request, &scene, prediction)?;
     let found = (config.pipeline == Pipeline::Taylormode).then(|| hints::gather(&scene, config));
@@ -207,7 +213,11 @@ impl<'a> Run<'a> {
             "{moving} Gaussians may move, by {}; exposure {exposure:.4} to begin with{path}",
             found.origin()
         ));
-        for warning in found.warnings.iter().chain(&warning) {
+        let single = match hints::frame_interval(&scene.train) {
+            Some(_) => None,
+            None => Some("all frames have one time: blur alone does not tell a motion from its reverse".to_string()),
+        };
+        for warning in found.warnings.iter().chain(&warning).chain(&single) {
             self.progress.say(&format!("warning: {warning}"));
         }
     }

@@ -104,6 +104,15 @@ fn every_formation_trains_and_is_measured() {
 }
 
 #[test]
+fn a_set_without_times_is_refused_in_a_sentence() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let still = common::tiny_scene(folder);
+    let error = run(&request(&still, &folder.join("run"), &[])).expect_err("no times").to_string();
+    assert!(error.contains("expected a time for each frame") && !error.contains('\n'), "{error}");
+}
+
+#[test]
 fn without_priors_it_goes_on_by_evidence() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
@@ -115,12 +124,14 @@ fn without_priors_it_goes_on_by_evidence() {
         cameras: 5,
         held_out: 1,
         frames: 5,
-        priors: None,
+        points: 0,
         ..DeblurOptions::default()
     };
     deblur::write(&path, &options, |_, _| {}).expect("the world is written");
     for masks in ["auto", "none"] {
-        let eval = finish_in(folder, &path, masks, &[&format!("motion.masks={masks}")]);
+        let masks_key = format!("motion.masks={masks}");
+        let more = [masks_key.as_str(), "data.priors=[]", "init.random_points=800"];
+        let eval = finish_in(folder, &path, masks, &more);
         assert!(eval.last.motion.expect("a moving scene").cost.moving > 0, "{masks}");
     }
 }

@@ -58,7 +58,7 @@ pub struct MotionConfig {
     pub final_share: f64,
     /// The 3D remainder.
     pub remainder: RemainderChoice,
-    /// Rate of its network. The paper's networks (1e-4) correct maps; this one must carry a Gaussian as far as a bounce.
+    /// Rate of its network (paper: 1e-4 for all networks). All Gaussians share it, so more shakes the whole object at each step.
     pub remainder_lr: f64,
     /// Whether each Gaussian keeps only the order that it needs. Off: all keep `order`.
     pub select: bool,
@@ -85,7 +85,7 @@ impl Default for MotionConfig {
             rotation_lr: 2e-3,
             final_share: 0.02,
             remainder: RemainderChoice::Auto,
-            remainder_lr: 2e-3,
+            remainder_lr: 1e-4,
             select: true,
             select_from: 0.5,
             select_every: 100,

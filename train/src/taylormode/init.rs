@@ -31,10 +31,15 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
     let first = joined(fixed, moving);
 
     let count = first.means.len();
+    let nothing_found = first.fixed == count;
     let rows: Vec<u32> = match config.motion.masks {
+        _ if nothing_found => (0..count as u32).collect(),
         MaskSource::None => (0..count as u32).collect(),
         _ => (first.fixed as u32..count as u32).collect(),
     };
+    if nothing_found && config.motion.masks != MaskSource::None {
+        tracing::warn!("no place was found where something moves: every Gaussian may move, and selection stops the others");
+    }
     let path = Trajectory::fit(&found.centres, config.motion.order_max);
     let order = path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
