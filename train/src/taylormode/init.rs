@@ -259,7 +259,7 @@ mod tests {
         let window = TimeWindow { t0: 0.5, half: 0.5 };
         let blocks = displacement_blocks(&path, window, 3);
         for t in [0.0, 0.3, 0.8, 1.0] {
-            let s = (t - 0.5) / 0.5;
+            let s: f64 = (t - 0.5) / 0.5;
             let moved: Vec<f64> =
                 (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * s.powi(k as i32 + 1)).sum()).collect();
             assert!((DVec3::from_slice(&moved) - (truth(t) - truth(0.5))).length() < 1e-5, "{t}: {moved:?}");
