@@ -68,10 +68,12 @@ unsafe fn exp2(x: __m256) -> __m256 {
         let x = _mm256_max_ps(x, _mm256_set1_ps(super::EXP2_LOWEST));
         let n = _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x);
         let f = _mm256_sub_ps(x, n);
-        let mut p = _mm256_set1_ps(EXP2_F32[0]);
-        for c in &EXP2_F32[1..] {
-            p = _mm256_fmadd_ps(p, f, _mm256_set1_ps(*c));
-        }
+        let [a, b, c, d, e, one] = EXP2_F32;
+        let f2 = _mm256_mul_ps(f, f);
+        let high = _mm256_fmadd_ps(_mm256_set1_ps(a), f, _mm256_set1_ps(b));
+        let middle = _mm256_fmadd_ps(_mm256_set1_ps(c), f, _mm256_set1_ps(d));
+        let low = _mm256_fmadd_ps(_mm256_set1_ps(e), f, _mm256_set1_ps(one));
+        let p = _mm256_fmadd_ps(_mm256_fmadd_ps(high, f2, middle), f2, low);
         let exponent = _mm256_slli_epi32::<23>(_mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127)));
         _mm256_mul_ps(p, _mm256_castsi256_ps(exponent))
     }

@@ -108,10 +108,12 @@ impl Lanes for Avx512 {
         unsafe {
             let n = _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0);
             let f = _mm512_sub_ps(self.0, n);
-            let mut p = _mm512_set1_ps(EXP2_F32[0]);
-            for c in &EXP2_F32[1..] {
-                p = _mm512_fmadd_ps(p, f, _mm512_set1_ps(*c));
-            }
+            let [a, b, c, d, e, one] = EXP2_F32;
+            let f2 = _mm512_mul_ps(f, f);
+            let high = _mm512_fmadd_ps(_mm512_set1_ps(a), f, _mm512_set1_ps(b));
+            let middle = _mm512_fmadd_ps(_mm512_set1_ps(c), f, _mm512_set1_ps(d));
+            let low = _mm512_fmadd_ps(_mm512_set1_ps(e), f, _mm512_set1_ps(one));
+            let p = _mm512_fmadd_ps(_mm512_fmadd_ps(high, f2, middle), f2, low);
             Self(_mm512_scalef_ps(p, n))
         }
     }

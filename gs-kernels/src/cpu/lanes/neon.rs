@@ -21,10 +21,12 @@ unsafe fn exp2(x: float32x4_t) -> float32x4_t {
         let x = vmaxq_f32(x, vdupq_n_f32(super::EXP2_LOWEST));
         let n = vrndnq_f32(x);
         let f = vsubq_f32(x, n);
-        let mut p = vdupq_n_f32(EXP2_F32[0]);
-        for c in &EXP2_F32[1..] {
-            p = vfmaq_f32(vdupq_n_f32(*c), p, f);
-        }
+        let [a, b, c, d, e, one] = EXP2_F32;
+        let f2 = vmulq_f32(f, f);
+        let high = vfmaq_f32(vdupq_n_f32(b), vdupq_n_f32(a), f);
+        let middle = vfmaq_f32(vdupq_n_f32(d), vdupq_n_f32(c), f);
+        let low = vfmaq_f32(vdupq_n_f32(one), vdupq_n_f32(e), f);
+        let p = vfmaq_f32(low, vfmaq_f32(middle, high, f2), f2);
         let exponent = vshlq_n_s32::<23>(vaddq_s32(vcvtq_s32_f32(n), vdupq_n_s32(127)));
         vmulq_f32(p, vreinterpretq_f32_s32(exponent))
     }

@@ -19,7 +19,9 @@ impl PortableExp for f32 {
         let x = self.greatest(super::EXP2_LOWEST);
         let n = x.round_ties_even();
         let f = x - n;
-        let p = EXP2_F32[1..].iter().fold(EXP2_F32[0], |p, &c| p.mul_add(f, c));
+        let [a, b, c, d, e, one] = EXP2_F32;
+        let (high, middle, low) = (a.mul_add(f, b), c.mul_add(f, d), e.mul_add(f, one));
+        let p = high.mul_add(f * f, middle).mul_add(f * f, low);
         p * f32::from_bits(((n as i32 + 127) as u32) << 23)
     }
 }
