@@ -20,7 +20,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 300;
+const STEPS: usize = 480;
 const STEPS_QUICK: usize = 60;
 
 /// Measurements along a run.

@@ -21,7 +21,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 200;
+const STEPS: usize = 240;
 const STEPS_QUICK: usize = 40;
 
 /// At corruption 1, scales lie between 1 / (1 + this) and 1 + this, and shifts within half of this share of the mean.

@@ -111,6 +111,9 @@ pub struct Figure {
     /// The drawing.
     #[serde(skip)]
     pub svg: String,
+    /// What it shows, with all points.
+    #[serde(flatten)]
+    pub chart: Chart,
 }
 
 /// An experiment that was run.
@@ -141,7 +144,7 @@ impl Outcome {
                 chart.title += " (a bound is missed)";
             }
             let dash = if name.is_empty() { "" } else { "-" };
-            Figure { file: format!("{}{dash}{name}.svg", experiment.name), svg: chart.svg() }
+            Figure { file: format!("{}{dash}{name}.svg", experiment.name), svg: chart.svg(), chart }
         };
         Self {
             name: experiment.name.into(),

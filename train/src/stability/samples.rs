@@ -26,7 +26,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 150;
+const STEPS: usize = 400;
 const STEPS_QUICK: usize = 40;
 
 /// Instants of what stands for the truth.

@@ -56,6 +56,9 @@ fn run(lab: &Lab) -> Result<Findings> {
             "Places are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in any run \
              that does not know the scale."
                 .into(),
+            "The first step is the longest: Adam then moves every coefficient by its full rate, and at the window's ends those of \
+             all orders add up."
+                .into(),
         ],
     })
 }
