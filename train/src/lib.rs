@@ -57,5 +57,6 @@ pub mod run;
 pub mod run_folder;
 pub mod scene_init;
 pub mod schedule;
+pub mod stability;
 pub mod step;
 pub mod taylormode;

@@ -8,6 +8,7 @@ pub mod eval;
 pub mod export;
 pub mod info;
 pub mod render;
+pub mod stability;
 pub mod synth;
 pub mod train;
 

@@ -1,6 +1,7 @@
 //! Line and scatter charts as SVG text.
 
 use plotters::prelude::*;
+use serde::Serialize;
 
 /// Size of a chart, pixels.
 pub(crate) const SIZE: (u32, u32) = (640, 300);
@@ -18,10 +19,11 @@ const COLORS: [RGBColor; 5] = [
 const SMOOTHING: f64 = 0.1;
 
 /// A set of points that belong together.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Series {
     name: String,
     points: Vec<(f64, f64)>,
+    #[serde(skip)]
     style: Style,
 }
 
@@ -61,7 +63,7 @@ impl Series {
 }
 
 /// A chart of one or more series.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Chart {
     /// What it shows.
     pub title: String,

@@ -13,6 +13,7 @@ use crate::experiment::Config;
 use crate::run_folder::{EvalFile, MetricsLine, RunFolder};
 
 use charts::{Chart, Series};
+pub(crate) use page::escaped;
 use pictures::SideBySide;
 
 /// Writes renders/, plots/ and report.html of a run.

@@ -225,7 +225,8 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-fn escaped(text: &str) -> String {
+/// Text that cannot be taken for HTML.
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -1,0 +1,137 @@
+//! Does the blur model eat the scene (FIELD B15 c)? A blur that explains the photos perfectly leaves a scene as blurry as they are.
+
+use anyhow::Result;
+use gs_burn::render;
+use gs_datasets::Scene;
+use gs_datasets::synthetic::deblur::{DeblurOptions, World};
+use gs_models::Motion;
+
+use crate::parameters::to_host;
+use crate::report::charts::{Chart, Series};
+use crate::stability::lab::{Session, moving_psnr, small};
+use crate::stability::{Criterion, Experiment, Findings, Lab};
+
+/// See the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "absorb",
+    question: "Sharp and blurry PSNR along training by blur model: does forming the photos well make the scene sharp? And on photos \
+               that were sharp to begin with, does the model keep its hands off?",
+    steps: |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
+    run,
+};
+
+const STEPS: usize = 480;
+const STEPS_QUICK: usize = 60;
+
+/// Measurements along a run.
+const LOOKS: usize = 6;
+
+/// How a blurry photo is formed, with the changes to the lab's recipe: the exact formation, the paper's warp with its weights
+/// network and losses, and no blur model.
+const MODES: [(&str, &[&str]); 3] = [
+    ("integrate", &["blur.mode=integrate"]),
+    ("warp", &["blur.mode=warp", "blur.decouple=true", "blur.samples=7", "prior.sharp=1", "prior.until=1"]),
+    ("none", &["blur.mode=none", "prior.sharp=0"]),
+];
+
+struct Trained {
+    /// Blurry and sharp PSNR at each look.
+    along: Vec<(f64, f64)>,
+    /// Sharp PSNR of moving parts by step.
+    sharp: Vec<(f64, f64)>,
+    /// Mean change that forming blur makes to moving pixels at the end, 0 to 1.
+    blur: f64,
+}
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let blurry = lab.world(&small(World::Cube, 6))?;
+    let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Cube, 6) })?;
+    let train = |scene: &Scene| -> Result<Vec<Trained>> {
+        MODES.iter().map(|(_, changes)| trained(lab, scene, changes)).collect()
+    };
+    let (on_blurry, on_sharp) = (train(&blurry)?, train(&sharp)?);
+    let last = |trained: &Trained| trained.sharp.last().map_or(f64::NAN, |(_, psnr)| *psnr);
+    let mut criteria = Vec::new();
+    for (index, (name, _)) in MODES.iter().enumerate().take(2) {
+        let gain = last(&on_blurry[index]) - last(&on_blurry[2]);
+        let what = format!("{name}: sharp PSNR of moving parts above that without a blur model");
+        criteria.push(Criterion::at_least(what, Some(gain), 0.0, "dB"));
+    }
+    for (index, (name, _)) in MODES.iter().enumerate().take(2) {
+        let what = format!("{name}, sharp photos: mean change that the blur makes to moving pixels, of 1");
+        criteria.push(Criterion::at_most(what, Some(on_sharp[index].blur), 0.02, ""));
+        let gain = last(&on_sharp[index]) - last(&on_sharp[2]);
+        let what = format!("{name}, sharp photos: PSNR of moving parts against that without a blur model");
+        criteria.push(Criterion::at_least(what, Some(gain), -0.1, "dB"));
+    }
+    let lines = |trained: Vec<Trained>, points: fn(Trained) -> Vec<(f64, f64)>| -> Vec<Series> {
+        let named = MODES.iter().zip(trained);
+        named.map(|((name, _), trained)| Series::line_and_dots(name, points(trained))).collect()
+    };
+    Ok(Findings {
+        criteria,
+        figures: vec![
+            (
+                "",
+                Chart {
+                    title: "Forming the photos against being sharp".into(),
+                    x: "PSNR of the blurry images formed, dB".into(),
+                    y: "sharp PSNR of moving parts, dB".into(),
+                    series: lines(on_blurry, |trained| trained.along),
+                },
+            ),
+            (
+                "null",
+                Chart {
+                    title: "Null test: photos without blur".into(),
+                    x: "step".into(),
+                    y: "sharp PSNR of moving parts, dB".into(),
+                    series: lines(on_sharp, |trained| trained.sharp),
+                },
+            ),
+        ],
+        notes: vec![
+            "The set of sharp photos says that its exposure is 0, so runs begin with half a frame interval and must find that \
+             there is none."
+                .into(),
+            "FIELD.md bounds the weight that a blur network gives away from the centre; measured here is what that does to the \
+             image."
+                .into(),
+        ],
+    })
+}
+
+fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {
+    let steps = lab.either(STEPS, STEPS_QUICK);
+    // As far as the 3000 steps of a real run take the exposure.
+    let changes: Vec<&str> = changes.iter().copied().chain(["blur.exposure_lr=1.5e-2"]).collect();
+    let mut session = Session::begin(lab, scene, lab.config(steps, &changes)?);
+    let mut trained = Trained { along: Vec::new(), sharp: Vec::new(), blur: 0.0 };
+    for look in 1..=LOOKS {
+        session.until(look * steps / LOOKS)?;
+        let found = session.evaluate();
+        let blurry = found.motion.as_ref().and_then(|motion| motion.blurry_psnr).unwrap_or(f64::NAN);
+        trained.along.push((blurry, moving_psnr(&found)));
+        trained.sharp.push((found.step as f64, moving_psnr(&found)));
+    }
+    trained.blur = blur_made(&mut session, scene);
+    Ok(trained)
+}
+
+/// Mean over moving pixels of some photos of the difference between what is formed and the sharp rendering.
+fn blur_made(session: &mut Session, scene: &Scene) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for index in (0..scene.train.len()).step_by(4) {
+        let (photo, formed) = session.formed(index);
+        let Some(moving) = &scene.train[index].truth.moving else { continue };
+        let gaussians = session.scene().at(photo.time);
+        let options = session.config.render.options(gaussians.sh_degree(), session.config.data.background);
+        let sharp = to_host(render(&gaussians, &photo.camera, &options).color);
+        let formed = to_host(formed);
+        for pixel in (0..moving.len()).filter(|pixel| moving[*pixel] > 0) {
+            sum += (0..3).map(|c| f64::from((formed[3 * pixel + c] - sharp[3 * pixel + c]).abs()) / 3.0).sum::<f64>();
+            count += 1.0;
+        }
+    }
+    sum / count
+}

@@ -1,0 +1,137 @@
+//! What does a wrong depth prior cost (FIELD B16)? Networks give depth or disparity up to a scale and a shift that differ from
+//! photo to photo, and some pixels are plainly wrong.
+
+use anyhow::Result;
+use gs_datasets::synthetic::deblur::World;
+use gs_datasets::{DepthPrior, DepthSpace, Scene};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::report::charts::{Chart, Series};
+use crate::stability::findings::largest;
+use crate::stability::lab::{Session, small};
+use crate::stability::{Criterion, Experiment, Findings, Lab};
+
+/// See the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "depth",
+    question: "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does it \
+               cost with the alignment, and what without?",
+    steps: |quick| if quick { 4 * STEPS_QUICK } else { 11 * STEPS },
+    run,
+};
+
+const STEPS: usize = 240;
+const STEPS_QUICK: usize = 40;
+
+/// At corruption 1, scales lie between 1 / (1 + this) and 1 + this, and shifts within half of this share of the mean.
+const AFFINE: f64 = 0.6;
+
+/// Share of pixels whose value is replaced by another's of the photo.
+const OUTLIERS: f64 = 0.2;
+
+#[derive(Clone, Copy)]
+struct Wrong {
+    space: DepthSpace,
+    /// 0 to 1.
+    affine: f64,
+    outliers: f64,
+    /// Whether the run knows that scale and shift are unknown.
+    aligned: bool,
+}
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let scene = lab.world(&small(World::Monkey, 6))?;
+    let none = psnr(lab, &with_prior(&scene, None))?;
+    let truth = Wrong { space: DepthSpace::Depth, affine: 0.0, outliers: 0.0, aligned: false };
+    let base = psnr(lab, &with_prior(&scene, Some(truth)))?;
+    let levels: &[f64] = lab.either(&[0.5, 1.0], &[1.0]);
+    let sweep = |space, outliers, aligned| -> Result<Vec<(f64, f64)>> {
+        let at = |affine: &f64| {
+            let wrong = Wrong { space, affine: *affine, outliers, aligned };
+            Ok((*affine, psnr(lab, &with_prior(&scene, Some(wrong)))? - base))
+        };
+        levels.iter().map(at).collect()
+    };
+    let depth = sweep(DepthSpace::Depth, 0.0, true)?;
+    let disparity = if lab.quick { Vec::new() } else { sweep(DepthSpace::InverseDepth, 0.0, true)? };
+    let outliers = if lab.quick { Vec::new() } else { sweep(DepthSpace::Depth, OUTLIERS, true)? };
+    let taken = sweep(DepthSpace::Depth, 0.0, false)?;
+    let worst = |points: &[(f64, f64)]| largest(points.iter().map(|(_, change)| change.abs()));
+    let aligned = "change of PSNR from true depth, aligned";
+    let mut criteria = vec![Criterion::at_most(format!("affine error in depth: {aligned}"), worst(&depth), 0.1, "dB")];
+    if !lab.quick {
+        criteria.push(Criterion::at_most(
+            format!("affine error in disparity: {aligned}"),
+            worst(&disparity),
+            0.1,
+            "dB",
+        ));
+        criteria.push(Criterion::at_most(format!("20 % outliers as well: {aligned}"), worst(&outliers), 0.3, "dB"));
+    }
+    let from_truth = |mut points: Vec<(f64, f64)>| {
+        points.insert(0, (0.0, 0.0));
+        points
+    };
+    let without = levels.iter().map(|level| (*level, none - base)).collect();
+    let series = vec![
+        Series::line_and_dots("affine in depth, aligned", from_truth(depth)),
+        Series::line_and_dots("affine in disparity, aligned", from_truth(disparity)),
+        Series::line_and_dots("affine and 20 % outliers, aligned", outliers),
+        Series::line_and_dots("affine in depth, not aligned", from_truth(taken)),
+        Series::line("no depth prior", without),
+    ];
+    Ok(Findings {
+        criteria,
+        figures: vec![(
+            "",
+            Chart {
+                title: "What a wrong depth prior costs".into(),
+                x: "size of scale and shift errors".into(),
+                y: "PSNR above that with true depth, dB".into(),
+                series: series.into_iter().filter(|series| !series.is_empty()).collect(),
+            },
+        )],
+        notes: vec![format!(
+            "With true depth {base:.2} dB, without any {none:.2} dB; every run is of the whole image, held-out camera."
+        )],
+    })
+}
+
+fn psnr(lab: &Lab, scene: &Scene) -> Result<f64> {
+    let config = lab.config(lab.either(STEPS, STEPS_QUICK), &["prior.until=1", "prior.sharp=0", "prior.depth=0.02"])?;
+    Ok(Session::begin(lab, scene, config).finish()?.mean.psnr)
+}
+
+/// The scene with the true depth of its training photos as prior, as wrong as asked for; or without any.
+fn with_prior(scene: &Scene, wrong: Option<Wrong>) -> Scene {
+    let mut scene = scene.clone();
+    for (index, view) in scene.train.iter_mut().enumerate() {
+        // Every variant draws the same errors.
+        let mut rng = ChaCha8Rng::seed_from_u64(index as u64);
+        view.priors.depth = wrong.and_then(|wrong| Some(corrupted(view.truth.depth.as_ref()?, wrong, &mut rng)));
+    }
+    scene
+}
+
+fn corrupted(truth: &[f32], wrong: Wrong, rng: &mut ChaCha8Rng) -> DepthPrior {
+    let known = |z: f32| z > 0.0;
+    let in_space = |z: f32| match wrong.space {
+        DepthSpace::Depth => f64::from(z),
+        DepthSpace::InverseDepth => 1.0 / f64::from(z),
+    };
+    let true_values: Vec<f64> = truth.iter().filter(|z| known(**z)).map(|z| in_space(*z)).collect();
+    let mean = true_values.iter().sum::<f64>() / true_values.len().max(1) as f64;
+    let scale = ((1.0 + AFFINE * wrong.affine).ln() * rng.random_range(-1.0..=1.0)).exp();
+    let shift = 0.5 * AFFINE * wrong.affine * mean * rng.random_range(-1.0..=1.0);
+    let values = truth.iter().map(|z| {
+        let (other, draw) = (rng.random::<u64>(), rng.random::<f64>());
+        if !known(*z) {
+            return 0.0;
+        }
+        let value = if draw < wrong.outliers { true_values[other as usize % true_values.len()] } else { in_space(*z) };
+        // A prior that is not positive would count as unknown.
+        (scale * value + shift).max(1e-3 * mean) as f32
+    });
+    DepthPrior { values: values.collect(), space: wrong.space, metric: !wrong.aligned }
+}

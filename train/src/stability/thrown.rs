@@ -1,0 +1,123 @@
+//! Does early training throw Gaussians away (FIELD B20)? Deformation fields have thrown points out of the scene when the
+//! scene's unit was not the one they were tuned for.
+
+use anyhow::Result;
+use burn::tensor::Tensor;
+use gs_datasets::Scene;
+use gs_datasets::synthetic::deblur::World;
+
+use crate::report::charts::{Chart, Series};
+use crate::stability::findings::largest;
+use crate::stability::lab::{Session, small};
+use crate::stability::{Criterion, Experiment, Findings, Lab};
+use crate::taylormode::config::MaskSource;
+
+/// See the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "thrown",
+    question: "Scenes 1e-2 to 1e2 times as large: does a step ever move a Gaussian far, anywhere in the recording, and is the \
+               deformation nothing before the first?",
+    steps: |quick| if quick { 2 * STEPS_QUICK } else { 5 * STEPS },
+    run,
+};
+
+const STEPS: usize = 60;
+const STEPS_QUICK: usize = 12;
+
+/// Times of the window at which places are compared, normalised.
+const TIMES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let scene = lab.world(&small(World::Sphere, 6))?;
+    let exponents: &[i32] = lab.either(&[-2, -1, 0, 1, 2], &[-2, 2]);
+    let (mut series, mut first, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    for exponent in exponents {
+        let scaled = scaled(&scene, 10f64.powi(*exponent));
+        first.push(untouched(lab, &scaled)?);
+        let curve = trained(lab, &scaled)?;
+        steps.extend(curve.iter().map(|(_, share)| *share));
+        series.push(Series::line(&format!("scale 1e{exponent}"), curve));
+    }
+    Ok(Findings {
+        criteria: vec![
+            Criterion::zero("displacement before the first step, remainder on, no path known", largest(first), ""),
+            Criterion::at_most("farthest that a step moved a Gaussian, share of the scene's extent", largest(steps), 0.01, ""),
+        ],
+        figures: vec![(
+            "",
+            Chart {
+                title: "Farthest that a step moves a Gaussian".into(),
+                x: "step".into(),
+                y: "share of the scene's extent".into(),
+                series,
+            },
+        )],
+        notes: vec![
+            "Places are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in any run \
+             that does not know the scale."
+                .into(),
+            "The first step is the longest: Adam then moves every coefficient by its full rate, and at the window's ends those of \
+             all orders add up."
+                .into(),
+        ],
+    })
+}
+
+fn changes() -> [&'static str; 4] {
+    // The count must rest and no path may be lowered, so that rows stay the same Gaussians.
+    ["density.strategy=none", "motion.select=false", "motion.remainder=on", "prior.sharp=0"]
+}
+
+/// Largest displacement before any step where nothing is known about motion, scene units.
+fn untouched(lab: &Lab, scene: &Scene) -> Result<f64> {
+    let mut config = lab.config(1, &changes())?;
+    config.motion.masks = MaskSource::None;
+    let session = Session::begin(lab, scene, config);
+    let motion = session.scene().motion;
+    let window = motion.window;
+    Ok(TIMES.iter().map(|s| most(motion.displacement(window.t0 + s * window.half))).fold(0.0, f64::max))
+}
+
+/// For each step, the farthest that it moved a Gaussian, in scene extents.
+fn trained(lab: &Lab, scene: &Scene) -> Result<Vec<(f64, f64)>> {
+    let steps = lab.either(STEPS, STEPS_QUICK);
+    let mut session = Session::begin(lab, scene, lab.config(steps, &changes())?);
+    let extent = session.trainer.extent;
+    let mut before = places(&session);
+    let mut curve = Vec::new();
+    for step in 1..=steps {
+        session.step()?;
+        let after = places(&session);
+        let moved = before.iter().zip(&after).map(|(a, b)| most(b.clone() - a.clone())).fold(0.0, f64::max);
+        curve.push((step as f64, moved / extent));
+        before = after;
+    }
+    Ok(curve)
+}
+
+fn places(session: &Session) -> Vec<Tensor<2>> {
+    let scene = session.scene();
+    let window = scene.motion.window;
+    TIMES.iter().map(|s| scene.motion.means_at(scene.gaussians.means.val(), window.t0 + s * window.half)).collect()
+}
+
+/// The longest row.
+fn most(rows: Tensor<2>) -> f64 {
+    let squares = (rows.clone() * rows).sum_dim(1).max();
+    f64::from(squares.into_scalar::<f32>()).sqrt()
+}
+
+/// The scene in another unit of length.
+fn scaled(scene: &Scene, factor: f64) -> Scene {
+    let mut scene = scene.clone();
+    for view in scene.train.iter_mut().chain(&mut scene.test) {
+        let place = view.c2w.w_axis.truncate() * factor;
+        view.c2w.w_axis = place.extend(1.0);
+        // Depth priors are aligned to the rendering or dropped: what counts here is motion.
+        view.priors.depth = None;
+    }
+    for position in scene.points.iter_mut().flat_map(|points| &mut points.positions) {
+        *position = position.map(|x| (f64::from(x) * factor) as f32);
+    }
+    scene
+}
