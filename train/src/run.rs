@@ -208,7 +208,11 @@ impl<'a> Run<'a> {
     fn introduce_motion(&self, scene: &Scene, found: &Found) {
         let (exposure, warning) = hints::first_exposure(scene, &self.request.config);
         let moving = self.trainer.motion.as_ref().map_or(0, |state| state.rows.len());
-        let path = self.trainer.motion.as_ref().map_or(String::new(), |state| found.path_in_words(state, &self.request.config));
+        let path = self
+            .trainer
+            .motion
+            .as_ref()
+            .map_or(String::new(), |state| found.path_in_words(state, &self.request.config));
         self.progress.say(&format!(
             "{moving} Gaussians may move, by {}; exposure {exposure:.4} to begin with{path}",
             found.origin()

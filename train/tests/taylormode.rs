@@ -52,7 +52,8 @@ fn resumes_to_the_same_bits(more: &[&str]) {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let world = tiny_world(folder);
-    let checkpoint = |request: &RunRequest| std::fs::read(request.folder.checkpoint(STEPS)).expect("the last checkpoint");
+    let checkpoint =
+        |request: &RunRequest| std::fs::read(request.folder.checkpoint(STEPS)).expect("the last checkpoint");
     let whole = request(&world, &folder.join("whole"), more);
     common::finish(&whole);
 

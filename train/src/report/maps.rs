@@ -100,6 +100,7 @@ mod tests {
         assert!(brightness(1) > brightness(50) && brightness(50) > brightness(99));
         assert_eq!(depth_colors(&[1.0, f32::NAN, -1.0], &[0.0, 1.0, 1.0]), [0; 9]);
         assert_eq!(velocity_colors(&[0.0; 3]), [127; 3]);
-        assert_eq!(velocity_colors(&[1.0, 0.0, -1.0]), [255, 127, 0]);
+        assert_eq!(velocity_colors(&[1.0, 0.0, 0.0]), [255, 127, 127]);
+        assert_eq!(velocity_colors(&[0.0, 0.0, -1.0]), [127, 127, 0]);
     }
 }

@@ -38,7 +38,9 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
         _ => (first.fixed as u32..count as u32).collect(),
     };
     if nothing_found && config.motion.masks != MaskSource::None {
-        tracing::warn!("no place was found where something moves: every Gaussian may move, and selection stops the others");
+        tracing::warn!(
+            "no place was found where something moves: every Gaussian may move, and selection stops the others"
+        );
     }
     let path = Trajectory::fit(&found.centres, config.motion.order_max);
     let order = path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);

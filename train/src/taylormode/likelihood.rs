@@ -92,9 +92,13 @@ fn blur_area(parameters: &Parameters, state: &MotionState, views: &[View]) -> f6
     let means = to_host(gaussians.means.val());
     let scales = crate::taylormode::select::pixels_per_unit(&means, &state.rows, views);
     let exposure = state.exposure();
-    let lengths = speeds.as_chunks::<3>().0.iter().zip(&scales).filter(|(_, scale)| scale.is_finite()).map(|(v, scale)| {
-        v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() * exposure * scale
-    });
+    let lengths = speeds
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .zip(&scales)
+        .filter(|(_, scale)| scale.is_finite())
+        .map(|(v, scale)| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() * exposure * scale);
     let lengths: Vec<f64> = lengths.collect();
     (lengths.iter().sum::<f64>() / lengths.len().max(1) as f64).max(1.0)
 }

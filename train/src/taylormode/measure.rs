@@ -139,7 +139,8 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
     let usize_of = |orders: &[u8]| -> Vec<usize> { orders.iter().map(|order| usize::from(*order)).collect() };
     // Rendering needs the 3D remainder; the other networks only form blur in training.
     let remainder = state.networks.iter().filter(|network| network.kind == Network::Remainder);
-    let network = remainder.flat_map(|network| &network.tensors).map(|tensor| tensor.value.dims().iter().product::<usize>());
+    let network =
+        remainder.flat_map(|network| &network.tensors).map(|tensor| tensor.value.dims().iter().product::<usize>());
     let size = Size {
         gaussians: gaussians.len(),
         sh_coefficients: gaussians.sh.dims()[1],
