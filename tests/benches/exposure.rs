@@ -10,14 +10,11 @@ mod workloads;
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, ExposureOptions, Gaussians, Intrinsics, MovingSample, render, render_exposure};
 
-#[path = "../../gs-kernels/tests/scenes/mod.rs"]
-mod generator;
-
 #[path = "../../gs-kernels/tests/scenes/clock.rs"]
 mod clock;
 
 use clock::cpu_seconds;
-use generator::Random;
+use workloads::generator::{self, Random};
 
 const COUNT: usize = 10_000;
 const MOVERS: usize = 1_000;

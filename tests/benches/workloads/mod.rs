@@ -18,7 +18,7 @@ use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, ply, render}
 use gs_kernels::config::ProjectionConfig;
 
 #[path = "../../../gs-kernels/tests/scenes/mod.rs"]
-mod generator;
+pub mod generator;
 
 /// A scene and a camera, without gradient tracking.
 pub struct Workload {

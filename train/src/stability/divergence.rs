@@ -175,7 +175,7 @@ fn remainder_slope(order: usize, device: &Device) -> f64 {
     motion.remainder = Some(Remainder { weights: Tensor::from_data(TensorData::new(weights, [1, 15]), device), order });
     let size = |t: f64| to_host(motion.displacement(t)).iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
     let (near, far) = (1e-3, 1e-2);
-    (size(far) / size(near)).ln() / (far / near as f64).ln()
+    (size(far) / size(near)).ln() / (far / near).ln()
 }
 
 /// Error over |s| by order, and of the highest order with the remainder.
