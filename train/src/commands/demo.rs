@@ -18,12 +18,12 @@ use crate::run_folder::RunFolder;
 /// within two minutes on two old cores.
 pub const RECIPE: [&str; 17] = [
     "pipeline=taylormode",
-    "steps=1000",
+    "steps=1800",
     "model.sh_degree=1",
-    "density.cap=9000",
+    "density.cap=12000",
     "density.start=100",
     "density.growth=0.1",
-    "motion.points=2000",
+    "motion.points=3000",
     "blur.samples=5",
     "blur.decouple=false",
     "prior.sharp=0.2",
@@ -46,12 +46,12 @@ pub const STILL_RECIPE: [&str; 6] = [
     "eval.at=[300]",
 ];
 
-/// The demo's blurry video: a bouncing ball seen by nine cameras, one of them held out.
+/// The demo's blurry video: a sliding, turning box seen by nine cameras, one of them held out.
 fn video() -> DeblurOptions {
     DeblurOptions {
-        world: World::Sphere,
-        width: 192,
-        height: 144,
+        world: World::Cube,
+        width: 256,
+        height: 192,
         cameras: 9,
         held_out: 1,
         frames: 12,
