@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::random::{Purpose, stream};
+use crate::taylormode::hints::Found;
 
 /// Which views are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -255,19 +256,20 @@ pub struct Hints {
 }
 
 impl Hints {
-    fn set_moving(&mut self, view: &View, mask: &[u8], device: &Device) {
-        self.moving = Some(to_tensor(view, mask, 1, device));
-        self.pixels = Pixels::masked(mask, view.width, view.height, device);
+    /// Those of `view`, the `index`-th of the views that `found` is about.
+    fn new(found: &Found, index: usize, view: &View, device: &Device) -> Self {
+        // Where no motion was looked for (`motion.masks = "none"`) every Gaussian may move, but the pseudo-sharp photo still
+        // stands only where the data set says that something does.
+        let moving = found.masks.masks.get(index).unwrap_or(&view.priors.moving).as_deref();
+        let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
+        Self {
+            moving: moving.map(|mask| to_tensor(view, mask, 1, device)),
+            pixels: moving.and_then(|mask| Pixels::masked(mask, view.width, view.height, device)),
+            sharp: view.priors.sharp.as_ref().map(|image| to_tensor(view, &image.data, 3, device)),
+            depth: view.priors.depth.as_ref().map(depth),
+            guide: found.guides.get(index).copied().flatten(),
+        }
     }
-}
-
-/// Motion as found before training, one entry per view; empty where nothing was looked for.
-#[derive(Debug, Clone, Default)]
-pub struct MotionHints {
-    /// `[H * W]` per view: 255 where something moves.
-    pub masks: Vec<Option<Vec<u8>>>,
-    /// Per view: world velocity of the moving object's centre.
-    pub guides: Vec<Option<[f64; 3]>>,
 }
 
 /// Views as tensors, converted when asked for and kept while they fit the cache.
@@ -277,23 +279,18 @@ pub struct Photos<'a> {
     device: Device,
     kept: Vec<Option<Photo>>,
     room: usize,
-    motion: MotionHints,
+    motion: Option<Found>,
 }
 
 impl<'a> Photos<'a> {
     /// `views` for `device` (without autodiff), keeping at most `cache_bytes` of converted photos.
     pub fn new(views: &'a [View], device: &Device, cache_bytes: usize) -> Self {
-        Self {
-            views,
-            device: device.clone(),
-            kept: vec![None; views.len()],
-            room: cache_bytes,
-            motion: MotionHints::default(),
-        }
+        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes, motion: None }
     }
 
-    /// The same photos with what was found about motion in them.
-    pub fn with_motion(self, motion: MotionHints) -> Self {
+    /// The same photos with what was found about motion in them, one entry of `motion` per view; with `None`, photos come
+    /// without hints.
+    pub fn with_motion(self, motion: Option<Found>) -> Self {
         Self { motion, ..self }
     }
 
@@ -309,15 +306,9 @@ impl<'a> Photos<'a> {
         }
         let view = &self.views[index];
         let mut photo = upload(view, &self.device);
-        if let Some(Some(mask)) = self.motion.masks.get(index) {
-            photo.hints.set_moving(view, mask, &self.device);
+        if let Some(found) = &self.motion {
+            photo.hints = Hints::new(found, index, view, &self.device);
         }
-        if let (None, Some(mask)) = (&photo.hints.moving, &view.priors.moving)
-            && self.motion.masks.is_empty()
-        {
-            photo.hints.set_moving(view, mask, &self.device);
-        }
-        photo.hints.guide = self.motion.guides.get(index).copied().flatten();
         let bytes = 4 * view.width * view.height * photo.channels();
         if bytes <= self.room {
             self.room -= bytes;
@@ -339,20 +330,13 @@ pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
 
 fn upload(view: &View, device: &Device) -> Photo {
     let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
-    let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
     Photo {
         camera: camera(view, device),
         image: tensor(&view.image.data, 3),
         mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
         time: view.time.unwrap_or(0.0),
         exposure: view.exposure,
-        hints: Hints {
-            moving: None,
-            pixels: None,
-            sharp: view.priors.sharp.as_ref().map(|image| tensor(&image.data, 3)),
-            depth: view.priors.depth.as_ref().map(depth),
-            guide: None,
-        },
+        hints: Hints::default(),
     }
 }
 

@@ -48,9 +48,9 @@ impl Prediction {
         let views = || scene.train.iter().chain(&scene.test);
         let all_pixels: u64 = views().map(pixels).sum();
         let largest: u64 = views().map(pixels).max().unwrap_or(0);
-        // Masks as found, and as they are kept for the steps.
+        // Masks as found.
         let moving = config.pipeline == crate::experiment::Pipeline::Taylormode;
-        let masks = if moving { 2 * scene.train.iter().map(pixels).sum::<u64>() } else { 0 };
+        let masks = if moving { scene.train.iter().map(pixels).sum::<u64>() } else { 0 };
         let cached = (12 * all_pixels).min((config.data.cache_mb as u64) << 20);
         Self {
             gaussians: 3 * 4 * floats * cap,

@@ -71,10 +71,10 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
         );
     }
     let prediction = Prediction::new(&scene, config);
-    let mut run = Run::begin(request, &scene, prediction)?;
-    let found = (config.pipeline == Pipeline::Taylormode).then(|| hints::gather(&scene, config));
-    let mut photos = Photos::new(&scene.train, &request.device, config.data.cache_mb << 20)
-        .with_motion(found.as_ref().map(|found| found.hints.clone()).unwrap_or_default());
+    let saved = saved_trainer(request)?;
+    let found = hints::gather(&scene, config);
+    let trainer = saved.unwrap_or_else(|| Trainer::begin(&scene, found.as_ref(), config, &request.device));
+    let mut run = Run::begin(request, &scene, trainer, prediction)?;
     let mut sampler = Sampler::new(config.seed, scene.train.len());
     let curriculum = run.trainer.motion.as_ref().and_then(|state| {
         let steps = (config.motion.curriculum * config.steps as f64) as usize;
@@ -84,6 +84,7 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     if let Some(found) = &found {
         run.introduce_motion(&scene, found);
     }
+    let mut photos = Photos::new(&scene.train, &request.device, config.data.cache_mb << 20).with_motion(found);
 
     while run.trainer.step < config.steps {
         if interrupt::asked() || request.stop_at == Some(run.trainer.step) {
@@ -107,6 +108,18 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     }
     drop(photos);
     run.finish(&scene)
+}
+
+/// The state of the newest checkpoint, where the run is to be continued and has one.
+fn saved_trainer(request: &RunRequest) -> Result<Option<Trainer>> {
+    let newest = request.resume.then(|| request.folder.saved().pop()).flatten();
+    let Some((_, path)) = newest else { return Ok(None) };
+    let checkpoint = Checkpoint::load(&path, &request.device)?;
+    if checkpoint.config != request.config {
+        let config = request.folder.config();
+        bail!("{}: expected the configuration of {}, found another one", path.display(), config.display());
+    }
+    Ok(Some(checkpoint.trainer))
 }
 
 /// Training time so far, what observers do left out.
@@ -139,23 +152,8 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn begin(request: &'a RunRequest, scene: &Scene, prediction: Prediction) -> Result<Self> {
+    fn begin(request: &'a RunRequest, scene: &Scene, trainer: Trainer, prediction: Prediction) -> Result<Self> {
         let folder = &request.folder;
-        let saved = if request.resume { folder.saved().pop() } else { None };
-        let trainer = match saved {
-            Some((_, path)) => {
-                let checkpoint = Checkpoint::load(&path, &request.device)?;
-                if checkpoint.config != request.config {
-                    bail!(
-                        "{}: expected the configuration of {}, found another one",
-                        path.display(),
-                        folder.config().display()
-                    );
-                }
-                checkpoint.trainer
-            }
-            None => Trainer::begin(scene, &request.config, &request.device),
-        };
         folder.make()?;
         folder.prune_checkpoints(request.config.checkpoint.keep);
         folder.write_config(&request.config, &request.dataset)?;
@@ -208,11 +206,7 @@ impl<'a> Run<'a> {
     fn introduce_motion(&self, scene: &Scene, found: &Found) {
         let (exposure, warning) = hints::first_exposure(scene, &self.request.config);
         let moving = self.trainer.motion.as_ref().map_or(0, |state| state.rows.len());
-        let path = self
-            .trainer
-            .motion
-            .as_ref()
-            .map_or(String::new(), |state| found.path_in_words(state, &self.request.config));
+        let path = self.trainer.motion.as_ref().map_or(String::new(), |state| found.path_in_words(state));
         self.progress.say(&format!(
             "{moving} Gaussians may move, by {}; exposure {exposure:.4} to begin with{path}",
             found.origin()

@@ -9,14 +9,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
 use crate::density::{Changes, Density, Moment, Observation};
-use crate::experiment::{Config, Pipeline};
+use crate::experiment::Config;
 use crate::losses::loss;
 use crate::optimiser::Optimiser;
 use crate::parameters::{Gradients, Parameters};
 use crate::scene_init::{first_gaussians, size_of};
 use crate::schedule::{due, sh_degree};
+use crate::taylormode;
+use crate::taylormode::hints::Found;
 use crate::taylormode::state::{MotionGradients, MotionState};
-use crate::taylormode::{self};
 
 /// What a Gaussian stores.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,14 +121,15 @@ pub(crate) struct Compared {
 }
 
 impl Trainer {
-    /// The state before the first step, on `device` (without autodiff).
-    pub fn begin(scene: &Scene, config: &Config, device: &burn::tensor::Device) -> Self {
-        match config.pipeline {
-            Pipeline::Static => {
+    /// The state before the first step, on `device` (without autodiff), from what [`gather`](taylormode::hints::gather)
+    /// found in the scene; `None`: a scene that stands still.
+    pub fn begin(scene: &Scene, found: Option<&Found>, config: &Config, device: &burn::tensor::Device) -> Self {
+        match found {
+            None => {
                 let first = first_gaussians(scene, &config.init, config.density.cap, config.seed);
                 Self::from_parts(Parameters::first(&first, device), None, size_of(scene), config)
             }
-            Pipeline::Taylormode => taylormode::init::begin(scene, config, device),
+            Some(found) => taylormode::init::begin(scene, found, config, device),
         }
     }
 

@@ -95,7 +95,8 @@ fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
             "prior.depth=0",
         ],
     )?;
-    let path = Trajectory::fit(&hints::gather(scene, &config).centres, 3);
+    // Of the whole recording, however few frames training sees.
+    let path = hints::gather(scene, &config).and_then(|found| Trajectory::fit(&found.centres, 3));
     let mut session = Session::begin(lab, &part, config);
     let (device, state) = (lab.device.clone(), session.state());
     let window = state.window;

@@ -13,7 +13,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::data::{Photo, Photos, Sampler};
 use crate::evaluate::{Evaluation, Evaluator};
-use crate::experiment::{Config, Pipeline};
+use crate::experiment::Config;
 use crate::interrupt;
 use crate::stability::Request;
 use crate::step::{StepReport, Trainer};
@@ -174,11 +174,10 @@ pub struct Session<'a> {
 impl<'a> Session<'a> {
     /// Before the first step, as `run` begins.
     pub fn begin(lab: &'a Lab, scene: &'a Scene, config: Config) -> Self {
-        let moving = config.pipeline == Pipeline::Taylormode;
-        let hints = if moving { hints::gather(scene, &config).hints } else { Default::default() };
+        let found = hints::gather(scene, &config);
         Self {
-            trainer: Trainer::begin(scene, &config, &lab.device),
-            photos: Photos::new(&scene.train, &lab.device, config.data.cache_mb << 20).with_motion(hints),
+            trainer: Trainer::begin(scene, found.as_ref(), &config, &lab.device),
+            photos: Photos::new(&scene.train, &lab.device, config.data.cache_mb << 20).with_motion(found),
             sampler: Sampler::new(config.seed, scene.train.len()),
             lab,
             scene,

@@ -5,35 +5,37 @@ use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks, Trajectory};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
-use crate::data::MotionHints;
-use crate::experiment::Config;
+use crate::experiment::{Config, Pipeline};
 use crate::taylormode::config::MaskSource;
 use crate::taylormode::state::MotionState;
 
 /// What was found.
 #[derive(Debug, Clone, Default)]
 pub struct Found {
-    /// Per training view: the moving pixels, and the centre's velocity.
-    pub hints: MotionHints,
-    /// The moving pixels as they came, with where they are from.
+    /// Per training view: the moving pixels, and where they are from; empty where nothing was looked for.
     pub masks: MovingMasks,
+    /// Per training view: world velocity of the centre of what moves, scene units per unit of time; empty likewise.
+    pub guides: Vec<Option<[f64; 3]>>,
     /// The centre of what moves, by time.
     pub centres: Vec<Centre>,
+    /// The centre's path; `None` without centres at two times.
+    pub path: Option<Trajectory>,
     /// Pixels that one scene unit spans at the centre, mean over the training views; 0 without centres.
     pub pixels_per_unit: f64,
     /// What was left out, in sentences.
     pub warnings: Vec<String>,
 }
 
-/// Looks at the training views.
-pub fn gather(scene: &Scene, config: &Config) -> Found {
+/// Looks at the training views, once for a run; `None` in a pipeline in which nothing moves.
+pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
+    if config.pipeline == Pipeline::Static {
+        return None;
+    }
     let source = match config.motion.masks {
         MaskSource::Auto => motion::MaskSource::Auto,
         MaskSource::Prior => motion::MaskSource::Prior,
         MaskSource::Evidence => motion::MaskSource::Evidence,
-        MaskSource::None => {
-            return Found::default();
-        }
+        MaskSource::None => return Some(Found::default()),
     };
     let masks = motion::moving_masks(scene, source);
     let motion::Centres { centres, notes } = motion::centres(scene, &masks.masks);
@@ -41,10 +43,14 @@ pub fn gather(scene: &Scene, config: &Config) -> Found {
         let velocity = motion::guide_velocity(&centres, view.time?)?;
         Some(velocity.to_array())
     });
-    let hints = MotionHints { masks: masks.masks.clone(), guides: guides.collect() };
-    let warnings = masks.warnings.iter().cloned().chain(notes).collect();
-    let pixels_per_unit = pixels_per_unit(scene, &centres);
-    Found { hints, masks, centres, pixels_per_unit, warnings }
+    Some(Found {
+        guides: guides.collect(),
+        warnings: masks.warnings.iter().cloned().chain(notes).collect(),
+        path: Trajectory::fit(&centres, config.motion.order_max),
+        pixels_per_unit: pixels_per_unit(scene, &centres),
+        masks,
+        centres,
+    })
 }
 
 fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
@@ -59,8 +65,8 @@ fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
 
 impl Found {
     /// What is known of the centre's path, and what paths begin with, in words.
-    pub fn path_in_words(&self, state: &MotionState, config: &Config) -> String {
-        let Some(path) = Trajectory::fit(&self.centres, config.motion.order_max) else { return String::new() };
+    pub fn path_in_words(&self, state: &MotionState) -> String {
+        let Some(path) = &self.path else { return String::new() };
         let remainder = if state.remainder.is_some() { " and a remainder" } else { "" };
         format!(
             "; its centre is {:.2} pixels (rms) from a path of order {}, paths begin with order {}{remainder}",

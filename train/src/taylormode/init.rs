@@ -13,24 +13,23 @@ use crate::parameters::{Parameters, from_host};
 use crate::scene_init::{FirstGaussians, gaussians_at, size_of};
 use crate::step::Trainer;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
-use crate::taylormode::hints::{Found, first_exposure, gather, window};
+use crate::taylormode::hints::{Found, first_exposure, window};
 use crate::taylormode::learned::Learned;
 use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame, still};
 
-/// The state before the first step.
-pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
-    let found = gather(scene, config);
+/// The state before the first step, on what was `found` in the training views.
+pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> Trainer {
     let (exposure, _) = first_exposure(scene, config);
     let window = window(scene, exposure);
     let extent = size_of(scene);
 
-    let (still_points, moving_points) = first_points(scene, &found, config, window.t0);
+    let (still_points, moving_points) = first_points(scene, found, config, window.t0);
     let fixed = gaussians_of(scene, still_points.as_ref(), config, config.density.cap);
     let room = config.density.cap.saturating_sub(fixed.means.len()).max(1);
     let moving = gaussians_of(scene, Some(&moving_points), config, room.min(config.motion.points));
     let first = joined(fixed, moving);
 
-    let count = first.means.len();
+    let count = first.gaussians.means.len();
     let nothing_found = first.fixed == count;
     let rows: Vec<u32> = match config.motion.masks {
         _ if nothing_found => (0..count as u32).collect(),
@@ -42,14 +41,14 @@ pub fn begin(scene: &Scene, config: &Config, device: &Device) -> Trainer {
             "no place was found where something moves: every Gaussian may move, and selection stops the others"
         );
     }
-    let path = Trajectory::fit(&found.centres, config.motion.order_max);
-    let order = path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);
+    let order = found.path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
-    if let Some(path) = path.filter(|_| config.motion.masks != MaskSource::None && order > 0) {
-        let row = displacement_blocks(&path, window, order);
+    // Without masks there is no centre, and no path of it.
+    if let Some(path) = found.path.as_ref().filter(|_| order > 0) {
+        let row = displacement_blocks(path, window, order);
         state.position = Learned::new(from_host(row.repeat(state.rows.len()), 3 * order, device));
     }
-    (state.networks, state.remainder) = networks(&state, &found, &first.means, config, device);
+    (state.networks, state.remainder) = networks(&state, found, &first.gaussians.means, config, device);
     let parameters = Parameters::first(&first.gaussians, device);
     Trainer::from_parts(parameters, Some(state), extent, config)
 }
@@ -101,7 +100,7 @@ pub fn wants_remainder(found: &Found, config: &Config) -> bool {
         RemainderChoice::On => true,
         RemainderChoice::Off => false,
         RemainderChoice::Auto => {
-            let Some(path) = Trajectory::fit(&found.centres, config.motion.order_max) else { return false };
+            let Some(path) = &found.path else { return false };
             let residuals: Vec<[f64; 3]> =
                 found.centres.iter().map(|centre| (centre.position - path.position(centre.t)).to_array()).collect();
             let count = residuals.len().max(1) as f64;
@@ -187,8 +186,8 @@ fn backgrounds(scene: &Scene) -> Vec<View> {
 
 struct First {
     gaussians: FirstGaussians,
+    /// How many of them, the first ones, stand still.
     fixed: usize,
-    means: Vec<[f32; 3]>,
 }
 
 fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
@@ -200,7 +199,7 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
         sh_dc: [fixed.sh_dc, moving.sh_dc].concat(),
         opacity_logit,
     };
-    First { means: gaussians.means.clone(), gaussians, fixed: count }
+    First { gaussians, fixed: count }
 }
 
 /// Times at which a path is sampled for each order it is fitted with.
