@@ -7,14 +7,13 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::Gaussians;
 use gs_burn::ply;
-use gs_models::taylormode::TaylorScene;
-use gs_models::{Motion, Static};
+use gs_models::Motion;
 
 use crate::checkpoint::Checkpoint;
 use crate::experiment::Config;
 use crate::parameters::{Group, Parameters, indices};
 use crate::run_folder::RunFolder;
-use crate::taylormode::state::MotionState;
+use crate::taylormode::state::{MotionState, model};
 
 /// A scene from a file, with what is known about it.
 #[derive(Debug, Clone)]
@@ -36,13 +35,7 @@ pub struct LoadedScene {
 impl LoadedScene {
     /// The scene as something that has Gaussians at any time.
     pub fn model(&self) -> Box<dyn Motion> {
-        match &self.motion {
-            None => Box::new(Static::new(self.gaussians.clone())),
-            Some(state) => {
-                let motion = state.motion(&self.gaussians);
-                Box::new(TaylorScene { gaussians: self.gaussians.clone(), motion })
-            }
-        }
+        model(self.gaussians.clone(), self.motion.as_ref())
     }
 
     /// The time it is shown at when none is asked for: the middle of the recording.

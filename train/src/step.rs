@@ -3,8 +3,7 @@
 use burn::tensor::Tensor;
 use gs_burn::{Extras, RenderOptions, render_with};
 use gs_datasets::{Scene, View};
-use gs_models::taylormode::TaylorScene;
-use gs_models::{Motion, Static};
+use gs_models::Motion;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
@@ -17,7 +16,7 @@ use crate::scene_init::{first_gaussians, size_of};
 use crate::schedule::{due, sh_degree};
 use crate::taylormode;
 use crate::taylormode::hints::Found;
-use crate::taylormode::state::{MotionGradients, MotionState};
+use crate::taylormode::state::{MotionGradients, MotionState, model};
 
 /// What a Gaussian stores.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -152,13 +151,7 @@ impl Trainer {
 
     /// The scene as it is now, without autodiff.
     pub fn model(&self) -> Box<dyn Motion> {
-        match &self.motion {
-            None => Box::new(Static::new(self.parameters.gaussians())),
-            Some(state) => {
-                let gaussians = self.parameters.gaussians();
-                Box::new(TaylorScene { motion: state.motion(&gaussians), gaussians })
-            }
-        }
+        model(self.parameters.gaussians(), self.motion.as_ref())
     }
 
     /// Share of the run done before this step, 0 to 1.

@@ -244,9 +244,8 @@ impl<'a> Session<'a> {
     /// # Panics
     /// In a static run, which has none.
     pub fn scene(&self) -> TaylorScene {
-        let gaussians = self.trainer.parameters.gaussians();
         let state = self.trainer.motion.as_ref().expect("the run's pipeline moves");
-        TaylorScene { motion: state.motion(&gaussians), gaussians }
+        state.scene(self.trainer.parameters.gaussians())
     }
 
     /// Training photo `index`, and what the run forms in its place, `[H, W, 3]`, without going on.

@@ -4,7 +4,8 @@ use burn::tensor::{Device, Int, Tensor};
 use gs_burn::Gaussians;
 use gs_burn::ops::adam::AdamConfig;
 use gs_models::network::Mlp;
-use gs_models::taylormode::{Exposure, Remainder, RemainderNetwork, TaylorMotion, TimeWindow};
+use gs_models::taylormode::{Exposure, Remainder, RemainderNetwork, TaylorMotion, TaylorScene, TimeWindow};
+use gs_models::{Motion, Static};
 
 use crate::parameters::{from_host, indices};
 use crate::taylormode::learned::{Learned, gradient_of};
@@ -131,7 +132,21 @@ pub struct MotionRates {
     pub remainder: f64,
 }
 
+/// `gaussians` as something that has Gaussians at any time: moving as `motion` says, or standing still without one. Outside
+/// autodiff.
+pub fn model(gaussians: Gaussians, motion: Option<&MotionState>) -> Box<dyn Motion> {
+    match motion {
+        None => Box::new(Static::new(gaussians)),
+        Some(state) => Box::new(state.scene(gaussians)),
+    }
+}
+
 impl MotionState {
+    /// `gaussians` with the motion, outside autodiff.
+    pub fn scene(&self, gaussians: Gaussians) -> TaylorScene {
+        TaylorScene { motion: self.motion(&gaussians), gaussians }
+    }
+
     /// The motion of `gaussians`, outside autodiff.
     pub fn motion(&self, gaussians: &Gaussians) -> TaylorMotion {
         let tensors = |network: &LearnedNetwork| network.tensors.iter().map(|tensor| tensor.value.clone()).collect();
