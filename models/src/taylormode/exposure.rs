@@ -27,6 +27,11 @@ impl Samples {
         };
         (0..count).map(one).collect()
     }
+
+    /// The samples as moments around `t` of an exposure of `tau`, both in the data set's unit of time.
+    pub fn instants(self, t: f64, tau: f64, count: usize) -> Vec<Instant> {
+        self.offsets(count).into_iter().map(|offset| Instant::from(t + offset * tau)).collect()
+    }
 }
 
 /// How long the shutter is open, learned as a logarithm so that it stays positive.

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use burn::tensor::Tensor;
-use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
+use gs_burn::exposure::ExposureOptions;
 use gs_burn::render;
 use gs_datasets::View;
 use gs_datasets::synthetic::deblur::World;
@@ -16,6 +16,7 @@ use crate::report::charts::{Chart, Series};
 use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
+use crate::taylormode::blur::expose;
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {
@@ -104,16 +105,11 @@ impl Former<'_> {
     /// The blurred image from `count` instants, `[H, W, 3]`.
     fn form(&self, count: usize) -> Vec<f32> {
         let gaussians = &self.model.gaussians;
-        let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
-        let sample = |offset: f64| {
-            let (means, quats) = self.model.motion.sample_rows(&means, &quats, self.time() + offset * self.tau);
-            MovingSample { means, quats }
-        };
-        let samples: Vec<MovingSample> = Samples::Middles.offsets(count).into_iter().map(sample).collect();
+        let instants = Samples::Middles.instants(self.time(), self.tau, count);
         let render = self.config.render.options(gaussians.sh_degree(), self.config.data.background);
         let options = ExposureOptions { render, linear: true };
         let camera = camera(self.view, &gaussians.device());
-        to_host(render_exposure(gaussians, self.rows, &samples, &camera, &options, None).color)
+        to_host(expose(self.model, self.rows, &instants, &camera, &options, None).color)
     }
 
     fn sharp(&self) -> Vec<f32> {

@@ -1,13 +1,14 @@
 //! Whether a simpler motion explains the photos as well: the likelihood check on what [`select`](super::select) proposes.
 
 use burn::tensor::Tensor;
-use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
+use gs_burn::exposure::ExposureOptions;
 use gs_datasets::View;
 use gs_models::taylormode::{Evidence, Samples};
 
 use crate::data::{camera, to_tensor};
 use crate::experiment::Config;
 use crate::parameters::{Parameters, to_host};
+use crate::taylormode::blur::expose;
 use crate::taylormode::config::BlurMode;
 use crate::taylormode::select::{Selected, select};
 use crate::taylormode::state::MotionState;
@@ -64,22 +65,14 @@ fn blocks(state: &MotionState) -> usize {
 
 /// Sum of squared differences of a photo from what the scene makes of it.
 fn squares(parameters: &Parameters, state: &MotionState, view: &View, config: &Config) -> f64 {
-    let gaussians = parameters.gaussians();
-    let motion = state.motion(&gaussians);
-    let device = gaussians.device();
-    let render = config.render.options(gaussians.sh_degree(), config.data.background);
+    let scene = state.scene(parameters.gaussians());
+    let device = parameters.device();
+    let render = config.render.options(parameters.sh_degree(), config.data.background);
     let blurs = config.blur.mode != BlurMode::None;
     let count = if blurs { config.blur.samples } else { 1 };
-    let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
-    let (t, exposure) = (view.time.unwrap_or(0.0), state.exposure());
-    let offsets = Samples::Middles.offsets(count);
-    let sample = |offset: f64| {
-        let (means, quats) = motion.sample_rows(&means, &quats, t + offset * exposure);
-        MovingSample { means, quats }
-    };
-    let samples: Vec<MovingSample> = offsets.into_iter().map(sample).collect();
+    let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), state.exposure(), count);
     let options = ExposureOptions { render, linear: config.blur.linear };
-    let formed = render_exposure(&gaussians, &state.rows, &samples, &camera(view, &device), &options, None);
+    let formed = expose(&scene, &state.rows, &instants, &camera(view, &device), &options, None);
     let photo = to_tensor(view, &view.image.data, 3, &device);
     let sum: Tensor<1> = (formed.color - photo).square().sum();
     f64::from(sum.into_scalar::<f32>())

@@ -2,7 +2,7 @@
 //! what its motion costs.
 
 use burn::tensor::Tensor;
-use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
+use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::Motion;
@@ -13,6 +13,7 @@ use crate::data::{camera, to_tensor};
 use crate::experiment::Config;
 use crate::metrics::psnr;
 use crate::parameters::to_host;
+use crate::taylormode::blur::expose;
 use crate::taylormode::state::{MotionState, Network};
 
 /// Samples a measured blur is formed with, whatever the training used: enough that more change nothing visible up to about
@@ -67,7 +68,7 @@ pub struct MotionCost {
 
 /// Measures the scene on the held-out views.
 pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config: &Config) -> MotionScores {
-    let model = TaylorScene { gaussians: gaussians.clone(), motion: state.motion(gaussians) };
+    let model = state.scene(gaussians.clone());
     let views = if scene.test.is_empty() { &scene.train } else { &scene.test };
     let blurry: Vec<f64> = views.iter().filter_map(|view| blurry_psnr(&model, state, view, config)).collect();
     let (angles, magnitudes) = velocity_errors(&model, views, config);
@@ -86,17 +87,10 @@ pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config
 /// The blurry image of a view as the scene forms it, `[H, W, 3]`.
 pub fn form_blur(model: &TaylorScene, rows: &[u32], exposure: f64, view: &View, config: &Config) -> Tensor<3> {
     let device = model.gaussians.device();
-    let options = config.render.options(model.gaussians.sh_degree(), config.data.background);
-    let t = view.time.unwrap_or(0.0);
-    let (means, quats) = (model.gaussians.means.val(), model.gaussians.quats.val());
-    let offsets = Samples::Middles.offsets(MEASURE_SAMPLES);
-    let sample = |offset: f64| {
-        let (means, quats) = model.motion.sample_rows(&means, &quats, t + offset * exposure);
-        MovingSample { means, quats }
-    };
-    let samples: Vec<MovingSample> = offsets.into_iter().map(sample).collect();
-    let options = ExposureOptions { render: options, linear: config.blur.linear };
-    render_exposure(&model.gaussians, rows, &samples, &camera(view, &device), &options, None).color.clamp(0.0, 1.0)
+    let render = config.render.options(model.gaussians.sh_degree(), config.data.background);
+    let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, MEASURE_SAMPLES);
+    let options = ExposureOptions { render, linear: config.blur.linear };
+    expose(model, rows, &instants, &camera(view, &device), &options, None).color.clamp(0.0, 1.0)
 }
 
 fn blurry_psnr(model: &TaylorScene, state: &MotionState, view: &View, config: &Config) -> Option<f64> {

@@ -1,14 +1,14 @@
 //! One step on one blurry photo: form the image, compare, add the priors, go back (Eq. 13 to 19).
 
 use burn::tensor::{IndexingUpdateOp, Tensor, TensorData};
-use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
+use gs_burn::exposure::ExposureOptions;
 use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_models::taylormode::blur_synthesis::{blurred_color, decoupled};
 use gs_models::taylormode::{
-    Alignment, BlurWeights, DepthSpace, DirectVelocity, Exposure, PeanoMap, Pixels, Samples, align, losses,
+    Alignment, BlurWeights, DepthSpace, DirectVelocity, Exposure, PeanoMap, Pixels, Samples, TaylorScene, align, losses,
 };
 
 use crate::data::Photo;
@@ -17,6 +17,7 @@ use crate::experiment::Config;
 use crate::losses::regularisers;
 use crate::parameters::{Gradients, to_host};
 use crate::step::{Compared, Trainer};
+use crate::taylormode::blur::expose;
 use crate::taylormode::config::{BlurMode, VelocitySource};
 use crate::taylormode::state::{Lent, MotionGradients, MotionState, Network};
 
@@ -106,11 +107,13 @@ impl Step<'_> {
     fn integrated(&self, screen: Option<Tensor<2>>) -> Formed {
         let blur = &self.config.blur;
         let decoupled = blur.decouple && self.photo.hints.moving.is_some();
-        let scene = if decoupled { self.static_detached() } else { self.tracked.clone() };
+        let gaussians = if decoupled { self.static_detached() } else { self.tracked.clone() };
+        let scene = TaylorScene { gaussians, motion: self.lent.motion.clone() };
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
         let options = ExposureOptions { render, linear: blur.linear };
-        let samples = self.samples(&scene);
-        let formed = render_exposure(&scene, &self.state.rows, &samples, &self.photo.camera, &options, screen);
+        // Middles: the mean over them is exact to second order, and their extent is that of the shutter for any count.
+        let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples);
+        let formed = expose(&scene, &self.state.rows, &instants, &self.photo.camera, &options, screen);
         let image = self.photo.image.clone();
         let mut intersections = formed.intersections;
         let mut loss = if decoupled {
@@ -120,7 +123,7 @@ impl Step<'_> {
         };
         if decoupled || self.priors_count() {
             // An odd number of samples has one at the centre, which is drawn already.
-            let centre = if decoupled || samples.len().is_multiple_of(2) {
+            let centre = if decoupled || instants.len().is_multiple_of(2) {
                 let centre = self.centre(None);
                 intersections += centre.intersections;
                 centre
@@ -241,21 +244,6 @@ impl Step<'_> {
         let pseudo = prior.pseudo && prior.sharp > 0.0 && hints.sharp.is_some() && hints.moving.is_some();
         let depth = prior.depth > 0.0 && hints.depth.is_some();
         self.progress < prior.until && (pseudo || depth)
-    }
-
-    /// Where the moving Gaussians are at times inside the exposure.
-    fn samples(&self, scene: &Gaussians) -> Vec<MovingSample> {
-        let exposure = self.exposure();
-        let (means, quats) = (scene.means.val(), scene.quats.val());
-        // Middles: the mean over them is exact to second order, and their extent is that of the shutter for any count.
-        let instants = exposure.instants(self.photo.time, Samples::Middles, self.config.blur.samples);
-        instants
-            .into_iter()
-            .map(|instant| {
-                let (means, quats) = self.lent.motion.sample_rows(&means, &quats, instant);
-                MovingSample { means, quats }
-            })
-            .collect()
     }
 
     /// The exposure, tracked where it is learned.
