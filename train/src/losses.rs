@@ -38,12 +38,17 @@ impl Default for LossConfig {
 
 /// The loss of one rendered image `[H, W, 3]` against its photo, `[1]`; `extent` in scene units.
 pub fn loss(color: Tensor<3>, photo: &Photo, gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
-    let photometric = match &photo.mask {
-        None => photometric_loss(color, photo.image.clone(), config.dssim),
-        // Ignored pixels are black in both images, so neither term sees a difference there.
-        Some(mask) => photometric_loss(color * mask.clone(), photo.image.clone() * mask.clone(), config.dssim),
-    };
-    photometric + regularisers(gaussians, extent, config)
+    photometric(color, photo.image.clone(), photo.mask.clone(), config) + regularisers(gaussians, extent, config)
+}
+
+/// `(1 - dssim) L1 + dssim (1 - SSIM)` of two images `[H, W, 3]` over the pixels of `region` `[H, W, 1]` (1: compared, 0: not;
+/// `None`: all), `[1]`.
+pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>, config: &LossConfig) -> Tensor<1> {
+    match region {
+        None => photometric_loss(color, truth, config.dssim),
+        // Pixels outside are black in both images, so neither term sees a difference there.
+        Some(region) => photometric_loss(color * region.clone(), truth * region, config.dssim),
+    }
 }
 
 /// Mean opacity and mean size with their weights, `[1]`.

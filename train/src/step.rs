@@ -1,7 +1,7 @@
 //! One optimisation step: render a photo's view, compare, go back, update, let density control act.
 
 use burn::tensor::Tensor;
-use gs_burn::{Extras, RenderOptions, render_with};
+use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::Motion;
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::data::Photo;
 use crate::density::{Changes, Density, Moment, Observation};
 use crate::experiment::Config;
-use crate::losses::loss;
+use crate::losses::{photometric, regularisers};
 use crate::optimiser::Optimiser;
 use crate::parameters::{Gradients, Parameters};
 use crate::scene_init::{first_gaussians, size_of};
@@ -104,6 +104,18 @@ pub struct StepReport {
     pub changes: Changes,
 }
 
+/// What an image formation hands to the step.
+pub(crate) struct Formed {
+    /// What stands beside the photo: blurred where blur is modelled, `[H, W, 3]`.
+    pub color: Tensor<3>,
+    /// All terms but the regularisers, `[1]`.
+    pub loss: Tensor<1>,
+    /// Bounding radii in the image, `[N]`, pixels.
+    pub radii: Tensor<1>,
+    /// Tile intersections.
+    pub intersections: usize,
+}
+
 /// A rendering compared with a photo, gone back from.
 #[derive(Debug)]
 pub(crate) struct Compared {
@@ -169,10 +181,7 @@ impl Trainer {
         self.step += 1;
         self.raise_sh_degree(config);
 
-        let compared = match &self.motion {
-            None => self.compare(photo, config),
-            Some(state) => taylormode::step::compare(self, state, photo, config),
-        };
+        let compared = self.compare(photo, config);
         let mut report = StepReport {
             loss: compared.loss,
             color: compared.color,
@@ -198,35 +207,54 @@ impl Trainer {
         report
     }
 
-    /// Renders the view, compares it with the photo and goes back.
+    /// Forms the photo's image, compares the two and goes back.
     fn compare(&self, photo: &Photo, config: &Config) -> Compared {
         let tracked = self.parameters.tracked();
-        let options = config.render.options(self.parameters.sh_degree(), config.data.background);
+        let lent = self.motion.as_ref().map(|state| (state, state.lend(&tracked)));
         let screen = self.wants_screen(config).then(|| {
             Tensor::<2>::zeros([self.parameters.len(), 4], &self.parameters.device()).autodiff().require_grad()
         });
-        let extras = Extras { screen: screen.clone(), features: None };
-        let rendering = render_with(&tracked, &photo.camera, &options, extras);
-        let loss = loss(rendering.color.clone(), photo, &tracked, self.extent, &config.loss);
+        let formed = match &lent {
+            None => self.form(&tracked, photo, config, screen.clone()),
+            Some((state, lent)) => taylormode::step::form(self, (*state, lent), &tracked, photo, config, screen.clone()),
+        };
+        let loss = formed.loss + regularisers(&tracked, self.extent, &config.loss);
         let mut gradients = loss.backward();
 
         let observation = Observation {
             screen: screen.and_then(|screen| screen.grad_remove(&mut gradients)),
-            radii: rendering.radii().inner(),
+            radii: formed.radii.inner(),
             width: photo.camera.width,
             height: photo.camera.height,
         };
-        let gradients = Gradients::take(&tracked, &mut gradients);
+        let of_table = Gradients::take(&tracked, &mut gradients);
+        let of_motion = lent.map(|(_, lent)| MotionState::take(&lent, &mut gradients));
+        let finiteness = match &of_motion {
+            None => of_table.finiteness(),
+            Some(of_motion) => of_table.finiteness() + of_motion.finiteness(),
+        };
         // One read for both, because a read waits for the device.
-        let checked = Tensor::cat(vec![loss.inner(), gradients.finiteness()], 0).into_data();
+        let checked = Tensor::cat(vec![loss.inner(), finiteness], 0).into_data();
         let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
         let finite = checked.iter().all(|value| value.is_finite());
         Compared {
-            color: rendering.color.inner(),
-            intersections: rendering.intersections,
+            color: formed.color.inner(),
+            intersections: formed.intersections,
             observation,
             loss: checked[0],
-            gradients: finite.then_some((gradients, None)),
+            gradients: finite.then_some((of_table, of_motion)),
+        }
+    }
+
+    /// The image of a scene that stands still.
+    fn form(&self, tracked: &Gaussians, photo: &Photo, config: &Config, screen: Option<Tensor<2>>) -> Formed {
+        let options = config.render.options(self.parameters.sh_degree(), config.data.background);
+        let rendering = render_with(tracked, &photo.camera, &options, Extras { screen, features: None });
+        Formed {
+            loss: photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &config.loss),
+            radii: rendering.radii(),
+            intersections: rendering.intersections,
+            color: rendering.color,
         }
     }
 

@@ -1,8 +1,8 @@
-//! One step on one blurry photo: form the image, compare, add the priors, go back (Eq. 13 to 19).
+//! One step on one blurry photo: form the image, compare, add the priors (Eq. 13 to 19). The rest of the step is that of
+//! every scene, [`Trainer::step`].
 
 use burn::tensor::{IndexingUpdateOp, Tensor, TensorData};
 use gs_burn::exposure::ExposureOptions;
-use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
@@ -12,73 +12,44 @@ use gs_models::taylormode::{
 };
 
 use crate::data::Photo;
-use crate::density::Observation;
 use crate::experiment::Config;
-use crate::losses::regularisers;
-use crate::parameters::{Gradients, to_host};
-use crate::step::{Compared, Trainer};
+use crate::losses::photometric;
+use crate::parameters::to_host;
+use crate::step::{Formed, Trainer};
 use crate::taylormode::blur::expose;
 use crate::taylormode::config::{BlurMode, VelocitySource};
-use crate::taylormode::state::{Lent, MotionGradients, MotionState, Network};
+use crate::taylormode::state::{Lent, MotionState, Network};
 
-/// Compares the scene with a photo that was exposed for a while, and goes back.
-pub(crate) fn compare(trainer: &Trainer, state: &MotionState, photo: &Photo, config: &Config) -> Compared {
-    let tracked = trainer.parameters.tracked();
-    let lent = state.lend(&tracked);
-    let options = config.render.options(trainer.parameters.sh_degree(), config.data.background);
-    let screen = trainer.wants_screen(config).then(|| {
-        Tensor::<2>::zeros([trainer.parameters.len(), 4], &trainer.parameters.device()).autodiff().require_grad()
-    });
+/// Forms the image of a scene that moved while `photo` was exposed, and compares. `tracked` and `lent` are leaves of this
+/// step's graph.
+pub(crate) fn form(
+    trainer: &Trainer,
+    (state, lent): (&MotionState, &Lent),
+    tracked: &Gaussians,
+    photo: &Photo,
+    config: &Config,
+    screen: Option<Tensor<2>>,
+) -> Formed {
     let step = Step {
         state,
-        lent: &lent,
-        tracked: &tracked,
+        lent,
+        tracked,
         photo,
         config,
-        options,
+        options: config.render.options(trainer.parameters.sh_degree(), config.data.background),
         progress: trainer.progress(config),
         units: units(trainer.extent, state),
     };
-    let formed = match config.blur.mode {
-        BlurMode::None => step.unblurred(screen.clone()),
-        BlurMode::Integrate => step.integrated(screen.clone()),
-        BlurMode::Warp => step.warped(screen.clone()),
-    };
-    let loss = formed.loss + regularisers(&tracked, trainer.extent, &config.loss);
-    let mut gradients = loss.backward();
-
-    let observation = Observation {
-        screen: screen.and_then(|screen| screen.grad_remove(&mut gradients)),
-        radii: formed.radii.inner(),
-        width: photo.camera.width,
-        height: photo.camera.height,
-    };
-    let of_table = Gradients::take(&tracked, &mut gradients);
-    let of_motion: MotionGradients = MotionState::take(&lent, &mut gradients);
-    let checked = Tensor::cat(vec![loss.inner(), of_table.finiteness() + of_motion.finiteness()], 0).into_data();
-    let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
-    let finite = checked.iter().all(|value| value.is_finite());
-    Compared {
-        color: formed.color.inner(),
-        intersections: formed.intersections,
-        observation,
-        loss: checked[0],
-        gradients: finite.then_some((of_table, Some(of_motion))),
+    match config.blur.mode {
+        BlurMode::None => step.unblurred(screen),
+        BlurMode::Integrate => step.integrated(screen),
+        BlurMode::Warp => step.warped(screen),
     }
 }
 
 /// Depths of about the scene's size, and speeds that cross a tenth of it in half the recording, are 1 to the networks.
 pub fn units(extent: f64, state: &MotionState) -> (f64, f64) {
     (extent, 0.1 * extent / state.window.half)
-}
-
-/// What an image formation hands to the step.
-struct Formed {
-    /// What stands beside the photo: blurred where blur is modelled, `[H, W, 3]`.
-    color: Tensor<3>,
-    loss: Tensor<1>,
-    radii: Tensor<1>,
-    intersections: usize,
 }
 
 struct Step<'a> {
@@ -302,17 +273,13 @@ impl Step<'_> {
         self.config.prior.pseudo.then(|| self.photometric(centre.color.clone(), sharp, Some(moving)))
     }
 
-    /// `(1 - dssim) L1 + dssim (1 - SSIM)` over the pixels of `region` that count.
+    /// [`photometric`] over the pixels of `region` that count.
     fn photometric(&self, color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>) -> Tensor<1> {
         let region = match (region, self.photo.mask.clone()) {
             (Some(region), Some(mask)) => Some(region * mask),
             (region, mask) => region.or(mask),
         };
-        match region {
-            None => photometric_loss(color, truth, self.config.loss.dssim),
-            // Pixels outside are black in both, so neither term sees a difference there.
-            Some(region) => photometric_loss(color * region.clone(), truth * region, self.config.loss.dssim),
-        }
+        photometric(color, truth, region, &self.config.loss)
     }
 
     /// The term of Eq. 16.
