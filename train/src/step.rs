@@ -216,7 +216,9 @@ impl Trainer {
         });
         let formed = match &lent {
             None => self.form(&tracked, photo, config, screen.clone()),
-            Some((state, lent)) => taylormode::step::form(self, (*state, lent), &tracked, photo, config, screen.clone()),
+            Some((state, lent)) => {
+                taylormode::step::form(self, (*state, lent), &tracked, photo, config, screen.clone())
+            }
         };
         let loss = formed.loss + regularisers(&tracked, self.extent, &config.loss);
         let mut gradients = loss.backward();

@@ -42,7 +42,7 @@ pub use blur_synthesis::{blurred_color, decoupled};
 pub use blur_weights::BlurWeights;
 pub use depth_alignment::{Alignment, DepthSpace, align};
 pub use exposure::{Exposure, Samples};
-pub use order::{Evidence, Pruned};
+pub use order::Evidence;
 pub use pixels::Pixels;
 pub use remainder::{Remainder, RemainderNetwork};
 pub use summary::{FixedOrder, Size, Summary};

@@ -1,12 +1,12 @@
 //! How much motion each Gaussian has: its polynomial order, and whether a higher one is worth its numbers.
 //!
-//! Order 0 is static; there is no other flag. The order is what [`shrinkage`](super::shrinkage) left above
-//! [`NOTICEABLE`]; a likelihood check on the photos decides between orders for a group of Gaussians; the remainder is
-//! worth having only where what is left over has a pattern in time. Not part of the paper, which has one order for all.
+//! Order 0 is static; there is no other flag. A path is lowered by the polynomial of the next lower order that is nearest
+//! to it over the window in the largest deviation: `s^k` minus `T_k(s) / 2^(k-1)`, `T_k` Chebyshev's, deviates by
+//! `2^(1-k)` at most (economisation). A likelihood check on the photos decides between orders for a group of Gaussians; the
+//! remainder is worth having only where what is left over has a pattern in time. Not part of the paper, which has one
+//! order for all.
 
-use burn::tensor::{Int, Tensor, TensorData};
-
-use super::taylor_motion::{TaylorMotion, resized};
+use super::shrinkage::norm;
 
 /// Pixels of motion over half the window that nobody sees: a tenth of a pixel moves an edge of full contrast by a tenth
 /// of that contrast in one row of pixels.
@@ -16,91 +16,58 @@ pub const NOTICEABLE: f64 = 0.1;
 /// one white sequence in forty does.
 const PATTERN: f64 = 2.0;
 
-/// The orders `0..=K` of Gaussians with `coefficients` `[M, 3 K]`, row by row: the lowest at which all that is left out
-/// stays below [`NOTICEABLE`] pixels together. `pixels_per_unit` has one entry per row, see
-/// [`pixels_per_unit`](super::shrinkage::pixels_per_unit); for rotations, times the Gaussian's largest standard
-/// deviation, which is how far its rim moves per radian.
-///
-/// # Panics
-/// When the lengths do not fit together.
-pub fn orders(coefficients: &[f32], pixels_per_unit: &[f32]) -> Vec<usize> {
-    let rows = pixels_per_unit.len();
-    if rows == 0 || coefficients.is_empty() {
-        return vec![0; rows];
+/// Lowers a path of blocks of three from `order` as long as a lowering moves it by no more than `limit` pixels, and returns
+/// the order that is left. What is taken out is zero in `path`; what that adds to the constant goes to `centre`. Not a
+/// number counts as motion: an order must not hide it.
+pub fn lower(path: &mut [f32], mut order: usize, pixels_per_unit: f64, limit: f64, centre: &mut [f32; 3]) -> usize {
+    while order > 0 && deviation(path, order) * pixels_per_unit <= limit {
+        economise(path, order, centre);
+        order -= 1;
     }
-    assert!(coefficients.len().is_multiple_of(3 * rows), "{} coefficients for {rows} rows", coefficients.len());
-    let columns = coefficients.len() / rows;
-    let one = |(row, scale): (&[f32], &f32)| {
-        let pixels = |block: &[f32]| {
-            let squared: f64 = block.iter().map(|x| f64::from(*x).powi(2)).sum();
-            squared.sqrt() * f64::from(*scale)
-        };
-        let blocks: Vec<f64> = row.chunks_exact(3).map(pixels).collect();
-        let mut left_out = 0.0;
-        let noticed = |(_, block): &(usize, &f64)| {
-            left_out += **block;
-            // Not a number counts as motion: an order must not hide it.
-            left_out.is_nan() || left_out >= NOTICEABLE
-        };
-        blocks.iter().enumerate().rev().find(noticed).map_or(0, |(k, _)| k + 1)
-    };
-    coefficients.chunks_exact(columns).zip(pixels_per_unit).map(one).collect()
+    order
 }
 
-/// Motion without what nobody sees.
-#[derive(Debug, Clone)]
-pub struct Pruned {
-    /// The rest: rows that still move, blocks above each row's order zero, columns above the highest order gone. No
-    /// remainder; ask its network again.
-    pub motion: TaylorMotion,
-    /// Which rows of the motion before these are.
-    pub kept: Vec<u32>,
-    /// Orders of the position, one per row kept.
-    pub position_orders: Vec<usize>,
-    /// Orders of the rotation, one per row kept.
-    pub rotation_orders: Vec<usize>,
+/// Largest deviation over the window of the path from the nearest of the next lower order, in the path's unit.
+pub fn deviation(path: &[f32], order: usize) -> f64 {
+    norm(block(path, order)) * 0.5f64.powi(order as i32 - 1)
 }
 
-/// `motion` cut down to the given orders, one per row each ([`orders`]).
-///
-/// # Panics
-/// When there is not one order a row.
-pub fn prune(motion: &TaylorMotion, position_orders: &[usize], rotation_orders: &[usize]) -> Pruned {
-    let rows = motion.len();
-    assert_eq!([position_orders.len(), rotation_orders.len()], [rows, rows], "one order a row");
-    let moves = |row: &usize| position_orders[*row] > 0 || rotation_orders[*row] > 0;
-    let kept: Vec<usize> = (0..rows).filter(moves).collect();
-    let of_kept = |orders: &[usize]| -> Vec<usize> { kept.iter().map(|row| orders[*row]).collect() };
-    let (position_orders, rotation_orders) = (of_kept(position_orders), of_kept(rotation_orders));
-    let highest = |orders: &[usize]| orders.iter().max().copied().unwrap_or(0);
-    let index: Vec<i32> = kept.iter().map(|row| *row as i32).collect();
-    let index = Tensor::from_data(TensorData::new(index, [kept.len()]), &motion.position.device());
-    let cut = |tensor: &Tensor<2>, orders: &[usize]| {
-        let order = highest(orders).min(tensor.dims()[1] / 3);
-        cut_to(resized(tensor, 3 * order), &index, orders)
-    };
-    let motion = TaylorMotion {
-        // Selecting nothing is not something every backend does.
-        rows: if kept.is_empty() { index.clone() } else { motion.rows.clone().select(0, index.clone()) },
-        position: cut(&motion.position, &position_orders),
-        rotation: cut(&motion.rotation, &rotation_orders),
-        window: motion.window,
-        remainder: None,
-    };
-    Pruned { motion, kept: kept.into_iter().map(|row| row as u32).collect(), position_orders, rotation_orders }
-}
-
-/// Rows `index` of `coefficients`, with the blocks above each one's order zero.
-fn cut_to(coefficients: Tensor<2>, index: &Tensor<1, Int>, orders: &[usize]) -> Tensor<2> {
-    let columns = coefficients.dims()[1];
-    let options = (&coefficients.device(), coefficients.dtype());
-    if orders.is_empty() || columns == 0 {
-        return Tensor::zeros([orders.len(), columns], options);
+/// Replaces the path of `order` by the nearest of the next lower order; what that adds to the constant goes to `centre`.
+pub fn economise(path: &mut [f32], order: usize, centre: &mut [f32; 3]) {
+    let leading = block(path, order);
+    let leading = [leading[0], leading[1], leading[2]];
+    let unit = 0.5f64.powi(order as i32 - 1);
+    for (power, coefficient) in chebyshev(order).iter().enumerate() {
+        let part = leading.map(|x| (f64::from(x) * coefficient * unit) as f32);
+        let target: &mut [f32] = if power == 0 { centre } else { &mut path[3 * (power - 1)..][..3] };
+        for (value, part) in target.iter_mut().zip(part) {
+            *value -= part;
+        }
     }
-    let inside = |order: &usize| (0..columns).map(move |c| if c < 3 * order { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
-    let mask: Vec<f64> = orders.iter().flat_map(inside).collect();
-    let mask = Tensor::from_data(TensorData::new(mask, [orders.len(), columns]), options);
-    coefficients.select(0, index.clone()) * mask
+    path[3 * (order - 1)..][..3].fill(0.0);
+}
+
+/// Coefficients of Chebyshev's polynomial by power, from the constant on: `T_{k+1} = 2 s T_k - T_{k-1}`.
+fn chebyshev(order: usize) -> Vec<f64> {
+    let (mut before, mut now) = (vec![1.0], vec![0.0, 1.0]);
+    if order == 0 {
+        return before;
+    }
+    for _ in 1..order {
+        let mut next = vec![0.0; now.len() + 1];
+        for (power, c) in now.iter().enumerate() {
+            next[power + 1] += 2.0 * c;
+        }
+        for (power, c) in before.iter().enumerate() {
+            next[power] -= c;
+        }
+        (before, now) = (now, next);
+    }
+    now
+}
+
+fn block(path: &[f32], order: usize) -> &[f32] {
+    &path[3 * (order - 1)..][..3]
 }
 
 /// What two orders of the same Gaussians make of the same held-out pixels.

@@ -221,7 +221,7 @@ fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
 }
 
 /// `coefficients` with `columns` columns: new ones zero, surplus ones dropped.
-pub(super) fn resized(coefficients: &Tensor<2>, columns: usize) -> Tensor<2> {
+fn resized(coefficients: &Tensor<2>, columns: usize) -> Tensor<2> {
     let [rows, present] = coefficients.dims();
     let zeros = |columns| Tensor::zeros([rows, columns], (&coefficients.device(), coefficients.dtype()));
     match columns {

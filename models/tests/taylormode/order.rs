@@ -1,53 +1,57 @@
 //! The order of each Gaussian: what stays below a tenth of a pixel goes, what the photos ask for stays.
 
-use gs_models::taylormode::TaylorMotion;
-use gs_models::taylormode::order::{Evidence, has_pattern, orders, prune};
-use gs_tests::devices::everywhere;
+use gs_models::taylormode::order::{Evidence, NOTICEABLE, deviation, economise, has_pattern, lower};
 use gs_tests::scenes::Random;
-use gs_tests::tolerance::{assert_near, values};
 
-use crate::{WINDOW, motion};
+/// First axis of a path at `s`.
+fn at(path: &[f32], s: f64) -> f64 {
+    path.chunks_exact(3).enumerate().map(|(k, block)| f64::from(block[0]) * s.powi(k as i32 + 1)).sum()
+}
 
 #[test]
 fn orders_are_counted_in_pixels() {
     let b = |x: f32| [x, 0.0, 0.0];
-    let rows = [
-        [b(0.5), b(0.3), b(0.2)],       // 3
-        [b(0.5), b(0.3), b(0.0005)],    // 2: the third is 0.05 px
-        [b(0.0), b(0.0), b(0.0)],       // 0
-        [b(0.0006), b(0.0006), b(0.0)], // 1: each is 0.06 px, together they show
-        [b(0.5), b(0.0), b(0.0)],       // 0: seen from so far that it is 0.05 px
-        [b(f32::NAN), b(0.0), b(0.0)],  // 1: not hidden
+    let cases = [
+        ([b(0.5), b(0.3), b(0.2)], 100.0, 3),
+        // The third is 0.05 px.
+        ([b(0.5), b(0.3), b(0.0005)], 100.0, 2),
+        ([b(0.0), b(0.0), b(0.0)], 100.0, 0),
+        // The second is 0.08 px, half of which a constant takes over; the first shows.
+        ([b(0.0012), b(0.0008), b(0.0)], 100.0, 1),
+        // The third is 0.36 px, of which a line follows all but 0.09; that line is 0.27 px.
+        ([b(0.0), b(0.0), b(0.0036)], 100.0, 1),
+        // Seen from so far that it is 0.05 px.
+        ([b(0.5), b(0.0), b(0.0)], 0.1, 0),
+        // Not hidden.
+        ([b(f32::NAN), b(0.0), b(0.0)], 100.0, 1),
+        // No camera says how little it is.
+        ([b(0.5), b(1e-9), b(1e-9)], f64::INFINITY, 3),
     ];
-    let scale = [100.0, 100.0, 100.0, 100.0, 0.1, 100.0];
-    assert_eq!(orders(rows.as_flattened().as_flattened(), &scale), [3, 2, 0, 1, 0, 1]);
-    assert_eq!(orders(&[], &[1.0, 1.0]), [0, 0]);
-    assert_eq!(orders(&[], &[]), [0; 0]);
+    for (blocks, scale, expected) in cases {
+        let mut path: Vec<f32> = blocks.as_flattened().to_vec();
+        let order = lower(&mut path, 3, scale, NOTICEABLE, &mut [0.0; 3]);
+        assert_eq!(order, expected, "{blocks:?}");
+        assert!(path[3 * order..].iter().all(|x| *x == 0.0), "{blocks:?}: {path:?}");
+    }
+    assert_eq!(lower(&mut [], 0, 1.0, NOTICEABLE, &mut [0.0; 3]), 0);
 }
 
 #[test]
-fn pruning_changes_nothing_that_shows() {
-    for place in everywhere() {
-        let mut random = Random::new(1);
-        let full = motion(place, &mut random);
-        // Row 0 turns but stays, row 1 neither, row 2 moves with order 2.
-        let pruned = prune(&full, &[0, 0, 2], &[1, 0, 0]);
-        assert_eq!(pruned.kept, [0, 2]);
-        assert_eq!([pruned.motion.order(), pruned.motion.rotation_order()], [2, 1], "{}", place.name);
-        assert_eq!([pruned.position_orders.clone(), pruned.rotation_orders.clone()], [[0, 2], [1, 0]]);
-        let rows: Vec<i64> = pruned.motion.rows.to_data().iter::<i64>().collect();
-        assert_eq!(rows, [4, 2], "{}: rows of the scene", place.name);
-        let (before, after) = (values(&full.position), values(&pruned.motion.position));
-        let expected: Vec<f64> = [0.0; 6].into_iter().chain(before[18..24].iter().copied()).collect();
-        assert_near(&place.name, &after, &expected, 0.0);
-
-        let all = prune(&full, &[3; 3], &[2; 3]);
-        assert_eq!(values(&all.motion.displacement(0.5)), values(&full.displacement(0.5)), "{}", place.name);
-        let none = prune(&full, &[0; 3], &[0; 3]);
-        assert!(none.motion.is_empty() && none.kept.is_empty(), "{}", place.name);
-        assert_eq!(none.motion.displacement(0.5).dims(), [0, 3]);
-        let empty = TaylorMotion::still(&[], 3, 1, WINDOW, &place.device);
-        assert!(prune(&empty, &[], &[]).motion.is_empty());
+fn a_lower_order_deviates_by_what_was_said() {
+    for order in 1..=6 {
+        let mut path: Vec<f32> = (0..18).map(|i| ((i * 7 + order) % 5) as f32 * 0.3 - 0.5).collect();
+        path[3 * order..].fill(0.0);
+        let (before, said) = (path.clone(), deviation(&path, order));
+        let mut centre = [0.0; 3];
+        economise(&mut path, order, &mut centre);
+        let mut worst: f64 = 0.0;
+        for i in 0..=2000 {
+            let s = f64::from(i) * 1e-3 - 1.0;
+            worst = worst.max((at(&before, s) - at(&path, s) - f64::from(centre[0])).abs());
+        }
+        // One axis of three deviates by at most the norm's share, and by exactly its own leading coefficient's.
+        let own = f64::from(before[3 * (order - 1)]).abs() * 0.5f64.powi(order as i32 - 1);
+        assert!((worst - own).abs() < 1e-5 && worst <= said + 1e-5, "order {order}: {worst} {own} {said}");
     }
 }
 

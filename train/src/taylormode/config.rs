@@ -1,6 +1,7 @@
 //! What a user chooses about motion and blur: the sections `[motion]`, `[blur]` and `[prior]` of a configuration.
 
 use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VELOCITY};
+use gs_models::taylormode::order::NOTICEABLE;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::{ConfigError, check, not_negative, positive};
@@ -89,7 +90,7 @@ impl Default for MotionConfig {
             select: true,
             select_from: 0.5,
             select_every: 100,
-            select_pixels: 0.1,
+            select_pixels: NOTICEABLE,
             shrink_pixels: 0.02,
         }
     }

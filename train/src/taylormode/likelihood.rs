@@ -3,6 +3,7 @@
 use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
 use gs_datasets::View;
+use gs_models::taylormode::shrinkage::pixels_per_unit;
 use gs_models::taylormode::{Evidence, Samples};
 
 use crate::data::{camera, to_tensor};
@@ -10,7 +11,7 @@ use crate::experiment::Config;
 use crate::parameters::{Parameters, to_host};
 use crate::taylormode::blur::expose;
 use crate::taylormode::config::BlurMode;
-use crate::taylormode::select::{Selected, select};
+use crate::taylormode::select::{Selected, select, sights};
 use crate::taylormode::state::MotionState;
 
 /// Photos a proposal is judged by, spread evenly over the training views: enough that one of them cannot decide.
@@ -83,7 +84,7 @@ fn blur_area(parameters: &Parameters, state: &MotionState, views: &[View]) -> f6
     let gaussians = parameters.gaussians();
     let speeds = to_host(state.motion(&gaussians).velocity(state.window.t0));
     let means = to_host(gaussians.means.val());
-    let scales = crate::taylormode::select::pixels_per_unit(&means, &state.rows, views);
+    let scales = pixels_per_unit(&means, &state.rows, &sights(views));
     let exposure = state.exposure();
     let lengths = speeds
         .as_chunks::<3>()
