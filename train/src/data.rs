@@ -1,14 +1,12 @@
 //! The data set as the trainer wants it: what to load ([`DataConfig`]), which view comes next ([`Sampler`]), and views
 //! as tensors ([`Photos`]).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, Intrinsics};
-use gs_datasets::{
-    DatasetError, DepthKind, DepthPrior, DepthSpace, Holdout, LoadOptions, MaskUse, PriorUse, Scene, View,
-};
+use gs_datasets::{DepthKind, DepthPrior, DepthSpace, Holdout, LoadOptions, MaskUse, PriorUse, View};
 use gs_models::taylormode::Pixels;
 use rand::Rng;
 use rand::seq::SliceRandom;
@@ -90,7 +88,8 @@ pub struct DataConfig {
     pub background: [f32; 3],
     /// How mask files are used.
     pub masks: MaskChoice,
-    /// Priors that are read where the data set has them: "depth", "masks", "sharp".
+    /// Priors that are read where the data set has them: "depth", "masks", "sharp". A still scene uses, and reads, masks alone:
+    /// moving parts are measured by them.
     pub priors: Vec<PriorKind>,
     /// What depth files mean, whatever the data set says; "auto" goes by the data set.
     pub depth_kind: DepthChoice,
@@ -116,14 +115,6 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
-    /// Reads the data set at `path`.
-    ///
-    /// # Errors
-    /// A sentence naming the file, what was expected and what was found.
-    pub fn load(&self, path: &Path) -> Result<Scene, DatasetError> {
-        gs_datasets::load(path, &self.options())
-    }
-
     /// The same choices in the words of the readers.
     pub fn options(&self) -> LoadOptions {
         LoadOptions {

@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_datasets::{DatasetError, PriorUse, Scene};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -183,6 +184,19 @@ impl Config {
     /// The configuration as TOML, every key present.
     pub fn to_toml(&self) -> String {
         toml::to_string_pretty(self).expect("a configuration of numbers, strings and lists is TOML")
+    }
+
+    /// Reads the data set at `path` for training and measuring by this configuration.
+    ///
+    /// # Errors
+    /// A sentence naming the file, what was expected and what was found.
+    pub fn load(&self, path: &Path) -> Result<Scene, DatasetError> {
+        let mut options = self.data.options();
+        if self.pipeline == Pipeline::Static {
+            // Nothing in a still scene is compared with them. Masks of what moves stay: moving parts are measured by them.
+            options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
+        }
+        gs_datasets::load(path, &options)
     }
 
     fn from_table(table: Table, origin: &str) -> Result<Self, ConfigError> {

@@ -63,7 +63,7 @@ pub enum Ending {
 /// One sentence: bad data, a damaged checkpoint, a full disk.
 pub fn run(request: &RunRequest) -> Result<Ending> {
     let config = &request.config;
-    let scene = config.data.load(&request.dataset)?;
+    let scene = config.load(&request.dataset)?;
     if config.pipeline == Pipeline::Taylormode && scene.time_range.is_none() {
         bail!(
             "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",

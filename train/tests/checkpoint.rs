@@ -13,7 +13,7 @@ use gs_train::step::Trainer;
 fn saved(folder: &Path) -> (PathBuf, Checkpoint) {
     let config = common::config(10, &["density.strategy=default"]);
     let dataset = common::tiny_scene(folder);
-    let scene = config.data.load(&dataset).expect("loads");
+    let scene = config.load(&dataset).expect("loads");
     let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
     let photo = gs_train::data::Photos::new(&scene.train, &common::device(), 0).get(0);
     trainer.step(&photo, &config);

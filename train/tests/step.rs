@@ -10,7 +10,7 @@ use gs_train::step::Trainer;
 fn steps_lower_the_loss() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(60, &[]);
-    let scene = config.data.load(&common::tiny_scene(folder.path())).expect("loads");
+    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
     let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
     let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
     let losses: Vec<f32> = (0..60).map(|_| trainer.step(&photo, &config).loss).collect();
@@ -22,7 +22,7 @@ fn steps_lower_the_loss() {
 fn a_loss_that_is_not_finite_is_skipped_and_counted() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(10, &["density.noise=0"]);
-    let scene = config.data.load(&common::tiny_scene(folder.path())).expect("loads");
+    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
     let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
     let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
     let before = Group::ALL.map(|group| trainer.parameters.read(group));
@@ -40,7 +40,7 @@ fn a_loss_that_is_not_finite_is_skipped_and_counted() {
 fn ignored_pixels_teach_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(10, &["loss.opacity_reg=0", "loss.scale_reg=0", "density.noise=0"]);
-    let scene = config.data.load(&common::tiny_scene(folder.path())).expect("loads");
+    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
     let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
     let mut photo = Photos::new(&scene.train, &common::device(), 0).get(0);
     let [height, width, _] = photo.image.dims();

@@ -131,6 +131,20 @@ fn without_priors_it_goes_on_by_evidence() {
     }
 }
 
+#[test]
+fn a_still_scene_reads_no_prior_that_it_does_not_use() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let world = tiny_world(temporary.path());
+    let priors = |pipeline: &str| {
+        let scene = common::config(STEPS, &[pipeline]).load(&world).expect("loads");
+        let all = scene.train.into_iter().map(|view| view.priors);
+        let each = all.map(|priors| [priors.depth.is_some(), priors.moving.is_some(), priors.sharp.is_some()]);
+        each.collect::<Vec<_>>()
+    };
+    assert!(priors("pipeline=taylormode").contains(&[true; 3]));
+    assert!(priors("pipeline=static").iter().all(|[depth, moving, sharp]| !depth && *moving && !sharp));
+}
+
 /// A black photo of 1 x 1 pixels by a camera at the origin in which a unit at depth 1 is 100 pixels.
 fn black_view() -> View {
     View {

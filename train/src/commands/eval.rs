@@ -33,7 +33,7 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
     let Some(dataset) = args.data.clone().or(loaded.dataset.clone()) else {
         bail!("{}: a PLY file does not know its data set; name it with --data", args.scene.display());
     };
-    let scene = config.data.load(&dataset)?;
+    let scene = config.load(&dataset)?;
     // A PLY file is in the data set's own world, a checkpoint where training was; views are where training would be.
     let moved = crate::export::translated(&loaded.gaussians, loaded.origin - scene.origin);
     let loaded = LoadedScene { gaussians: moved, ..loaded };
