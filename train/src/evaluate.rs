@@ -140,7 +140,6 @@ impl Evaluator {
         let views = photos.views();
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let (mut scores, mut comparisons) = (Vec::new(), Vec::new());
-        let device = model.at(0.0).device();
         for (index, view) in views.iter().enumerate() {
             let gaussians = model.at(view.time.unwrap_or(0.0));
             let photo = photos.get(index);
@@ -148,7 +147,7 @@ impl Evaluator {
             let measured = self.measure(image.clone(), &photo);
             let moving = self.measure_moving(image.clone(), &photo, view);
             if kept > 0 && index % keep_every == 0 {
-                let psnr = measured.psnr;
+                let (psnr, device) = (measured.psnr, image.device());
                 comparisons.push(Comparison {
                     name: view.name.clone(),
                     truth: photo.image,

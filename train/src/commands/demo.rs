@@ -16,7 +16,7 @@ use crate::run_folder::RunFolder;
 
 /// The recipe of the demo, the same as configs/taylormode/demo.toml (a test compares them): set and training must be done
 /// within two minutes on two old cores.
-pub const RECIPE: [&str; 17] = [
+pub const RECIPE: [&str; 12] = [
     "pipeline=taylormode",
     "steps=1800",
     "model.sh_degree=1",
@@ -28,11 +28,6 @@ pub const RECIPE: [&str; 17] = [
     "blur.decouple=false",
     "prior.sharp=0.2",
     "prior.until=0.3",
-    "motion.order=3",
-    "motion.rotation_order=2",
-    "motion.masks=auto",
-    "blur.mode=integrate",
-    "prior.depth=0.02",
     "eval.at=[300]",
 ];
 
