@@ -1,9 +1,17 @@
-//! Arguments exactly as typed.
+//! Arguments exactly as typed. Commands with many of them have a file of their own.
+
+mod render;
+mod stability;
+mod synth;
 
 use std::path::PathBuf;
 
 use clap::builder::ValueHint;
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, Parser, Subcommand};
+
+pub use render::{ExportArgs, ImageFormat, RenderArgs};
+pub use stability::{Stability, StabilityArgs, StabilityTaylormodeArgs};
+pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, WorldName};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -156,96 +164,6 @@ pub struct EvalArgs {
     pub device: DeviceArgs,
 }
 
-/// What `render` writes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ImageFormat {
-    /// NAME.png (8-bit colour), NAME_depth.png (16-bit, 1/1000 scene unit, 0 = nothing there) and NAME_alpha.png (8-bit)
-    Png,
-    /// NAME.exr with 32-bit channels R, G, B (as trained, not converted to linear light), A, and Z (scene units)
-    Exr,
-}
-
-/// Arguments of `render`.
-#[derive(Debug, Args)]
-pub struct RenderArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply)
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub scene: PathBuf,
-
-    /// Cameras: a transforms.json (its images need not exist); images are named after its frames
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    pub cameras: PathBuf,
-
-    /// Folder for the images
-    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-
-    /// File format
-    #[arg(long, value_enum, default_value_t = ImageFormat::Png)]
-    pub format: ImageFormat,
-
-    /// A moving scene's time, in its data set's unit [default: each camera's own, or the middle of the recording]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with = "frames")]
-    pub time: Option<f64>,
-
-    /// Every camera at N times spread over the recording; images are numbered, ready for a video encoder
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub frames: Option<u32>,
-
-    /// With --frames: also an animated GIF per camera
-    #[arg(long, requires = "frames")]
-    pub gif: bool,
-
-    /// Also depth in colour (near bright, far dark) and, of a moving scene, velocity in colour (grey stands still; red,
-    /// green and blue are the world's axes)
-    #[arg(long)]
-    pub maps: bool,
-
-    /// Use SH only up to this degree [default: all that is stored]
-    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
-    pub sh_degree: Option<u8>,
-
-    /// Background colour: black, white or r,g,b from 0 to 1 [default: the run's, or black]
-    #[arg(long, value_name = "COLOR")]
-    pub background: Option<String>,
-
-    /// Undo the brightening of small Gaussians (for scenes trained with render.antialiased) [default: the run's]
-    #[arg(long)]
-    pub antialiased: bool,
-
-    /// Device
-    #[command(flatten)]
-    pub device: DeviceArgs,
-}
-
-/// Arguments of `export`.
-#[derive(Debug, Args)]
-pub struct ExportArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply)
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub scene: PathBuf,
-
-    /// The PLY file to write (3DGS layout, in the data set's own world)
-    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    pub out: PathBuf,
-
-    /// A moving scene's time, in its data set's unit [default: the middle of the recording]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with = "frames")]
-    pub time: Option<f64>,
-
-    /// One file for each of N times spread over the recording, numbered
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub frames: Option<u32>,
-
-    /// Leave out nearly transparent, oversized and isolated Gaussians
-    #[arg(long)]
-    pub no_floaters: bool,
-
-    /// Keep SH only up to this degree
-    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
-    pub sh_degree: Option<u8>,
-}
-
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
@@ -328,159 +246,4 @@ pub struct ChartArgs {
     /// The SVG file; a Markdown table of the same runs is written beside it
     #[arg(short, long, value_name = "FILE", default_value = "chart.svg", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,
-}
-
-/// Arguments of `synth`.
-#[derive(Debug, Args)]
-pub struct SynthArgs {
-    /// What to make
-    #[command(subcommand)]
-    pub what: Synth,
-}
-
-/// What `synth` makes.
-#[derive(Debug, Subcommand)]
-pub enum Synth {
-    /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and priors
-    Deblur(SynthDeblurArgs),
-    /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
-    BlurFromFrames(BlurFromFramesArgs),
-}
-
-/// Arguments of `synth deblur`.
-#[derive(Debug, Args)]
-pub struct SynthDeblurArgs {
-    /// cube (slides and turns), lychee (spins), monkey (speeds up) or sphere (bounces)
-    #[arg(value_enum)]
-    pub world: WorldName,
-
-    /// Folder to write
-    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-
-    /// Image size, pixels
-    #[arg(long, default_value = "256x192", value_name = "WxH")]
-    pub size: String,
-
-    /// Cameras on the arc, held-out ones included
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..=200), value_name = "N")]
-    pub cameras: u32,
-
-    /// Cameras held out
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "N")]
-    pub held_out: u32,
-
-    /// Frames of each camera
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
-    pub frames: u32,
-
-    /// Moments that each blurry frame is averaged over
-    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(16..=4096), value_name = "N")]
-    pub subframes: u32,
-
-    /// How long the shutter is open, in frame intervals
-    #[arg(long, default_value_t = 0.9, value_name = "SHARE")]
-    pub exposure: f64,
-
-    /// Factor of all speeds
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
-    pub speed: f64,
-
-    /// Write the priors (depth, masks, pseudo-sharp photos) without faults
-    #[arg(long)]
-    pub perfect_priors: bool,
-
-    /// Points to start from, noisy ones on surfaces; 0: none
-    #[arg(long, default_value_t = 4000, value_name = "N")]
-    pub points: usize,
-
-    /// Seed of textures, still bodies and faults
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    pub seed: u64,
-}
-
-/// A synthetic world.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum WorldName {
-    /// A box slides and turns
-    Cube,
-    /// A bumpy fruit spins
-    Lychee,
-    /// A head of several parts speeds up
-    Monkey,
-    /// A ball bounces
-    Sphere,
-}
-
-/// Arguments of `synth blur-from-frames`.
-#[derive(Debug, Args)]
-pub struct BlurFromFramesArgs {
-    /// A data set with times and cameras that stand still
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub dataset: PathBuf,
-
-    /// Folder to write
-    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-
-    /// Frames averaged into one, an odd number
-    #[arg(long, default_value_t = 5, value_name = "N")]
-    pub window: usize,
-
-    /// Frames from one blurry frame to the next; below the window exposures overlap
-    #[arg(long, default_value_t = 5, value_name = "N")]
-    pub stride: usize,
-
-    /// The data set's masks show what moves in white: keep them as priors and for measuring
-    #[arg(long)]
-    pub moving_masks: bool,
-
-    /// Downscale to this width first, pixels
-    #[arg(long, value_name = "PIXELS")]
-    pub max_width: Option<usize>,
-}
-
-/// Arguments of `stability`.
-#[derive(Debug, Args)]
-pub struct StabilityArgs {
-    /// The method
-    #[command(subcommand)]
-    pub what: Stability,
-}
-
-/// Methods whose limits `stability` looks for.
-#[derive(Debug, Subcommand)]
-pub enum Stability {
-    /// TaylorMoDe-GS: blur and motion, exposure, Taylor paths, depth priors, masks, opacities
-    Taylormode(StabilityTaylormodeArgs),
-}
-
-const STABILITY_EXAMPLES: &str = "\
-Examples:
-  gsburn stability taylormode --out runs/stability
-  gsburn stability taylormode --out runs/stability --only divergence,direction
-  gsburn stability taylormode --out runs/look --quick
-
-Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
-shown as missed and is no error.";
-
-/// Arguments of `stability taylormode`.
-#[derive(Debug, Args)]
-#[command(after_help = STABILITY_EXAMPLES)]
-pub struct StabilityTaylormodeArgs {
-    /// Folder for the small worlds, the figures and the report
-    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-
-    /// Only these experiments: divergence, thrown, samples, direction, exposure, absorb, depth, masks, speed, opacity
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
-    pub only: Vec<String>,
-
-    /// Fewer variants and steps: a look, not a measurement
-    #[arg(long)]
-    pub quick: bool,
-
-    /// Device
-    #[command(flatten)]
-    pub device: DeviceArgs,
 }

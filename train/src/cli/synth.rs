@@ -1,0 +1,116 @@
+//! Arguments of `synth`.
+
+use std::path::PathBuf;
+
+use clap::builder::ValueHint;
+use clap::{Args, Subcommand, ValueEnum};
+
+/// Arguments of `synth`.
+#[derive(Debug, Args)]
+pub struct SynthArgs {
+    /// What to make
+    #[command(subcommand)]
+    pub what: Synth,
+}
+
+/// What `synth` makes.
+#[derive(Debug, Subcommand)]
+pub enum Synth {
+    /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and priors
+    Deblur(SynthDeblurArgs),
+    /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
+    BlurFromFrames(BlurFromFramesArgs),
+}
+
+/// Arguments of `synth deblur`.
+#[derive(Debug, Args)]
+pub struct SynthDeblurArgs {
+    /// cube (slides and turns), lychee (spins), monkey (speeds up) or sphere (bounces)
+    #[arg(value_enum)]
+    pub world: WorldName,
+
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Image size, pixels
+    #[arg(long, default_value = "256x192", value_name = "WxH")]
+    pub size: String,
+
+    /// Cameras on the arc, held-out ones included
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..=200), value_name = "N")]
+    pub cameras: u32,
+
+    /// Cameras held out
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "N")]
+    pub held_out: u32,
+
+    /// Frames of each camera
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
+    pub frames: u32,
+
+    /// Moments that each blurry frame is averaged over
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(16..=4096), value_name = "N")]
+    pub subframes: u32,
+
+    /// How long the shutter is open, in frame intervals
+    #[arg(long, default_value_t = 0.9, value_name = "SHARE")]
+    pub exposure: f64,
+
+    /// Factor of all speeds
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    pub speed: f64,
+
+    /// Write the priors (depth, masks, pseudo-sharp photos) without faults
+    #[arg(long)]
+    pub perfect_priors: bool,
+
+    /// Points to start from, noisy ones on surfaces; 0: none
+    #[arg(long, default_value_t = 4000, value_name = "N")]
+    pub points: usize,
+
+    /// Seed of textures, still bodies and faults
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub seed: u64,
+}
+
+/// A synthetic world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum WorldName {
+    /// A box slides and turns
+    Cube,
+    /// A bumpy fruit spins
+    Lychee,
+    /// A head of several parts speeds up
+    Monkey,
+    /// A ball bounces
+    Sphere,
+}
+
+/// Arguments of `synth blur-from-frames`.
+#[derive(Debug, Args)]
+pub struct BlurFromFramesArgs {
+    /// A data set with times and cameras that stand still
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub dataset: PathBuf,
+
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Frames averaged into one, an odd number
+    #[arg(long, default_value_t = 5, value_name = "N")]
+    pub window: usize,
+
+    /// Frames from one blurry frame to the next; below the window exposures overlap
+    #[arg(long, default_value_t = 5, value_name = "N")]
+    pub stride: usize,
+
+    /// The data set's masks show what moves in white: keep them as priors and for measuring
+    #[arg(long)]
+    pub moving_masks: bool,
+
+    /// Downscale to this width first, pixels
+    #[arg(long, value_name = "PIXELS")]
+    pub max_width: Option<usize>,
+}

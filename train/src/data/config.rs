@@ -1,0 +1,139 @@
+//! What to load of a data set, and how.
+
+use std::path::PathBuf;
+
+use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PriorUse};
+use serde::{Deserialize, Serialize};
+
+/// Which views are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HoldoutChoice {
+    /// The data set's own split, or every 8th view where it has none.
+    Dataset,
+    /// Every `holdout_every`-th view by name.
+    Every,
+    /// The views of `holdout_names`.
+    Names,
+    /// None; the result is then measured on training views.
+    None,
+}
+
+/// How mask files are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskChoice {
+    /// By the rules of the data set's format.
+    Auto,
+    /// No mask is read.
+    Ignore,
+    /// Masks keep what is white.
+    KeepWhite,
+    /// Masks keep what is black.
+    KeepBlack,
+}
+
+/// A guess that another program made about the photos.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PriorKind {
+    /// Depth maps.
+    Depth,
+    /// Masks of what moves.
+    Masks,
+    /// Pseudo-sharp photos.
+    Sharp,
+}
+
+/// What the numbers in depth files mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DepthChoice {
+    /// As the data set says.
+    Auto,
+    /// Camera z in scene units.
+    MetricZ,
+    /// Camera z, up to a scale and a shift per photo.
+    Depth,
+    /// One over camera z, up to a scale and a shift per photo.
+    InverseDepth,
+}
+
+/// How the data set is read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DataConfig {
+    /// Wider photos are downscaled to this width, pixels; 0 keeps the full size.
+    pub max_width: usize,
+    /// Which views are held out.
+    pub holdout: HoldoutChoice,
+    /// Every how many views one is held out, for `holdout = "every"`.
+    pub holdout_every: usize,
+    /// The views held out, by name or file stem, for `holdout = "names"`.
+    pub holdout_names: Vec<String>,
+    /// Image folder of a COLMAP model where it is not a usual one; empty: found by itself.
+    pub images: String,
+    /// Colour behind the scene and behind transparent pixels, 0 to 1 per channel.
+    pub background: [f32; 3],
+    /// How mask files are used.
+    pub masks: MaskChoice,
+    /// Priors that are read where the data set has them: "depth", "masks", "sharp". A still scene uses, and reads, masks alone:
+    /// moving parts are measured by them.
+    pub priors: Vec<PriorKind>,
+    /// What depth files mean, whatever the data set says; "auto" goes by the data set.
+    pub depth_kind: DepthChoice,
+    /// Photos are kept as floats up to this many MB in all; the rest is converted from 8 bits in each step.
+    pub cache_mb: usize,
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            max_width: 0,
+            holdout: HoldoutChoice::Dataset,
+            holdout_every: gs_datasets::DEFAULT_HOLDOUT,
+            holdout_names: Vec::new(),
+            images: String::new(),
+            background: [0.0; 3],
+            masks: MaskChoice::Auto,
+            priors: vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp],
+            depth_kind: DepthChoice::Auto,
+            cache_mb: 64,
+        }
+    }
+}
+
+impl DataConfig {
+    /// The same choices in the words of the readers.
+    pub fn options(&self) -> LoadOptions {
+        LoadOptions {
+            max_width: (self.max_width > 0).then_some(self.max_width),
+            background: self.background,
+            holdout: match self.holdout {
+                HoldoutChoice::Dataset => Holdout::Dataset,
+                HoldoutChoice::Every => Holdout::Every(self.holdout_every),
+                HoldoutChoice::Names => Holdout::Names(self.holdout_names.clone()),
+                HoldoutChoice::None => Holdout::None,
+            },
+            images: (!self.images.is_empty()).then(|| PathBuf::from(&self.images)),
+            masks: match self.masks {
+                MaskChoice::Auto => MaskUse::Auto,
+                MaskChoice::Ignore => MaskUse::Ignore,
+                MaskChoice::KeepWhite => MaskUse::KeepWhite,
+                MaskChoice::KeepBlack => MaskUse::KeepBlack,
+            },
+            priors: PriorUse {
+                depth: self.priors.contains(&PriorKind::Depth),
+                masks: self.priors.contains(&PriorKind::Masks),
+                sharp: self.priors.contains(&PriorKind::Sharp),
+            },
+            depth_kind: match self.depth_kind {
+                DepthChoice::Auto => None,
+                DepthChoice::MetricZ => Some(DepthKind::MetricZ),
+                DepthChoice::Depth => Some(DepthKind::Depth),
+                DepthChoice::InverseDepth => Some(DepthKind::InverseDepth),
+            },
+            ..LoadOptions::default()
+        }
+    }
+}
