@@ -8,7 +8,7 @@
 //! | masks given or found, one per training view | [`moving_masks`] |
 //! | the object's centre per time, its velocity (TaylorMoDe-GS, Eq. 17) | [`centres`], [`guide_velocity`] |
 //! | the same for several objects | [`object_centres`] |
-//! | a polynomial through the centres, its order chosen by BIC | [`Trajectory`] |
+//! | a polynomial through the centres, its order chosen by BIC, with kinks where they were hit | [`Trajectory`] |
 //! | coloured points on the object at a time, by carving | [`hull`] |
 //!
 //! Blurry photos: a mask found here covers everything the object touched while the shutter was open. For an object that
@@ -23,6 +23,7 @@ mod evidence;
 mod geometry;
 mod guide;
 mod hull;
+mod least_squares;
 mod masks;
 mod noise;
 mod objects;
@@ -38,4 +39,4 @@ pub use guide::{Centre, Centres, centres, guide_velocity};
 pub use hull::{Hull, HullOptions, hull};
 pub use masks::{MaskOrigin, MaskSource, MovingMasks, moving_masks};
 pub use objects::object_centres;
-pub use trajectory::Trajectory;
+pub use trajectory::{Kink, Trajectory};

@@ -1,16 +1,20 @@
-//! A polynomial through an object's centres over time, of the order that the data support.
+//! An object's path through its centres over time: a polynomial of the order that the data support, and kinks where it was
+//! hit.
 //!
 //! ```text
-//! x(s) = sum_k c_k s^k,   s = (t - t0) / half  in [-1, 1] over the fitted times
-//! BIC(p) = N ln(RSS_p / N) + 3 (p + 1) ln N,   N = 3 n coordinates of n centres; the order p with the least BIC
+//! x(s) = sum_k c_k s^k + sum_j a_j r_j(s),   s = (t - t0) / half  in [-1, 1] over the fitted times
+//! BIC(p, J) = N ln(RSS / N) + (3 (p + 1) + 5 J) ln N,   N = 3 n coordinates of n centres
 //! ```
 //!
-//! Least squares in f64 by an orthogonal basis (Gram-Schmidt, twice), so that no order loses digits to the monomials'
-//! likeness on [-1, 1].
+//! `r_j` is a ramp: 0 before a contact, a straight line of slope 1 after it, a parabola while it lasts ([`Kink`]): what an
+//! even force adds to a flight. A kink has three numbers for the change of velocity and two for when it begins and ends. The
+//! order `p` and the kinks are those of the least BIC; a kink must also lower it by [`EVIDENCE`], since its place was
+//! searched for.
 
 use glam::DVec3;
 
 use super::guide::Centre;
+use super::least_squares::{combined, least_squares};
 
 /// Centres this many robust standard deviations off the highest order's curve are mistakes and do not count.
 const OUTLIER: f64 = 6.0;
@@ -28,7 +32,41 @@ const DEVIATION_MIN: f64 = 1e-4;
 /// Centres beyond the coefficients' number that a fit needs, so that there is a residual to judge it by.
 const SPARE: usize = 1;
 
-/// A centre's path as a polynomial in normalised time.
+/// How far a kink must lower BIC: very strong evidence (Kass and Raftery 1995).
+const EVIDENCE: f64 = 10.0;
+
+/// Centres that must lie on each side of a kink: fewer would be a line through one of them.
+const SIDE: usize = 3;
+
+/// Places tried for a kink in one frame interval.
+const PLACES: usize = 4;
+
+/// Lengths tried for a contact, frame intervals. Shorter ones cannot be told from the first.
+const CONTACTS: [f64; 3] = [0.25, 0.5, 1.0];
+
+/// Rounds in which a kink's begin and end are refined, each by 0.7 times the step before: to a hundredth of a contact.
+const REFINEMENTS: usize = 14;
+
+/// A hit: the velocity changes evenly from `begin` to `end`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Kink {
+    /// When it begins, the data set's unit of time.
+    pub begin: f64,
+    /// When it ends.
+    pub end: f64,
+    /// By how much the velocity changes, scene units per unit of time.
+    pub jump: DVec3,
+}
+
+impl Kink {
+    /// Seconds by which the path is ahead per unit of jump, and its derivative.
+    fn ramp(begin: f64, end: f64, t: f64) -> (f64, f64) {
+        let share = ((t - begin) / (end - begin)).clamp(0.0, 1.0);
+        (0.5 * share * share * (end - begin) + (t - end).max(0.0), share)
+    }
+}
+
+/// A centre's path over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     /// Middle of the fitted times.
@@ -37,48 +75,76 @@ pub struct Trajectory {
     pub half: f64,
     /// `[order + 1]` coefficients of s^0, s^1, ..., scene units.
     pub coefficients: Vec<DVec3>,
+    /// Hits, in the order of time.
+    pub kinks: Vec<Kink>,
     /// Root mean square distance of the centres from the curve, scene units.
     pub residual: f64,
     /// Centres that were left out as mistakes.
     pub outliers: usize,
 }
 
+/// Centres at their times, and the curves that are tried on them.
+struct Data {
+    times: Vec<f64>,
+    places: Vec<DVec3>,
+    t0: f64,
+    half: f64,
+}
+
+/// A fitted curve.
+struct Fit {
+    order: usize,
+    coefficients: Vec<DVec3>,
+    squares: f64,
+    bic: f64,
+}
+
 impl Trajectory {
-    /// Fits orders 0 to `max_order` (as far as the number of centres allows) and keeps the one with the least BIC.
-    /// `None` without two centres at different finite times.
-    pub fn fit(centres: &[Centre], max_order: usize) -> Option<Self> {
-        let mut used: Vec<(f64, DVec3)> = centres
-            .iter()
-            .filter(|centre| centre.t.is_finite() && centre.position.is_finite())
-            .map(|centre| (centre.t, centre.position))
-            .collect();
-        let low = used.iter().map(|(t, _)| *t).fold(f64::INFINITY, f64::min);
-        let high = used.iter().map(|(t, _)| *t).fold(f64::NEG_INFINITY, f64::max);
+    /// Fits orders 0 to `max_order` (as far as the number of centres allows) with up to `max_kinks` kinks and keeps what has
+    /// the least BIC; three kinks can make a spike of any one mistaken centre. `None` without two centres at different finite times.
+    pub fn fit(centres: &[Centre], max_order: usize, max_kinks: usize) -> Option<Self> {
+        let used = centres.iter().filter(|centre| centre.t.is_finite() && centre.position.is_finite());
+        let (times, places): (Vec<f64>, Vec<DVec3>) = used.map(|centre| (centre.t, centre.position)).unzip();
+        let low = times.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (t0, half) = (0.5 * (low + high), 0.5 * (high - low));
-        if used.len() < 2 || half.is_nan() || half <= 0.0 {
+        if times.len() < 2 || half.is_nan() || half <= 0.0 {
             return None;
         }
-        used.iter_mut().for_each(|(t, _)| *t = (*t - t0) / half);
-        let highest = |count: usize| max_order.min(count.saturating_sub(1 + SPARE));
-        let before = used.len();
-        drop_outliers(&mut used, highest(before));
-        let floor = extent(&used) * DEVIATION_MIN;
-        let count = 3.0 * used.len() as f64;
-        let mut best: Option<(f64, Vec<DVec3>, f64)> = None;
-        for order in 0..=highest(used.len()) {
-            let coefficients = least_squares(&used, &vec![1.0; used.len()], order);
-            let sum: f64 = used.iter().map(|(s, x)| evaluate(&coefficients, *s).distance_squared(*x)).sum();
-            let variance = (sum / count).max(floor * floor).max(f64::MIN_POSITIVE);
-            let bic = count * variance.ln() + 3.0 * (order as f64 + 1.0) * count.ln();
-            if best.as_ref().is_none_or(|(least, ..)| bic < *least) {
-                best = Some((bic, coefficients, (sum / used.len() as f64).sqrt()));
-            }
+        let mut data = Data { times, places, t0, half };
+        let before = data.times.len();
+        // A bounce seen by few centres must not be taken for mistakes: judged with the kink that suits them best.
+        let score = |data: &Data, kinks: &[[f64; 2]]| Some(data.distances(max_order, kinks)?.iter().sum::<f64>());
+        let suspect = data.best_kink(&[], score).filter(|_| max_kinks > 0);
+        data.drop_outliers(max_order, suspect.as_slice());
+
+        let mut kinks: Vec<[f64; 2]> = Vec::new();
+        let mut best = data.best_order(max_order, &kinks)?;
+        while kinks.len() < max_kinks {
+            let score = |data: &Data, kinks: &[[f64; 2]]| Some(data.best_order(max_order, kinks)?.bic);
+            let Some(kink) = data.best_kink(&kinks, score) else { break };
+            let kink = data.refined(kink, &kinks, max_order);
+            let mut more = kinks.clone();
+            more.push(kink);
+            more.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            let Some(fit) = data.best_order(max_order, &more).filter(|fit| fit.bic < best.bic - EVIDENCE) else {
+                break;
+            };
+            (kinks, best) = (more, fit);
         }
-        let (_, coefficients, residual) = best?;
-        Some(Self { t0, half, coefficients, residual, outliers: before - used.len() })
+        let jumps = best.coefficients.split_off(best.order + 1);
+        let kinks = kinks.into_iter().zip(jumps).map(|([begin, end], jump)| Kink { begin, end, jump });
+        Some(Self {
+            t0,
+            half,
+            kinks: kinks.collect(),
+            residual: (best.squares / data.times.len() as f64).sqrt(),
+            coefficients: best.coefficients,
+            outliers: before - data.times.len(),
+        })
     }
 
-    /// The chosen order; 0 is an object that does not move.
+    /// The chosen order; 0 is an object that does not move, unless it is hit.
     pub fn order(&self) -> usize {
         self.coefficients.len() - 1
     }
@@ -87,13 +153,145 @@ impl Trajectory {
     pub fn position(&self, t: f64) -> DVec3 {
         let s = (t - self.t0) / self.half;
         let inside = s.clamp(-1.0, 1.0);
-        evaluate(&self.coefficients, inside) + (s - inside) * evaluate(&derivative(&self.coefficients), inside)
+        let hits: DVec3 = self.kinks.iter().map(|kink| Kink::ramp(kink.begin, kink.end, t).0 * kink.jump).sum();
+        evaluate(&self.coefficients, inside) + (s - inside) * evaluate(&derivative(&self.coefficients), inside) + hits
     }
 
     /// Velocity at a time, scene units per unit of time; outside the fitted times that at their end.
     pub fn velocity(&self, t: f64) -> DVec3 {
         let s = ((t - self.t0) / self.half).clamp(-1.0, 1.0);
-        evaluate(&derivative(&self.coefficients), s) / self.half
+        let hits: DVec3 = self.kinks.iter().map(|kink| Kink::ramp(kink.begin, kink.end, t).1 * kink.jump).sum();
+        evaluate(&derivative(&self.coefficients), s) / self.half + hits
+    }
+}
+
+impl Data {
+    /// Powers of the normalised time up to `order`, then a ramp for each kink, at all centres.
+    fn columns(&self, order: usize, kinks: &[[f64; 2]]) -> Vec<Vec<f64>> {
+        let powers =
+            (0..=order as i32).map(|k| self.times.iter().map(|t| ((t - self.t0) / self.half).powi(k)).collect());
+        let ramps =
+            kinks.iter().map(|[begin, end]| self.times.iter().map(|t| Kink::ramp(*begin, *end, *t).0).collect());
+        powers.chain(ramps).collect()
+    }
+
+    /// The highest order that leaves something to judge it by; `None` where the kinks alone leave nothing.
+    fn highest(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<usize> {
+        // A kink takes up two centres: its jump and its times are five numbers, a centre has three.
+        match self.times.len().checked_sub(1 + SPARE + 2 * kinks.len()) {
+            Some(room) => Some(max_order.min(room)),
+            None => kinks.is_empty().then_some(0),
+        }
+    }
+
+    /// The order mistakes are judged by. A kink does what two orders did; with both, a curve can reach for a mistake near the end.
+    fn judge(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<usize> {
+        self.highest(max_order.saturating_sub(2 * kinks.len()), kinks)
+    }
+
+    /// The order with the least BIC beside given kinks.
+    fn best_order(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<Fit> {
+        let ones = vec![1.0; self.times.len()];
+        let floor = self.extent() * DEVIATION_MIN;
+        let count = 3.0 * self.times.len() as f64;
+        let fits = (0..=self.highest(max_order, kinks)?).map(|order| {
+            let columns = self.columns(order, kinks);
+            let coefficients = least_squares(&columns, &self.places, &ones);
+            let squares = self.misses(&columns, &coefficients).iter().map(|miss| miss * miss).sum::<f64>();
+            let variance = (squares / count).max(floor * floor).max(f64::MIN_POSITIVE);
+            let numbers = 3.0 * (order as f64 + 1.0) + 5.0 * kinks.len() as f64;
+            Fit { order, coefficients, squares, bic: count * variance.ln() + numbers * count.ln() }
+        });
+        fits.reduce(|best, fit| if fit.bic < best.bic { fit } else { best })
+    }
+
+    /// The one kink more, of all tried places and lengths, that makes `score` least; as begin and end.
+    fn best_kink(&self, kinks: &[[f64; 2]], score: impl Fn(&Self, &[[f64; 2]]) -> Option<f64>) -> Option<[f64; 2]> {
+        let mut sorted = self.times.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.dedup();
+        if sorted.len() < 2 * SIDE {
+            return None;
+        }
+        let interval = (sorted[sorted.len() - 1] - sorted[0]) / (sorted.len() - 1) as f64;
+        let (first, last) = (sorted[SIDE - 1], sorted[sorted.len() - SIDE]);
+        let places = ((last - first) / interval * PLACES as f64).round() as usize;
+        let tried = (0..=places).flat_map(|i| {
+            let middle = first + (last - first) * i as f64 / places.max(1) as f64;
+            CONTACTS.map(|length| [middle - 0.5 * length * interval, middle + 0.5 * length * interval])
+        });
+        let apart = |new: &[f64; 2]| kinks.iter().all(|old| new[1] <= old[0] || old[1] <= new[0]);
+        let scored = tried.filter(apart).filter_map(|kink| {
+            let with: Vec<[f64; 2]> = kinks.iter().copied().chain([kink]).collect();
+            Some((score(self, &with)?, kink))
+        });
+        scored.reduce(|best, new| if new.0 < best.0 { new } else { best }).map(|(_, kink)| kink)
+    }
+
+    /// The kink shifted and stretched to the least BIC, beside others: a place off by a fraction of a frame would ask for
+    /// another kink to mend it.
+    fn refined(&self, kink: [f64; 2], others: &[[f64; 2]], max_order: usize) -> [f64; 2] {
+        let score = |kink: [f64; 2]| {
+            let with: Vec<[f64; 2]> = others.iter().copied().chain([kink]).collect();
+            self.best_order(max_order, &with).map_or(f64::INFINITY, |fit| fit.bic)
+        };
+        let apart = |new: &[f64; 2]| others.iter().all(|old| new[1] <= old[0] || old[1] <= new[0]);
+        let (mut best, mut least, shortest) = (kink, score(kink), 0.5 * (kink[1] - kink[0]));
+        let mut step = shortest;
+        for _ in 0..REFINEMENTS {
+            for [begin, end] in [[step, step], [-step, -step], [step, -step], [-step, step]] {
+                let moved = [best[0] + begin, best[1] + end];
+                if moved[1] - moved[0] >= shortest && apart(&moved) && score(moved) < least {
+                    (best, least) = (moved, score(moved));
+                }
+            }
+            step *= 0.7;
+        }
+        best
+    }
+
+    /// Distances from the curve of least absolute distances: a curve of least squares bends towards mistakes and hides them.
+    fn distances(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<Vec<f64>> {
+        let columns = self.columns(self.judge(max_order, kinks)?, kinks);
+        let floor = (self.extent() * DEVIATION_MIN).max(f64::MIN_POSITIVE);
+        let mut weights = vec![1.0; self.times.len()];
+        let mut distances = Vec::new();
+        for _ in 0..ROUNDS {
+            distances = self.misses(&columns, &least_squares(&columns, &self.places, &weights));
+            weights.iter_mut().zip(&distances).for_each(|(weight, distance)| *weight = 1.0 / distance.max(floor));
+        }
+        Some(distances)
+    }
+
+    /// Removes centres far off the curve of the highest order. Judged by that one, because against a lower order the ends of
+    /// a bent path are far off too. At most a fifth goes, so that the curve cannot be bent to a few.
+    fn drop_outliers(&mut self, max_order: usize, kinks: &[[f64; 2]]) {
+        let (Some(order), Some(distances)) = (self.judge(max_order, kinks), self.distances(max_order, kinks)) else {
+            return;
+        };
+        let floor = (self.extent() * DEVIATION_MIN).max(f64::MIN_POSITIVE);
+        let mut sorted = distances.clone();
+        sorted.sort_by(f64::total_cmp);
+        // The curve passes through as many centres as it has coefficients; they say nothing about the noise.
+        let free = &sorted[(order + 1 + kinks.len()).min(sorted.len() - 1)..];
+        let limit = OUTLIER * (free[free.len() / 2] / MEDIAN_ABSOLUTE).max(floor);
+        let most_far = sorted[sorted.len() - 1 - sorted.len() / 5];
+        let keeps: Vec<bool> = distances.iter().map(|distance| *distance <= limit.max(most_far)).collect();
+        let mut kept = keeps.iter();
+        self.times.retain(|_| *kept.next().expect("one for each"));
+        let mut kept = keeps.iter();
+        self.places.retain(|_| *kept.next().expect("one for each"));
+    }
+
+    fn misses(&self, columns: &[Vec<f64>], coefficients: &[DVec3]) -> Vec<f64> {
+        self.places.iter().enumerate().map(|(i, place)| combined(columns, coefficients, i).distance(*place)).collect()
+    }
+
+    /// The diagonal of the box around the places.
+    fn extent(&self) -> f64 {
+        let low = self.places.iter().fold(DVec3::INFINITY, |low, x| low.min(*x));
+        let high = self.places.iter().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x));
+        if self.places.is_empty() { 0.0 } else { low.distance(high) }
     }
 }
 
@@ -103,70 +301,4 @@ fn evaluate(coefficients: &[DVec3], s: f64) -> DVec3 {
 
 fn derivative(coefficients: &[DVec3]) -> Vec<DVec3> {
     coefficients.iter().enumerate().skip(1).map(|(k, coefficient)| k as f64 * *coefficient).collect()
-}
-
-/// The diagonal of the box around the places.
-fn extent(points: &[(f64, DVec3)]) -> f64 {
-    let low = points.iter().fold(DVec3::INFINITY, |low, (_, x)| low.min(*x));
-    let high = points.iter().fold(DVec3::NEG_INFINITY, |high, (_, x)| high.max(*x));
-    if points.is_empty() { 0.0 } else { low.distance(high) }
-}
-
-/// Removes centres far off the curve of the highest order. Judged by that one, because against a lower order the ends
-/// of a bent path are far off too, and by least absolute distances, because a curve of least squares bends towards the
-/// mistakes and hides them. At most a fifth goes, so that the curve cannot be bent to a few.
-fn drop_outliers(points: &mut Vec<(f64, DVec3)>, order: usize) {
-    let floor = (extent(points) * DEVIATION_MIN).max(f64::MIN_POSITIVE);
-    let mut weights = vec![1.0; points.len()];
-    let mut distances = Vec::new();
-    for _ in 0..ROUNDS {
-        let coefficients = least_squares(points, &weights, order);
-        distances = points.iter().map(|(s, x)| evaluate(&coefficients, *s).distance(*x)).collect();
-        weights.iter_mut().zip(&distances).for_each(|(weight, distance)| *weight = 1.0 / distance.max(floor));
-    }
-    let mut sorted: Vec<f64> = distances.clone();
-    sorted.sort_by(f64::total_cmp);
-    // The curve passes through as many centres as it has coefficients; they say nothing about the noise.
-    let free = &sorted[(order + 1).min(sorted.len() - 1)..];
-    let limit = OUTLIER * (free[free.len() / 2] / MEDIAN_ABSOLUTE).max(floor);
-    let most_far = sorted[sorted.len() - 1 - sorted.len() / 5];
-    let mut distances = distances.into_iter();
-    points.retain(|_| distances.next().is_none_or(|distance| distance <= limit.max(most_far)));
-}
-
-/// Coefficients of the polynomial of an order that is closest to the points by weighted squares, `[order + 1]`.
-fn least_squares(points: &[(f64, DVec3)], weights: &[f64], order: usize) -> Vec<DVec3> {
-    // Weights relative to their mean, so that lengths below have a scale.
-    let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
-    let roots: Vec<f64> = weights.iter().map(|weight| (weight / mean).sqrt()).collect();
-    let columns: Vec<Vec<f64>> = (0..=order)
-        .map(|k| points.iter().zip(&roots).map(|((s, _), root)| root * s.powi(k as i32)).collect())
-        .collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    // Columns = basis * upper, basis orthonormal.
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    let mut upper = vec![vec![0.0; order + 1]; order + 1];
-    for (k, column) in columns.iter().enumerate() {
-        let mut rest = column.clone();
-        // The second pass removes what rounding left of the first.
-        for _ in 0..2 {
-            for (row, known) in basis.iter().enumerate() {
-                let part = dot(known, &rest);
-                upper[row][k] += part;
-                rest.iter_mut().zip(known).for_each(|(rest, known)| *rest -= part * known);
-            }
-        }
-        let length = dot(&rest, &rest).sqrt();
-        upper[k][k] = length;
-        // A column that the others already span (repeated times) has no direction of its own: coefficient 0.
-        let scale = if length > 1e-9 { 1.0 / length } else { 0.0 };
-        basis.push(rest.iter().map(|value| value * scale).collect());
-    }
-    let mut coefficients = vec![DVec3::ZERO; order + 1];
-    for k in (0..=order).rev() {
-        let right: DVec3 = basis[k].iter().zip(&roots).zip(points).map(|((q, root), (_, x))| *q * *root * *x).sum();
-        let known: DVec3 = (k + 1..=order).map(|j| upper[k][j] * coefficients[j]).sum();
-        coefficients[k] = if upper[k][k] > 1e-9 { (right - known) / upper[k][k] } else { DVec3::ZERO };
-    }
-    coefficients
 }

@@ -7,7 +7,7 @@
 //! | Paper | Here |
 //! |---|---|
 //! | 3.1, Eq. 2: Taylor motion | [`taylor_motion`], in the time of [`window`]; rotation likewise in [`rotation`] |
-//! | 3.1, Eq. 2: remainder `R_n(t)` | [`remainder`], in three dimensions |
+//! | 3.1, Eq. 2: remainder `R_n(t)` | [`remainder`], in three dimensions; [`kinks`] where something is hit |
 //! | 3.2, Eq. 3: velocity | [`TaylorMotion::velocity`] |
 //! | 3.2, Eq. 4: velocity splatting | the rasterizer's channels, fed with [`TaylorMotion::velocities`] |
 //! | 3.2, Eq. 5: Peano remainder network; Table 2, "w/o Taylor expansion" | [`velocity_map`] |
@@ -26,6 +26,7 @@ pub mod blur_synthesis;
 pub mod blur_weights;
 pub mod depth_alignment;
 pub mod exposure;
+pub mod kinks;
 pub mod losses;
 pub mod order;
 pub mod pixels;
@@ -42,6 +43,7 @@ pub use blur_synthesis::{blurred_color, decoupled};
 pub use blur_weights::BlurWeights;
 pub use depth_alignment::{Alignment, DepthSpace, align};
 pub use exposure::{Exposure, Samples};
+pub use kinks::{Contact, Kinks};
 pub use order::Evidence;
 pub use pixels::Pixels;
 pub use remainder::{Remainder, RemainderNetwork};

@@ -47,6 +47,6 @@ pub fn pixels_per_unit(means: &[f32], rows: &[u32], cameras: &[Sight]) -> Vec<f6
 }
 
 /// Length of a block.
-pub(super) fn norm(block: &[f32]) -> f64 {
+pub fn norm(block: &[f32]) -> f64 {
     block.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
 }

@@ -9,6 +9,7 @@
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData, assert_shape};
 use gs_burn::Gaussians;
 
+use super::kinks::Kinks;
 use super::remainder::Remainder;
 use super::rotation::turn;
 use super::window::{Sample, TimeWindow, powers};
@@ -27,6 +28,8 @@ pub struct TaylorMotion {
     pub window: TimeWindow,
     /// What the polynomial leaves over, of the same `M` rows.
     pub remainder: Option<Remainder>,
+    /// What a hit leaves over, of the same `M` rows.
+    pub kinks: Option<Kinks>,
 }
 
 /// A time at which to move the Gaussians, through which a gradient may reach the time itself.
@@ -57,6 +60,7 @@ impl TaylorMotion {
             rotation: Tensor::zeros([count, 3 * rotation_order], device),
             window,
             remainder: None,
+            kinks: None,
         }
     }
 
@@ -99,11 +103,14 @@ impl TaylorMotion {
 
     fn position_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
         let s = self.window.normalised(t);
-        let sum = series(&self.position, powers(s, self.order()).map(&part).collect());
-        match &self.remainder {
-            None => sum,
-            Some(rest) => sum + series(&rest.weights, rest.functions(s).into_iter().map(part).collect()),
+        let mut sum = series(&self.position, powers(s, self.order()).map(&part).collect());
+        if let Some(rest) = &self.remainder {
+            sum = sum + series(&rest.weights, rest.functions(s).into_iter().map(&part).collect());
         }
+        if let Some(kinks) = &self.kinks {
+            sum = sum + series(&kinks.jumps, kinks.functions(s).into_iter().map(&part).collect());
+        }
+        sum
     }
 
     fn rotation_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {

@@ -10,6 +10,7 @@ mod blur_synthesis;
 mod blur_weights;
 mod depth_alignment;
 mod exposure;
+mod kinks;
 mod light;
 mod losses;
 mod network;
@@ -56,6 +57,7 @@ fn motion(place: &Place, random: &mut Random) -> TaylorMotion {
         rotation: place.tensor(&random.values(18, -1.0, 1.0), [3, 6]),
         window: WINDOW,
         remainder: None,
+        kinks: None,
     }
 }
 

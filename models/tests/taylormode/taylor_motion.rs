@@ -78,6 +78,7 @@ fn the_error_falls_with_the_order() {
                 rotation: place.tensor(&[], [1, 0]),
                 window,
                 remainder: None,
+                kinks: None,
             };
             let t = window.t0 + half;
             (values(&motion.displacement(t))[0] - ((3.0 * t).sin() - (3.0 * window.t0).sin())).abs()

@@ -96,7 +96,7 @@ fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
         ],
     )?;
     // Of the whole recording, however few frames training sees.
-    let path = hints::gather(scene, &config).and_then(|found| Trajectory::fit(&found.centres, 3));
+    let path = hints::gather(scene, &config).and_then(|found| Trajectory::fit(&found.centres, 3, 0));
     let mut session = Session::begin(lab, &part, config);
     let (device, state) = (lab.device.clone(), session.state());
     let window = state.window;

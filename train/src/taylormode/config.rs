@@ -41,6 +41,9 @@ pub struct MotionConfig {
     /// Where the path of the moving object's centre asks for a higher order (by BIC over its triangulated places), paths begin
     /// with that, up to this. At most 6, at least `order`.
     pub order_max: usize,
+    /// Most kinks in a path, 0 to 2: where the centre of what moves changes its velocity at once (by BIC), the velocity of every
+    /// moving Gaussian may.
+    pub kinks: usize,
     /// Highest order of its rotation, 0 to 6; 0: it keeps its orientation.
     pub rotation_order: usize,
     /// Which pixels are taken for moving before anything is learned.
@@ -78,6 +81,7 @@ impl Default for MotionConfig {
         Self {
             order: 3,
             order_max: 6,
+            kinks: 2,
             rotation_order: 2,
             masks: MaskSource::Auto,
             points: 4000,
@@ -132,6 +136,8 @@ pub struct BlurConfig {
     pub learn_exposure: bool,
     /// Rate of the exposure's logarithm.
     pub exposure_lr: f64,
+    /// Share of the run after which it is learned. Before the scene is sharp, its own softness passes for a part of the blur.
+    pub exposure_from: f64,
     /// Whether light is added up linearly, as a sensor does; off: as photos are encoded.
     pub linear: bool,
     /// Whether the static Gaussians receive no gradient from the blurred image (section 3.4, gradient decoupling).
@@ -156,6 +162,7 @@ impl Default for BlurConfig {
             exposure: 0.0,
             learn_exposure: true,
             exposure_lr: 2e-3,
+            exposure_from: 0.4,
             linear: true,
             decouple: true,
             depth_beta: 0.3,
@@ -208,11 +215,15 @@ impl Default for PriorConfig {
 /// Highest order of a path that is accepted. Powers of the normalised time are hard to tell apart beyond it in f32.
 const MAX_ORDER: usize = 6;
 
+/// Most kinks of a path: three make a spike of any one mistaken centre.
+const MAX_KINKS: usize = 2;
+
 impl MotionConfig {
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
         check("motion.order", self.order, self.order <= MAX_ORDER, "from 0 to 6")?;
         let above = (self.order..=MAX_ORDER).contains(&self.order_max);
         check("motion.order_max", self.order_max, above, "from motion.order to 6")?;
+        check("motion.kinks", self.kinks, self.kinks <= MAX_KINKS, "from 0 to 2")?;
         check("motion.rotation_order", self.rotation_order, self.rotation_order <= MAX_ORDER, "from 0 to 6")?;
         check("motion.points", self.points, self.points >= 1, "at least 1")?;
         check("motion.curriculum", self.curriculum, (0.0..=1.0).contains(&self.curriculum), "from 0 to 1")?;
@@ -233,6 +244,7 @@ impl BlurConfig {
         check("blur.samples", self.samples, (least..=1025).contains(&self.samples), "from 2 to 1025")?;
         check("blur.exposure", self.exposure, not_negative(self.exposure), "0 (from the data set) or positive")?;
         check("blur.exposure_lr", self.exposure_lr, not_negative(self.exposure_lr), "0 or more")?;
+        check("blur.exposure_from", self.exposure_from, (0.0..=1.0).contains(&self.exposure_from), "from 0 to 1")?;
         check("blur.depth_beta", self.depth_beta, (0.0..=1.0).contains(&self.depth_beta), "from 0 to 1")?;
         check("blur.network_lr", self.network_lr, not_negative(self.network_lr), "0 or more")
     }

@@ -46,7 +46,7 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     Some(Found {
         guides: guides.collect(),
         warnings: masks.warnings.iter().cloned().chain(notes).collect(),
-        path: Trajectory::fit(&centres, config.motion.order_max),
+        path: Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks),
         pixels_per_unit: pixels_per_unit(scene, &centres),
         masks,
         centres,
@@ -68,8 +68,10 @@ impl Found {
     pub fn path_in_words(&self, state: &MotionState) -> String {
         let Some(path) = &self.path else { return String::new() };
         let remainder = if state.remainder.is_some() { " and a remainder" } else { "" };
+        let hits: Vec<String> = path.kinks.iter().map(|kink| format!("{:.3}", 0.5 * (kink.begin + kink.end))).collect();
+        let hit = if hits.is_empty() { String::new() } else { format!(" with a kink at {}", hits.join(" and ")) };
         format!(
-            "; its centre is {:.2} pixels (rms) from a path of order {}, paths begin with order {}{remainder}",
+            "; its centre is {:.2} pixels (rms) from a path of order {}{hit}, paths begin with order {}{remainder}",
             path.residual * self.pixels_per_unit,
             path.order(),
             state.order()
@@ -88,13 +90,22 @@ impl Found {
     }
 }
 
-/// The time paths are expanded at (the training time nearest the middle of the recording), and the half length that makes
-/// every exposure lie within normalised times from -1 to 1.
-pub fn window(scene: &Scene, exposure: f64) -> TimeWindow {
+/// The time paths are expanded at (the training time nearest the middle of the recording at which nothing is hit while the
+/// shutter is open), and the half length that makes every exposure lie within normalised times from -1 to 1.
+pub fn window(scene: &Scene, exposure: f64, path: Option<&Trajectory>) -> TimeWindow {
     let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
     let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
     let middle = 0.5 * (low + high);
-    let t0 = times.iter().copied().min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs())).unwrap_or(middle);
+    let kinks = path.map_or(&[][..], |path| &path.kinks);
+    let undisturbed = |t: &f64| {
+        let shutter = 0.5 * exposure;
+        kinks.iter().all(|kink| *t + shutter <= kink.begin || *t - shutter >= kink.end)
+    };
+    let nearest =
+        |times: &mut dyn Iterator<Item = f64>| times.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs()));
+    let t0 = nearest(&mut times.iter().copied().filter(undisturbed))
+        .or_else(|| nearest(&mut times.iter().copied()))
+        .unwrap_or(middle);
     let half = (high - t0).max(t0 - low) + 0.5 * exposure;
     TimeWindow { t0, half: if half > 0.0 { half } else { 1.0 } }
 }

@@ -6,7 +6,7 @@ use gs_datasets::motion::{self, HullOptions, Trajectory};
 use gs_datasets::{PointCloud, Scene, View};
 use gs_models::network::Mlp;
 use gs_models::taylormode::order::has_pattern;
-use gs_models::taylormode::{BlurWeights, DirectVelocity, PeanoMap, RemainderNetwork, TimeWindow};
+use gs_models::taylormode::{BlurWeights, Contact, DirectVelocity, PeanoMap, RemainderNetwork, TimeWindow};
 
 use crate::experiment::Config;
 use crate::parameters::{Parameters, from_host};
@@ -20,7 +20,7 @@ use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFr
 /// The state before the first step, on what was `found` in the training views.
 pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> Trainer {
     let (exposure, _) = first_exposure(scene, config);
-    let window = window(scene, exposure);
+    let window = window(scene, exposure, found.path.as_ref());
     let extent = size_of(scene);
 
     let (still_points, moving_points) = first_points(scene, found, config, window.t0);
@@ -45,8 +45,12 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
     // Without masks there is no centre, and no path of it.
     if let Some(path) = found.path.as_ref().filter(|_| order > 0) {
-        let row = displacement_blocks(path, window, order);
-        state.position = Learned::new(from_host(row.repeat(state.rows.len()), 3 * order, device));
+        state.contacts = contacts(path, &window);
+        let mut blocks = displacement_blocks(path, window, order, &state.contacts);
+        let jumps = blocks.split_off(3 * order);
+        let rows = state.rows.len();
+        state.position = Learned::new(from_host(blocks.repeat(rows), 3 * order, device));
+        state.kinks = Learned::new(from_host(jumps.repeat(rows), 3 * state.contacts.len(), device));
     }
     (state.networks, state.remainder) = networks(&state, found, &first.gaussians.means, config, device);
     let parameters = Parameters::first(&first.gaussians, device);
@@ -205,19 +209,26 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
 /// Times at which a path is sampled for each order it is fitted with.
 const SAMPLES_PER_ORDER: usize = 4;
 
-/// The path as coefficient blocks of the window: the least squares fit of `sum_k c_k s^k`, without a constant, to the
-/// displacement since `t0`.
-fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize) -> Vec<f32> {
-    let count = SAMPLES_PER_ORDER * order + 1;
+/// The path's kinks in the window; one at `t0` itself is left to the polynomial.
+fn contacts(path: &Trajectory, window: &TimeWindow) -> Vec<Contact> {
+    path.kinks.iter().filter_map(|kink| Contact::new(kink.begin, kink.end, window)).collect()
+}
+
+/// The path as coefficient blocks of the window, those of the powers and then those of the contacts: the least squares fit of
+/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0`.
+fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
+    let columns = order + contacts.len();
+    let count = SAMPLES_PER_ORDER * columns + 1;
     let start = path.position(window.t0);
-    let mut normal = vec![vec![0.0; order + 3]; order];
+    let mut normal = vec![vec![0.0; columns + 3]; columns];
     for i in 0..count {
         let s = 2.0 * i as f64 / (count - 1) as f64 - 1.0;
         let displacement = (path.position(window.t0 + s * window.half) - start).to_array();
+        let powers = (1..=order as i32).map(|k| s.powi(k));
+        let values: Vec<f64> = powers.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect();
         for (row, equation) in normal.iter_mut().enumerate() {
-            let power = s.powi(row as i32 + 1);
             for (column, entry) in equation.iter_mut().enumerate() {
-                *entry += power * if column < order { s.powi(column as i32 + 1) } else { displacement[column - order] };
+                *entry += values[row] * if column < columns { values[column] } else { displacement[column - columns] };
             }
         }
     }
@@ -256,9 +267,9 @@ mod tests {
                 cameras: 5,
             })
             .collect();
-        let path = Trajectory::fit(&centres, 3).expect("a path");
+        let path = Trajectory::fit(&centres, 3, 0).expect("a path");
         let window = TimeWindow { t0: 0.5, half: 0.5 };
-        let blocks = displacement_blocks(&path, window, 3);
+        let blocks = displacement_blocks(&path, window, 3, &[]);
         for t in [0.0, 0.3, 0.8, 1.0] {
             let s: f64 = (t - 0.5) / 0.5;
             let moved: Vec<f64> =

@@ -140,7 +140,8 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
         sh_coefficients: gaussians.sh.dims()[1],
         position_orders: usize_of(&state.orders),
         rotation_orders: usize_of(&state.rotation_orders),
-        network: network.sum(),
+        // Times of the contacts, and a jump for each moving Gaussian at each.
+        network: network.sum::<usize>() + state.contacts.len() * (2 + 3 * state.rows.len()),
     };
     let fixed = FixedOrder {
         gaussians: size.gaussians,

@@ -29,10 +29,11 @@ use crate::taylormode::state::MotionRates;
 pub fn rates(config: &Config, step: usize, extent: f64) -> MotionRates {
     let (motion, blur) = (&config.motion, &config.blur);
     let decay = exponential(1.0, motion.final_share, step, config.steps);
+    let learns_exposure = blur.learn_exposure && step as f64 > blur.exposure_from * config.steps as f64;
     MotionRates {
         position: motion.position_lr * decay * extent,
         rotation: motion.rotation_lr * decay,
-        exposure: if blur.learn_exposure { blur.exposure_lr * decay } else { 0.0 },
+        exposure: if learns_exposure { blur.exposure_lr * decay } else { 0.0 },
         network: blur.network_lr,
         remainder: motion.remainder_lr * decay,
     }

@@ -1,7 +1,7 @@
 //! The motion state in a checkpoint: which tensors, under which names, and what the metadata says beside them.
 
 use burn::tensor::Tensor;
-use gs_models::taylormode::TimeWindow;
+use gs_models::taylormode::{Contact, TimeWindow};
 use serde::{Deserialize, Serialize};
 
 use crate::parameters::{from_host, to_host};
@@ -23,6 +23,9 @@ pub struct SavedMotion {
     /// Centre and size (as bits) and order of the 3D remainder's frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     remainder: Option<([u64; 4], usize)>,
+    /// Near and far end of each contact, as bits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    contacts: Vec<[u64; 2]>,
 }
 
 impl SavedMotion {
@@ -41,6 +44,7 @@ impl SavedMotion {
                 let [x, y, z] = frame.centre;
                 ([x, y, z, frame.scale].map(f64::to_bits), frame.order)
             }),
+            contacts: state.contacts.iter().map(|contact| [contact.near, contact.far].map(f64::to_bits)).collect(),
         }
     }
 
@@ -64,6 +68,13 @@ impl SavedMotion {
         };
         let (position, rotation) = (learned("motion.position")?, learned("motion.rotation")?);
         let log_exposure = learned("motion.log_exposure")?;
+        let kinks = match self.contacts.len() {
+            0 => Learned::new(Tensor::zeros([position.value.dims()[0], 0], &position.value.device())),
+            _ => learned("motion.kinks")?,
+        };
+        if kinks.value.dims() != [position.value.dims()[0], 3 * self.contacts.len()] {
+            return Err(damaged("the kinks do not fit the contacts".into()));
+        }
         let mut networks = Vec::new();
         for (name, count) in &self.networks {
             let kind = Network::ALL.into_iter().find(|kind| kind.name() == name);
@@ -86,6 +97,13 @@ impl SavedMotion {
             rotation_orders: column(2).iter().map(|order| *order as u8).collect(),
             position,
             rotation,
+            kinks,
+            contacts: self
+                .contacts
+                .iter()
+                .map(|bits| bits.map(f64::from_bits))
+                .map(|[near, far]| Contact { near, far })
+                .collect(),
             log_exposure,
             networks,
             remainder: self.remainder.map(|(bits, order)| {
@@ -107,6 +125,9 @@ pub fn columns(state: &MotionState) -> Vec<(String, Tensor<2>)> {
     };
     add("motion.position".into(), &state.position);
     add("motion.rotation".into(), &state.rotation);
+    if !state.contacts.is_empty() {
+        add("motion.kinks".into(), &state.kinks);
+    }
     add("motion.log_exposure".into(), &state.log_exposure);
     for network in &state.networks {
         for (i, tensor) in network.tensors.iter().enumerate() {

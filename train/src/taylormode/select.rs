@@ -6,7 +6,7 @@
 
 use gs_datasets::View;
 use gs_models::taylormode::order::lower;
-use gs_models::taylormode::shrinkage::{Sight, pixels_per_unit, shrink};
+use gs_models::taylormode::shrinkage::{Sight, norm, pixels_per_unit, shrink};
 
 use crate::parameters::{Group, Parameters, from_host, to_host};
 use crate::taylormode::config::MotionConfig;
@@ -58,8 +58,13 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
     if columns[1] > 0 {
         state.rotation.value = from_host(rotation, columns[1], &device);
     }
-    let moving: Vec<u32> = (0..state.rows.len() as u32)
-        .filter(|i| state.orders[*i as usize] + state.rotation_orders[*i as usize] > 0)
+    let jumps = to_host(state.kinks.value.clone());
+    let hits = 3 * state.contacts.len();
+    let is_hit =
+        |i: usize| jumps[hits * i..][..hits].chunks_exact(3).any(|jump| norm(jump) * scales[i] > config.select_pixels);
+    let moving: Vec<u32> = (0..state.rows.len())
+        .filter(|i| state.orders[*i] + state.rotation_orders[*i] > 0 || is_hit(*i))
+        .map(|i| i as u32)
         .collect();
     selected.stopped = state.rows.len() - moving.len();
     if selected.stopped > 0 {

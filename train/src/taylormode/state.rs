@@ -4,7 +4,9 @@ use burn::tensor::{Device, Int, Tensor};
 use gs_burn::Gaussians;
 use gs_burn::ops::adam::AdamConfig;
 use gs_models::network::Mlp;
-use gs_models::taylormode::{Exposure, Remainder, RemainderNetwork, TaylorMotion, TaylorScene, TimeWindow};
+use gs_models::taylormode::{
+    Contact, Exposure, Kinks, Remainder, RemainderNetwork, TaylorMotion, TaylorScene, TimeWindow,
+};
 use gs_models::{Motion, Static};
 
 use crate::parameters::{from_host, indices};
@@ -76,6 +78,10 @@ pub struct MotionState {
     pub position: Learned,
     /// Coefficients of the rotations, `[M, 3 Kr]`, radians at the window's edge.
     pub rotation: Learned,
+    /// Changes of velocity at each of `contacts`, `[M, 3 J]`, scene units per half window.
+    pub kinks: Learned,
+    /// When something is hit: `J` contacts for the whole scene.
+    pub contacts: Vec<Contact>,
     /// Highest order each path still has, `[M]`.
     pub orders: Vec<u8>,
     /// Highest order each rotation still has, `[M]`.
@@ -113,6 +119,7 @@ impl Lent {
 pub struct MotionGradients {
     position: Tensor<2>,
     rotation: Tensor<2>,
+    kinks: Tensor<2>,
     log_exposure: Tensor<2>,
     networks: Vec<Vec<Tensor<2>>>,
 }
@@ -150,13 +157,13 @@ impl MotionState {
     /// The motion of `gaussians`, outside autodiff.
     pub fn motion(&self, gaussians: &Gaussians) -> TaylorMotion {
         let tensors = |network: &LearnedNetwork| network.tensors.iter().map(|tensor| tensor.value.clone()).collect();
-        self.build(self.position.value.clone(), self.rotation.value.clone(), gaussians, tensors)
+        let of = |learned: &Learned| learned.value.clone();
+        self.build([&self.position, &self.rotation, &self.kinks].map(of), gaussians, tensors)
     }
 
     fn build(
         &self,
-        position: Tensor<2>,
-        rotation: Tensor<2>,
+        [position, rotation, jumps]: [Tensor<2>; 3],
         gaussians: &Gaussians,
         tensors: impl Fn(&LearnedNetwork) -> Vec<Tensor<2>>,
     ) -> TaylorMotion {
@@ -167,7 +174,8 @@ impl MotionState {
             let network = RemainderNetwork { mlp: Mlp::from_tensors(tensors(network)), ..shell };
             network.evaluate(gaussians.means.val().select(0, rows.clone())) as Remainder
         });
-        TaylorMotion { rows, position, rotation, window: self.window, remainder }
+        let kinks = (!self.contacts.is_empty()).then(|| Kinks { contacts: self.contacts.clone(), jumps });
+        TaylorMotion { rows, position, rotation, window: self.window, remainder, kinks }
     }
 
     /// Highest order that paths have room for.
@@ -197,7 +205,7 @@ impl MotionState {
             found.map(|(_, tensors)| tensors.clone()).unwrap_or_default()
         };
         Lent {
-            motion: self.build(self.position.tracked(), self.rotation.tracked(), gaussians, tracked),
+            motion: self.build([&self.position, &self.rotation, &self.kinks].map(Learned::tracked), gaussians, tracked),
             exposure: Exposure { log_tau: self.log_exposure.tracked() },
             networks,
         }
@@ -208,6 +216,10 @@ impl MotionState {
         MotionGradients {
             position: gradient_of(&lent.motion.position, gradients),
             rotation: gradient_of(&lent.motion.rotation, gradients),
+            kinks: match &lent.motion.kinks {
+                Some(kinks) => gradient_of(&kinks.jumps, gradients),
+                None => Tensor::zeros([lent.motion.len(), 0], &lent.motion.rows.device()),
+            },
             log_exposure: gradient_of(&lent.exposure.log_tau, gradients),
             networks: lent
                 .networks
@@ -227,6 +239,9 @@ impl MotionState {
             }
             if self.rotation.value.dims()[1] > 0 {
                 self.rotation.step(gradients.rotation, &adam(rates.rotation));
+            }
+            if !self.contacts.is_empty() {
+                self.kinks.step(gradients.kinks, &adam(rates.position));
             }
         }
         if rates.exposure > 0.0 {
@@ -287,7 +302,7 @@ impl MotionState {
         let device = self.position.value.device();
         let keep: Vec<f32> = (0..from.len()).map(|i| f32::from(u8::from(keeps_moments(i)))).collect();
         let (rows, keep) = (indices(from, &device), from_host(keep, 1, &device));
-        for learned in [&mut self.position, &mut self.rotation] {
+        for learned in [&mut self.position, &mut self.rotation, &mut self.kinks] {
             if learned.value.dims()[1] > 0 {
                 learned.select(&rows, &keep);
             } else {
@@ -302,8 +317,9 @@ impl MotionState {
 impl MotionGradients {
     /// One number that is finite only if every gradient is, `[1]`.
     pub fn finiteness(&self) -> Tensor<1> {
-        let all =
-            [&self.position, &self.rotation, &self.log_exposure].into_iter().chain(self.networks.iter().flatten());
+        let all = [&self.position, &self.rotation, &self.kinks, &self.log_exposure]
+            .into_iter()
+            .chain(self.networks.iter().flatten());
         let sums = all.filter(|tensor| tensor.dims().iter().product::<usize>() > 0).map(|tensor| tensor.clone().sum());
         sums.reduce(|a, b| a + b).expect("the exposure has a gradient")
     }
@@ -318,6 +334,8 @@ pub fn still(rows: Vec<u32>, window: TimeWindow, orders: [usize; 2], exposure: f
         rows,
         position: zeros(orders[0]),
         rotation: zeros(orders[1]),
+        kinks: zeros(0),
+        contacts: Vec::new(),
         orders: vec![orders[0] as u8; count],
         rotation_orders: vec![orders[1] as u8; count],
         log_exposure: Learned::new(from_host(vec![exposure.ln() as f32], 1, device)),

@@ -1,0 +1,63 @@
+//! Kinks: what a remainder of Eq. 2 is where something is hit.
+//!
+//! `R(s) = sum_j a_j r_j(s)`, `a_j` `[3]` learned for each Gaussian. `r_j` is a ramp that begins on one side of `t0` and is 0
+//! from there on to `t0` and past it: 0, then a parabola while the contact lasts, then a straight line of slope 1 (-1 where
+//! it lies before `t0`). Around `t0` it is zero, so it vanishes faster than every power of `|t - t0|`: a true Peano remainder, of
+//! the kind no polynomial can follow. A contact with an even force is met exactly, with a continuous velocity.
+//!
+//! When something is hit all of it is, at one time; so the contacts' times are found once for the scene, and the Gaussians learn
+//! only by how much their own velocity jumps.
+
+use burn::tensor::Tensor;
+
+use super::window::{Sample, TimeWindow, best_line, continued};
+
+/// When a contact begins and ends, in window units; both on the same side of 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// The end nearer to `t0`.
+    pub near: f64,
+    /// The end farther from it, not equal.
+    pub far: f64,
+}
+
+impl Contact {
+    /// The contact between two times of `window`; `None` when `t0` lies inside it or it takes no time.
+    pub fn new(begin: f64, end: f64, window: &TimeWindow) -> Option<Self> {
+        let (a, b) = (window.normalised(begin.min(end)), window.normalised(begin.max(end)));
+        match (a >= 0.0, b <= 0.0) {
+            _ if a == b => None,
+            (true, _) => Some(Self { near: a, far: b }),
+            (_, true) => Some(Self { near: b, far: a }),
+            _ => None,
+        }
+    }
+
+    /// The ramp at `s`.
+    pub fn ramp(&self, s: f64) -> Sample {
+        let inside = |s: f64| {
+            // Distances outwards from t0.
+            let side = self.far.signum();
+            let (near, far, s) = (self.near.abs(), self.far.abs(), s * side);
+            let share = ((s - near) / (far - near)).clamp(0.0, 1.0);
+            Sample { value: 0.5 * share * share * (far - near) + (s - far).max(0.0), slope: side * share }
+        };
+        continued(s, || best_line(|s| inside(s).value), inside)
+    }
+}
+
+/// Kinks of moving Gaussians, at all times.
+#[derive(Debug, Clone)]
+pub struct Kinks {
+    /// `J` contacts.
+    pub contacts: Vec<Contact>,
+    /// `[M, 3 J]`, a block of three per contact: the change of velocity, scene units per window unit of time.
+    pub jumps: Tensor<2>,
+}
+
+impl Kinks {
+    /// The ramps at `s` (window units), one per block of [`jumps`](Self::jumps).
+    pub fn functions(&self, s: f64) -> Vec<Sample> {
+        self.contacts.iter().map(|contact| contact.ramp(s)).collect()
+    }
+}
