@@ -11,7 +11,7 @@ use crate::density::{Changes, Density, Moment, Observation};
 use crate::experiment::Config;
 use crate::losses::{photometric, regularisers};
 use crate::optimiser::Optimiser;
-use crate::parameters::{Gradients, Parameters};
+use crate::parameters::{Gradients, Group, Parameters};
 use crate::scene_init::{first_gaussians, size_of};
 use crate::schedule::{due, sh_degree};
 use crate::taylormode;
@@ -194,7 +194,8 @@ impl Trainer {
                 let rates = config.optimiser.rates(self.step, config.steps, self.extent);
                 self.optimiser.step(&mut self.parameters, of_table, rates, &config.optimiser);
                 if let (Some(state), Some(gradients)) = (&mut self.motion, of_motion) {
-                    state.step(gradients, &taylormode::rates(config, self.step, self.extent));
+                    let rates = taylormode::rates(state, config, self.step, self.extent);
+                    state.step(gradients, &rates, self.parameters.get(Group::Means));
                 }
                 report.changes = self.control_density(&compared.observation, config);
             }

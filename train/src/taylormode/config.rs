@@ -56,6 +56,9 @@ pub struct MotionConfig {
     pub curriculum: f64,
     /// Rate of the path's coefficients at the first step, scene extents of displacement at the window's edge.
     pub position_lr: f64,
+    /// Whether all paths are also moved together, by what the photos ask of all of them; see
+    /// [`collective`](super::collective).
+    pub collective: bool,
     /// Rate of the rotation's coefficients at the first step, radians at the window's edge.
     pub rotation_lr: f64,
     /// Both rates at the last step, as a share of the first.
@@ -87,6 +90,7 @@ impl Default for MotionConfig {
             points: 4000,
             curriculum: 0.4,
             position_lr: 1e-3,
+            collective: true,
             rotation_lr: 2e-3,
             final_share: 0.02,
             remainder: RemainderChoice::Auto,
@@ -136,7 +140,8 @@ pub struct BlurConfig {
     pub learn_exposure: bool,
     /// Rate of the exposure's logarithm.
     pub exposure_lr: f64,
-    /// Share of the run after which it is learned. Before the scene is sharp, its own softness passes for a part of the blur.
+    /// Share of the run after which it is learned, where the data set says what it is; else it is learned from the start. Before
+    /// the scene is sharp, its own softness passes for a part of the blur.
     pub exposure_from: f64,
     /// Whether light is added up linearly, as a sensor does; off: as photos are encoded.
     pub linear: bool,

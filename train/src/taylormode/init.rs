@@ -1,7 +1,7 @@
 //! The first Gaussians of a moving scene: static ones from the points or backgrounds, moving ones from the visual hull of
 //! what moves at the middle of the recording, on the path of its centre.
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use gs_datasets::motion::{self, HullOptions, Trajectory};
 use gs_datasets::{PointCloud, Scene, View};
 use gs_models::network::Mlp;
@@ -12,6 +12,7 @@ use crate::experiment::Config;
 use crate::parameters::{Parameters, from_host};
 use crate::scene_init::{FirstGaussians, gaussians_at, size_of};
 use crate::step::Trainer;
+use crate::taylormode::collective::Collective;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use crate::taylormode::hints::{Found, first_exposure, window};
 use crate::taylormode::learned::Learned;
@@ -19,7 +20,7 @@ use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFr
 
 /// The state before the first step, on what was `found` in the training views.
 pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> Trainer {
-    let (exposure, _) = first_exposure(scene, config);
+    let (exposure, guess) = first_exposure(scene, config);
     let window = window(scene, exposure, found.path.as_ref());
     let extent = size_of(scene);
 
@@ -43,6 +44,7 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
     }
     let order = found.path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
+    state.exposure_said = config.blur.exposure == 0.0 && guess.is_none();
     // Without masks there is no centre, and no path of it.
     if let Some(path) = found.path.as_ref().filter(|_| order > 0) {
         state.contacts = contacts(path, &window);
@@ -51,6 +53,11 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
         let rows = state.rows.len();
         state.position = Learned::new(from_host(blocks.repeat(rows), 3 * order, device));
         state.kinks = Learned::new(from_host(jumps.repeat(rows), 3 * state.contacts.len(), device));
+    }
+    if config.motion.collective && order > 0 && found.path.is_some() {
+        let RemainderFrame { centre, scale, .. } = remainder_frame(&state, &first.gaussians.means, order);
+        let sum = Learned::new(Tensor::zeros([4, 3 * order], device));
+        state.collective = Some(Collective { sum, centre, scale });
     }
     (state.networks, state.remainder) = networks(&state, found, &first.gaussians.means, config, device);
     let parameters = Parameters::first(&first.gaussians, device);

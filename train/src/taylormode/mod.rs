@@ -6,10 +6,12 @@
 //! | 3.3 blur synthesis (Eq. 6 to 12) | [`step`]: `warped`; the exact formation: `integrated`, with [`blur`] |
 //! | 3.4 losses (Eq. 13 to 19), gradient decoupling | [`step`], weights in [`config`] |
 //! | 4.1 masks, depth, pseudo-sharp photos, optimisers | [`hints`], [`init`], [`learned`] |
+//! | beyond the paper: what moves, moves mostly as one | [`collective`] |
 //! | beyond the paper: no more motion than a scene needs | [`select`], judged by [`likelihood`] |
 //! | measuring on sharp ground truth | [`measure`] |
 
 pub mod blur;
+pub mod collective;
 pub mod config;
 pub mod hints;
 pub mod init;
@@ -23,17 +25,21 @@ pub mod step;
 
 use crate::experiment::Config;
 use crate::schedule::exponential;
-use crate::taylormode::state::MotionRates;
+use crate::taylormode::state::{MotionRates, MotionState};
 
 /// The rates of a step; `extent` in scene units.
-pub fn rates(config: &Config, step: usize, extent: f64) -> MotionRates {
+pub fn rates(state: &MotionState, config: &Config, step: usize, extent: f64) -> MotionRates {
     let (motion, blur) = (&config.motion, &config.blur);
     let decay = exponential(1.0, motion.final_share, step, config.steps);
-    let learns_exposure = blur.learn_exposure && step as f64 > blur.exposure_from * config.steps as f64;
+    let held = if state.exposure_said { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
+    let exposure = match blur.learn_exposure && step > held {
+        true => blur.exposure_lr * exponential(1.0, motion.final_share, step - held, config.steps - held),
+        false => 0.0,
+    };
     MotionRates {
         position: motion.position_lr * decay * extent,
         rotation: motion.rotation_lr * decay,
-        exposure: if learns_exposure { blur.exposure_lr * decay } else { 0.0 },
+        exposure,
         network: blur.network_lr,
         remainder: motion.remainder_lr * decay,
     }

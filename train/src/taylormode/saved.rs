@@ -5,6 +5,7 @@ use gs_models::taylormode::{Contact, TimeWindow};
 use serde::{Deserialize, Serialize};
 
 use crate::parameters::{from_host, to_host};
+use crate::taylormode::collective::Collective;
 use crate::taylormode::learned::Learned;
 use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame};
 
@@ -18,6 +19,11 @@ pub struct SavedMotion {
     t0_bits: u64,
     half_bits: u64,
     updates: u64,
+    #[serde(default)]
+    exposure_said: bool,
+    /// Centre and size of the common motion's frame, as bits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    collective: Option<[u64; 4]>,
     /// Tensors of each network.
     networks: Vec<(String, usize)>,
     /// Centre and size (as bits) and order of the 3D remainder's frame.
@@ -35,6 +41,11 @@ impl SavedMotion {
             t0_bits: state.window.t0.to_bits(),
             half_bits: state.window.half.to_bits(),
             updates: state.updates,
+            exposure_said: state.exposure_said,
+            collective: state.collective.as_ref().map(|collective| {
+                let [x, y, z] = collective.centre;
+                [x, y, z, collective.scale].map(f64::to_bits)
+            }),
             networks: state
                 .networks
                 .iter()
@@ -75,6 +86,17 @@ impl SavedMotion {
         if kinks.value.dims() != [position.value.dims()[0], 3 * self.contacts.len()] {
             return Err(damaged("the kinks do not fit the contacts".into()));
         }
+        let collective = match self.collective {
+            None => None,
+            Some(bits) => {
+                let [x, y, z, scale] = bits.map(f64::from_bits);
+                Some(Collective { sum: learned("motion.collective")?, centre: [x, y, z], scale })
+            }
+        };
+        let fits = |collective: &Collective| collective.sum.value.dims() == [4, position.value.dims()[1]];
+        if !collective.as_ref().is_none_or(fits) {
+            return Err(damaged("the common motion does not fit the paths".into()));
+        }
         let mut networks = Vec::new();
         for (name, count) in &self.networks {
             let kind = Network::ALL.into_iter().find(|kind| kind.name() == name);
@@ -105,6 +127,8 @@ impl SavedMotion {
                 .map(|[near, far]| Contact { near, far })
                 .collect(),
             log_exposure,
+            exposure_said: self.exposure_said,
+            collective,
             networks,
             remainder: self.remainder.map(|(bits, order)| {
                 let [x, y, z, scale] = bits.map(f64::from_bits);
@@ -127,6 +151,9 @@ pub fn columns(state: &MotionState) -> Vec<(String, Tensor<2>)> {
     add("motion.rotation".into(), &state.rotation);
     if !state.contacts.is_empty() {
         add("motion.kinks".into(), &state.kinks);
+    }
+    if let Some(collective) = &state.collective {
+        add("motion.collective".into(), &collective.sum);
     }
     add("motion.log_exposure".into(), &state.log_exposure);
     for network in &state.networks {

@@ -10,6 +10,7 @@ use gs_models::taylormode::{
 use gs_models::{Motion, Static};
 
 use crate::parameters::{from_host, indices};
+use crate::taylormode::collective::Collective;
 use crate::taylormode::learned::{Learned, gradient_of};
 
 /// The networks of the method, by name.
@@ -88,6 +89,10 @@ pub struct MotionState {
     pub rotation_orders: Vec<u8>,
     /// Logarithm of the exposure, `[1, 1]`.
     pub log_exposure: Learned,
+    /// The paths' common motion, where one is learned.
+    pub collective: Option<Collective>,
+    /// Whether the exposure began as the data set says it is.
+    pub exposure_said: bool,
     /// The networks in use.
     pub networks: Vec<LearnedNetwork>,
     /// For the 3D remainder, where it is in use.
@@ -230,12 +235,21 @@ impl MotionState {
     }
 
     /// One Adam update of everything (paper: separate optimisers with moments 0.9 and 0.999).
-    pub fn step(&mut self, gradients: MotionGradients, rates: &MotionRates) {
+    /// `means` `[N, 3]`.
+    pub fn step(&mut self, gradients: MotionGradients, rates: &MotionRates, means: &Tensor<2>) {
         self.updates += 1;
         let adam = |lr| AdamConfig { lr, beta1: BETA1, beta2: BETA2, eps: EPS, step: self.updates };
         if !self.rows.is_empty() {
             if self.position.value.dims()[1] > 0 {
+                let places = means.clone().select(0, self.row_tensor());
+                let together = self
+                    .collective
+                    .as_mut()
+                    .map(|collective| collective.step(places, gradients.position.clone(), &adam(rates.position)));
                 self.position.step(gradients.position, &adam(rates.position));
+                if let Some(change) = together {
+                    self.position.value = self.position.value.clone() + change;
+                }
             }
             if self.rotation.value.dims()[1] > 0 {
                 self.rotation.step(gradients.rotation, &adam(rates.rotation));
@@ -244,9 +258,8 @@ impl MotionState {
                 self.kinks.step(gradients.kinks, &adam(rates.position));
             }
         }
-        if rates.exposure > 0.0 {
-            self.log_exposure.step(gradients.log_exposure, &adam(rates.exposure));
-        }
+        // Held back, it has a rate of 0 and keeps its moments: begun anew later, Adam's first steps would be too long.
+        self.log_exposure.step(gradients.log_exposure, &adam(rates.exposure));
         for (learned, gradients) in self.networks.iter_mut().zip(gradients.networks) {
             let network = adam(if learned.kind == Network::Remainder { rates.remainder } else { rates.network });
             for (tensor, gradient) in learned.tensors.iter_mut().zip(gradients) {
@@ -339,6 +352,8 @@ pub fn still(rows: Vec<u32>, window: TimeWindow, orders: [usize; 2], exposure: f
         orders: vec![orders[0] as u8; count],
         rotation_orders: vec![orders[1] as u8; count],
         log_exposure: Learned::new(from_host(vec![exposure.ln() as f32], 1, device)),
+        collective: None,
+        exposure_said: false,
         networks: Vec::new(),
         remainder: None,
         updates: 0,
