@@ -18,6 +18,7 @@
 mod dynamic;
 pub mod light;
 pub mod network;
+pub mod sh_bands;
 pub mod taylormode;
 
 pub use dynamic::{Motion, Static};

@@ -285,6 +285,7 @@ impl Trainer {
         if motion.select && begun && (due(self.step, motion.select_every) || self.step == config.steps) {
             let selected = taylormode::likelihood::select_with_check(&mut self.parameters, state, views, config);
             tracing::debug!(step = self.step, moving = state.rows.len(), ?selected, "motion");
+            taylormode::select::select_bands(&mut self.parameters, motion, self.step == config.steps);
         }
     }
 

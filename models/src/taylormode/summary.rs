@@ -10,7 +10,7 @@ const BYTES: usize = 4;
 pub struct Size {
     /// Gaussians, static ones included.
     pub gaussians: usize,
-    /// SH coefficients of one Gaussian: 1, 4, 9 or 16.
+    /// SH coefficients in use, of all Gaussians together: 1, 4, 9 or 16 each.
     pub sh_coefficients: usize,
     /// Order of the position of each moving Gaussian.
     pub position_orders: Vec<usize>,
@@ -69,7 +69,7 @@ impl Summary {
         size.position_orders.iter().for_each(|order| histogram[*order] += 1);
         histogram[0] += size.gaussians.saturating_sub(size.position_orders.len());
         let blocks: usize = size.position_orders.iter().chain(&size.rotation_orders).sum();
-        let parameters = size.gaussians * (SHAPE + 3 * size.sh_coefficients) + 3 * blocks + size.network;
+        let parameters = size.gaussians * SHAPE + 3 * size.sh_coefficients + 3 * blocks + size.network;
         let all = size.gaussians.max(1) as f64;
         Self {
             count: size.gaussians,

@@ -124,10 +124,19 @@ fn motion_cards(last: &Evaluation) -> Vec<(&'static str, String, String)> {
         "Numbers of motion",
         thousands(cost.motion_parameters),
         format!(
-            "<small>{:.0} % fewer than one order for all ({}); all numbers of the scene: {}</small>",
+            "<small>{:.0} % fewer than one order for all ({})</small>",
             100.0 * cost.saved(),
             thousands(cost.fixed_motion_parameters),
-            thousands(cost.parameters)
+        ),
+    ));
+    let degrees: Vec<String> = cost.sh_degrees.iter().map(|count| thousands(*count)).collect();
+    cards.push((
+        "All numbers",
+        thousands(cost.parameters),
+        format!(
+            "<small>{} with fixed orders and degrees; Gaussians with SH degree 0, 1, ...: {}</small>",
+            thousands(cost.fixed_parameters),
+            degrees.join(", ")
         ),
     ));
     cards

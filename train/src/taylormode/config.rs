@@ -1,5 +1,6 @@
 //! What a user chooses about motion and blur: the sections `[motion]`, `[blur]` and `[prior]` of a configuration.
 
+use gs_models::sh_bands;
 use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VELOCITY};
 use gs_models::taylormode::order::NOTICEABLE;
 use serde::{Deserialize, Serialize};
@@ -77,6 +78,10 @@ pub struct MotionConfig {
     pub select_pixels: f64,
     /// Soft threshold of each coefficient block at each selection, pixels at the window's edge.
     pub shrink_pixels: f64,
+    /// Largest change of a colour channel, 0 to 1, that a lower degree of a Gaussian's view-dependent colour may cost.
+    pub select_color: f64,
+    /// Soft threshold of each band at each selection, 0 to 1.
+    pub shrink_color: f64,
 }
 
 impl Default for MotionConfig {
@@ -100,6 +105,8 @@ impl Default for MotionConfig {
             select_every: 100,
             select_pixels: NOTICEABLE,
             shrink_pixels: 0.02,
+            select_color: sh_bands::NOTICEABLE,
+            shrink_color: 0.2 * sh_bands::NOTICEABLE,
         }
     }
 }
@@ -239,7 +246,9 @@ impl MotionConfig {
         check("motion.select_from", self.select_from, (0.0..=1.0).contains(&self.select_from), "from 0 to 1")?;
         check("motion.select_every", self.select_every, self.select_every >= 1, "at least 1")?;
         check("motion.select_pixels", self.select_pixels, not_negative(self.select_pixels), "0 or more")?;
-        check("motion.shrink_pixels", self.shrink_pixels, not_negative(self.shrink_pixels), "0 or more")
+        check("motion.shrink_pixels", self.shrink_pixels, not_negative(self.shrink_pixels), "0 or more")?;
+        check("motion.select_color", self.select_color, not_negative(self.select_color), "0 or more")?;
+        check("motion.shrink_color", self.shrink_color, not_negative(self.shrink_color), "0 or more")
     }
 }
 

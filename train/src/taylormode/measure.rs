@@ -5,8 +5,8 @@ use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, render_with};
 use gs_datasets::{Scene, View};
-use gs_models::Motion;
 use gs_models::taylormode::{FixedOrder, Samples, Size, Summary, TaylorScene};
+use gs_models::{Motion, sh_bands};
 use serde::{Deserialize, Serialize};
 
 use crate::data::{camera, to_tensor};
@@ -58,6 +58,9 @@ pub struct MotionCost {
     pub motion_parameters: usize,
     /// The same with order `motion.order` and `motion.rotation_order` for every Gaussian.
     pub fixed_motion_parameters: usize,
+    /// Gaussians by the degree of their view-dependent colour, from 0 on.
+    #[serde(default)]
+    pub sh_degrees: Vec<usize>,
     /// All numbers of the scene.
     pub parameters: usize,
     /// All numbers with fixed orders for every Gaussian.
@@ -128,6 +131,14 @@ fn velocity_errors(model: &TaylorScene, views: &[View], config: &Config) -> (Vec
     (angles, magnitudes)
 }
 
+/// Gaussians by the degree that their colour uses.
+fn sh_degrees(gaussians: &Gaussians) -> Vec<usize> {
+    let mut degrees = vec![0; gaussians.sh_degree() + 1];
+    let sh = to_host(gaussians.sh.val().flatten::<2>(1, 2));
+    sh.chunks_exact(3 * gaussians.sh.dims()[1]).for_each(|sh| degrees[sh_bands::degree(sh)] += 1);
+    degrees
+}
+
 /// What a scene costs.
 fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCost {
     let usize_of = |orders: &[u8]| -> Vec<usize> { orders.iter().map(|order| usize::from(*order)).collect() };
@@ -135,9 +146,10 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
     let remainder = state.networks.iter().filter(|network| network.kind == Network::Remainder);
     let network =
         remainder.flat_map(|network| &network.tensors).map(|tensor| tensor.value.dims().iter().product::<usize>());
+    let degrees = sh_degrees(gaussians);
     let size = Size {
         gaussians: gaussians.len(),
-        sh_coefficients: gaussians.sh.dims()[1],
+        sh_coefficients: degrees.iter().enumerate().map(|(degree, count)| count * (degree + 1).pow(2)).sum(),
         position_orders: usize_of(&state.orders),
         rotation_orders: usize_of(&state.rotation_orders),
         // Times of the contacts, and a jump for each moving Gaussian at each.
@@ -145,7 +157,7 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
     };
     let fixed = FixedOrder {
         gaussians: size.gaussians,
-        sh_coefficients: size.sh_coefficients,
+        sh_coefficients: gaussians.sh.dims()[1],
         position: config.motion.order,
         rotation: config.motion.rotation_order,
     };
@@ -158,6 +170,7 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
         orders: summary.histogram,
         motion_parameters: 3 * blocks + size.network,
         fixed_motion_parameters: 3 * size.gaussians * (fixed.position + fixed.rotation),
+        sh_degrees: degrees,
         parameters: summary.parameters,
         fixed_parameters: summary.fixed_order_parameters,
         bytes: summary.bytes,
@@ -172,7 +185,7 @@ impl MotionScores {
         };
         let saved = 100.0 * self.cost.saved();
         format!(
-            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}, {} numbers of motion ({saved:.0} % fewer than fixed order)",
+            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}, {} numbers of motion ({saved:.0} % fewer than fixed order), Gaussians by SH degree {:?}",
             optional("blurry PSNR", self.blurry_psnr, " dB"),
             optional("velocity off by", self.velocity_angle, " degrees"),
             optional("speed off by", self.velocity_magnitude.map(|x| 100.0 * x), " %"),
@@ -182,6 +195,7 @@ impl MotionScores {
             100.0 * self.cost.static_share,
             self.cost.mean_order,
             self.cost.motion_parameters,
+            self.cost.sh_degrees,
         )
     }
 }

@@ -5,6 +5,7 @@
 //! in pixels at each selection ([`shrinkage`](gs_models::taylormode::shrinkage)), so that what the photos do not support fades.
 
 use gs_datasets::View;
+use gs_models::sh_bands;
 use gs_models::taylormode::order::lower;
 use gs_models::taylormode::shrinkage::{Sight, norm, pixels_per_unit, shrink};
 
@@ -72,6 +73,23 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
     }
     state.hold_orders();
     selected
+}
+
+/// Shrinks the bands of view-dependent colour; at the end of a run, drops those that nobody sees.
+pub fn select_bands(parameters: &mut Parameters, config: &MotionConfig, is_last: bool) {
+    let columns = parameters.get(Group::Sh).dims()[1];
+    if columns <= 3 {
+        return;
+    }
+    let device = parameters.device();
+    let mut sh = parameters.read(Group::Sh);
+    for one in sh.chunks_exact_mut(columns) {
+        sh_bands::shrink(one, config.shrink_color);
+        if is_last {
+            sh_bands::lower(one, config.select_color);
+        }
+    }
+    *parameters.get_mut(Group::Sh) = from_host(sh, columns, &device);
 }
 
 /// Where `views` are seen from, each place once.
