@@ -20,12 +20,8 @@ pub fn expose(
     screen: Option<Tensor<2>>,
 ) -> ExposureRendering {
     let (means, quats) = (scene.gaussians.means.val(), scene.gaussians.quats.val());
-    // One instant after another: picking the rows out once (`TaylorMotion::samples`) adds their gradients up in another order,
-    // and a recipe would no longer give the bits that it gave.
-    let samples = instants.iter().map(|instant| {
-        let (means, quats) = scene.motion.sample_rows(&means, &quats, instant.clone());
-        MovingSample { means, quats }
-    });
-    let samples: Vec<MovingSample> = samples.collect();
+    // The rows are picked out once, and their gradients put back once.
+    let samples = scene.motion.samples(&means, &quats, instants).into_iter();
+    let samples: Vec<MovingSample> = samples.map(|(means, quats)| MovingSample { means, quats }).collect();
     render_exposure(&scene.gaussians, rows, &samples, camera, options, screen)
 }
