@@ -1,7 +1,7 @@
 //! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
 //! recording's middle and length, the exposure.
 
-use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks, Trajectory};
+use gs_datasets::motion::{self, Centre, Kink, MaskOrigin, MovingMasks, Trajectory};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
@@ -18,12 +18,21 @@ pub struct Found {
     pub guides: Vec<Option<[f64; 3]>>,
     /// The centre of what moves, by time.
     pub centres: Vec<Centre>,
-    /// The centre's path; `None` without centres at two times.
-    pub path: Option<Trajectory>,
+    /// What moves apart from the rest, each with its path; none without centres at two times.
+    pub tracks: Vec<Track>,
     /// Pixels that one scene unit spans at the centre, mean over the training views; 0 without centres.
     pub pixels_per_unit: f64,
     /// What was left out, in sentences.
     pub warnings: Vec<String>,
+}
+
+/// A body, or all that moves where bodies cannot be told apart.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// Its centre, by time.
+    pub centres: Vec<Centre>,
+    /// The centre's path.
+    pub path: Trajectory,
 }
 
 /// Looks at the training views, once for a run; `None` in a pipeline in which nothing moves.
@@ -46,11 +55,21 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     Some(Found {
         guides: guides.collect(),
         warnings: masks.warnings.iter().cloned().chain(notes).collect(),
-        path: Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks),
+        tracks: tracks(scene, &masks, config),
         pixels_per_unit: pixels_per_unit(scene, &centres),
         masks,
         centres,
     })
+}
+
+/// The bodies that move apart from each other, that with most centres first.
+fn tracks(scene: &Scene, masks: &MovingMasks, config: &Config) -> Vec<Track> {
+    let bodies = motion::object_centres(scene, &masks.masks).into_iter();
+    let tracks = bodies.filter_map(|centres| {
+        let path = Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks)?;
+        Some(Track { centres, path })
+    });
+    tracks.collect()
 }
 
 fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
@@ -66,14 +85,19 @@ fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
 impl Found {
     /// What is known of the centre's path, and what paths begin with, in words.
     pub fn path_in_words(&self, state: &MotionState) -> String {
-        let Some(path) = &self.path else { return String::new() };
+        let Some(first) = self.tracks.first() else { return String::new() };
         let remainder = if state.remainder.is_some() { " and a remainder" } else { "" };
-        let hits: Vec<String> = path.kinks.iter().map(|kink| format!("{:.3}", 0.5 * (kink.begin + kink.end))).collect();
+        let kinks = self.tracks.iter().flat_map(|track| &track.path.kinks);
+        let hits: Vec<String> = kinks.map(|kink| format!("{:.3}", 0.5 * (kink.begin + kink.end))).collect();
+        let whose = match self.tracks.len() {
+            1 => "its centre is".into(),
+            count => format!("{count} bodies, the first one's centre is"),
+        };
         let hit = if hits.is_empty() { String::new() } else { format!(" with a kink at {}", hits.join(" and ")) };
         format!(
-            "; its centre is {:.2} pixels (rms) from a path of order {}{hit}, paths begin with order {}{remainder}",
-            path.residual * self.pixels_per_unit,
-            path.order(),
+            "; {whose} {:.2} pixels (rms) from a path of order {}{hit}, paths begin with order {}{remainder}",
+            first.path.residual * self.pixels_per_unit,
+            first.path.order(),
             state.order()
         )
     }
@@ -92,11 +116,11 @@ impl Found {
 
 /// The time paths are expanded at (the training time nearest the middle of the recording at which nothing is hit while the
 /// shutter is open), and the half length that makes every exposure lie within normalised times from -1 to 1.
-pub fn window(scene: &Scene, exposure: f64, path: Option<&Trajectory>) -> TimeWindow {
+pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
     let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
     let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
     let middle = 0.5 * (low + high);
-    let kinks = path.map_or(&[][..], |path| &path.kinks);
+    let kinks: Vec<&Kink> = tracks.iter().flat_map(|track| &track.path.kinks).collect();
     let undisturbed = |t: &f64| {
         let shutter = 0.5 * exposure;
         kinks.iter().all(|kink| *t + shutter <= kink.begin || *t - shutter >= kink.end)

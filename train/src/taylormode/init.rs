@@ -2,11 +2,11 @@
 //! what moves at the middle of the recording, on the path of its centre.
 
 use burn::tensor::{Device, Tensor};
-use gs_datasets::motion::{self, HullOptions, Trajectory};
+use gs_datasets::motion::{self, HullOptions};
 use gs_datasets::{PointCloud, Scene, View};
 use gs_models::network::Mlp;
 use gs_models::taylormode::order::has_pattern;
-use gs_models::taylormode::{BlurWeights, Contact, DirectVelocity, PeanoMap, RemainderNetwork, TimeWindow};
+use gs_models::taylormode::{BlurWeights, DirectVelocity, PeanoMap, RemainderNetwork};
 
 use crate::experiment::Config;
 use crate::parameters::{Parameters, from_host};
@@ -14,14 +14,15 @@ use crate::scene_init::{FirstGaussians, gaussians_at, size_of};
 use crate::step::Trainer;
 use crate::taylormode::collective::Collective;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
-use crate::taylormode::hints::{Found, first_exposure, window};
+use crate::taylormode::first_paths::{contacts, first_paths};
+use crate::taylormode::hints::{Found, Track, first_exposure, window};
 use crate::taylormode::learned::Learned;
 use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame, still};
 
 /// The state before the first step, on what was `found` in the training views.
 pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> Trainer {
     let (exposure, guess) = first_exposure(scene, config);
-    let window = window(scene, exposure, found.path.as_ref());
+    let window = window(scene, exposure, &found.tracks);
     let extent = size_of(scene);
 
     let (still_points, moving_points) = first_points(scene, found, config, window.t0);
@@ -42,19 +43,18 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
             "no place was found where something moves: every Gaussian may move, and selection stops the others"
         );
     }
-    let order = found.path.as_ref().map_or(0, Trajectory::order).max(config.motion.order);
+    let highest = found.tracks.iter().map(|track| track.path.order()).max().unwrap_or(0);
+    let order = highest.max(config.motion.order);
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
     state.exposure_said = config.blur.exposure == 0.0 && guess.is_none();
     // Without masks there is no centre, and no path of it.
-    if let Some(path) = found.path.as_ref().filter(|_| order > 0) {
-        state.contacts = contacts(path, &window);
-        let mut blocks = displacement_blocks(path, window, order, &state.contacts);
-        let jumps = blocks.split_off(3 * order);
-        let rows = state.rows.len();
-        state.position = Learned::new(from_host(blocks.repeat(rows), 3 * order, device));
-        state.kinks = Learned::new(from_host(jumps.repeat(rows), 3 * state.contacts.len(), device));
+    if order > 0 && !found.tracks.is_empty() {
+        state.contacts = contacts(&found.tracks, &window, config.motion.kinks);
+        let (blocks, jumps) = first_paths(&found.tracks, &state, &first.gaussians.means, order);
+        state.position = Learned::new(from_host(blocks, 3 * order, device));
+        state.kinks = Learned::new(from_host(jumps, 3 * state.contacts.len(), device));
     }
-    if config.motion.collective && order > 0 && found.path.is_some() {
+    if config.motion.collective && order > 0 && !found.tracks.is_empty() {
         let RemainderFrame { centre, scale, .. } = remainder_frame(&state, &first.gaussians.means, order);
         let sum = Learned::new(Tensor::zeros([4, 3 * order], device));
         state.collective = Some(Collective { sum, centre, scale });
@@ -110,18 +110,19 @@ pub fn wants_remainder(found: &Found, config: &Config) -> bool {
     match config.motion.remainder {
         RemainderChoice::On => true,
         RemainderChoice::Off => false,
-        RemainderChoice::Auto => {
-            let Some(path) = &found.path else { return false };
-            let residuals: Vec<[f64; 3]> =
-                found.centres.iter().map(|centre| (centre.position - path.position(centre.t)).to_array()).collect();
-            let count = residuals.len().max(1) as f64;
-            let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / count).sqrt() * found.pixels_per_unit;
-            // A centroid seen by n cameras is known sqrt(n) times better than by one.
-            let noise = found.centres.iter().map(|c| c.residual_px.powi(2) / c.cameras as f64).sum::<f64>() / count;
-            let beyond_noise = rms > REMAINDER_DEVIATIONS * noise.sqrt();
-            rms > REMAINDER_PIXELS && (beyond_noise || has_pattern(&residuals))
-        }
+        RemainderChoice::Auto => found.tracks.iter().any(|track| leaves_a_pattern(track, found.pixels_per_unit)),
     }
+}
+
+fn leaves_a_pattern(track: &Track, pixels_per_unit: f64) -> bool {
+    let residuals: Vec<[f64; 3]> =
+        track.centres.iter().map(|centre| (centre.position - track.path.position(centre.t)).to_array()).collect();
+    let count = residuals.len().max(1) as f64;
+    let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / count).sqrt() * pixels_per_unit;
+    // A centroid seen by n cameras is known sqrt(n) times better than by one.
+    let noise = track.centres.iter().map(|c| c.residual_px.powi(2) / c.cameras as f64).sum::<f64>() / count;
+    let beyond_noise = rms > REMAINDER_DEVIATIONS * noise.sqrt();
+    rms > REMAINDER_PIXELS && (beyond_noise || has_pattern(&residuals))
 }
 
 /// Centre and root mean square size of what moves.
@@ -211,77 +212,4 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
         opacity_logit,
     };
     First { gaussians, fixed: count }
-}
-
-/// Times at which a path is sampled for each order it is fitted with.
-const SAMPLES_PER_ORDER: usize = 4;
-
-/// The path's kinks in the window; one at `t0` itself is left to the polynomial.
-fn contacts(path: &Trajectory, window: &TimeWindow) -> Vec<Contact> {
-    path.kinks.iter().filter_map(|kink| Contact::new(kink.begin, kink.end, window)).collect()
-}
-
-/// The path as coefficient blocks of the window, those of the powers and then those of the contacts: the least squares fit of
-/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0`.
-fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
-    let columns = order + contacts.len();
-    let count = SAMPLES_PER_ORDER * columns + 1;
-    let start = path.position(window.t0);
-    let mut normal = vec![vec![0.0; columns + 3]; columns];
-    for i in 0..count {
-        let s = 2.0 * i as f64 / (count - 1) as f64 - 1.0;
-        let displacement = (path.position(window.t0 + s * window.half) - start).to_array();
-        let powers = (1..=order as i32).map(|k| s.powi(k));
-        let values: Vec<f64> = powers.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect();
-        for (row, equation) in normal.iter_mut().enumerate() {
-            for (column, entry) in equation.iter_mut().enumerate() {
-                *entry += values[row] * if column < columns { values[column] } else { displacement[column - columns] };
-            }
-        }
-    }
-    solve(&mut normal).into_iter().flatten().map(|x| x as f32).collect()
-}
-
-/// Gauss and Jordan with pivots on `[A | B]`, `A` square and positive definite, `B` of three columns.
-fn solve(rows: &mut [Vec<f64>]) -> Vec<[f64; 3]> {
-    let order = rows.len();
-    for column in 0..order {
-        let pivot = (column..order).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()));
-        rows.swap(column, pivot.unwrap_or(column));
-        let lead = rows[column].clone();
-        for (index, row) in rows.iter_mut().enumerate() {
-            let factor = if index == column { 1.0 - 1.0 / lead[column] } else { row[column] / lead[column] };
-            row.iter_mut().zip(&lead).for_each(|(entry, lead)| *entry -= factor * lead);
-        }
-    }
-    rows.iter().map(|row| [row[order], row[order + 1], row[order + 2]]).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::DVec3;
-    use gs_datasets::motion::Centre;
-
-    #[test]
-    fn blocks_are_the_path() {
-        let truth = |t: f64| DVec3::new(1.0 + 2.0 * t, -t * t, 0.5 * t * t * t);
-        let centres: Vec<Centre> = (0..=20)
-            .map(|i| Centre {
-                t: f64::from(i) / 20.0,
-                position: truth(f64::from(i) / 20.0),
-                residual_px: 0.1,
-                cameras: 5,
-            })
-            .collect();
-        let path = Trajectory::fit(&centres, 3, 0).expect("a path");
-        let window = TimeWindow { t0: 0.5, half: 0.5 };
-        let blocks = displacement_blocks(&path, window, 3, &[]);
-        for t in [0.0, 0.3, 0.8, 1.0] {
-            let s: f64 = (t - 0.5) / 0.5;
-            let moved: Vec<f64> =
-                (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * s.powi(k as i32 + 1)).sum()).collect();
-            assert!((DVec3::from_slice(&moved) - (truth(t) - truth(0.5))).length() < 1e-5, "{t}: {moved:?}");
-        }
-    }
 }
