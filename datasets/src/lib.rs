@@ -40,6 +40,7 @@ mod raw;
 mod resize;
 mod scene;
 mod split;
+mod sweep;
 pub mod synthetic;
 mod undistort;
 
@@ -49,3 +50,4 @@ pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage
 pub use loader::{load, load_cameras};
 pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE};
 pub use scene::{PointCloud, Scene, SceneFormat};
+pub use sweep::sweep;

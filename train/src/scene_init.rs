@@ -1,10 +1,11 @@
-//! The first Gaussians: from the data set's points, or random in the camera frusta where there are none.
+//! The first Gaussians: from the data set's points; where there are none, from points on which photos agree, and random in the
+//! camera frusta.
 //!
 //! Sizes follow 3DGS (section 5.1): a Gaussian is as wide as the mean distance to its three nearest neighbours.
 
 use std::num::NonZero;
 
-use gs_datasets::{PointCloud, Scene, View};
+use gs_datasets::{PointCloud, Scene, View, sweep};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::Rng;
 use rand::seq::index;
@@ -22,6 +23,10 @@ const NEIGHBOURS: usize = 3;
 /// Depth range of random points, in distances to the point the cameras look at: from in front of the subject to the
 /// background behind it.
 const RANDOM_DEPTHS: [f64; 2] = [0.3, 3.0];
+
+/// Most of the first Gaussians of a scene without points that come from a plane sweep; the others are random, for what has no
+/// texture.
+const SWEPT: f64 = 0.75;
 
 /// How a scene begins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -71,7 +76,7 @@ pub fn gaussians_at(
     let mut rng = stream(seed, Purpose::Init, 0);
     let points = match points {
         Some(points) if !points.is_empty() => keep_at_most(points, cap, &mut rng),
-        _ => random_points(views, config.random_points.min(cap), extent, &mut rng),
+        _ => points_in_front(views, config.random_points.min(cap), extent, seed, &mut rng),
     };
     let opacity = config.opacity;
     FirstGaussians {
@@ -131,16 +136,24 @@ fn keep_at_most(points: &PointCloud, cap: usize, rng: &mut impl Rng) -> PointClo
     }
 }
 
-/// `count` points on random rays through random pixels of random views, coloured by their pixel. Their depth is uniform
-/// in its logarithm over [`RANDOM_DEPTHS`], so that near surfaces and far background both get their share.
-fn random_points(views: &[View], count: usize, extent: f64, rng: &mut impl Rng) -> PointCloud {
+/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
+fn points_in_front(views: &[View], count: usize, extent: f64, seed: u64, rng: &mut impl Rng) -> PointCloud {
     let distance = subject_distance(views).unwrap_or(extent);
-    let [near, far] = RANDOM_DEPTHS.map(|d| (d * distance).ln());
-    let mut points = PointCloud::default();
+    let depths = RANDOM_DEPTHS.map(|d| d * distance);
+    let mut points = sweep(views, depths[0], depths[1], (SWEPT * count as f64) as usize, seed);
+    tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
+    add_random(&mut points, views, count, depths, rng);
+    points
+}
+
+/// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Their depth
+/// is uniform in its logarithm, so that near surfaces and far background both get their share.
+fn add_random(points: &mut PointCloud, views: &[View], count: usize, depths: [f64; 2], rng: &mut impl Rng) {
+    let [near, far] = depths.map(f64::ln);
     if views.is_empty() {
-        return points;
+        return;
     }
-    for _ in 0..count {
+    for _ in points.len()..count {
         let view = &views[rng.random_range(0..views.len())];
         let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
         let depth = rng.random_range(near..far).exp();
@@ -151,7 +164,6 @@ fn random_points(views: &[View], count: usize, extent: f64, rng: &mut impl Rng) 
         points.positions.push(position.to_array());
         points.colors.push([0, 1, 2].map(|c| view.image.data[pixel + c]));
     }
-    points
 }
 
 /// Median distance from the cameras to the point nearest to all their optical axes; `None` when the axes do not meet in

@@ -15,5 +15,6 @@ mod motion;
 mod poses;
 mod priors;
 mod split;
+mod sweep;
 mod transforms;
 mod undistort;

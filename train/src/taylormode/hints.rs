@@ -48,6 +48,7 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     };
     let masks = motion::moving_masks(scene, source);
     let motion::Centres { centres, notes } = motion::centres(scene, &masks.masks);
+    let pixels_per_unit = pixels_per_unit(scene, &centres);
     let guides = scene.train.iter().map(|view| {
         let velocity = motion::guide_velocity(&centres, view.time?)?;
         Some(velocity.to_array())
@@ -55,21 +56,32 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     Some(Found {
         guides: guides.collect(),
         warnings: masks.warnings.iter().cloned().chain(notes).collect(),
-        tracks: tracks(scene, &masks, config),
-        pixels_per_unit: pixels_per_unit(scene, &centres),
+        tracks: tracks(scene, &masks, &centres, pixels_per_unit, config),
+        pixels_per_unit,
         masks,
         centres,
     })
 }
 
-/// The bodies that move apart from each other, that with most centres first.
-fn tracks(scene: &Scene, masks: &MovingMasks, config: &Config) -> Vec<Track> {
-    let bodies = motion::object_centres(scene, &masks.masks).into_iter();
-    let tracks = bodies.filter_map(|centres| {
+/// Share of the times at which a body must have been seen, and pixels (rms) that its centre may be from its path. Pieces that a
+/// body's hull falls into by ragged masks come and go, and jump.
+const BODY: (f64, f64) = (0.9, 2.0);
+
+/// The bodies that move apart from each other, that with most centres first; all that moves as one where there are no two
+/// bodies to believe in.
+fn tracks(scene: &Scene, masks: &MovingMasks, centres: &[Centre], pixels_per_unit: f64, config: &Config) -> Vec<Track> {
+    let track = |centres: Vec<Centre>| {
         let path = Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks)?;
         Some(Track { centres, path })
+    };
+    let mut bodies: Vec<Track> = motion::object_centres(scene, &masks.masks).into_iter().filter_map(track).collect();
+    let times = bodies.iter().map(|body| body.centres.len()).max().unwrap_or(0).max(centres.len()) as f64;
+    bodies.retain(|body| {
+        let (seen, pixels) = (body.centres.len() as f64 / times, body.path.residual * pixels_per_unit);
+        tracing::debug!(seen, pixels, order = body.path.order(), kinks = body.path.kinks.len(), "a body");
+        seen >= BODY.0 && pixels <= BODY.1
     });
-    tracks.collect()
+    if bodies.len() > 1 { bodies } else { track(centres.to_vec()).into_iter().collect() }
 }
 
 fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {

@@ -1,0 +1,219 @@
+//! Points where photos agree: a sparse plane sweep, for data sets that come without points.
+//!
+//! A random pixel of a random photo is looked for in a few photos from beside it, at depths along its ray: the depth counts at
+//! which the patches around it correlate best (zero-mean normalised cross-correlation, which brightness does not change), if
+//! they correlate well there and clearly better than anywhere else. What has no texture, is hidden from the others or repeats
+//! gives no point. A start for training, not a reconstruction: positions are good to a step of depth.
+
+use glam::{DVec2, DVec3, Vec3};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::frame::{Intrinsics, View};
+use crate::scene::PointCloud;
+
+/// Photos are reduced to about this width: patches then span enough of the scene to be told apart.
+const WIDTH: usize = 320;
+
+/// Depths tried along a ray, evenly in their logarithm: over a factor of ten a step is 2.4 %.
+const DEPTHS: usize = 96;
+
+/// Half the patch, pixels: 7 x 7.
+const RADIUS: i32 = 3;
+
+/// Photos that a pixel is looked for in, and how many of them must agree. Those that agree best count: the others may have
+/// something in between.
+const OTHERS: (usize, usize) = (5, 3);
+
+/// The best distance between two cameras, in distances to the subject: nearer ones do not tell depths apart, farther ones show
+/// another side. Photos nearest to it (by ratio) are taken.
+const BASELINE: f64 = 0.25;
+
+/// Largest angle between two cameras' axes, as a cosine.
+const FACING: f64 = 0.6;
+
+/// Least mean correlation of a point's patches, and how far it must be above that at any other depth (farther than
+/// [`APART`] steps).
+const CORRELATION: (f64, f64) = (0.8, 0.1);
+
+/// Steps within which correlations belong to one peak.
+const APART: usize = 4;
+
+/// Least standard deviation of a patch, 0 to 1. Below it there is nothing to correlate but noise.
+const TEXTURE: f64 = 0.02;
+
+/// Rays tried for each point asked for.
+const TRIES: usize = 6;
+
+/// A photo in grey, reduced.
+struct Grey {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+    intrinsics: Intrinsics,
+    viewmat: glam::DMat4,
+    /// Original pixels along a reduced one.
+    step: usize,
+}
+
+/// Up to `count` points at depths from `near` to `far` (scene units, positive) where photos of what stands still agree, with the
+/// colours of the pixels they were found at. The same for the same seed and any number of threads.
+pub fn sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64) -> PointCloud {
+    let mut points = PointCloud::default();
+    let usable = near > 0.0 && far > near && far.is_finite();
+    if views.len() < 3 || !usable || count == 0 {
+        return points;
+    }
+    let photos: Vec<Grey> = views.par_iter().map(Grey::of).collect();
+    let beside = neighbours(views, (near * far).sqrt());
+    let find = |ray: usize| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(ray as u64);
+        let from = rng.random_range(0..views.len());
+        let pixel = [rng.random_range(0..photos[from].width), rng.random_range(0..photos[from].height)];
+        let depth = depth_at(&photos, from, &beside[from], pixel, [near, far])?;
+        let view = &views[from];
+        let at = pixel.map(|x| x * photos[from].step + photos[from].step / 2);
+        let (column, row) = (at[0].min(view.width - 1), at[1].min(view.height - 1));
+        let position = view.c2w.transform_point3(ray_through(&view.intrinsics, column, row) * depth).as_vec3();
+        let color = [0, 1, 2].map(|c| view.image.data[3 * (row * view.width + column) + c]);
+        Some((position, color))
+    };
+    for batch in 0..TRIES {
+        let rays = batch * count..(batch + 1) * count;
+        let found: Vec<(Vec3, [u8; 3])> = rays.into_par_iter().filter_map(find).collect();
+        for (position, color) in found.into_iter().take(count - points.len()) {
+            points.positions.push(position.to_array());
+            points.colors.push(color);
+        }
+        if points.len() == count {
+            break;
+        }
+    }
+    points
+}
+
+fn ray_through(k: &Intrinsics, column: usize, row: usize) -> DVec3 {
+    DVec3::new((column as f64 + 0.5 - k.cx) / k.fx, (row as f64 + 0.5 - k.cy) / k.fy, 1.0)
+}
+
+impl Grey {
+    /// The mean of the channels over blocks of pixels.
+    fn of(view: &View) -> Self {
+        let step = view.width.div_ceil(WIDTH).max(1);
+        let (width, height) = ((view.width / step).max(1), (view.height / step).max(1));
+        let mut values = vec![0.0; width * height];
+        for (index, value) in values.iter_mut().enumerate() {
+            let (x, y) = (index % width * step, index / width * step);
+            let (last_x, last_y) = ((x + step).min(view.width), (y + step).min(view.height));
+            let block = (y..last_y).flat_map(|row| (x..last_x).map(move |column| 3 * (row * view.width + column)));
+            let sum: u32 = block.flat_map(|i| &view.image.data[i..i + 3]).map(|c| u32::from(*c)).sum();
+            *value = sum as f32 / (255 * 3 * (last_x - x) * (last_y - y)) as f32;
+        }
+        let scale = 1.0 / step as f64;
+        let k = &view.intrinsics;
+        let intrinsics = Intrinsics { fx: k.fx * scale, fy: k.fy * scale, cx: k.cx * scale, cy: k.cy * scale };
+        Self { width, height, values, intrinsics, viewmat: view.c2w.inverse(), step }
+    }
+
+    /// The value at a place in pixels, bilinear; `None` outside.
+    fn at(&self, place: DVec2) -> Option<f32> {
+        let (x, y) = (place.x - 0.5, place.y - 0.5);
+        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
+            return None;
+        }
+        let (column, row) = (x as usize, y as usize);
+        let (u, v) = ((x - column as f64) as f32, (y - row as f64) as f32);
+        let at = row * self.width + column;
+        let [a, b] = [&self.values[at..at + 2], &self.values[at + self.width..at + self.width + 2]];
+        Some((a[0] * (1.0 - u) + a[1] * u) * (1.0 - v) + (b[0] * (1.0 - u) + b[1] * u) * v)
+    }
+
+    /// The patch around a place, its pixels `spacing` apart.
+    fn patch(&self, place: DVec2, spacing: f64) -> Option<Patch> {
+        let mut values = [0.0; PATCH];
+        let offsets = (-RADIUS..=RADIUS).flat_map(|y| (-RADIUS..=RADIUS).map(move |x| DVec2::new(x.into(), y.into())));
+        for (value, offset) in values.iter_mut().zip(offsets) {
+            *value = self.at(place + spacing * offset)?;
+        }
+        Some(Patch::normalised(values))
+    }
+}
+
+/// Pixels of a patch.
+const PATCH: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
+
+/// A patch less its mean, of length 1 (or 0, if it is even), and the standard deviation it had.
+struct Patch {
+    values: [f32; PATCH],
+    deviation: f64,
+}
+
+impl Patch {
+    fn normalised(mut values: [f32; PATCH]) -> Self {
+        let mean = values.iter().sum::<f32>() / PATCH as f32;
+        values.iter_mut().for_each(|value| *value -= mean);
+        let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
+        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+        values.iter_mut().for_each(|value| *value *= scale);
+        Self { values, deviation: f64::from(length) / (PATCH as f64).sqrt() }
+    }
+
+    fn correlation(&self, other: &Self) -> f64 {
+        f64::from(self.values.iter().zip(&other.values).map(|(a, b)| a * b).sum::<f32>())
+    }
+}
+
+/// For each view, the others to look in: facing the same way, from beside it.
+fn neighbours(views: &[View], subject: f64) -> Vec<Vec<usize>> {
+    let of = |view: &View| {
+        let fitness = |other: &View| {
+            let baseline = other.c2w.w_axis.distance(view.c2w.w_axis) / subject;
+            let faces = other.c2w.z_axis.dot(view.c2w.z_axis) >= FACING;
+            (faces && baseline > 1e-3).then(|| (baseline / BASELINE).ln().abs())
+        };
+        let mut others: Vec<(f64, usize)> =
+            views.iter().enumerate().filter_map(|(i, other)| Some((fitness(other)?, i))).collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0));
+        others.truncate(OTHERS.0);
+        others.into_iter().map(|(_, i)| i).collect()
+    };
+    views.iter().map(of).collect()
+}
+
+/// The depth at which a pixel's patch is found again; `None` where it is not clear.
+fn depth_at(photos: &[Grey], from: usize, beside: &[usize], pixel: [usize; 2], [near, far]: [f64; 2]) -> Option<f64> {
+    let photo = &photos[from];
+    let place = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
+    let patch = photo.patch(place, 1.0).filter(|patch| patch.deviation >= TEXTURE)?;
+    let ray = ray_through(&photo.intrinsics, pixel[0], pixel[1]);
+    let to_world = photo.viewmat.inverse();
+    let depths: Vec<f64> = (0..DEPTHS).map(|i| near * (far / near).powf(i as f64 / (DEPTHS - 1) as f64)).collect();
+    let scores: Vec<f64> = depths
+        .iter()
+        .map(|depth| {
+            let world = to_world.transform_point3(ray * *depth);
+            let found = |other: &usize| {
+                let other = &photos[*other];
+                let seen = other.viewmat.transform_point3(world);
+                if seen.z <= 0.0 {
+                    return None;
+                }
+                let k = &other.intrinsics;
+                let at = DVec2::new(k.fx * seen.x / seen.z + k.cx, k.fy * seen.y / seen.z + k.cy);
+                // A pixel's width at that depth, as the other camera sees it.
+                let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
+                Some(patch.correlation(&other.patch(at, spacing)?))
+            };
+            let mut agreed: Vec<f64> = beside.iter().filter_map(found).collect();
+            agreed.sort_by(|a, b| b.total_cmp(a));
+            if agreed.len() < OTHERS.1 { -1.0 } else { agreed[..OTHERS.1].iter().sum::<f64>() / OTHERS.1 as f64 }
+        })
+        .collect();
+    let best = (0..DEPTHS).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
+    let elsewhere = (0..DEPTHS).filter(|i| i.abs_diff(best) > APART).map(|i| scores[i]).fold(-1.0, f64::max);
+    // At either end the true depth may lie beyond.
+    let inside = best > 0 && best + 1 < DEPTHS;
+    (inside && scores[best] >= CORRELATION.0 && scores[best] - elsewhere >= CORRELATION.1).then(|| depths[best])
+}
