@@ -1,7 +1,7 @@
 //! One optimisation step: render a photo's view, compare, go back, update, let density control act.
 
 use burn::tensor::Tensor;
-use gs_burn::{Extras, RenderOptions, render_with};
+use gs_burn::{Extras, RenderOptions, profile, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TaylorScene;
 use gs_models::{Motion, Static};
@@ -187,11 +187,13 @@ impl Trainer {
         };
         match compared.gradients {
             Some((of_table, of_motion)) => {
+                let adam = profile::whole_stage("Adam");
                 let rates = config.optimiser.rates(self.step, config.steps, self.extent);
                 self.optimiser.step(&mut self.parameters, of_table, rates, &config.optimiser);
                 if let (Some(state), Some(gradients)) = (&mut self.motion, of_motion) {
                     state.step(gradients, &taylormode::rates(config, self.step, self.extent));
                 }
+                drop(adam);
                 report.changes = self.control_density(&compared.observation, config);
             }
             None => {
@@ -213,7 +215,7 @@ impl Trainer {
         let extras = Extras { screen: screen.clone(), features: None };
         let rendering = render_with(&tracked, &photo.camera, &options, extras);
         let loss = loss(rendering.color.clone(), photo, &tracked, self.extent, &config.loss);
-        let mut gradients = loss.backward();
+        let mut gradients = profile::timed("backward, rest of the graph", || loss.backward());
 
         let observation = Observation {
             screen: screen.and_then(|screen| screen.grad_remove(&mut gradients)),
@@ -222,6 +224,7 @@ impl Trainer {
             height: photo.camera.height,
         };
         let gradients = Gradients::take(&tracked, &mut gradients);
+        let _stage = profile::stage("check of the gradients");
         // One read for both, because a read waits for the device.
         let checked = Tensor::cat(vec![loss.inner(), gradients.finiteness()], 0).into_data();
         let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
@@ -236,6 +239,7 @@ impl Trainer {
     }
 
     fn control_density(&mut self, observation: &Observation, config: &Config) -> Changes {
+        let _stage = profile::whole_stage("density control");
         let moment = Moment {
             step: self.step,
             steps: config.steps,
@@ -257,6 +261,7 @@ impl Trainer {
         let Some(state) = &mut self.motion else { return };
         let begun = self.step as f64 >= motion.select_from * config.steps as f64;
         if motion.select && begun && (due(self.step, motion.select_every) || self.step == config.steps) {
+            let _stage = profile::whole_stage("selection of orders");
             let selected = taylormode::likelihood::select_with_check(&mut self.parameters, state, views, config);
             tracing::debug!(step = self.step, moving = state.rows.len(), ?selected, "motion");
         }

@@ -3,7 +3,7 @@
 use burn::tensor::{IndexingUpdateOp, Tensor, TensorData};
 use gs_burn::exposure::{ExposureOptions, MovingSample, render_exposure};
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
+use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, profile, render_with};
 use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_models::taylormode::blur_synthesis::{blurred_color, decoupled};
@@ -44,7 +44,7 @@ pub(crate) fn compare(trainer: &Trainer, state: &MotionState, photo: &Photo, con
         BlurMode::Warp => step.warped(screen.clone()),
     };
     let loss = formed.loss + regularisers(&tracked, trainer.extent, &config.loss);
-    let mut gradients = loss.backward();
+    let mut gradients = profile::timed("backward, rest of the graph", || loss.backward());
 
     let observation = Observation {
         screen: screen.and_then(|screen| screen.grad_remove(&mut gradients)),
@@ -54,6 +54,7 @@ pub(crate) fn compare(trainer: &Trainer, state: &MotionState, photo: &Photo, con
     };
     let of_table = Gradients::take(&tracked, &mut gradients);
     let of_motion: MotionGradients = MotionState::take(&lent, &mut gradients);
+    let _stage = profile::stage("check of the gradients");
     let checked = Tensor::cat(vec![loss.inner(), of_table.finiteness() + of_motion.finiteness()], 0).into_data();
     let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
     let finite = checked.iter().all(|value| value.is_finite());
