@@ -90,7 +90,7 @@ fn spot(point: (f64, f64), (dx, dy): (f64, f64), distance: f64, width: f64, far:
         _ => x - width / 2.0,
     };
     // Above and below, the label's edge keeps the distance, beside the point its middle is at the point's height.
-    let middle = y + dy.signum() * if dy == 0.0 { 0.0 } else { 3.0 };
+    let middle = y + dy.signum() * if dy == 0.0 { 0.0 } else { HEIGHT / 2.0 };
     let top = middle - HEIGHT / 2.0;
     let area = [left, top, left + width, top + HEIGHT];
     Spot { left, baseline: top + 9.5, far, area, towards: point }

@@ -15,6 +15,9 @@ pub(crate) const SIZE: (u32, u32) = (760, 460);
 /// Costs that span more than this ratio are drawn on a logarithmic axis.
 const LOG_FROM: f64 = 30.0;
 
+/// From so many runs on their lines step back behind the points.
+const MANY: usize = 12;
+
 /// A point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dot {
@@ -137,9 +140,14 @@ impl Scatter {
         self.draw_axes(svg, &frame, &x_axis, &y_axis)?;
 
         let place = |x: f64, y: f64| (x_axis.place(x), y_axis.place(y));
+        let faint = if self.trails.len() > MANY { 0.2 } else { 0.45 };
         for (color, points) in &self.trails {
             let points = points.iter().filter(|(x, y)| x.is_finite() && y.is_finite()).map(|(x, y)| place(*x, *y));
-            line(svg, points, &format!("stroke=\"{}\" stroke-width=\"1.2\" stroke-opacity=\"0.45\"", COLORS[*color]))?;
+            line(
+                svg,
+                points,
+                &format!("stroke=\"{}\" stroke-width=\"1.2\" stroke-opacity=\"{faint}\"", COLORS[*color]),
+            )?;
         }
         let mut front: Vec<(f64, f64)> = dots.iter().filter(|d| d.front).map(|d| place(d.x, d.y)).collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -195,7 +203,7 @@ impl Scatter {
         let earlier = self.dots.iter().any(|dot| !dot.last).then_some(("small: measured on the way", None));
         let front = [("best at its cost (Pareto front)", None)];
         for (i, (name, color)) in entries.chain(front).chain(earlier).enumerate() {
-            let wide = 26.0 + WIDTH_OF_CHARACTER * 1.1 * name.chars().count() as f64;
+            let wide = 34.0 + WIDTH_OF_CHARACTER * 1.12 * name.chars().count() as f64;
             if x + wide > f64::from(SIZE.0) - 18.0 && x > 64.0 {
                 (x, y) = (64.0, y + 17.0);
             }
