@@ -42,6 +42,7 @@ pub mod exposure;
 pub mod gaussians;
 pub mod ops;
 pub mod ply;
+pub mod profile;
 pub mod render;
 
 mod slices;

@@ -5,6 +5,7 @@
 
 use burn::tensor::activation::relu;
 use burn::tensor::{DType, Device, Tensor, TensorData};
+use gs_burn::profile;
 
 /// `x -> W_L relu(... relu(W_1 x + b_1) ...) + b_L` on each row.
 ///
@@ -46,6 +47,7 @@ impl Mlp {
 
     /// `[R, in]` to `[R, out]`, each row by itself; differentiable by input and weights.
     pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
+        let _stage = profile::stage("networks");
         let first = input.matmul(self.weights[0].clone()) + self.biases[0].clone();
         self.after_first(first)
     }
@@ -53,6 +55,7 @@ impl Mlp {
     /// The same as `forward` on rows that all end in the same columns: `input` is `[R, a]`, `shared` `[1, c]`, and the
     /// network takes `a + c`. What is shared enters once, as part of the first bias, instead of once a row.
     pub fn forward_shared(&self, input: Tensor<2>, shared: Tensor<2>) -> Tensor<2> {
+        let _stage = profile::stage("networks");
         let own = input.dims()[1];
         let total = self.inputs();
         let weights = self.weights[0].clone();

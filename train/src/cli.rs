@@ -4,6 +4,12 @@ mod render;
 mod stability;
 mod synth;
 
+mod chart;
+mod sweep;
+
+pub use chart::ChartArgs;
+pub use sweep::SweepArgs;
+
 use std::path::PathBuf;
 
 use clap::builder::ValueHint;
@@ -58,8 +64,10 @@ pub enum Command {
     Bench(BenchArgs),
     /// Make blurry video of a small world, train a sharp moving scene from it on the CPU and write a report
     Demo(DemoArgs),
-    /// Draw accuracy against time and count from several runs
+    /// Chart accuracy against seconds and count of several runs, with the Pareto front
     Chart(ChartArgs),
+    /// Train one run for every combination of some values and chart them
+    Sweep(SweepArgs),
     /// Run experiments at the edge of a method and draw where it fails
     Stability(StabilityArgs),
 }
@@ -130,6 +138,11 @@ pub struct TrainArgs {
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,
+
+    /// Measure where the time of a step goes: a table at the end, profile.json, and bars in the report (on a GPU each stage
+    /// waits for the device, so steps are slower)
+    #[arg(long)]
+    pub profile: bool,
 
     /// Device
     #[command(flatten)]
@@ -234,16 +247,4 @@ pub struct DemoArgs {
     /// Device; the CPU is fast enough for this scene
     #[command(flatten)]
     pub device: DeviceArgs,
-}
-
-/// Arguments of `chart`.
-#[derive(Debug, Args)]
-pub struct ChartArgs {
-    /// Run folders; each must have an eval.json
-    #[arg(required = true, value_hint = ValueHint::DirPath)]
-    pub runs: Vec<PathBuf>,
-
-    /// The SVG file; a Markdown table of the same runs is written beside it
-    #[arg(short, long, value_name = "FILE", default_value = "chart.svg", value_hint = ValueHint::FilePath)]
-    pub out: PathBuf,
 }

@@ -37,6 +37,7 @@
 pub mod checkpoint;
 pub mod cli;
 pub mod commands;
+pub mod comparison;
 pub mod data;
 pub mod density;
 pub mod evaluate;
@@ -49,6 +50,7 @@ pub mod memory;
 pub mod metrics;
 pub mod optimiser;
 pub mod parameters;
+pub mod profile;
 pub mod progress;
 pub mod random;
 pub mod report;

@@ -2,8 +2,8 @@
 //! 3DGS-MCMC (Eq. 10), the mean opacity and the mean size.
 
 use burn::tensor::Tensor;
-use gs_burn::Gaussians;
 use gs_burn::ops::ssim::photometric_loss;
+use gs_burn::{Gaussians, profile};
 use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
@@ -53,6 +53,7 @@ pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>
 
 /// Mean opacity and mean size with their weights, `[1]`.
 pub fn regularisers(gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
+    let _stage = profile::stage("regularisers");
     let mut total = Tensor::zeros([1], &gaussians.device());
     if config.opacity_reg > 0.0 && !gaussians.is_empty() {
         total = total + gaussians.opacities().mean() * config.opacity_reg;

@@ -22,6 +22,7 @@ fn main() -> ExitCode {
         Command::Bench(args) => commands::bench::run(args),
         Command::Demo(args) => commands::demo::run(args),
         Command::Chart(args) => commands::chart::run(args),
+        Command::Sweep(args) => commands::sweep::run(args),
         Command::Stability(args) => commands::stability::run(args),
     };
     done.unwrap_or_else(|error| {

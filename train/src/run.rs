@@ -15,6 +15,7 @@ use crate::export::write_ply;
 use crate::interrupt;
 use crate::memory::{Prediction, megabytes};
 use crate::metrics::psnr;
+use crate::profile;
 use crate::progress::Progress;
 use crate::report;
 use crate::resources::{cpu_seconds, peak_memory};
@@ -90,13 +91,15 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
         if interrupt::asked() || request.stop_at == Some(run.trainer.step) {
             return run.leave();
         }
+        let step = gs_burn::profile::step();
         let started = (Instant::now(), cpu_seconds());
         let next = run.trainer.step + 1;
         let index = curriculum.as_ref().and_then(|opening| opening.pick(next)).unwrap_or_else(|| sampler.pick(next));
-        let photo = photos.get(index);
+        let photo = gs_burn::profile::timed("photo upload", || photos.get(index));
         let report = run.trainer.step(&photo, config);
         run.trainer.select_motion(&scene.train, config);
         run.clock.add(started);
+        drop(step);
 
         run.observe(&report, &photo.image)?;
         if config.eval.at.contains(&run.trainer.step) && run.trainer.step < config.steps {
@@ -313,6 +316,7 @@ impl<'a> Run<'a> {
 
     fn leave(self) -> Result<Ending> {
         self.save()?;
+        profile::write_if_recording(&self.request.folder, &self.request.device_name)?;
         self.progress.finish();
         Ok(Ending::Interrupted(self.trainer.step))
     }
@@ -324,6 +328,7 @@ impl<'a> Run<'a> {
             .with_context(|| "the finished scene could not be exported")?;
         let (file, comparisons) = self.measure(scene, self.request.config.eval.images)?;
         self.progress.finish();
+        profile::write_if_recording(folder, &self.request.device_name)?;
         report::write(folder, &file, &self.history, &comparisons, &self.request.config)?;
         if let Some(peak) = file.last.peak_memory_bytes {
             tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(self.prediction.total()));

@@ -162,6 +162,16 @@ impl RunFolder {
         self.path.join("plots")
     }
 
+    /// Where the time of a step goes, where that was measured.
+    pub fn profile(&self) -> PathBuf {
+        self.path.join("profile.json")
+    }
+
+    /// The section that `gsburn chart --report` put into the report.
+    pub fn comparison(&self) -> PathBuf {
+        self.path.join("comparison.html")
+    }
+
     /// The report.
     pub fn report(&self) -> PathBuf {
         self.path.join("report.html")

@@ -1,7 +1,7 @@
 //! One optimisation step: render a photo's view, compare, go back, update, let density control act.
 
 use burn::tensor::Tensor;
-use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
+use gs_burn::{Extras, Gaussians, RenderOptions, profile, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::Motion;
 use serde::{Deserialize, Serialize};
@@ -191,12 +191,14 @@ impl Trainer {
         };
         match compared.gradients {
             Some((of_table, of_motion)) => {
+                let adam = profile::whole_stage("Adam");
                 let rates = config.optimiser.rates(self.step, config.steps, self.extent);
                 self.optimiser.step(&mut self.parameters, of_table, rates, &config.optimiser);
                 if let (Some(state), Some(gradients)) = (&mut self.motion, of_motion) {
                     let rates = taylormode::rates(state, config, self.step, self.extent);
                     state.step(gradients, &rates, self.parameters.get(Group::Means));
                 }
+                drop(adam);
                 report.changes = self.control_density(&compared.observation, config);
             }
             None => {
@@ -222,7 +224,7 @@ impl Trainer {
             }
         };
         let loss = formed.loss + regularisers(&tracked, self.extent, &config.loss);
-        let mut gradients = loss.backward();
+        let mut gradients = profile::timed("backward, rest of the graph", || loss.backward());
 
         let observation = Observation {
             screen: screen.and_then(|screen| screen.grad_remove(&mut gradients)),
@@ -232,6 +234,7 @@ impl Trainer {
         };
         let of_table = Gradients::take(&tracked, &mut gradients);
         let of_motion = lent.map(|(_, lent)| MotionState::take(&lent, &mut gradients));
+        let _stage = profile::stage("check of the gradients");
         let finiteness = match &of_motion {
             None => of_table.finiteness(),
             Some(of_motion) => of_table.finiteness() + of_motion.finiteness(),
@@ -262,6 +265,7 @@ impl Trainer {
     }
 
     fn control_density(&mut self, observation: &Observation, config: &Config) -> Changes {
+        let _stage = profile::whole_stage("density control");
         let moment = Moment {
             step: self.step,
             steps: config.steps,
@@ -283,6 +287,7 @@ impl Trainer {
         let Some(state) = &mut self.motion else { return };
         let begun = self.step as f64 >= motion.select_from * config.steps as f64;
         if motion.select && begun && (due(self.step, motion.select_every) || self.step == config.steps) {
+            let _stage = profile::whole_stage("selection of orders");
             let selected = taylormode::likelihood::select_with_check(&mut self.parameters, state, views, config);
             tracing::debug!(step = self.step, moving = state.rows.len(), ?selected, "motion");
             taylormode::select::select_bands(&mut self.parameters, motion, self.step == config.steps);

@@ -7,6 +7,7 @@ pub use gs_kernels::config::AdamConfig;
 use gs_kernels::cpu::adam as cpu;
 
 use super::assert_same_dtype;
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, with_float};
 
 /// Updates a parameter and its two moments (Kingma and Ba 2015).
@@ -35,6 +36,7 @@ pub fn adam_step<const D: usize>(
         assert_same_dtype(name, tensor, "param", &param);
     }
     assert!(config.step > 0, "config.step counts from 1, got 0");
+    let _stage = profile::stage("Adam");
     let [param, grad, m, v] = [param, grad, m, v].map(|tensor| tensor.inner().into_dispatch());
     let state = Dispatch::adam_step(param, grad, m, v, *config);
     (Tensor::from_dispatch(state.param), Tensor::from_dispatch(state.m), Tensor::from_dispatch(state.v))

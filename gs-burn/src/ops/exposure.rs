@@ -15,6 +15,7 @@ use gs_kernels::rows::PROJECTED;
 use super::assert_same_dtype;
 use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
 use super::intersect::TileIntersections;
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
 /// The lists of all instants of a table of rows, and how the drawn tiles are shared among them.
@@ -45,6 +46,7 @@ pub fn intersect_instants(
     assert_shape!(opacities, [count]);
     assert_same_dtype("opacities", &opacities, "projected", &projected);
     assert_same_dtype("features", &features, "projected", &projected);
+    let _stage = profile::stage("sort into tiles");
     let device = projected.clone().inner().device();
     let [projected, features] = [projected, features].map(|tensor| tensor.inner().into_data());
     let opacities = opacities.inner().into_data();
@@ -84,6 +86,7 @@ pub fn intersect_instants(
 /// When shapes disagree.
 pub fn average_tiles(tiles: Tensor<3>, shares: &Arc<TileShares>, config: &AverageConfig) -> Tensor<3> {
     assert_shape!(tiles, [shares.tiles(), TILE * TILE, config.channels]);
+    let _stage = profile::stage("average over the exposure");
     Tensor::from_dispatch(Dispatch::average_tiles(tiles.into_dispatch(), shares.clone(), *config))
 }
 
@@ -157,6 +160,7 @@ impl<B: AverageKernels> Backward<B, 1> for AverageBackward {
     type State = AverageState<B>;
 
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
+        let _stage = profile::stage("average over the exposure, backward");
         let v_image = grads.consume::<B>(&ops.node);
         let AverageState { tiles, shares, config } = ops.state;
         if let [Some(parent)] = ops.parents {

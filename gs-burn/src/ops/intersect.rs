@@ -12,6 +12,7 @@ use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
 use super::gradient::{Autodiff, CheckpointStrategy};
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, int_tensor, with_float};
 pub use reference::intersect_reference;
 
@@ -58,6 +59,7 @@ pub fn intersect(
     height: usize,
 ) -> TileIntersections {
     check(&projected, &opacities, &features);
+    let _stage = profile::stage("sort into tiles");
     // Outside the graph from the start: there is nothing to record.
     let lists = Dispatch::intersect(
         projected.inner().into_dispatch(),

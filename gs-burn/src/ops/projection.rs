@@ -13,6 +13,7 @@ use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
 use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub use reference::project_reference;
 
@@ -36,6 +37,7 @@ pub fn project(
     config: &ProjectionConfig,
 ) -> Tensor<2> {
     check(&means, &quats, &log_scales, &viewmat);
+    let _stage = profile::stage("project");
     Tensor::from_dispatch(Dispatch::project(
         means.into_dispatch(),
         quats.into_dispatch(),
@@ -191,6 +193,7 @@ impl<B: ProjectionKernels> Backward<B, 4> for ProjectionBackward {
     type State = ProjectionState<B>;
 
     fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
+        let _stage = profile::stage("project, backward");
         let v_projected = grads.consume::<B>(&ops.node);
         let parents = ops.parents.map(|node| node.map(|node| node.id));
         let state = ops.state;

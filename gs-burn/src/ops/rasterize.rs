@@ -16,6 +16,7 @@ use gs_kernels::rows::{PROJECTED, SCREEN};
 use super::assert_same_dtype;
 use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
 use super::intersect::{IntersectionLists, TileIntersections};
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub use reference::rasterize_reference;
 
@@ -48,6 +49,7 @@ pub fn rasterize(
     check(&projected, &opacities, &features, &background, screen.as_ref(), config);
     let [count, _] = projected.dims();
     assert_shape!(intersections.gaussian_offsets, [count + 1]);
+    let _stage = profile::stage("rasterize");
     // Dispatch knows no optional tensors. An untracked stand-in receives no gradient and is never read.
     let screen = screen.unwrap_or_else(|| Tensor::empty([1, SCREEN], (&projected.device(), projected.dtype())));
     let TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places } = intersections.clone();
@@ -274,6 +276,7 @@ impl<B: RasterizeKernels> Backward<B, 5> for RasterizeBackward {
     type State = RasterizeState<B>;
 
     fn backward(self, ops: Ops<Self::State, 5>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
+        let _stage = profile::stage("rasterize, backward");
         let v_output = grads.consume::<B>(&ops.node);
         let parents = ops.parents.map(|node| node.map(|node| node.id));
         let RasterizeState { inputs, output } = ops.state;

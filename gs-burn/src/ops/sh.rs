@@ -13,6 +13,7 @@ use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
 use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub use reference::sh_colors_reference;
 
@@ -39,6 +40,7 @@ pub fn sh_colors(
     degree: usize,
 ) -> Tensor<2> {
     let config = check(&means, &sh, &viewmat, &projected, degree);
+    let _stage = profile::stage("spherical harmonics");
     Tensor::from_dispatch(Dispatch::sh_colors(
         means.into_dispatch(),
         sh.into_dispatch(),
@@ -191,6 +193,7 @@ impl<B: ShKernels> Backward<B, 3> for ShBackward {
     type State = ShState<B>;
 
     fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
+        let _stage = profile::stage("spherical harmonics, backward");
         let v_colors = grads.consume::<B>(&ops.node);
         let parents = ops.parents.map(|node| node.map(|node| node.id));
         let ShState { means, sh, viewmat, projected, config } = ops.state;

@@ -11,6 +11,7 @@ use gs_kernels::cpu::ssim as cpu;
 
 use super::assert_same_dtype;
 use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub use reference::l1_ssim_reference;
 
@@ -35,6 +36,7 @@ pub fn l1_ssim(image: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
 /// # Panics
 /// When shapes or float types disagree.
 pub fn photometric_loss(image: Tensor<3>, target: Tensor<3>, lambda_dssim: f64) -> Tensor<1> {
+    let _stage = profile::stage("photometric loss");
     let terms = l1_ssim(image, target);
     let weights = Tensor::<1>::from_data([1.0 - lambda_dssim, -lambda_dssim], (&terms.device(), terms.dtype()));
     (terms * weights).sum() + lambda_dssim
@@ -134,6 +136,7 @@ impl<B: SsimKernels> Backward<B, 2> for SsimBackward {
     type State = SsimState<B>;
 
     fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
+        let _stage = profile::stage("photometric loss, backward");
         let v_terms = grads.consume::<B>(&ops.node);
         let [image_node, target_node] = ops.parents;
         let SsimState { image, target, saved } = ops.state;

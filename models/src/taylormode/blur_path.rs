@@ -6,7 +6,7 @@
 //! it is, and the point itself is never needed.
 
 use burn::tensor::{Tensor, TensorData};
-use gs_burn::Intrinsics;
+use gs_burn::{Intrinsics, profile};
 
 use super::pixels::Pixels;
 
@@ -57,6 +57,7 @@ pub fn blur_path(
     intrinsics: &Intrinsics,
     offsets: Tensor<1>,
 ) -> Tensor<3> {
+    let _stage = profile::stage("blur path");
     let count = pixels.len();
     let samples = offsets.dims()[0];
     let options = (&depth.device(), depth.dtype());

@@ -4,6 +4,7 @@
 //! decode before the sum and encode after it.
 
 use burn::tensor::Tensor;
+use gs_burn::profile;
 
 use super::bilinear::bilinear;
 use crate::light::Mixing;
@@ -14,6 +15,7 @@ use crate::light::Mixing;
 /// `[P, N]` how much each moment counts ([`BlurWeights`](super::BlurWeights)); without weights all count the same.
 /// Differentiable by all three.
 pub fn blurred_color(sharp: Tensor<3>, path: Tensor<3>, weights: Option<Tensor<2>>, mixing: Mixing) -> Tensor<2> {
+    let _stage = profile::stage("gather along the blur path");
     let channels = sharp.dims()[2];
     let [samples, count, _] = path.dims();
     let colors = bilinear(mixing.decode(sharp), path.reshape([samples * count, 2]));

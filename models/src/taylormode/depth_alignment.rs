@@ -5,6 +5,8 @@
 //! or of triangulated points), and holds out against a fifth of them being wrong: it starts from medians, then twice
 //! rejects what is off and fits the rest by weighted least squares. It runs on the host and has no gradient.
 
+use gs_burn::profile;
+
 /// In which space a prior is an affine image of the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthSpace {
@@ -54,6 +56,7 @@ pub struct Alignment {
 pub fn align(prior: &[f32], reference: &[f32], weights: Option<&[f32]>, space: DepthSpace) -> Option<Alignment> {
     assert_eq!(prior.len(), reference.len(), "pixels of prior and reference");
     assert!(weights.is_none_or(|weights| weights.len() == prior.len()), "pixels of prior and weights");
+    let _stage = profile::stage("depth alignment");
     let point = |i: usize| {
         let (x, z) = (f64::from(prior[i]), f64::from(reference[i]));
         let weight = weights.map_or(1.0, |weights| f64::from(weights[i]));

@@ -5,6 +5,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
+use gs_burn::profile;
 
 /// Share of D-SSIM in Eq. 14; the paper does not say, 3DGS has 0.2.
 pub const LAMBDA_SSIM: f64 = 0.2;
@@ -32,12 +33,14 @@ pub fn sharp_loss(color: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
 
 /// Eq. 15 on the moving pixels alone, `[P, 3]` each, of an image of `pixels` pixels.
 pub fn blur_loss(blurred: Tensor<2>, photo: Tensor<2>, pixels: usize) -> Tensor<1> {
+    let _stage = profile::stage("blur loss");
     mean_over(pixels, (blurred - photo).abs())
 }
 
 /// Eq. 16 between rendered and aligned prior depth `[H, W, 1]`, camera z in scene units. Pixels where either is unknown
 /// (0) are left out of the sum; the prior gets no gradient.
 pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
+    let _stage = profile::stage("depth loss");
     let prior = prior.detach();
     let pixels = prior.shape().num_elements();
     let known = prior.clone().greater_scalar(0.0).bool_and(rendered.clone().greater_scalar(0.0));
@@ -51,12 +54,14 @@ pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
 /// Eq. 17: velocities of the moving pixels `[P, 3]` (camera axes, scene units per unit of time) against the guide
 /// `[1, 3]` or `[P, 3]` in the same axes, of an image of `pixels` pixels.
 pub fn velocity_loss(velocity: Tensor<2>, guide: Tensor<2>, pixels: usize) -> Tensor<1> {
+    let _stage = profile::stage("velocity loss");
     mean_over(pixels, (velocity - guide).abs())
 }
 
 /// Eq. 18: squared steps between the weights `[P, N]` of neighbouring moments, summed over a pixel's, of an image of
 /// `pixels` pixels. Zero for a single moment.
 pub fn smoothness_loss(weights: Tensor<2>, pixels: usize) -> Tensor<1> {
+    let _stage = profile::stage("smoothness loss");
     let samples = weights.dims()[1];
     if samples < 2 {
         return weights.sum() * 0.0;

@@ -7,7 +7,7 @@
 //! nothing. Outside the window see [`window`](super::window).
 
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData, assert_shape};
-use gs_burn::Gaussians;
+use gs_burn::{Gaussians, profile};
 
 use super::kinks::Kinks;
 use super::remainder::Remainder;
@@ -149,6 +149,7 @@ impl TaylorMotion {
 
     /// Velocities of all `n` Gaussians at `t`, `[n, 3]`, scene units per unit of `t`; zero for those that do not move.
     pub fn velocities(&self, n: usize, t: f64) -> Tensor<2> {
+        let _stage = profile::stage("motion samples");
         let zeros = Tensor::zeros([n, 3], (&self.position.device(), self.position.dtype()));
         if self.is_empty() {
             return zeros;
@@ -158,6 +159,7 @@ impl TaylorMotion {
 
     /// The scene at `t`. At `t0` itself these are the stored Gaussians, and no coefficient is in their graph.
     pub fn moved(&self, gaussians: &Gaussians, t: f64) -> Gaussians {
+        let _stage = profile::stage("motion samples");
         Gaussians::from_tensors(
             self.means_at(gaussians.means.val(), t),
             self.quats_at(gaussians.quats.val(), t),
@@ -176,6 +178,7 @@ impl TaylorMotion {
     /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure. The rows are picked out once, and
     /// their gradients put back once.
     pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &[Instant]) -> Vec<(Tensor<2>, Tensor<2>)> {
+        let _stage = profile::stage("motion samples");
         if self.is_empty() {
             let none = |columns| Tensor::zeros([0, columns], (&means.device(), means.dtype()));
             return instants.iter().map(|_| (none(3), none(4))).collect();

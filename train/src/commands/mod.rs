@@ -9,6 +9,7 @@ pub mod export;
 pub mod info;
 pub mod render;
 pub mod stability;
+pub mod sweep;
 pub mod synth;
 pub mod train;
 
@@ -31,6 +32,16 @@ pub fn describe(device: &Device) -> String {
         return format!("{device:?} ({})", identity.name);
     }
     format!("{device:?}")
+}
+
+/// The command as it was typed, for figures that name it; words that a shell would take apart are quoted.
+fn command_line() -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_=./,:+@%".contains(c);
+    let quoted = std::env::args().skip(1).map(|word| match !word.is_empty() && word.chars().all(plain) {
+        true => word,
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    });
+    std::iter::once("gsburn".to_string()).chain(quoted).collect::<Vec<_>>().join(" ")
 }
 
 /// Prints to stdout. A reader that left (`gsburn info | head -1`) is no error.

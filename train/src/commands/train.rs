@@ -9,6 +9,7 @@ use crate::cli::{ConfigArgs, TrainArgs};
 use crate::commands::{device, print};
 use crate::experiment::Config;
 use crate::interrupt;
+use crate::profile::{self, Profile};
 use crate::run::{Ending, RunRequest, run as run_training};
 use crate::run_folder::{EvalFile, RunFolder};
 
@@ -21,8 +22,18 @@ pub(super) const RUNS: &str = "runs";
 /// One sentence saying what was wrong with the arguments, the data or the disk.
 pub fn run(args: &TrainArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
+    if args.profile {
+        profile::begin(&device);
+    }
     let request = if args.resume { resumed(args, device)? } else { begun(args, device)? };
-    execute(&request)
+    let ended = execute(&request);
+    if args.profile
+        && ended.is_ok()
+        && let Some(profile) = Profile::read(&request.folder)
+    {
+        print(format!("\n{}", profile.table()));
+    }
+    ended
 }
 
 /// Runs a request until it ends or Ctrl-C is pressed, and says how it went.

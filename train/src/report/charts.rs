@@ -32,7 +32,6 @@ enum Style {
     Line,
     Dots,
     LineAndDots,
-    Front,
 }
 
 impl Series {
@@ -54,11 +53,6 @@ impl Series {
     /// Points as dots joined by a line.
     pub fn line_and_dots(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, style: Style::LineAndDots }
-    }
-
-    /// Points ringed in black and joined by a thin black line.
-    pub fn front(name: &str, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Front }
     }
 }
 
@@ -110,12 +104,6 @@ impl Chart {
             .draw()?;
         for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
             let points = finite(&series.points);
-            if series.style == Style::Front {
-                let drawn = chart.draw_series(LineSeries::new(points.clone(), BLACK.stroke_width(1)))?;
-                drawn.label(&series.name).legend(|(x, y)| Circle::new((x + 9, y), 6, BLACK.stroke_width(1)));
-                chart.draw_series(points.iter().map(|point| Circle::new(*point, 7, BLACK.stroke_width(1))))?;
-                continue;
-            }
             let color = *color;
             if series.style != Style::Dots {
                 let drawn = chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;

@@ -1,19 +1,22 @@
 //! What a finished run shows: side-by-side pictures, curves, and one self-contained page with all of it.
 
 pub mod charts;
+mod labels;
 pub mod maps;
 mod page;
 pub mod pictures;
+pub mod scatter;
 
 use anyhow::Result;
 use gs_datasets::image_io::{write_atomic, write_png};
 
 use crate::evaluate::Comparison;
 use crate::experiment::Config;
+use crate::profile::Profile;
 use crate::run_folder::{EvalFile, MetricsLine, RunFolder};
 
 use charts::{Chart, Series};
-pub(crate) use page::escaped;
+pub(crate) use page::{STYLE, escaped, with_comparison};
 use pictures::SideBySide;
 
 /// Writes renders/, plots/ and report.html of a run.
@@ -38,7 +41,12 @@ pub fn write(
         write_atomic(&folder.plots().join(format!("{name}.svg")), svg.as_bytes())?;
         plots.push(svg);
     }
-    let page = page::html(eval, &plots, &pictures, config)?;
+    let page = page::html(eval, &plots, &pictures, Profile::read(folder).as_ref(), config)?;
+    // What a chart of several runs put into an earlier report stays.
+    let page = match std::fs::read_to_string(folder.comparison()) {
+        Ok(section) => with_comparison(&page, &section).unwrap_or(page),
+        Err(_) => page,
+    };
     Ok(write_atomic(&folder.report(), page.as_bytes())?)
 }
 

@@ -10,13 +10,37 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use crate::evaluate::Evaluation;
 use crate::experiment::Config;
 use crate::memory::megabytes;
+use crate::profile::Profile;
 use crate::report::pictures::{ERROR_FULL_SCALE, SideBySide};
 use crate::run_folder::EvalFile;
 
-const STYLE: &str = include_str!("style.css");
+/// The look of all pages.
+pub(crate) const STYLE: &str = include_str!("style.css");
 
-/// The whole page: verdict, curves, pictures, views, configuration.
-pub(super) fn html(eval: &EvalFile, plots: &[String], pictures: &[SideBySide], config: &Config) -> Result<String> {
+/// Around what a chart of several runs puts into the page.
+const COMPARISON: [&str; 2] = ["<!-- comparison -->\n", "<!-- /comparison -->\n"];
+
+/// How the last section of the page begins.
+const CONFIGURATION: &str = "<section>\n<h2>Configuration</h2>\n";
+
+/// The report with `section` in the place for comparisons, in place of an earlier one; `None` when the page has none.
+pub(crate) fn with_comparison(report: &str, section: &str) -> Option<String> {
+    let (before, after) = match report.split_once(COMPARISON[0]) {
+        Some((before, rest)) => (before, rest.split_once(COMPARISON[1])?.1),
+        // Reports before there were comparisons.
+        None => report.split_at(report.find(CONFIGURATION)?),
+    };
+    Some([before, COMPARISON[0], section, COMPARISON[1], after].concat())
+}
+
+/// The whole page: verdict, curves, profile, comparison, pictures, views, configuration.
+pub(super) fn html(
+    eval: &EvalFile,
+    plots: &[String],
+    pictures: &[SideBySide],
+    profile: Option<&Profile>,
+    config: &Config,
+) -> Result<String> {
     let name = escaped(&eval.name);
     let mut page = String::new();
     write!(
@@ -33,11 +57,13 @@ pub(super) fn html(eval: &EvalFile, plots: &[String], pictures: &[SideBySide], c
         writeln!(page, "<figure>{plot}</figure>")?;
     }
     page.push_str("</div>\n</section>\n");
+    page.extend(profile.map(Profile::html));
+    page.extend(COMPARISON);
     show_pictures(&mut page, pictures)?;
     views_table(&mut page, &eval.last)?;
     write!(
         page,
-        "<section>\n<h2>Configuration</h2>\n<details><summary>Every value of this run (config.toml)</summary>\n\
+        "{CONFIGURATION}<details><summary>Every value of this run (config.toml)</summary>\n\
          <pre>{}</pre></details>\n</section>\n</main>\n</body>\n</html>\n",
         escaped(&config.to_toml())
     )?;
@@ -249,6 +275,17 @@ mod tests {
         assert_eq!(thousands(12), "12");
         assert_eq!(duration(61.26), "61.3 s");
         assert_eq!(duration(200.0), "3 min 20 s");
+    }
+
+    #[test]
+    fn a_comparison_replaces_an_earlier_one() {
+        let page = ["<main>", COMPARISON[0], COMPARISON[1], "</main>"].concat();
+        let once = with_comparison(&page, "one").expect("a place");
+        let twice = with_comparison(&once, "two").expect("a place");
+        assert!(once.contains("one") && twice.contains("two") && !twice.contains("one"));
+        assert_eq!(with_comparison("<main></main>", "one"), None);
+        let older = format!("<main>{CONFIGURATION}");
+        assert!(with_comparison(&older, "one").is_some_and(|page| page.ends_with(CONFIGURATION)));
     }
 
     #[test]

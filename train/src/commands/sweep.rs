@@ -1,0 +1,244 @@
+//! `gsburn sweep`: a run for every combination of some values, and their comparison.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use burn::tensor::Device;
+use gs_datasets::image_io::write_atomic;
+
+use crate::cli::SweepArgs;
+use crate::commands::{command_line, describe, device, print};
+use crate::comparison::{Panels, Table, gather, page, stacked};
+use crate::experiment::Config;
+use crate::interrupt;
+use crate::resources::forget_peak_memory;
+use crate::run::{Ending, RunRequest, run as run_training};
+use crate::run_folder::RunFolder;
+
+/// One combination.
+#[derive(Debug, Clone, PartialEq)]
+struct Combination {
+    /// Name of its folder.
+    name: String,
+    /// Its configuration file.
+    file: Option<PathBuf>,
+    /// Its values, in the words of `--set`.
+    overrides: Vec<String>,
+}
+
+/// How far a combination is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    New,
+    Begun,
+    Finished,
+}
+
+/// Runs what is not finished yet, then compares.
+///
+/// # Errors
+/// One sentence: a value that is none, a folder that holds another run, bad data, a full disk.
+pub fn run(args: &SweepArgs) -> Result<ExitCode> {
+    let device = device(&args.device)?;
+    if !args.dataset.exists() {
+        bail!("{}: expected a data set, found nothing", args.dataset.display());
+    }
+    // Everything that can be wrong with an argument is found before the first of many hours.
+    let plan: Vec<(RunFolder, Config, State)> = combinations(args)?
+        .into_iter()
+        .map(|combination| {
+            let config = Config::resolve(combination.file.as_deref(), &combination.overrides)?;
+            let folder = RunFolder::at(args.out.join(&combination.name));
+            let state = state(&folder, &config, &args.dataset)?;
+            Ok((folder, config, state))
+        })
+        .collect::<Result<_>>()?;
+    interrupt::watch();
+    for (i, (folder, config, state)) in plan.iter().enumerate() {
+        let place = format!("run {} of {}: {}", i + 1, plan.len(), folder.name());
+        if *state == State::Finished {
+            say(args, &format!("{place}: finished already"));
+            continue;
+        }
+        say(args, &place);
+        if interrupt::asked() || !finishes(args, folder, config, *state, &device)? {
+            eprintln!("stopped; the same command continues");
+            return Ok(ExitCode::from(interrupt::EXIT_CODE as u8));
+        }
+    }
+    compare(&args.out, &plan)
+}
+
+/// Trains one combination; `false` when it was interrupted.
+fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Config, state: State, device: &Device) -> Result<bool> {
+    if !forget_peak_memory() {
+        tracing::warn!("the system does not reset the peak of memory: each run shows the largest so far");
+    }
+    let request = RunRequest {
+        dataset: args.dataset.clone(),
+        config: config.clone(),
+        folder: folder.clone(),
+        device: device.clone(),
+        device_name: describe(device),
+        resume: state == State::Begun,
+        stop_at: None,
+        quiet: args.quiet,
+    };
+    Ok(matches!(run_training(&request)?, Ending::Finished(_)))
+}
+
+/// Writes chart, tables and page.
+fn compare(out: &Path, plan: &[(RunFolder, Config, State)]) -> Result<ExitCode> {
+    let paths: Vec<PathBuf> = plan.iter().map(|(folder, ..)| folder.path().to_path_buf()).collect();
+    let found = gather(&paths)?;
+    found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
+    print(table.text());
+    write_atomic(&out.join("chart.svg"), stacked(&panels, &command).as_bytes())?;
+    write_atomic(&out.join("chart.md"), table.markdown().as_bytes())?;
+    write_atomic(&out.join("chart.csv"), table.csv().as_bytes())?;
+    let index = out.join("index.html");
+    let linked = table.linked(&found.runs);
+    write_atomic(&index, page(&RunFolder::at(out).name(), &panels, &linked, &found.warnings, &command).as_bytes())?;
+    print(format!("chart  {}\npage   {}", out.join("chart.svg").display(), index.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn say(args: &SweepArgs, line: &str) {
+    if !args.quiet {
+        eprintln!("{line}");
+    }
+}
+
+/// What `folder` holds of the run that is wanted there.
+fn state(folder: &RunFolder, config: &Config, dataset: &Path) -> Result<State> {
+    if !folder.config().exists() {
+        return Ok(State::New);
+    }
+    let (found, trained_on) = folder.read_config()?;
+    let wanted = std::fs::canonicalize(dataset).unwrap_or_else(|_| dataset.to_path_buf());
+    if found != *config || trained_on != wanted {
+        bail!(
+            "{}: holds a run with another {}; choose another folder with --out",
+            folder.path().display(),
+            if found == *config { "data set" } else { "configuration" }
+        );
+    }
+    let finished = folder.read_eval().is_ok_and(|eval| eval.last.step >= eval.steps);
+    Ok(if finished { State::Finished } else { State::Begun })
+}
+
+/// Every combination of configuration files and values, the last key changing fastest.
+fn combinations(args: &SweepArgs) -> Result<Vec<Combination>> {
+    if args.configs.is_empty() && args.over.is_empty() {
+        bail!("a sweep needs something to sweep over: --over KEY=VALUE,... or --configs FILE,...");
+    }
+    let keys: Vec<(&str, Vec<&str>)> = args.over.iter().map(|text| parse_over(text)).collect::<Result<_>>()?;
+    let begin = |file: Option<PathBuf>, name: String| Combination { name, file, overrides: args.set.clone() };
+    let mut all: Vec<Combination> = match args.configs.as_slice() {
+        [] => vec![begin(args.config.clone(), String::new())],
+        files => files.iter().map(|file| begin(Some(file.clone()), stem(file))).collect(),
+    };
+    for (key, values) in &keys {
+        let short = short_name(key, &keys);
+        let with = |combination: &Combination, value: &str| {
+            let part = format!("{short}-{}", in_a_name(value));
+            let overrides = combination.overrides.iter().cloned().chain([format!("{key}={value}")]);
+            let separator = if combination.name.is_empty() { "" } else { "_" };
+            Combination {
+                name: format!("{}{separator}{part}", combination.name),
+                overrides: overrides.collect(),
+                ..combination.clone()
+            }
+        };
+        all = all.iter().flat_map(|combination| values.iter().map(|value| with(combination, value))).collect();
+    }
+    for (i, combination) in all.iter().enumerate() {
+        if all[..i].iter().any(|other| other.name == combination.name) {
+            bail!("two runs of the sweep would have the folder {}; leave out or rename one", combination.name);
+        }
+    }
+    Ok(all)
+}
+
+/// `blur.samples=3,7` -> the key and its values; commas inside brackets or quotes belong to a value.
+fn parse_over(text: &str) -> Result<(&str, Vec<&str>)> {
+    let Some((key, list)) = text.split_once('=') else {
+        bail!("--over {text}: expected KEY=VALUE,..., found no `=`");
+    };
+    let (mut values, mut depth, mut quoted, mut begin) = (Vec::new(), 0_i32, false, 0);
+    for (at, c) in list.char_indices() {
+        match c {
+            '"' => quoted = !quoted,
+            '[' | '{' if !quoted => depth += 1,
+            ']' | '}' if !quoted => depth -= 1,
+            ',' if !quoted && depth == 0 => {
+                values.push(list[begin..at].trim());
+                begin = at + 1;
+            }
+            _ => {}
+        }
+    }
+    values.push(list[begin..].trim());
+    if values.iter().any(|value| value.is_empty()) {
+        bail!("--over {text}: expected values between the commas, found nothing");
+    }
+    Ok((key.trim(), values))
+}
+
+/// The last word of a key, or all of it where another key ends alike.
+fn short_name<'a>(key: &'a str, keys: &[(&str, Vec<&str>)]) -> &'a str {
+    let last = |key: &'a str| key.rsplit('.').next().unwrap_or(key);
+    let alike = keys.iter().filter(|(other, _)| other.rsplit('.').next() == Some(last(key))).count();
+    if alike > 1 { key } else { last(key) }
+}
+
+/// A value in a folder's name.
+fn in_a_name(value: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || c == '.' || c == '-';
+    let name: String = value.chars().map(|c| if plain(c) { c } else { ' ' }).collect();
+    name.split_whitespace().collect::<Vec<_>>().join("_")
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().map_or_else(|| "config".into(), |stem| stem.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::cli::{Cli, Command};
+
+    fn names(args: &[&str]) -> Result<Vec<String>> {
+        let line = ["gsburn", "sweep", "data", "--out", "x"].iter().chain(args);
+        let Command::Sweep(args) = Cli::try_parse_from(line).expect("valid arguments").command else {
+            unreachable!("the command is sweep")
+        };
+        Ok(combinations(&args)?.into_iter().map(|combination| combination.name).collect())
+    }
+
+    #[test]
+    fn every_combination_has_a_name() {
+        let two = names(&["--over", "blur.samples=3,7", "--over", "density.cap=5000, 10000"]).expect("valid");
+        assert_eq!(two, ["samples-3_cap-5000", "samples-3_cap-10000", "samples-7_cap-5000", "samples-7_cap-10000"]);
+        let files = names(&["--configs", "a/paper.toml,itg.toml", "--over", "seed=1,2"]).expect("valid");
+        assert_eq!(files, ["paper_seed-1", "paper_seed-2", "itg_seed-1", "itg_seed-2"]);
+        let alike = names(&["--over", "density.every=1", "--over", "checkpoint.every=2"]).expect("valid");
+        assert_eq!(alike, ["density.every-1_checkpoint.every-2"]);
+        let lists = names(&["--over", "data.background=[0,0,0],[1,1,1]"]).expect("valid");
+        assert_eq!(lists, ["background-0_0_0", "background-1_1_1"]);
+    }
+
+    #[test]
+    fn what_cannot_be_swept_is_said() {
+        let message = |args: &[&str]| names(args).expect_err("invalid").to_string();
+        assert!(message(&[]).contains("--over"));
+        assert!(message(&["--over", "steps"]).contains("no `=`"));
+        assert!(message(&["--over", "steps=1,,2"]).contains("found nothing"));
+        assert!(message(&["--over", "steps=1,1"]).contains("steps-1"));
+        assert!(message(&["--configs", "a/x.toml,b/x.toml"]).contains("folder x"));
+    }
+}

@@ -1,0 +1,117 @@
+//! Comparisons of runs: a sweep continues where it was cut off, and a chart says what it leaves out.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use gs_train::comparison::gather;
+use gs_train::experiment::Config;
+use gs_train::run::{Ending, RunRequest, run};
+use gs_train::run_folder::{MetricsLine, RunFolder};
+
+fn gsburn(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gsburn")).args(args).current_dir(folder).output().expect("the program starts")
+}
+
+fn succeeds(folder: &Path, args: &[&str]) -> (String, String) {
+    let output = gsburn(folder, args);
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{args:?}: {errors}");
+    (String::from_utf8_lossy(&output.stdout).into_owned(), errors)
+}
+
+const COMMON: [&str; 4] = ["steps=6", "eval.ms_ssim=false", "eval.lpips=false", "eval.images=1"];
+
+fn sweep() -> Vec<&'static str> {
+    let mut args = vec!["sweep", "scene", "--out", "swept", "--over", "density.cap=160,200", "--over", "seed=1"];
+    args.extend(COMMON.iter().flat_map(|set| ["--set", set]));
+    args
+}
+
+#[test]
+fn a_sweep_continues_where_it_was_cut_off() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let scene = common::tiny_scene(folder);
+    // The first of its runs, cut off after two steps as Ctrl-C would.
+    let overrides = COMMON.iter().chain(&["density.cap=160", "seed=1"]).map(|text| text.to_string());
+    let config = Config::resolve(None, &overrides.collect::<Vec<_>>()).expect("valid");
+    let first = folder.join("swept/cap-160_seed-1");
+    let request = RunRequest { stop_at: Some(2), ..common::request(&scene, &first, &config) };
+    assert!(matches!(run(&request), Ok(Ending::Interrupted(2))));
+
+    let (table, said) = succeeds(folder, &sweep());
+    assert!(said.contains("resuming after step 2") && said.contains("run 2 of 2: cap-200_seed-1"), "{said}");
+    assert!(table.contains("cap-160_seed-1") && table.contains("cap-200_seed-1"), "{table}");
+    for file in ["chart.svg", "chart.md", "chart.csv", "index.html"] {
+        assert!(folder.join("swept").join(file).is_file(), "{file}");
+    }
+    let page = fs::read_to_string(folder.join("swept/index.html")).expect("read");
+    assert!(page.contains("href=\"cap-200_seed-1/report.html\"") && page.contains("gsburn sweep scene"), "{page}");
+    let steps: Vec<usize> =
+        RunFolder::at(&first).read_metrics(6).expect("metrics").iter().map(MetricsLine::step).collect();
+    assert!(steps.windows(2).all(|pair| pair[0] <= pair[1]), "{steps:?}");
+
+    let eval = || fs::metadata(first.join("eval.json")).and_then(|file| file.modified()).expect("a file");
+    let before = eval();
+    let (_, said) = succeeds(folder, &sweep());
+    assert_eq!(said.matches("finished already").count(), 2, "{said}");
+    assert_eq!(eval(), before, "a finished run is left alone");
+
+    let mut other = sweep();
+    other.extend(["--set", "loss.dssim=0.1"]);
+    let refused = gsburn(folder, &other);
+    let error = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && error.contains("another configuration"), "{error}");
+}
+
+#[test]
+fn a_chart_names_what_it_leaves_out() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let scene = common::tiny_scene(folder);
+    let finish = |name: &str, scene: &Path| {
+        common::finish(&common::request(scene, &folder.join(name), &common::config(3, &["eval.at=[1]"])));
+    };
+    finish("a", &scene);
+    finish("b", &scene);
+    let elsewhere = folder.join("elsewhere");
+    fs::create_dir(&elsewhere).expect("made");
+    finish("c", &common::tiny_scene(&elsewhere));
+    let cut = RunRequest {
+        stop_at: Some(2),
+        ..common::request(&scene, &folder.join("d"), &common::config(3, &["eval.at=[1]"]))
+    };
+    run(&cut).expect("it runs");
+    fs::write(folder.join("chart.svg"), "an earlier chart").expect("written");
+
+    let paths = ["a", "b", "c", "d", "scene", "nowhere", "chart.svg"];
+    let found = gather(&paths.map(|name| folder.join(name))).expect("two are left");
+    assert_eq!(found.runs.iter().map(|run| run.name.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    let warned = |name: &str, why: &str| {
+        let start = folder.join(name).display().to_string();
+        let found = found.warnings.iter().find(|warning| warning.starts_with(&start));
+        assert!(found.is_some_and(|warning| warning.contains(why)), "{name}: {:?}", found);
+    };
+    warned("c", "the others on");
+    warned("d", "after step 1 of 3");
+    warned("scene", "no figures yet");
+    warned("nowhere", "no figures yet");
+    assert_eq!(found.warnings.len(), 4, "a file is no run and needs no word");
+
+    let args = ["chart", "a", "b", "c", "--out", "all.html", "--csv", "all.csv", "--report", "a"];
+    let (table, errors) = succeeds(folder, &args);
+    assert!(table.contains("CPU s") || !cfg!(target_os = "linux"), "{table}");
+    assert!(errors.contains("warning: c: trained on"), "{errors}");
+    let report = fs::read_to_string(folder.join("a/report.html")).expect("read");
+    assert!(report.contains("Accuracy against cost") && report.contains("gsburn chart a b c"), "{report}");
+    assert!(fs::read_to_string(folder.join("all.csv")).expect("read").starts_with("run,cap,step"));
+    // The section is still there after the report is written anew.
+    let folder_a = RunFolder::at(folder.join("a"));
+    let (config, _) = folder_a.read_config().expect("a run");
+    let eval = folder_a.read_eval().expect("figures");
+    gs_train::report::write(&folder_a, &eval, &[], &[], &config).expect("written");
+    assert!(fs::read_to_string(folder_a.report()).expect("read").contains("gsburn chart a b c"));
+}
