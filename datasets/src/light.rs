@@ -3,20 +3,13 @@
 //! A sensor adds up light, not encoded values, so motion blur, averages of frames and downscaling of what a camera sees
 //! belong in linear light. This pair is the one used throughout; encoded and linear values both run from 0 to 1.
 
-/// Linear light up to this value is encoded by a straight line; the curve's slope would be infinite at 0.
-pub const LINEAR_KNEE: f32 = 0.003_130_8;
+use gs_kernels::constants::{SRGB_GAMMA, SRGB_KNEE, SRGB_LIGHT_KNEE, SRGB_OFFSET, SRGB_SLOPE};
 
-/// The same place on the encoded side.
-pub const ENCODED_KNEE: f32 = 0.040_45;
-
-/// Slope of the straight part.
-pub const SLOPE: f32 = 12.92;
-
-/// `encoded = (1 + OFFSET) linear^(1 / GAMMA) - OFFSET` above the knee.
-pub const OFFSET: f32 = 0.055;
-
-/// The exponent of the curved part. With the offset the whole curve is close to a power of 2.2.
-pub const GAMMA: f32 = 2.4;
+const LINEAR_KNEE: f32 = SRGB_LIGHT_KNEE as f32;
+const ENCODED_KNEE: f32 = SRGB_KNEE as f32;
+const SLOPE: f32 = SRGB_SLOPE as f32;
+const OFFSET: f32 = SRGB_OFFSET as f32;
+const GAMMA: f32 = SRGB_GAMMA as f32;
 
 /// Linear light of an encoded value. Defined, continuous and increasing for all finite numbers; the straight part goes
 /// on below 0, the curved part above 1.

@@ -72,7 +72,7 @@ impl<F: Real> Case<F> {
                     scene.means[3 * row as usize + axis] += k as f64 * velocity[3 * row as usize + axis];
                 }
             }
-            Rows::of(&convert::<F>(&scene))
+            Rows::of(&scene.cast::<F>())
         };
         let all: Vec<Rows<F>> = (0..instants).map(at).collect();
         let mut table = all[0].clone();
@@ -111,19 +111,6 @@ impl<F: Real> Case<F> {
     fn extras(&self, tile: usize) -> std::ops::Range<usize> {
         let grid = self.shares.grid();
         grid + self.shares.extra_offsets[tile] as usize..grid + self.shares.extra_offsets[tile + 1] as usize
-    }
-}
-
-fn convert<F: Real>(scene: &Scene<f64>) -> Scene<F> {
-    let f = |v: &[f64]| v.iter().map(|&x| F::of(x)).collect();
-    Scene {
-        means: f(&scene.means),
-        quats: f(&scene.quats),
-        log_scales: f(&scene.log_scales),
-        logits: f(&scene.logits),
-        sh: f(&scene.sh),
-        viewmat: f(&scene.viewmat),
-        config: scene.config,
     }
 }
 

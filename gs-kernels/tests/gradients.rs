@@ -161,7 +161,7 @@ fn ssim_backward() {
 #[test]
 fn singles_follow_doubles() {
     let scene = Scene::<f64>::random(300, 7);
-    let single = scene.as_f32();
+    let single = scene.cast::<f32>();
     let (image64, grads64) = scene.render_and_back();
     let (image32, grads32) = single.render_and_back();
     let mut at_cutoff = 0;

@@ -146,7 +146,7 @@ fn opaque_stacks_follow_doubles() {
         scene.log_scales.fill(-1.0);
         scene.logits.fill(logit);
         let (image, gradients) = scene.render_and_back();
-        let (image32, gradients32) = run(&scene.as_f32());
+        let (image32, gradients32) = run(&scene.cast::<f32>());
         let wrong = image.iter().zip(&image32).filter(|(a, b)| (**a - f64::from(**b)).abs() > 3e-4).count();
         // Pixels at a cut-off are counted apart: at most 1 in 200 here, where whole rings of pixels share an alpha.
         assert!(wrong * 200 <= image.len(), "{wrong} of {} at {count} x {logit}", image.len());
@@ -182,7 +182,7 @@ fn needles_and_edges_follow_doubles() {
         }
     }
     let (image, gradients) = scene.render_and_back();
-    let (image32, gradients32) = run(&scene.as_f32());
+    let (image32, gradients32) = run(&scene.cast::<f32>());
     let wrong = image.iter().zip(&image32).filter(|(a, b)| (**a - f64::from(**b)).abs() > 3e-4).count();
     assert!(wrong * 200 <= image.len(), "{wrong} of {} values", image.len());
     compare(&gradients, &gradients32, "needles and edges");

@@ -1,35 +1,26 @@
 //! Light: encoded colour, as files store it, to linear, in which light adds up, and back; the sRGB curve of
-//! IEC 61966-2-1. The same constants as `gs_datasets::light`.
+//! IEC 61966-2-1, whose constants are in [`gs_burn::constants`].
 //!
-//! `linear = x / 12.92` up to [`KNEE_ENCODED`], `((x + 0.055) / 1.055)^2.4` above. Neither way clamps: outside 0..1 the
-//! two branches go on, so a colour that overshoots still has a gradient.
+//! `linear = x / 12.92` up to 0.04045, `((x + 0.055) / 1.055)^2.4` above. Neither way clamps: outside 0..1 the two
+//! branches go on, so a colour that overshoots still has a gradient.
 
 use burn::tensor::Tensor;
-
-/// Where the curve changes from a line to a power, encoded.
-pub const KNEE_ENCODED: f64 = 0.04045;
-/// The same place in linear light, as the standard rounds it.
-pub const KNEE_LINEAR: f64 = 0.003_130_8;
-/// Slope of the line.
-pub const SLOPE: f64 = 12.92;
-/// Offset of the power branch.
-pub const OFFSET: f64 = 0.055;
-/// Exponent of the power branch.
-pub const EXPONENT: f64 = 2.4;
+use gs_burn::constants::{SRGB_GAMMA, SRGB_KNEE, SRGB_LIGHT_KNEE, SRGB_OFFSET, SRGB_SLOPE};
 
 /// Encoded colour to linear light, any shape; differentiable.
 pub fn to_linear<const D: usize>(encoded: Tensor<D>) -> Tensor<D> {
-    let dark = encoded.clone().lower_equal_scalar(KNEE_ENCODED);
+    let dark = encoded.clone().lower_equal_scalar(SRGB_KNEE);
     // The floor keeps the unused branch, and so its gradient, finite.
-    let bright = ((encoded.clone().clamp_min(KNEE_ENCODED) + OFFSET) / (1.0 + OFFSET)).powf_scalar(EXPONENT);
-    bright.mask_where(dark, encoded / SLOPE)
+    let bright = ((encoded.clone().clamp_min(SRGB_KNEE) + SRGB_OFFSET) / (1.0 + SRGB_OFFSET)).powf_scalar(SRGB_GAMMA);
+    bright.mask_where(dark, encoded / SRGB_SLOPE)
 }
 
 /// Linear light to encoded colour, any shape; differentiable.
 pub fn to_encoded<const D: usize>(linear: Tensor<D>) -> Tensor<D> {
-    let dark = linear.clone().lower_equal_scalar(KNEE_LINEAR);
-    let bright = linear.clone().clamp_min(KNEE_LINEAR).powf_scalar(1.0 / EXPONENT) * (1.0 + OFFSET) - OFFSET;
-    bright.mask_where(dark, linear * SLOPE)
+    let dark = linear.clone().lower_equal_scalar(SRGB_LIGHT_KNEE);
+    let bright =
+        linear.clone().clamp_min(SRGB_LIGHT_KNEE).powf_scalar(1.0 / SRGB_GAMMA) * (1.0 + SRGB_OFFSET) - SRGB_OFFSET;
+    bright.mask_where(dark, linear * SRGB_SLOPE)
 }
 
 /// In which space colours are averaged.

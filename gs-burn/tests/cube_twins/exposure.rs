@@ -1,16 +1,14 @@
 //! Several instants in one image: the mean of tiles by itself, and the whole path through Burn on both devices.
 
-use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::{
-    Camera, ExposureOptions, Gaussians, Intrinsics, MovingSample, RenderOptions, device, render, render_exposure,
-};
+use burn::tensor::{Device, Tensor};
+use gs_burn::{ExposureOptions, MovingSample, RenderOptions, device, render, render_exposure};
 use gs_kernels::config::AverageConfig;
 use gs_kernels::cpu::exposure as cpu;
 use gs_kernels::cpu::exposure::TileShares;
 use gs_kernels::cube::exposure as cube;
 
 use crate::render::{gpu, values};
-use crate::support::{Random, Scene, assert_gradient, assert_values, client, down, up, wide};
+use crate::support::{Random, Scene, assert_gradient, assert_values, client, data, down, up, wide};
 
 const WIDTH: usize = 70;
 const HEIGHT: usize = 45;
@@ -48,14 +46,7 @@ struct Trial {
 fn trial(device: &Device, scene: &Scene, every: usize, instants: usize) -> Trial {
     let count = scene.count;
     let mut random = Random(93);
-    let data = |values: &[f32], shape: &[usize]| TensorData::new(values.to_vec(), shape.to_vec());
-    let gaussians = Gaussians::from_tensors(
-        Tensor::from_data(data(&scene.means, &[count, 3]), device),
-        Tensor::from_data(data(&scene.quats, &[count, 4]), device),
-        Tensor::from_data(data(&scene.log_scales, &[count, 3]), device),
-        Tensor::from_data(data(&random.list(count, -2.0, 4.0), &[count]), device),
-        Tensor::from_data(data(&random.list(count * 48, -0.4, 0.4), &[count, 16, 3]), device),
-    );
+    let gaussians = scene.gaussians(&mut random, device);
     let moving: Vec<u32> = (0..count as u32).filter(|row| *row as usize % every == every - 1).collect();
     let movers = moving.len();
     let (velocities, turns) = (random.list(3 * movers, -0.05, 0.05), random.list(4 * movers, -0.05, 0.05));
@@ -72,10 +63,7 @@ fn trial(device: &Device, scene: &Scene, every: usize, instants: usize) -> Trial
             }
         })
         .collect();
-    let viewmat: Tensor<2> = Tensor::from_data(data(&scene.viewmat, &[4, 4]), device).require_grad();
-    let config = scene.camera;
-    let intrinsics = Intrinsics { fx: config.fx, fy: config.fy, cx: config.cx, cy: config.cy };
-    let camera = Camera { viewmat: viewmat.clone(), intrinsics, width: WIDTH, height: HEIGHT };
+    let camera = scene.posed_camera(device);
     let screen = Tensor::<2>::zeros([count, 4], device).require_grad();
     let render_options = RenderOptions { background: [0.2, 0.4, 0.6], depth: true, ..Default::default() };
     let options = ExposureOptions { render: render_options, linear: true };
@@ -91,7 +79,7 @@ fn trial(device: &Device, scene: &Scene, every: usize, instants: usize) -> Trial
         ("log_scales".to_owned(), values(gaussians.log_scales.grad(&gradients).expect(of))),
         ("opacity_logits".to_owned(), values(gaussians.opacity_logits.grad(&gradients).expect(of))),
         ("sh".to_owned(), values(gaussians.sh.grad(&gradients).expect(of))),
-        ("viewmat".to_owned(), values(viewmat.grad(&gradients).expect(of))),
+        ("viewmat".to_owned(), values(camera.viewmat.grad(&gradients).expect(of))),
         ("screen".to_owned(), values(screen.grad(&gradients).expect(of))),
     ];
     for (k, sample) in samples.iter().enumerate() {

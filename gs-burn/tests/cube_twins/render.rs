@@ -1,11 +1,11 @@
 //! The whole path through Burn: the same scene rendered, compared and optimised on the CPU and on the device.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use gs_burn::ops::adam::{AdamConfig, adam_step};
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, Rendering, device, render_with_screen_gradients};
+use gs_burn::{RenderOptions, Rendering, device, render_with_screen_gradients};
 
-use crate::support::{Random, Scene, assert_gradient, assert_values, wide};
+use crate::support::{Random, Scene, assert_gradient, assert_values, data, wide};
 
 const WIDTH: usize = 50;
 const HEIGHT: usize = 37;
@@ -37,18 +37,8 @@ struct Trial {
 fn trial(device: &Device, scene: &Scene, antialiased: bool) -> Trial {
     let count = scene.count;
     let mut random = Random(90);
-    let data = |values: &[f32], shape: &[usize]| TensorData::new(values.to_vec(), shape.to_vec());
-    let gaussians = Gaussians::from_tensors(
-        Tensor::from_data(data(&scene.means, &[count, 3]), device),
-        Tensor::from_data(data(&scene.quats, &[count, 4]), device),
-        Tensor::from_data(data(&scene.log_scales, &[count, 3]), device),
-        Tensor::from_data(data(&random.list(count, -2.0, 4.0), &[count]), device),
-        Tensor::from_data(data(&random.list(count * 48, -0.4, 0.4), &[count, 16, 3]), device),
-    );
-    let viewmat: Tensor<2> = Tensor::from_data(data(&scene.viewmat, &[4, 4]), device).require_grad();
-    let config = scene.camera;
-    let intrinsics = Intrinsics { fx: config.fx, fy: config.fy, cx: config.cx, cy: config.cy };
-    let camera = Camera { viewmat: viewmat.clone(), intrinsics, width: WIDTH, height: HEIGHT };
+    let gaussians = scene.gaussians(&mut random, device);
+    let camera = scene.posed_camera(device);
     let screen = Tensor::<2>::zeros([count, 4], device).require_grad();
     let options = RenderOptions { background: [0.2, 0.4, 0.6], antialiased, depth: true, ..Default::default() };
     let Rendering { color, alpha, depth, intersections, .. } =
@@ -74,7 +64,7 @@ fn trial(device: &Device, scene: &Scene, antialiased: bool) -> Trial {
             ("log_scales", values(gaussians.log_scales.grad(&gradients).expect(of))),
             ("opacity_logits", values(gaussians.opacity_logits.grad(&gradients).expect(of))),
             ("sh", values(gaussians.sh.grad(&gradients).expect(of))),
-            ("viewmat", values(viewmat.grad(&gradients).expect(of))),
+            ("viewmat", values(camera.viewmat.grad(&gradients).expect(of))),
             ("screen", values(screen.grad(&gradients).expect(of))),
         ],
         stepped: values(stepped),

@@ -2,8 +2,10 @@
 
 use std::sync::OnceLock;
 
-use burn_cubecl::cubecl::Device;
+use burn::tensor::{Device, Tensor, TensorData};
+use burn_cubecl::cubecl;
 use burn_cubecl::cubecl::client::Client;
+use gs_burn::{Camera, Gaussians, Intrinsics};
 use gs_kernels::config::ProjectionConfig;
 use gs_kernels::cpu::projection;
 use gs_kernels::cube::buffer::Buffer;
@@ -11,7 +13,7 @@ use gs_kernels::cube::buffer::Buffer;
 /// The default device's client.
 pub fn client() -> &'static Client {
     static CLIENT: OnceLock<Client> = OnceLock::new();
-    CLIENT.get_or_init(|| Device::default().client())
+    CLIENT.get_or_init(|| cubecl::Device::default().client())
 }
 
 /// Uploads.
@@ -112,10 +114,38 @@ impl Scene {
         }
     }
 
+    /// The scene's Gaussians on `device`, with opacity logits and colours of degree 3 from `random`.
+    pub fn gaussians(&self, random: &mut Random, device: &Device) -> Gaussians {
+        let count = self.count;
+        Gaussians::from_tensors(
+            Tensor::from_data(data(&self.means, &[count, 3]), device),
+            Tensor::from_data(data(&self.quats, &[count, 4]), device),
+            Tensor::from_data(data(&self.log_scales, &[count, 3]), device),
+            Tensor::from_data(data(&random.list(count, -2.0, 4.0), &[count]), device),
+            Tensor::from_data(data(&random.list(count * 48, -0.4, 0.4), &[count, 16, 3]), device),
+        )
+    }
+
+    /// The scene's camera on `device`; its pose wants a gradient.
+    pub fn posed_camera(&self, device: &Device) -> Camera {
+        let ProjectionConfig { fx, fy, cx, cy, width, height, .. } = self.camera;
+        Camera {
+            viewmat: Tensor::from_data(data(&self.viewmat, &[4, 4]), device).require_grad(),
+            intrinsics: Intrinsics { fx, fy, cx, cy },
+            width: width as usize,
+            height: height as usize,
+        }
+    }
+
     /// Rows of the CPU twin in `f32`, a common input for what follows the projection.
     pub fn projected(&self) -> Vec<f32> {
         projection::forward(&self.means, &self.quats, &self.log_scales, &self.viewmat, &self.camera)
     }
+}
+
+/// For a tensor of `shape`.
+pub fn data(values: &[f32], shape: &[usize]) -> TensorData {
+    TensorData::new(values.to_vec(), shape.to_vec())
 }
 
 /// As doubles.

@@ -58,8 +58,9 @@ impl<F: Real> Scene<F> {
         }
     }
 
-    pub fn as_f32(&self) -> Scene<f32> {
-        let f = |v: &[F]| v.iter().map(|x| x.to_f64() as f32).collect();
+    /// The same scene in another precision.
+    pub fn cast<G: Real>(&self) -> Scene<G> {
+        let f = |v: &[F]| v.iter().map(|x| G::of(x.to_f64())).collect();
         Scene {
             means: f(&self.means),
             quats: f(&self.quats),

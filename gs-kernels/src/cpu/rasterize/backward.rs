@@ -8,11 +8,13 @@
 //! form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
 //!
 //! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients by the ellipse are moments of `s` over the
-//! tile. Every (tile, Gaussian) pair gets a gradient row of its own; a Gaussian's rows are added in tile order, so no
+//! tile. Every (tile, Gaussian) pair gets a gradient row of its own; a Gaussian's rows are added in tile order
+//! ([`super::gather`]), so no
 //! thread's timing can show in a sum.
 
 use rayon::prelude::*;
 
+use super::gather::{FIXED, RasterizeGradients, gather};
 use super::tile::{Aligned, BLOCKS, FeatureLanes, Inputs, TilePlane, block_and_lane, fresh_transmittance, plane};
 use crate::config::RasterizeConfig;
 use crate::constants::ALPHA_MAX;
@@ -20,31 +22,10 @@ use crate::cpu::Real;
 use crate::cpu::blend::TileGaussian;
 use crate::cpu::intersect::IntersectionSlices;
 use crate::cpu::lanes::Lanes;
-use crate::cpu::parallel::{CHUNK, Disjoint, prefetch, zeros};
+use crate::cpu::parallel::{Disjoint, zeros};
 use crate::cpu::real::LaneTask;
 use crate::cpu::wide::Number;
-use crate::rows::{PROJECTED, ProjectedRow, SCREEN};
-
-/// Gradients of [`super::forward`], each in the shape of its argument.
-#[derive(Clone, Debug)]
-pub struct RasterizeGradients<F> {
-    /// `[N, 8]`; zero for compensation and radius.
-    pub projected: Vec<F>,
-    /// `[N]`
-    pub opacities: Vec<F>,
-    /// `[N, C]`
-    pub features: Vec<F>,
-    /// `[C]`
-    pub background: Vec<F>,
-    /// `[N, 4]`, see [`SCREEN`].
-    pub screen: Vec<F>,
-}
-
-/// A pair's gradient row: mean (2), conic (3), opacity, absolute screen gradient (2), then the blended channels.
-const FIXED: usize = 8;
-
-/// How many rows ahead the gathering of rows fetches: adding one takes a few ns, memory about a hundred.
-const GATHER_AHEAD: usize = 16;
+use crate::rows::ProjectedRow;
 
 /// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read.
 ///
@@ -87,64 +68,6 @@ pub fn backward<F: Real>(
         v_background.fill(F::ZERO);
     }
     gather(&inputs, &pairs, v_background)
-}
-
-/// Adds each Gaussian's pair rows in tile order.
-fn gather<F: Real>(inputs: &Inputs<'_, F>, pairs: &[F], background: Vec<F>) -> RasterizeGradients<F> {
-    let (count, channels) = (inputs.opacities.len(), inputs.config.channels);
-    let stride = FIXED + inputs.blended;
-    let mut out = RasterizeGradients {
-        projected: zeros(count * PROJECTED),
-        opacities: zeros(count),
-        features: zeros(count * channels),
-        background,
-        screen: zeros(count * SCREEN),
-    };
-    let (rows, opacities, features, screen) = (
-        Disjoint::new(&mut out.projected),
-        Disjoint::new(&mut out.opacities),
-        Disjoint::new(&mut out.features),
-        Disjoint::new(&mut out.screen),
-    );
-    (0..count.div_ceil(CHUNK)).into_par_iter().for_each(|chunk| {
-        let mut sum = vec![F::ZERO; stride];
-        for id in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-            let begin = inputs.lists.gaussian_offsets[id] as usize;
-            let end = inputs.lists.gaussian_offsets[id + 1] as usize;
-            if begin == end {
-                continue;
-            }
-            sum.fill(F::ZERO);
-            for (k, &position) in inputs.lists.positions[begin..end].iter().enumerate() {
-                // The next Gaussians' places follow in the same list, wherever they point.
-                if let Some(&ahead) = inputs.lists.positions.get(begin + k + GATHER_AHEAD) {
-                    prefetch(pairs, ahead as usize * stride);
-                    prefetch(pairs, (ahead as usize + 1) * stride - 1);
-                }
-                let pair = &pairs[position as usize * stride..][..stride];
-                sum.iter_mut().zip(pair).for_each(|(sum, &v)| *sum += v);
-            }
-            if !sum.iter().all(|v| v.is_finite()) {
-                continue;
-            }
-            let depth = if inputs.config.depth { sum[FIXED + channels] } else { F::ZERO };
-            let row = ProjectedRow {
-                mean: [sum[0], sum[1]],
-                conic: [sum[2], sum[3], sum[4]],
-                depth,
-                compensation: F::ZERO,
-                radius: F::ZERO,
-            };
-            // SAFETY: every Gaussian belongs to one chunk.
-            unsafe {
-                rows.slice_mut(id * PROJECTED, PROJECTED).copy_from_slice(&row.pack());
-                opacities.slice_mut(id, 1)[0] = sum[5];
-                features.slice_mut(id * channels, channels).copy_from_slice(&sum[FIXED..FIXED + channels]);
-                screen.slice_mut(id * SCREEN, SCREEN).copy_from_slice(&[sum[0], sum[1], sum[6], sum[7]]);
-            }
-        }
-    });
-    out
 }
 
 /// What the replay of a tile keeps.

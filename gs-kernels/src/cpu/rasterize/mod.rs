@@ -6,7 +6,9 @@
 
 mod backward;
 mod forward;
+mod gather;
 mod tile;
 
-pub use backward::{RasterizeGradients, backward};
+pub use backward::backward;
 pub use forward::forward;
+pub use gather::RasterizeGradients;

@@ -14,13 +14,12 @@
 //! tile a unit first adds its four pixels in registers; the 64 units' sums then meet in shared memory, for as many
 //! Gaussians at once as fit there. No plane operation is used, so the width of a plane does not matter.
 
-use std::ops::Range;
-
 use cubecl::prelude::*;
 
 use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
 use super::forward::UNROLLED;
-use super::gather::{add_pairs, finish};
+use super::gather::{MOMENTS, PAIR_BYTES, RasterizeGradients, add_pairs, finish, tile_ranges};
+use super::slots::{SLOT, SLOTS, UNITS, sum_slots};
 use crate::config::RasterizeConfig;
 use crate::constants::TILE;
 use crate::cube::blend::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN, capped, sight};
@@ -29,55 +28,12 @@ use crate::cube::error::CubeError;
 use crate::cube::intersect::Intersections;
 use crate::cube::math::finite;
 
-/// Units of the cube.
-const UNITS: usize = 64;
 /// Pixels of a unit: one column of the tile, every fourth row.
 const OWN: usize = PIXELS / UNITS;
 /// Rows of the tile that the units cover at once.
 const ROWS: usize = UNITS / TILE;
-/// Values that meet in shared memory at once.
-const SLOTS: usize = 48;
-/// One more than the units, so that units adding different values touch different banks.
-const SLOT: usize = UNITS + 1;
 /// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
 const STAGE: usize = 896;
-
-/// Moments in a pair's row before the blended channels: `s`, `s dy`, `s dy^2`, `s u`, `s u dy`, `s u^2`, and the
-/// absolute screen gradients along x (over `d1`) and y.
-pub(super) const MOMENTS: usize = 8;
-
-/// Gradients of [`super::forward`], each in the shape of its argument.
-#[derive(Clone, Debug)]
-pub struct RasterizeGradients {
-    /// `[N, 8]`; zero for compensation and radius.
-    pub projected: Buffer,
-    /// `[N]`
-    pub opacities: Buffer,
-    /// `[N, C]`
-    pub features: Buffer,
-    /// `[C]`
-    pub background: Buffer,
-    /// `[N, 4]`, see [`crate::rows::SCREEN`].
-    pub screen: Buffer,
-}
-
-/// Adds `count` values over the units of the cube and writes them to `out` from `to` on, in order. `slots` holds them
-/// as `[value][unit]`. Every unit must arrive here.
-#[cube]
-fn sum_slots(slots: &Shared<[f32]>, count: u32, out: &mut [f32], to: usize) {
-    sync_cube();
-    let mut value = UNIT_POS;
-    while value < count {
-        let base = value as usize * SLOT;
-        let mut sum = 0.0f32;
-        for unit in 0..UNITS {
-            sum += slots[base + unit];
-        }
-        out[to + value as usize] = sum;
-        value += comptime!(UNITS as u32);
-    }
-    sync_cube();
-}
 
 /// One cube a tile: writes a row of moments for every pair of the tile, and the tile's share of the background's gradient.
 #[cube(launch)]
@@ -332,10 +288,6 @@ fn rasterize_backward_kernel(
     }
 }
 
-/// Most bytes of pair rows held at once; a scene with more goes tile range by tile range. At three channels this is
-/// twelve million pairs.
-pub const PAIR_BYTES: usize = 512 << 20;
-
 /// Backward of [`super::forward`] from `v_output` in the shape of its result; the twin of
 /// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero.
 ///
@@ -414,32 +366,4 @@ pub fn backward_within(
         add_pairs(client, &plan, lists, &pairs, &sums, tiles);
     }
     finish(client, &plan, projected, opacities, &sums, &backgrounds)
-}
-
-/// Cuts the tiles into ranges of at most `pairs` pairs each, and the most pairs of a range. Only where one range is not
-/// enough are the tiles' beginnings read back.
-#[allow(clippy::single_range_in_vec_init)] // one range is meant, not its numbers
-fn tile_ranges(
-    client: &Client,
-    lists: &Intersections,
-    tiles: usize,
-    pairs: usize,
-) -> Result<(Vec<Range<usize>>, usize), CubeError> {
-    let total = lists.gaussian_ids.len();
-    if total <= pairs {
-        return Ok((vec![0..tiles], total));
-    }
-    let offsets = lists.tile_offsets.download::<u32>(client)?;
-    let len = |range: &Range<usize>| (offsets[range.end] - offsets[range.start]) as usize;
-    let mut ranges = vec![0..0];
-    for tile in 0..tiles {
-        let last = ranges.last_mut().expect("begins with one range");
-        if last.start < last.end && len(&(last.start..tile + 1)) > pairs {
-            ranges.push(tile..tile + 1);
-        } else {
-            last.end = tile + 1;
-        }
-    }
-    let most = ranges.iter().map(len).max().unwrap_or(0);
-    Ok((ranges, most))
 }

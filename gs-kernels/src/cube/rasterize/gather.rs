@@ -5,7 +5,6 @@ use std::ops::Range;
 use cubecl::prelude::*;
 
 use super::attributes::Plan;
-use super::backward::{MOMENTS, RasterizeGradients};
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid, grid_for};
 use crate::cube::error::CubeError;
 use crate::cube::intersect::Intersections;
@@ -13,6 +12,29 @@ use crate::cube::math::finite;
 use crate::cube::reduce::column_sum;
 use crate::cube::rows::read_row;
 use crate::rows::{PROJECTED, SCREEN};
+
+/// Moments in a pair's row before the blended channels: `s`, `s dy`, `s dy^2`, `s u`, `s u dy`, `s u^2`, and the
+/// absolute screen gradients along x (over `d1`) and y.
+pub(super) const MOMENTS: usize = 8;
+
+/// Gradients of [`super::forward`], each in the shape of its argument.
+#[derive(Clone, Debug)]
+pub struct RasterizeGradients {
+    /// `[N, 8]`; zero for compensation and radius.
+    pub projected: Buffer,
+    /// `[N]`
+    pub opacities: Buffer,
+    /// `[N, C]`
+    pub features: Buffer,
+    /// `[C]`
+    pub background: Buffer,
+    /// `[N, 4]`, see [`crate::rows::SCREEN`].
+    pub screen: Buffer,
+}
+
+/// Most bytes of pair rows held at once; a scene with more goes tile range by tile range. At three channels this is
+/// twelve million pairs.
+pub const PAIR_BYTES: usize = 512 << 20;
 
 /// One unit a Gaussian and column: adds the column over the Gaussian's pairs in tiles `first_tile..last_tile`, in tile
 /// order, to what earlier ranges of tiles gave. Neighbouring units read neighbouring columns of one row.
@@ -139,6 +161,34 @@ fn background_sum_kernel(backgrounds: &[f32], v_background: &mut [f32], tiles: u
             v_background[c] = 0.0f32;
         }
     }
+}
+
+/// Cuts the tiles into ranges of at most `pairs` pairs each, and the most pairs of a range. Only where one range is not
+/// enough are the tiles' beginnings read back.
+#[allow(clippy::single_range_in_vec_init)] // one range is meant, not its numbers
+pub(super) fn tile_ranges(
+    client: &Client,
+    lists: &Intersections,
+    tiles: usize,
+    pairs: usize,
+) -> Result<(Vec<Range<usize>>, usize), CubeError> {
+    let total = lists.gaussian_ids.len();
+    if total <= pairs {
+        return Ok((vec![0..tiles], total));
+    }
+    let offsets = lists.tile_offsets.download::<u32>(client)?;
+    let len = |range: &Range<usize>| (offsets[range.end] - offsets[range.start]) as usize;
+    let mut ranges = vec![0..0];
+    for tile in 0..tiles {
+        let last = ranges.last_mut().expect("begins with one range");
+        if last.start < last.end && len(&(last.start..tile + 1)) > pairs {
+            ranges.push(tile..tile + 1);
+        } else {
+            last.end = tile + 1;
+        }
+    }
+    let most = ranges.iter().map(len).max().unwrap_or(0);
+    Ok((ranges, most))
 }
 
 /// Adds the rows of the pairs in `tiles` to the Gaussians' sums `[N, row]`; a range that begins with tile 0 begins anew.

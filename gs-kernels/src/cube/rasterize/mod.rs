@@ -7,6 +7,8 @@ mod attributes;
 mod backward;
 mod forward;
 mod gather;
+mod slots;
 
-pub use backward::{PAIR_BYTES, RasterizeGradients, backward, backward_within};
+pub use backward::{backward, backward_within};
 pub use forward::forward;
+pub use gather::{PAIR_BYTES, RasterizeGradients};

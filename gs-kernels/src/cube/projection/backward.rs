@@ -1,160 +1,24 @@
-//! 3D Gaussians to 2D ellipses (EWA), forward and backward: one unit a Gaussian.
+//! Gradients by the rows to gradients by the parameters and the pose.
 //!
 //! The camera's gradient is a sum over all Gaussians: each cube leaves one row of twelve sums, a last cube adds the rows.
 
 use cubecl::prelude::*;
 
+use super::path::{check, path, read_quat};
 use crate::config::ProjectionConfig;
-use crate::constants;
-use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid, grid_for};
-use crate::cube::camera::{
-    Pinhole, PinholeLaunch, Pose, Slope, apply, jacobian_row, jacobian_row_vjp, read_pose, slope,
-};
-use crate::cube::covariance::{Projected2d, compensation, project, project_vjp};
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
+use crate::cube::camera::{Pinhole, PinholeLaunch, jacobian_row_vjp, read_pose};
+use crate::cube::covariance::project_vjp;
 use crate::cube::error::CubeError;
 use crate::cube::math::{
-    Mat3, Quat, Vec3, add, combine, finite, finite3, mat_t_vec, norm2, normalise_vjp, read3, rotation, rotation_vjp,
-    scaled, write3,
+    Vec3, add, combine, finite, finite3, mat_t_vec, normalise_vjp, read3, rotation_vjp, scaled, write3,
 };
 use crate::cube::reduce::{column_sum, cube_sum};
-use crate::cube::rows::{DeviceRow, read_radius, read_row, write_row};
+use crate::cube::rows::{read_radius, read_row};
 use crate::rows::PROJECTED;
-
-const CUTOFF_SIGMAS: f32 = constants::CUTOFF_SIGMAS as f32;
-const QUAT_NORM2_MIN: f32 = constants::QUAT_NORM2_MIN as f32;
-const QUAT_NORM2_MAX: f32 = constants::QUAT_NORM2_MAX as f32;
 
 /// Entries of the camera's gradient that a Gaussian contributes to: three rows of rotation and translation.
 const POSE: usize = 12;
-
-/// What one Gaussian goes through; the backward pass goes the same way again.
-#[derive(CubeType, Clone, Copy)]
-#[expand(derive(Clone, Copy))]
-struct Path {
-    unit: Quat,
-    quat_norm: f32,
-    rotation: Mat3,
-    scales: Vec3,
-    p: Vec3,
-    slope_x: Slope,
-    slope_y: Slope,
-    a_x: Vec3,
-    a_y: Vec3,
-    ellipse: Projected2d,
-    drawable: bool,
-}
-
-#[cube]
-fn read_quat(quats: &[f32], index: usize) -> Quat {
-    let base = index * 4;
-    Quat { w: quats[base], x: quats[base + 1], y: quats[base + 2], z: quats[base + 3] }
-}
-
-#[cube]
-fn path(mean: Vec3, quat: Quat, log_scales: Vec3, pose: Pose, pinhole: Pinhole) -> Path {
-    let p = apply(pose, mean);
-    let q2 = norm2(quat);
-    let quat_norm = q2.sqrt();
-    let unit = Quat { w: quat.w / quat_norm, x: quat.x / quat_norm, y: quat.y / quat_norm, z: quat.z / quat_norm };
-    let rotation = rotation(unit);
-    let scales = Vec3 { x: log_scales.x.exp(), y: log_scales.y.exp(), z: log_scales.z.exp() };
-    let slope_x = slope(p.x, p.z, pinhole.x_low, pinhole.x_high);
-    let slope_y = slope(p.y, p.z, pinhole.y_low, pinhole.y_high);
-    let a_x = jacobian_row(pinhole.fx, p.z, slope_x.value, pose.rotation.a, pose.rotation.c);
-    let a_y = jacobian_row(pinhole.fy, p.z, slope_y.value, pose.rotation.b, pose.rotation.c);
-    let ellipse = project(rotation, scales, a_x, a_y, pinhole.eps2d);
-    // Bits first: a comparison with NaN is not to be relied on in a shader.
-    let all_finite = finite3(p) && finite(q2) && finite3(scales) && finite3(a_x) && finite3(a_y);
-    let in_depth = p.z >= pinhole.near && p.z <= pinhole.far;
-    let long_enough = q2 >= QUAT_NORM2_MIN;
-    let short_enough = q2 <= QUAT_NORM2_MAX;
-    let drawable = all_finite && in_depth && long_enough && short_enough && ellipse.drawable;
-    Path { unit, quat_norm, rotation, scales, p, slope_x, slope_y, a_x, a_y, ellipse, drawable }
-}
-
-/// Forward: one unit a Gaussian reads 10 values and writes its row of 8.
-#[cube(launch)]
-fn projection_forward_kernel(
-    means: &[f32],
-    quats: &[f32],
-    log_scales: &[f32],
-    viewmat: &[f32],
-    projected: &mut [f32],
-    count: u32,
-    pinhole: Pinhole,
-    #[comptime] antialiased: bool,
-) {
-    let index = CUBE_POS * UNITS + UNIT_POS as usize;
-    if index >= count as usize {
-        terminate!();
-    }
-    let pose = read_pose(viewmat);
-    let path = path(read3(means, index), read_quat(quats, index), read3(log_scales, index), pose, pinhole);
-    let mean_x = pinhole.fx * (path.p.x / path.p.z) + pinhole.cx;
-    let mean_y = pinhole.fy * (path.p.y / path.p.z) + pinhole.cy;
-    let reach_x = CUTOFF_SIGMAS * path.ellipse.xx.sqrt();
-    let reach_y = CUTOFF_SIGMAS * path.ellipse.yy.sqrt();
-    let mut factor = 1.0f32;
-    if comptime!(antialiased) {
-        factor = compensation(path.ellipse.ratio);
-    }
-    let row = DeviceRow {
-        mean_x,
-        mean_y,
-        d1: path.ellipse.d1,
-        l: path.ellipse.l,
-        d2: path.ellipse.d2,
-        depth: path.p.z,
-        compensation: factor,
-        radius: select(reach_x > reach_y, reach_x, reach_y),
-    };
-    let row_finite = finite(row.mean_x)
-        && finite(row.mean_y)
-        && finite(row.d1)
-        && finite(row.l)
-        && finite(row.d2)
-        && finite(row.compensation)
-        && finite(row.radius);
-    let seen_x = mean_x + reach_x > 0.0f32 && mean_x - reach_x < pinhole.width;
-    let seen_y = mean_y + reach_y > 0.0f32 && mean_y - reach_y < pinhole.height;
-    write_row(projected, index, row, path.drawable && row_finite && seen_x && seen_y);
-}
-
-/// Projects every Gaussian: `means` `[N, 3]`, `quats` `[N, 4]`, `log_scales` `[N, 3]`, `viewmat` `[4, 4]` to packed rows
-/// `[N, 8]`; the twin of [`crate::cpu::projection::forward`].
-///
-/// # Errors
-/// When the rows exceed one buffer.
-///
-/// # Panics
-/// When the buffers disagree in length.
-pub fn forward(
-    client: &Client,
-    means: &Buffer,
-    quats: &Buffer,
-    log_scales: &Buffer,
-    viewmat: &Buffer,
-    config: &ProjectionConfig,
-) -> Result<Buffer, CubeError> {
-    let count = check(means, quats, log_scales, viewmat);
-    let projected = Buffer::empty(client, "projected Gaussians", count * PROJECTED)?;
-    if count > 0 {
-        projection_forward_kernel::launch(
-            client,
-            grid_for(count),
-            cube_dim(),
-            means.arg(),
-            quats.arg(),
-            log_scales.arg(),
-            viewmat.arg(),
-            projected.arg(),
-            count as u32,
-            PinholeLaunch::of(config),
-            config.antialiased,
-        );
-    }
-    Ok(projected)
-}
 
 /// Adds row `row` of the camera's gradient over the cube: `v_p` is the gradient by that camera coordinate, `v_rotation`
 /// what comes on top for the rotation's row.
@@ -294,7 +158,7 @@ fn pose_sum_kernel(sums: &[f32], viewmat: &mut [f32], rows: u32) {
     }
 }
 
-/// Gradients of [`forward`], each in the shape of its argument.
+/// Gradients of [`super::forward`], each in the shape of its argument.
 #[derive(Clone, Debug)]
 pub struct ProjectionGradients {
     /// `[N, 3]`
@@ -307,7 +171,7 @@ pub struct ProjectionGradients {
     pub viewmat: Buffer,
 }
 
-/// Backward of [`forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient by it; the twin of
+/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient by it; the twin of
 /// [`crate::cpu::projection::backward`]. Culled Gaussians receive zero, and so does one whose gradient is not finite.
 ///
 /// # Errors
@@ -356,13 +220,4 @@ pub fn backward(
     let v_viewmat = Buffer::empty(client, "gradient of the camera", 16)?;
     pose_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), v_viewmat.arg(), cubes as u32);
     Ok(ProjectionGradients { means: v_means, quats: v_quats, log_scales: v_log_scales, viewmat: v_viewmat })
-}
-
-fn check(means: &Buffer, quats: &Buffer, log_scales: &Buffer, viewmat: &Buffer) -> usize {
-    let count = means.len() / 3;
-    assert_eq!(means.len(), count * 3, "means must be [N, 3]");
-    assert_eq!(quats.len(), count * 4, "quats must be [N, 4] for {count} means");
-    assert_eq!(log_scales.len(), count * 3, "log_scales must be [N, 3] for {count} means");
-    assert_eq!(viewmat.len(), 16, "viewmat must hold 16 values");
-    count
 }

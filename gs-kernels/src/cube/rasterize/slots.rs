@@ -1,0 +1,28 @@
+//! Sums over the units of a backward cube, for many values at once, through shared memory.
+
+use cubecl::prelude::*;
+
+/// Units of the cube.
+pub(super) const UNITS: usize = 64;
+/// Values that meet in shared memory at once.
+pub(super) const SLOTS: usize = 48;
+/// One more than the units, so that units adding different values touch different banks.
+pub(super) const SLOT: usize = UNITS + 1;
+
+/// Adds `count` values over the units of the cube and writes them to `out` from `to` on, in order. `slots` holds them
+/// as `[value][unit]`. Every unit must arrive here.
+#[cube]
+pub(super) fn sum_slots(slots: &Shared<[f32]>, count: u32, out: &mut [f32], to: usize) {
+    sync_cube();
+    let mut value = UNIT_POS;
+    while value < count {
+        let base = value as usize * SLOT;
+        let mut sum = 0.0f32;
+        for unit in 0..UNITS {
+            sum += slots[base + unit];
+        }
+        out[to + value as usize] = sum;
+        value += comptime!(UNITS as u32);
+    }
+    sync_cube();
+}

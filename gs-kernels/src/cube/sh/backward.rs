@@ -1,0 +1,178 @@
+//! Gradients by the colours to gradients by coefficients, means and pose.
+
+use cubecl::prelude::*;
+
+use super::basis::{basis, basis_vjp, centre, direction, raw_colour};
+use super::forward::check;
+use crate::config::ShConfig;
+use crate::cpu::sh::MAX_COEFFICIENTS;
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
+use crate::cube::camera::read_pose;
+use crate::cube::error::CubeError;
+use crate::cube::math::{Vec3, combine, dot, finite3, read3, scaled, write3};
+use crate::cube::reduce::{column_sum, cube_sum};
+use crate::cube::rows::read_radius;
+
+/// Backward: one unit a Gaussian; all outputs are parts of one buffer, to stay within eight bindings.
+#[cube(launch)]
+fn sh_backward_kernel(
+    means: &[f32],
+    sh: &[f32],
+    viewmat: &[f32],
+    projected: &[f32],
+    v_colors: &[f32],
+    gradients: &mut [f32],
+    count: u32,
+    cubes: u32,
+    start_sh: u32,
+    start_sums: u32,
+    #[comptime] degree: u32,
+    #[comptime] coefficients: usize,
+) {
+    if CUBE_POS >= cubes as usize {
+        terminate!();
+    }
+    let used = comptime!(((degree + 1) * (degree + 1)) as usize);
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let inside = CUBE_POS * UNITS + (UNIT_POS as usize) < count as usize;
+    let index = select(inside, CUBE_POS * UNITS + UNIT_POS as usize, 0usize);
+    let base = index * comptime!(3 * coefficients);
+
+    let dir = direction(read3(means, index), centre(read_pose(viewmat)));
+    let mut b = Array::<f32>::new(MAX_COEFFICIENTS);
+    basis(degree, dir.unit, &mut b);
+    let raw = raw_colour(&b, sh, base, used);
+    let v_shown = read3(v_colors, index);
+    let valid = inside && finite3(raw) && finite3(v_shown) && read_radius(projected, index) > 0.0f32;
+    let v = Vec3 {
+        x: select(valid && raw.x > 0.0f32, v_shown.x, 0.0f32),
+        y: select(valid && raw.y > 0.0f32, v_shown.y, 0.0f32),
+        z: select(valid && raw.z > 0.0f32, v_shown.z, 0.0f32),
+    };
+
+    let mut v_basis = Array::<f32>::new(MAX_COEFFICIENTS);
+    if inside {
+        #[unroll]
+        for k in 0..used {
+            let coefficient = Vec3 { x: sh[base + 3 * k], y: sh[base + 3 * k + 1], z: sh[base + 3 * k + 2] };
+            v_basis[k] = select(valid, dot(coefficient, v), 0.0f32);
+            let to = start_sh as usize + base + 3 * k;
+            // The basis is at most 3 in magnitude.
+            gradients[to] = b[k] * v.x;
+            gradients[to + 1] = b[k] * v.y;
+            gradients[to + 2] = b[k] * v.z;
+        }
+        #[unroll]
+        for k in comptime!(3 * used)..comptime!(3 * coefficients) {
+            gradients[start_sh as usize + base + k] = 0.0f32;
+        }
+    }
+
+    let mut v_mean = Vec3 { x: 0.0f32, y: 0.0f32, z: 0.0f32 };
+    if comptime!(degree > 0) {
+        let v_dir = basis_vjp(degree, dir.unit, &v_basis);
+        let across = scaled(1.0f32 / dir.distance, combine(1.0f32, v_dir, -dot(dir.unit, v_dir), dir.unit));
+        let kept = valid && finite3(across);
+        v_mean.x = select(kept, across.x, 0.0f32);
+        v_mean.y = select(kept, across.y, 0.0f32);
+        v_mean.z = select(kept, across.z, 0.0f32);
+    }
+    if inside {
+        write3(gradients, 0, index, v_mean);
+    }
+    let x = cube_sum(v_mean.x, &mut slots);
+    let y = cube_sum(v_mean.y, &mut slots);
+    let z = cube_sum(v_mean.z, &mut slots);
+    if UNIT_POS == 0 {
+        write3(gradients, start_sums as usize, CUBE_POS, Vec3 { x, y, z });
+    }
+}
+
+/// One cube: adds the cubes' sums of the gradient by the means `[rows, 3]`, and carries the camera centre's gradient,
+/// which is its negative, through `-R^T t` to `v_viewmat` `[4, 4]`; zero when it is not finite.
+#[cube(launch)]
+fn centre_sum_kernel(sums: &[f32], viewmat: &[f32], v_viewmat: &mut [f32], rows: u32) {
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let x = column_sum(sums, rows, 0u32, 3usize, &mut slots);
+    let y = column_sum(sums, rows, 1u32, 3usize, &mut slots);
+    let z = column_sum(sums, rows, 2u32, 3usize, &mut slots);
+    if UNIT_POS == 0 {
+        let pose = read_pose(viewmat);
+        let sum = Vec3 { x, y, z };
+        let a = scaled(pose.translation.x, sum);
+        let b = scaled(pose.translation.y, sum);
+        let c = scaled(pose.translation.z, sum);
+        let t = Vec3 { x: dot(pose.rotation.a, sum), y: dot(pose.rotation.b, sum), z: dot(pose.rotation.c, sum) };
+        let kept = finite3(a) && finite3(b) && finite3(c) && finite3(t);
+        write_pose_row(v_viewmat, 0usize, a, t.x, kept);
+        write_pose_row(v_viewmat, 1usize, b, t.y, kept);
+        write_pose_row(v_viewmat, 2usize, c, t.z, kept);
+        write_pose_row(v_viewmat, 3usize, a, t.x, false);
+    }
+}
+
+#[cube]
+fn write_pose_row(viewmat: &mut [f32], #[comptime] row: usize, rotation: Vec3, translation: f32, kept: bool) {
+    let base = comptime!(4 * row);
+    viewmat[base] = select(kept, rotation.x, 0.0f32);
+    viewmat[base + 1] = select(kept, rotation.y, 0.0f32);
+    viewmat[base + 2] = select(kept, rotation.z, 0.0f32);
+    viewmat[base + 3] = select(kept, translation, 0.0f32);
+}
+
+/// Gradients of [`super::forward`], each in the shape of its argument.
+#[derive(Clone, Debug)]
+pub struct ShGradients {
+    /// `[N, 3]`, through the view direction.
+    pub means: Buffer,
+    /// `[N, S, 3]`; zero above the active degree.
+    pub sh: Buffer,
+    /// `[4, 4]`, through the camera centre.
+    pub viewmat: Buffer,
+}
+
+/// Backward of [`super::forward`] from `v_colors` `[N, 3]`; the twin of [`crate::cpu::sh::backward`]. A channel held at 0
+/// passes nothing.
+///
+/// # Errors
+/// When the gradients exceed one buffer.
+///
+/// # Panics
+/// When the buffers disagree in length, or the active degree is above the stored one.
+pub fn backward(
+    client: &Client,
+    means: &Buffer,
+    sh: &Buffer,
+    viewmat: &Buffer,
+    projected: &Buffer,
+    config: &ShConfig,
+    v_colors: &Buffer,
+) -> Result<ShGradients, CubeError> {
+    let count = check(means, sh, viewmat, projected, config);
+    assert_eq!(v_colors.len(), count * 3, "v_colors must be [N, 3]");
+    let cubes = count.div_ceil(UNITS);
+    let slab = Buffer::slab(client, "gradients of the colours", [count * 3, sh.len(), cubes * 3])?;
+    if count > 0 {
+        sh_backward_kernel::launch(
+            client,
+            grid(cubes),
+            cube_dim(),
+            means.arg(),
+            sh.arg(),
+            viewmat.arg(),
+            projected.arg(),
+            v_colors.arg(),
+            slab.whole.arg(),
+            count as u32,
+            cubes as u32,
+            slab.starts[1] as u32,
+            slab.starts[2] as u32,
+            config.degree.min(3),
+            config.coefficients,
+        );
+    }
+    let [v_means, v_sh, sums] = slab.parts;
+    let v_viewmat = Buffer::empty(client, "gradient of the camera", 16)?;
+    centre_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), viewmat.arg(), v_viewmat.arg(), cubes as u32);
+    Ok(ShGradients { means: v_means, sh: v_sh, viewmat: v_viewmat })
+}
