@@ -14,7 +14,12 @@ pub const NOTICEABLE: f64 = 1.0 / 255.0;
 pub fn change(sh: &[f32], l: usize) -> f64 {
     let squares =
         band(sh, l).chunks_exact(3).fold([0.0; 3], |sum, c| [0, 1, 2].map(|i| sum[i] + f64::from(c[i]).powi(2)));
-    (((2 * l + 1) as f64) / (4.0 * PI) * squares.into_iter().fold(0.0, f64::max)).sqrt()
+    (((2 * l + 1) as f64) / (4.0 * PI) * squares.into_iter().fold(0.0, largest)).sqrt()
+}
+
+/// The larger of two; not a number if either is.
+fn largest(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a >= b { a } else { b }
 }
 
 /// One proximal step of the group lasso: each band above 0 loses up to `amount` of its largest change.

@@ -174,7 +174,7 @@ impl Default for BlurConfig {
             exposure: 0.0,
             learn_exposure: true,
             exposure_lr: 2e-3,
-            exposure_from: 0.4,
+            exposure_from: 0.6,
             linear: true,
             decouple: true,
             depth_beta: 0.3,
