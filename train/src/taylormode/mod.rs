@@ -28,10 +28,15 @@ use crate::experiment::Config;
 use crate::schedule::exponential;
 use crate::taylormode::state::{MotionRates, MotionState};
 
+/// Steps over which the rates of motion rise to their full size, linearly.
+const WARM_UP: f64 = 100.0;
+
 /// The rates of a step; `extent` in scene units.
 pub fn rates(state: &MotionState, config: &Config, step: usize, extent: f64) -> MotionRates {
     let (motion, blur) = (&config.motion, &config.blur);
-    let decay = exponential(1.0, motion.final_share, step, config.steps);
+    // Adam's first steps have full length in every block whatever the gradient: together they would throw a path across the scene.
+    let warm = (step as f64 / WARM_UP).min(1.0);
+    let decay = warm * exponential(1.0, motion.final_share, step, config.steps);
     let held = if state.exposure_said { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
     let exposure = match blur.learn_exposure && step > held {
         true => blur.exposure_lr * exponential(1.0, motion.final_share, step - held, config.steps - held),
