@@ -7,7 +7,7 @@ use gs_datasets::image_io::write_atomic;
 
 use crate::cli::ChartArgs;
 use crate::commands::{command_line, print};
-use crate::comparison::{Panels, Table, add_to_report, gather, page, stacked};
+use crate::comparison::{Panels, Table, add_to_report, enough, gather, page, stacked};
 use crate::run_folder::RunFolder;
 
 /// Draws the charts and writes the table.
@@ -24,6 +24,9 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
     // The table needs no file, so it is there even when one cannot be written.
     print(table.text());
+    if let Some(verdict) = enough(&found.runs) {
+        print(verdict);
+    }
     if extension == "html" {
         let html = page("Accuracy against cost", &panels, &table, &found.warnings, &command);
         write_atomic(&args.out, html.as_bytes())?;

@@ -9,7 +9,7 @@ use gs_datasets::image_io::write_atomic;
 
 use crate::cli::SweepArgs;
 use crate::commands::{command_line, describe, device, print};
-use crate::comparison::{Panels, Table, gather, page, stacked};
+use crate::comparison::{Panels, Table, enough, gather, page, stacked};
 use crate::experiment::Config;
 use crate::interrupt;
 use crate::resources::forget_peak_memory;
@@ -95,6 +95,9 @@ fn compare(out: &Path, plan: &[(RunFolder, Config, State)]) -> Result<ExitCode> 
     found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
     print(table.text());
+    if let Some(verdict) = enough(&found.runs) {
+        print(verdict);
+    }
     write_atomic(&out.join("chart.svg"), stacked(&panels, &command).as_bytes())?;
     write_atomic(&out.join("chart.md"), table.markdown().as_bytes())?;
     write_atomic(&out.join("chart.csv"), table.csv().as_bytes())?;

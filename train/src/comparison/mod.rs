@@ -1,12 +1,14 @@
 //! Several runs beside one another: which of their measurements nothing beats at its cost, as charts, table and page.
 //!
-//! `gather` reads the runs, `panels` and `table` say what is shown, `page` puts it into HTML.
+//! `gather` reads the runs, `budget` says how many Gaussians are enough, `panels` and `table` say what is shown, `page` puts it into HTML.
 
+mod budget;
 mod gather;
 mod page;
 mod panels;
 mod table;
 
+pub use budget::enough;
 pub use gather::{Gathered, gather};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;

@@ -7,12 +7,13 @@ use serde::Serialize;
 pub(crate) const SIZE: (u32, u32) = (640, 300);
 
 /// Colours that stay apart for colour-blind readers (Okabe and Ito 2008).
-const COLORS: [RGBColor; 5] = [
+const COLORS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
 ];
 
 /// Weight of the newest value in [`smoothed`].

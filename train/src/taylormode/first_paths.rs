@@ -36,7 +36,7 @@ pub fn first_paths(tracks: &[Track], state: &MotionState, means: &[[f32; 3]], or
 
 /// The path as coefficient blocks of the window, those of the powers and then those of the contacts: the least squares fit of
 /// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0`.
-fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
+pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
     let count = SAMPLES_PER_ORDER * columns + 1;
     let start = path.position(window.t0);
