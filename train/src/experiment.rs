@@ -21,6 +21,7 @@ use crate::optimiser::OptimiserConfig;
 use crate::scene_init::InitConfig;
 use crate::step::{ModelConfig, RenderConfig};
 use crate::taylormode::config::{BlurConfig, MotionConfig, PriorConfig};
+use crate::taylormode::hints::mask_held_out;
 
 /// Everything a run depends on, except the data set's path and the device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -196,7 +197,11 @@ impl Config {
             // Nothing in a still scene is compared with them. Masks of what moves stay: moving parts are measured by them.
             options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
         }
-        gs_datasets::load(path, &options)
+        let mut scene = gs_datasets::load(path, &options)?;
+        if self.pipeline == Pipeline::Taylormode {
+            mask_held_out(&mut scene);
+        }
+        Ok(scene)
     }
 
     fn from_table(table: Table, origin: &str) -> Result<Self, ConfigError> {

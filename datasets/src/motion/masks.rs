@@ -73,6 +73,14 @@ pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
     found
 }
 
+/// Masks of what changes in front of each camera that stands still, from the photos of `views` alone; `None` where that
+/// cannot be told.
+pub fn changing(views: &[View]) -> Vec<Option<Vec<u8>>> {
+    let mut found = MovingMasks { masks: vec![None; views.len()], from: vec![None; views.len()], warnings: Vec::new() };
+    take_evidence(views, &mut found);
+    found.masks
+}
+
 fn take_priors(views: &[View], found: &mut MovingMasks) {
     let mut misfits = 0;
     for (index, view) in views.iter().enumerate() {

@@ -37,6 +37,6 @@ pub use cameras::{StaticCamera, static_cameras};
 pub use evidence::{Evidence, FRAMES_MIN, evidence};
 pub use guide::{Centre, Centres, centres, guide_velocity};
 pub use hull::{Hull, HullOptions, hull};
-pub use masks::{MaskOrigin, MaskSource, MovingMasks, moving_masks};
+pub use masks::{MaskOrigin, MaskSource, MovingMasks, changing, moving_masks};
 pub use objects::object_centres;
 pub use trajectory::{Kink, Trajectory};

@@ -26,6 +26,22 @@ pub struct Found {
     pub warnings: Vec<String>,
 }
 
+/// Gives held-out views of standing cameras masks of what changes in front of them, where the data set has masks for none of them:
+/// moving parts can be measured then. Training never sees them.
+pub fn mask_held_out(scene: &mut Scene) {
+    if scene.test.iter().any(|view| view.truth.moving.is_some() || view.priors.moving.is_some()) {
+        return;
+    }
+    let masks = motion::changing(&scene.test);
+    let found = masks.iter().flatten().count();
+    if found > 0 {
+        tracing::info!(views = found, "moving parts of held-out views are measured where the photos change");
+    }
+    for (view, mask) in scene.test.iter_mut().zip(masks) {
+        view.priors.moving = mask;
+    }
+}
+
 /// A body, or all that moves where bodies cannot be told apart.
 #[derive(Debug, Clone)]
 pub struct Track {
