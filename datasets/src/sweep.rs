@@ -72,10 +72,13 @@ pub fn sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64) -> Po
         rng.set_stream(ray as u64);
         let from = rng.random_range(0..views.len());
         let pixel = [rng.random_range(0..photos[from].width), rng.random_range(0..photos[from].height)];
-        let depth = depth_at(&photos, from, &beside[from], pixel, [near, far])?;
         let view = &views[from];
         let at = pixel.map(|x| x * photos[from].step + photos[from].step / 2);
         let (column, row) = (at[0].min(view.width - 1), at[1].min(view.height - 1));
+        if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
+            return None;
+        }
+        let depth = depth_at(&photos, from, &beside[from], pixel, [near, far])?;
         let position = view.c2w.transform_point3(ray_through(&view.intrinsics, column, row) * depth).as_vec3();
         let color = [0, 1, 2].map(|c| view.image.data[3 * (row * view.width + column) + c]);
         Some((position, color))

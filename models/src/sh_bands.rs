@@ -31,11 +31,15 @@ pub fn shrink(sh: &mut [f32], amount: f64) {
     }
 }
 
-/// Zeroes the highest bands as long as each changes no channel by more than `limit`, and returns the degree that is left. Not a
-/// number counts as colour: a degree must not hide it.
+/// Zeroes the highest bands as long as all of them together change no channel by more than `limit`, and returns the degree that
+/// is left. Not a number counts as colour: a degree must not hide it.
 pub fn lower(sh: &mut [f32], limit: f64) -> usize {
-    let mut degree = room(sh);
-    while degree > 0 && change(sh, degree) <= limit {
+    let (mut degree, mut changed) = (room(sh), 0.0);
+    while degree > 0 {
+        changed += change(sh, degree);
+        if changed.is_nan() || changed > limit {
+            break;
+        }
         band_mut(sh, degree).fill(0.0);
         degree -= 1;
     }

@@ -45,9 +45,9 @@ impl LoadedScene {
 
     /// `count` times spread evenly over the recording, both ends included.
     pub fn times(&self, count: usize) -> Vec<f64> {
-        let Some(window) = self.motion.as_ref().map(|state| state.window) else { return vec![0.0; count] };
-        let step = 2.0 * window.half / (count.max(2) - 1) as f64;
-        (0..count).map(|i| window.t0 - window.half + step * i as f64).collect()
+        let Some([first, last]) = self.motion.as_ref().map(|state| state.recording) else { return vec![0.0; count] };
+        let step = (last - first) / (count.max(2) - 1) as f64;
+        (0..count).map(|i| first + step * i as f64).collect()
     }
 }
 

@@ -59,7 +59,7 @@ pub struct Kink {
 }
 
 impl Kink {
-    /// Seconds by which the path is ahead per unit of jump, and its derivative.
+    /// By how long a unit of jump has brought the path ahead, the data set's unit of time, and its derivative.
     fn ramp(begin: f64, end: f64, t: f64) -> (f64, f64) {
         let share = ((t - begin) / (end - begin)).clamp(0.0, 1.0);
         (0.5 * share * share * (end - begin) + (t - end).max(0.0), share)
@@ -115,7 +115,7 @@ impl Trajectory {
         let before = data.times.len();
         // A bounce seen by few centres must not be taken for mistakes: judged with the kink that suits them best.
         let score = |data: &Data, kinks: &[[f64; 2]]| Some(data.distances(max_order, kinks)?.iter().sum::<f64>());
-        let suspect = data.best_kink(&[], score).filter(|_| max_kinks > 0);
+        let suspect = if max_kinks > 0 { data.best_kink(&[], score) } else { None };
         data.drop_outliers(max_order, suspect.as_slice());
 
         let mut kinks: Vec<[f64; 2]> = Vec::new();
@@ -228,6 +228,13 @@ impl Data {
         scored.reduce(|best, new| if new.0 < best.0 { new } else { best }).map(|(_, kink)| kink)
     }
 
+    /// The time of the `n`-th centre in the order of time.
+    fn nth(&self, n: usize) -> f64 {
+        let mut sorted = self.times.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted[n]
+    }
+
     /// The kink shifted and stretched to the least BIC, beside others: a place off by a fraction of a frame would ask for
     /// another kink to mend it.
     fn refined(&self, kink: [f64; 2], others: &[[f64; 2]], max_order: usize) -> [f64; 2] {
@@ -235,7 +242,11 @@ impl Data {
             let with: Vec<[f64; 2]> = others.iter().copied().chain([kink]).collect();
             self.best_order(max_order, &with).map_or(f64::INFINITY, |fit| fit.bic)
         };
-        let apart = |new: &[f64; 2]| others.iter().all(|old| new[1] <= old[0] || old[1] <= new[0]);
+        let (first, last) = (self.nth(SIDE - 1), self.nth(self.times.len() - SIDE));
+        let apart = |new: &[f64; 2]| {
+            let middle = 0.5 * (new[0] + new[1]);
+            (first..=last).contains(&middle) && others.iter().all(|old| new[1] <= old[0] || old[1] <= new[0])
+        };
         let (mut best, mut least, shortest) = (kink, score(kink), 0.5 * (kink[1] - kink[0]));
         let mut step = shortest;
         for _ in 0..REFINEMENTS {

@@ -22,15 +22,22 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// The contact between two times of `window`; `None` when `t0` lies inside it or it takes no time.
+    /// The contact between two times of `window`; `None` when `t0` lies in it or at its end, or it takes no time.
     pub fn new(begin: f64, end: f64, window: &TimeWindow) -> Option<Self> {
         let (a, b) = (window.normalised(begin.min(end)), window.normalised(begin.max(end)));
-        match (a >= 0.0, b <= 0.0) {
+        match (a > 0.0, b < 0.0) {
             _ if a == b => None,
             (true, _) => Some(Self { near: a, far: b }),
             (_, true) => Some(Self { near: b, far: a }),
             _ => None,
         }
+    }
+
+    /// Whether the two share any time.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        let ends = |contact: &Self| (contact.near.min(contact.far), contact.near.max(contact.far));
+        let ((a, b), (c, d)) = (ends(self), ends(other));
+        a < d && c < b
     }
 
     /// The ramp at `s`.

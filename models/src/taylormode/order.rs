@@ -16,11 +16,16 @@ pub const NOTICEABLE: f64 = 0.1;
 /// one white sequence in forty does.
 const PATTERN: f64 = 2.0;
 
-/// Lowers a path of blocks of three from `order` as long as a lowering moves it by no more than `limit` pixels, and returns
-/// the order that is left. What is taken out is zero in `path`; what that adds to the constant goes to `centre`. Not a
+/// Lowers a path of blocks of three from `order` as long as all lowerings together move it by no more than `limit` pixels, and
+/// returns the order that is left. What is taken out is zero in `path`; what that adds to the constant goes to `centre`. Not a
 /// number counts as motion: an order must not hide it.
 pub fn lower(path: &mut [f32], mut order: usize, pixels_per_unit: f64, limit: f64, centre: &mut [f32; 3]) -> usize {
-    while order > 0 && deviation(path, order) * pixels_per_unit <= limit {
+    let mut moved = 0.0;
+    while order > 0 {
+        moved += deviation(path, order) * pixels_per_unit;
+        if moved.is_nan() || moved > limit {
+            break;
+        }
         economise(path, order, centre);
         order -= 1;
     }

@@ -203,14 +203,18 @@ impl TaylorMotion {
         }
     }
 
-    /// The learned tensors: position and rotation coefficients. The remainder's belong to its network.
+    /// The learned tensors: position and rotation coefficients, and the kinks' jumps where there are kinks. The remainder's belong
+    /// to its network.
     pub fn tensors(&self) -> Vec<Tensor<2>> {
-        vec![self.position.clone(), self.rotation.clone()]
+        let jumps = self.kinks.iter().map(|kinks| kinks.jumps.clone());
+        [self.position.clone(), self.rotation.clone()].into_iter().chain(jumps).collect()
     }
 
     /// With `f` of each tensor of [`tensors`](Self::tensors), in that order.
     pub fn map(&self, mut f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
-        Self { position: f(self.position.clone()), rotation: f(self.rotation.clone()), ..self.clone() }
+        let (position, rotation) = (f(self.position.clone()), f(self.rotation.clone()));
+        let kinks = self.kinks.clone().map(|kinks| Kinks { jumps: f(kinks.jumps), ..kinks });
+        Self { position, rotation, kinks, ..self.clone() }
     }
 }
 

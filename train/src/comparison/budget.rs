@@ -21,6 +21,9 @@ pub fn enough(runs: &[ComparedRun]) -> Option<String> {
     if !alike || runs.len() < 2 || caps.windows(2).any(|pair| pair[0] == pair[1]) {
         return None;
     }
+    if figures_missing(&ladder) {
+        return None;
+    }
     let moving = ladder.iter().all(|(_, e)| e.moving.is_some());
     let figures: Vec<(usize, f64, f64)> = ladder.iter().filter_map(|(cap, e)| figure(*cap, e, moving)).collect();
     let best = figures.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
@@ -31,6 +34,11 @@ pub fn enough(runs: &[ComparedRun]) -> Option<String> {
          {:.2} dB at {}",
         least.0, least.1, best.2, best.1, best.0
     ))
+}
+
+/// Whether any run was not measured on at least two held-out views.
+fn figures_missing(ladder: &[(usize, &Evaluation)]) -> bool {
+    ladder.iter().any(|(_, e)| e.split != "test" || e.views.len() < 2)
 }
 
 /// Cap, mean PSNR over views and its standard error; `None` with fewer than two views, which have none.

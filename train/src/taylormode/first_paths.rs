@@ -9,12 +9,18 @@ use crate::taylormode::state::MotionState;
 /// Times at which a path is sampled for each order it is fitted with.
 const SAMPLES_PER_ORDER: usize = 4;
 
-/// The kinks of all paths in the window, those of the largest jumps first, at most `most`; one at `t0` itself is left to the
-/// polynomial.
+/// The kinks of all paths in the window, those of the largest jumps first, at most `most` and apart from each other: bodies that
+/// hit each other are hit at one time. One at `t0` itself is left to the polynomial.
 pub fn contacts(tracks: &[Track], window: &TimeWindow, most: usize) -> Vec<Contact> {
     let mut kinks: Vec<&Kink> = tracks.iter().flat_map(|track| &track.path.kinks).collect();
     kinks.sort_by(|a, b| b.jump.length_squared().total_cmp(&a.jump.length_squared()));
-    kinks.into_iter().filter_map(|kink| Contact::new(kink.begin, kink.end, window)).take(most).collect()
+    let mut kept: Vec<Contact> = Vec::new();
+    for contact in kinks.into_iter().filter_map(|kink| Contact::new(kink.begin, kink.end, window)) {
+        if kept.len() < most && kept.iter().all(|other| !other.overlaps(&contact)) {
+            kept.push(contact);
+        }
+    }
+    kept
 }
 
 /// Blocks and jumps of each moving Gaussian: those of the body whose centre is nearest to it at `t0`.
@@ -35,15 +41,16 @@ pub fn first_paths(tracks: &[Track], state: &MotionState, means: &[[f32; 3]], or
 }
 
 /// The path as coefficient blocks of the window, those of the powers and then those of the contacts: the least squares fit of
-/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0`.
+/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times the path is known at.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
     let count = SAMPLES_PER_ORDER * columns + 1;
     let start = path.position(window.t0);
     let mut normal = vec![vec![0.0; columns + 3]; columns];
     for i in 0..count {
-        let s = 2.0 * i as f64 / (count - 1) as f64 - 1.0;
-        let displacement = (path.position(window.t0 + s * window.half) - start).to_array();
+        let t = path.t0 + path.half * (2.0 * i as f64 / (count - 1) as f64 - 1.0);
+        let s = window.normalised(t);
+        let displacement = (path.position(t) - start).to_array();
         let powers = (1..=order as i32).map(|k| s.powi(k));
         let values: Vec<f64> = powers.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect();
         for (row, equation) in normal.iter_mut().enumerate() {
@@ -88,13 +95,15 @@ mod tests {
             })
             .collect();
         let path = Trajectory::fit(&centres, 3, 0).expect("a path");
-        let window = TimeWindow { t0: 0.5, half: 0.5 };
-        let blocks = displacement_blocks(&path, window, 3, &[]);
-        for t in [0.0, 0.3, 0.8, 1.0] {
-            let s: f64 = (t - 0.5) / 0.5;
-            let moved: Vec<f64> =
-                (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * s.powi(k as i32 + 1)).sum()).collect();
-            assert!((DVec3::from_slice(&moved) - (truth(t) - truth(0.5))).length() < 1e-5, "{t}: {moved:?}");
+        // In the middle of the recording and off it, where the window is longer than the recording on one side.
+        for window in [TimeWindow { t0: 0.5, half: 0.5 }, TimeWindow { t0: 0.4, half: 0.65 }] {
+            let blocks = displacement_blocks(&path, window, 3, &[]);
+            for t in [0.0, 0.3, 0.8, 1.0] {
+                let s = window.normalised(t);
+                let moved: Vec<f64> =
+                    (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * s.powi(k as i32 + 1)).sum()).collect();
+                assert!((DVec3::from_slice(&moved) - (truth(t) - truth(window.t0))).length() < 1e-5, "{t}: {moved:?}");
+            }
         }
     }
 }

@@ -65,14 +65,17 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     let masks = motion::moving_masks(scene, source);
     let motion::Centres { centres, notes } = motion::centres(scene, &masks.masks);
     let pixels_per_unit = pixels_per_unit(scene, &centres);
+    let tracks = tracks(scene, &masks, &centres, pixels_per_unit, config);
     let guides = scene.train.iter().map(|view| {
-        let velocity = motion::guide_velocity(&centres, view.time?)?;
+        // The centre of bodies that move apart moves like none of them.
+        let velocity = motion::guide_velocity(&centres, view.time?).filter(|_| tracks.len() < 2)?;
         Some(velocity.to_array())
     });
+    let guides = guides.collect();
     Some(Found {
-        guides: guides.collect(),
+        guides,
         warnings: masks.warnings.iter().cloned().chain(notes).collect(),
-        tracks: tracks(scene, &masks, &centres, pixels_per_unit, config),
+        tracks,
         pixels_per_unit,
         masks,
         centres,
@@ -95,7 +98,8 @@ fn tracks(scene: &Scene, masks: &MovingMasks, centres: &[Centre], pixels_per_uni
     bodies.retain(|body| {
         let (seen, pixels) = (body.centres.len() as f64 / times, body.path.residual * pixels_per_unit);
         tracing::debug!(seen, pixels, order = body.path.order(), kinks = body.path.kinks.len(), "a body");
-        seen >= BODY.0 && pixels <= BODY.1
+        let kept = 1.0 - body.path.outliers as f64 / body.centres.len() as f64;
+        seen * kept >= BODY.0 && pixels <= BODY.1
     });
     if bodies.len() > 1 { bodies } else { track(centres.to_vec()).into_iter().collect() }
 }

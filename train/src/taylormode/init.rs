@@ -1,7 +1,7 @@
 //! The first Gaussians of a moving scene: static ones from the points or backgrounds, moving ones from the visual hull of
 //! what moves at the middle of the recording, on the path of its centre.
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use gs_datasets::motion::{self, HullOptions};
 use gs_datasets::{PointCloud, Scene, View};
 use gs_models::network::Mlp;
@@ -54,10 +54,13 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
         state.position = Learned::new(from_host(blocks, 3 * order, device));
         state.kinks = Learned::new(from_host(jumps, 3 * state.contacts.len(), device));
     }
-    if config.motion.collective && order > 0 && !found.tracks.is_empty() {
+    // Bodies that move apart have no common motion.
+    if config.motion.collective && order > 0 && found.tracks.len() == 1 {
         let RemainderFrame { centre, scale, .. } = remainder_frame(&state, &first.gaussians.means, order);
-        let sum = Learned::new(Tensor::zeros([4, 3 * order], device));
-        state.collective = Some(Collective { sum, centre, scale });
+        state.collective = Some(Collective::new(centre, scale, order, device));
+    }
+    if let Some((first, last)) = scene.time_range {
+        state.recording = [first, last];
     }
     (state.networks, state.remainder) = networks(&state, found, &first.gaussians.means, config, device);
     let parameters = Parameters::first(&first.gaussians, device);

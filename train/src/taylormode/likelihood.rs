@@ -59,9 +59,10 @@ pub fn select_with_check(
     Selected::default()
 }
 
-/// Coefficient blocks in use.
+/// Coefficient blocks and jumps in use.
 fn blocks(state: &MotionState) -> usize {
-    state.orders.iter().chain(&state.rotation_orders).map(|order| usize::from(*order)).sum()
+    let blocks: usize = state.orders.iter().chain(&state.rotation_orders).map(|order| usize::from(*order)).sum();
+    blocks + state.contacts.len() * state.rows.len()
 }
 
 /// Sum of squared differences of a photo from what the scene makes of it.
@@ -75,7 +76,11 @@ fn squares(parameters: &Parameters, state: &MotionState, view: &View, config: &C
     let options = ExposureOptions { render, linear: config.blur.linear };
     let formed = expose(&scene, &state.rows, &instants, &camera(view, &device), &options, None);
     let photo = to_tensor(view, &view.image.data, 3, &device);
-    let sum: Tensor<1> = (formed.color - photo).square().sum();
+    let misses = (formed.color - photo).square();
+    let sum: Tensor<1> = match &view.mask {
+        None => misses.sum(),
+        Some(mask) => (misses * to_tensor(view, mask, 1, &device)).sum(),
+    };
     f64::from(sum.into_scalar::<f32>())
 }
 

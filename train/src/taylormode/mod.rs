@@ -31,11 +31,14 @@ use crate::taylormode::state::{MotionRates, MotionState};
 /// Steps over which the rates of motion rise to their full size, linearly.
 const WARM_UP: f64 = 100.0;
 
+/// At most this share of a run is spent on that.
+const WARM_UP_SHARE: f64 = 0.1;
+
 /// The rates of a step; `extent` in scene units.
 pub fn rates(state: &MotionState, config: &Config, step: usize, extent: f64) -> MotionRates {
     let (motion, blur) = (&config.motion, &config.blur);
     // Adam's first steps have full length in every block whatever the gradient: together they would throw a path across the scene.
-    let warm = (step as f64 / WARM_UP).min(1.0);
+    let warm = (step as f64 / WARM_UP.min(WARM_UP_SHARE * config.steps as f64).max(1.0)).min(1.0);
     let decay = warm * exponential(1.0, motion.final_share, step, config.steps);
     let held = if state.exposure_said { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
     let exposure = match blur.learn_exposure && step > held {

@@ -19,8 +19,9 @@ pub struct SavedMotion {
     t0_bits: u64,
     half_bits: u64,
     updates: u64,
-    #[serde(default)]
     exposure_said: bool,
+    /// The first and the last time of the recording, as bits.
+    recording: [u64; 2],
     /// Centre and size of the common motion's frame, as bits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     collective: Option<[u64; 4]>,
@@ -42,6 +43,7 @@ impl SavedMotion {
             half_bits: state.window.half.to_bits(),
             updates: state.updates,
             exposure_said: state.exposure_said,
+            recording: state.recording.map(f64::to_bits),
             collective: state.collective.as_ref().map(|collective| {
                 let [x, y, z] = collective.centre;
                 [x, y, z, collective.scale].map(f64::to_bits)
@@ -128,6 +130,7 @@ impl SavedMotion {
                 .collect(),
             log_exposure,
             exposure_said: self.exposure_said,
+            recording: self.recording.map(f64::from_bits),
             collective,
             networks,
             remainder: self.remainder.map(|(bits, order)| {

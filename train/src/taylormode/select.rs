@@ -44,13 +44,13 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
         selected.lowered += order - left;
         state.orders[index] = left as u8;
 
-        // A rotation moves the surface of a Gaussian by its angle times its size. The constant that lowering it adds is itself
-        // below the threshold and is left out.
+        // A rotation moves the surface of a Gaussian by its angle times its size. The constant that lowering an even order adds
+        // is left out and costs as much again: half the threshold.
         let size = log_scales[3 * *row as usize..][..3].iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
         let pixels = f64::from(size).exp() * scales[index];
         let turn = &mut rotation[columns[1] * index..][..columns[1]];
         let order = usize::from(state.rotation_orders[index]);
-        state.rotation_orders[index] = lower(turn, order, pixels, config.select_pixels, &mut [0.0; 3]) as u8;
+        state.rotation_orders[index] = lower(turn, order, pixels, 0.5 * config.select_pixels, &mut [0.0; 3]) as u8;
     }
     *parameters.get_mut(Group::Means) = from_host(means, 3, &device);
     if columns[0] > 0 {

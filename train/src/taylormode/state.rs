@@ -91,6 +91,8 @@ pub struct MotionState {
     pub log_exposure: Learned,
     /// The paths' common motion, where one is learned.
     pub collective: Option<Collective>,
+    /// The first and the last time of the recording.
+    pub recording: [f64; 2],
     /// Whether the exposure began as the data set says it is.
     pub exposure_said: bool,
     /// The networks in use.
@@ -353,6 +355,7 @@ pub fn still(rows: Vec<u32>, window: TimeWindow, orders: [usize; 2], exposure: f
         rotation_orders: vec![orders[1] as u8; count],
         log_exposure: Learned::new(from_host(vec![exposure.ln() as f32], 1, device)),
         collective: None,
+        recording: [window.t0 - window.half, window.t0 + window.half],
         exposure_said: false,
         networks: Vec::new(),
         remainder: None,
