@@ -10,10 +10,7 @@ mod workloads;
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, ExposureOptions, Gaussians, Intrinsics, MovingSample, render, render_exposure};
 
-#[path = "../../gs-kernels/tests/scenes/clock.rs"]
-mod clock;
-
-use clock::cpu_seconds;
+use workloads::clock::cpu_seconds;
 use workloads::generator::{self, Random};
 
 const COUNT: usize = 10_000;

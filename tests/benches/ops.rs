@@ -7,14 +7,13 @@
 mod workloads;
 
 use burn::tensor::{Device, Tensor};
-use criterion::measurement::WallTime;
 use criterion::{BatchSize, BenchmarkGroup, Criterion, Throughput};
 use gs_burn::ops::intersect::intersect;
 use gs_burn::ops::projection::project;
 use gs_burn::ops::rasterize::{RasterizeConfig, rasterize};
 use gs_burn::ops::sh::sh_colors;
 use gs_burn::ops::ssim::photometric_loss;
-use workloads::{PIXELS_PER_TILE, Workload};
+use workloads::{Clock, PIXELS_PER_TILE, Workload};
 
 fn main() {
     let device = workloads::bench_device();
@@ -28,7 +27,7 @@ fn leaf<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
 }
 
 /// Measures `run`, waiting for the device.
-fn forward<T>(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, device: &Device, run: impl Fn() -> T) {
+fn forward<T>(group: &mut BenchmarkGroup<'_, Clock>, name: &str, device: &Device, run: impl Fn() -> T) {
     group.bench_function(name, |bencher| {
         bencher.iter(|| {
             let result = run();
@@ -39,7 +38,7 @@ fn forward<T>(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, device: &Dev
 }
 
 /// Measures the backward pass of what `run` makes.
-fn backward(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, device: &Device, run: impl Fn() -> Tensor<1>) {
+fn backward(group: &mut BenchmarkGroup<'_, Clock>, name: &str, device: &Device, run: impl Fn() -> Tensor<1>) {
     group.bench_function(name, |bencher| {
         let setup = || {
             let output = run();
@@ -55,7 +54,7 @@ fn backward(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, device: &Devic
     });
 }
 
-fn ops(criterion: &mut Criterion, workload: &Workload, device: &Device) {
+fn ops(criterion: &mut Criterion<Clock>, workload: &Workload, device: &Device) {
     let Workload { name, gaussians, camera, config, intersections } = workload;
     let [means, quats, log_scales] =
         [&gaussians.means, &gaussians.quats, &gaussians.log_scales].map(|parameter| parameter.val());

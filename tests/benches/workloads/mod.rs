@@ -6,19 +6,25 @@
 //! | `1M` | 1 000 000, generated | 1280 x 720 |
 //! | `real` | the PLY file named by `GS_BENCH_PLY` | the first camera of the transforms.json named by `GS_BENCH_CAMERAS`, or one in front of the scene |
 //!
-//! `GS_BENCH_DEVICE` names the device as `gsburn --device` does; the default is `flex`.
+//! `GS_BENCH_DEVICE` names the device as `gsburn --device` does; the default is `flex`. `GS_BENCH_CLOCK` says what is
+//! measured: `cpu`, the processor time of all threads (the default), or `wall`, the time that passes.
 
 #![allow(dead_code)] // each benchmark uses its own part
 
-use std::time::Duration;
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use criterion::Criterion;
+use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, ply, render};
 use gs_kernels::config::ProjectionConfig;
 
 #[path = "../../../gs-kernels/tests/scenes/mod.rs"]
 pub mod generator;
+
+#[path = "../../../gs-kernels/tests/scenes/clock.rs"]
+pub mod clock;
 
 /// A scene and a camera, without gradient tracking.
 pub struct Workload {
@@ -39,9 +45,68 @@ pub fn bench_device() -> Device {
     device::select(&name).unwrap_or_else(|error| panic!("GS_BENCH_DEVICE: {error}"))
 }
 
+/// What a benchmark's milliseconds are.
+#[derive(Clone, Copy, Debug)]
+pub enum Clock {
+    /// Processor time of all threads: other work on the machine shows in it by little. Of no use for a GPU.
+    Cpu,
+    /// Time that passes.
+    Wall,
+}
+
+impl Clock {
+    /// The clock of `GS_BENCH_CLOCK`.
+    fn chosen() -> Self {
+        match std::env::var("GS_BENCH_CLOCK").as_deref() {
+            Err(_) | Ok("cpu") => Self::Cpu,
+            Ok("wall") => Self::Wall,
+            Ok(other) => panic!("GS_BENCH_CLOCK is cpu or wall, not {other}"),
+        }
+    }
+
+    /// Nanoseconds since some moment.
+    fn now(self) -> f64 {
+        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+        1e9 * match self {
+            Self::Cpu => clock::cpu_seconds(),
+            Self::Wall => START.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+impl Measurement for Clock {
+    type Intermediate = f64;
+    type Value = f64;
+
+    fn start(&self) -> f64 {
+        self.now()
+    }
+
+    fn end(&self, start: f64) -> f64 {
+        self.now() - start
+    }
+
+    fn add(&self, a: &f64, b: &f64) -> f64 {
+        a + b
+    }
+
+    fn zero(&self) -> f64 {
+        0.0
+    }
+
+    fn to_f64(&self, value: &f64) -> f64 {
+        *value
+    }
+
+    fn formatter(&self) -> &dyn ValueFormatter {
+        WallTime.formatter()
+    }
+}
+
 /// Ten short samples: the whole run is to take minutes on two cores, and these times vary by percents.
-pub fn criterion() -> Criterion {
+pub fn criterion() -> Criterion<Clock> {
     Criterion::default()
+        .with_measurement(Clock::chosen())
         .sample_size(10)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_millis(1000))
