@@ -56,13 +56,17 @@ fn finish_in(folder: &Path, world: &Path, name: &str, more: &[&str]) -> EvalFile
 fn resumes_to_the_same_bits(more: &[&str]) {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = tiny_world(folder);
+    resumes_on(&tiny_world(folder), folder, more);
+}
+
+/// The folder is left with the runs in it.
+fn resumes_on(world: &Path, folder: &Path, more: &[&str]) {
     let checkpoint =
         |request: &RunRequest| std::fs::read(request.folder.checkpoint(STEPS)).expect("the last checkpoint");
-    let whole = request(&world, &folder.join("whole"), more);
+    let whole = request(world, &folder.join("whole"), more);
     common::finish(&whole);
 
-    let mut resumed = request(&world, &folder.join("resumed"), more);
+    let mut resumed = request(world, &folder.join("resumed"), more);
     for stop in [13, 27] {
         resumed.stop_at = Some(stop);
         assert!(matches!(run(&resumed), Ok(Ending::Interrupted(step)) if step == stop));
@@ -72,7 +76,7 @@ fn resumes_to_the_same_bits(more: &[&str]) {
     common::finish(&resumed);
     assert!(checkpoint(&whole) == checkpoint(&resumed), "the resumed run differs");
 
-    let one_thread = request(&world, &folder.join("one"), more);
+    let one_thread = request(world, &folder.join("one"), more);
     rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(|| common::finish(&one_thread));
     assert!(checkpoint(&whole) == checkpoint(&one_thread), "one thread gives other bits");
 }
@@ -80,6 +84,52 @@ fn resumes_to_the_same_bits(more: &[&str]) {
 #[test]
 fn the_exact_formation_resumes_to_the_same_bits() {
     resumes_to_the_same_bits(&["motion.remainder=on"]);
+}
+
+/// A bounce, with its contact, the common motion, and interruptions on both sides of where the exposure begins to be learned.
+#[test]
+fn a_bounce_resumes_to_the_same_bits() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = folder.join("bounce");
+    let options = DeblurOptions {
+        world: World::Sphere,
+        width: 96,
+        height: 72,
+        cameras: 6,
+        held_out: 1,
+        frames: 14,
+        subframes: 16,
+        ..DeblurOptions::default()
+    };
+    deblur::write(&world, &options, |_, _| {}).expect("the world is written");
+    resumes_on(&world, folder, &[]);
+    let loaded = gs_train::export::load_scene(&folder.join("whole"), &common::device()).expect("a scene");
+    let state = loaded.motion.as_ref().expect("a moving scene");
+    assert!(!state.contacts.is_empty() && state.collective.is_some() && state.exposure_said);
+    let jumps = to_host(state.kinks.value.clone());
+    assert_eq!(jumps.len(), 3 * state.contacts.len() * state.rows.len());
+    assert!(jumps.iter().any(|jump| *jump != 0.0), "nothing jumps");
+    assert!((state.exposure() - options.exposure_time()).abs() > 1e-6, "the exposure was never learned");
+    let times = loaded.times(3);
+    assert!(times[0] == 0.0 && times[2] == 1.0, "the recording is from 0 to 1, not {times:?}");
+}
+
+/// The exposure that the data set states is held, its moments are not.
+#[test]
+fn a_stated_exposure_is_held_for_its_share_of_the_run() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = tiny_world(folder);
+    let exposure =
+        |name: &str, more: &[&str]| finish_in(folder, &world, name, more).last.motion.expect("a moving scene").exposure;
+    let stated = DeblurOptions { frames: 5, ..DeblurOptions::default() }.exposure_time();
+    let near = |value: f64, other: f64| (value / other - 1.0).abs() < 1e-6;
+    assert!(near(exposure("held", &["blur.exposure_from=1"]), stated));
+    assert!(!near(exposure("learned", &["blur.exposure_from=0.5"]), stated));
+    // One that the user guessed is no statement of the data set.
+    let guess = format!("blur.exposure={stated}");
+    assert!(!near(exposure("guessed", &["blur.exposure_from=1", &guess]), stated));
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub const EXPERIMENT: Experiment = Experiment {
 };
 
 const STEPS: usize = 60;
-const STEPS_QUICK: usize = 12;
+const STEPS_QUICK: usize = 30;
 
 /// Times of the window at which places are compared, normalised.
 const TIMES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];

@@ -53,3 +53,54 @@ impl Collective {
         basis.matmul(self.sum.value.clone() - before)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::{from_host, to_host};
+
+    const ADAM: AdamConfig = AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.999, eps: 1e-15, step: 1 };
+
+    /// Eight corners of a cube about (1, 2, 3).
+    fn corners(device: &Device) -> (Vec<[f64; 3]>, Tensor<2>) {
+        let corner = |i: usize| [0, 1, 2].map(|axis| f64::from((i >> axis & 1) as u8) - 0.5);
+        let offsets: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        let places = offsets.iter().flat_map(|o| [o[0] + 1.0, o[1] + 2.0, o[2] + 3.0]).map(|x| x as f32).collect();
+        (offsets, from_host(places, 3, device))
+    }
+
+    /// A gradient that asks for a turn about z gives a turn about z of all places, as one linear map; nothing moves much
+    /// farther than the rate.
+    #[test]
+    fn a_turn_is_asked_and_a_turn_is_given() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let (offsets, places) = corners(&device);
+        let size = 0.75_f64.sqrt();
+        let mut collective = Collective::new([1.0, 2.0, 3.0], size, 1, &device);
+        // Down the gradient lies w x offset with w along z.
+        let gradients = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0]).map(|x| x as f32).collect();
+        let change = to_host(collective.step(places, from_host(gradients, 3, &device), &ADAM));
+        for (moved, offset) in change.chunks_exact(3).zip(&offsets) {
+            let moved: Vec<f64> = moved.iter().map(|x| f64::from(*x)).collect();
+            let turn = SHARE * ADAM.lr / (REACH * size);
+            assert!(
+                (moved[0] + turn * offset[1]).abs() < 1e-6 && (moved[1] - turn * offset[0]).abs() < 1e-6,
+                "{moved:?}"
+            );
+            assert!(moved[2].abs() < 1e-6 && moved.iter().all(|x| x.abs() <= ADAM.lr), "{moved:?}");
+        }
+    }
+
+    #[test]
+    fn a_shift_is_asked_and_a_shift_is_given() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let (_, places) = corners(&device);
+        let mut collective = Collective::new([1.0, 2.0, 3.0], 1.0, 2, &device);
+        let gradients = (0..8).flat_map(|_| [0.0, 0.0, -1.0, 0.0, 2.0, 0.0]).collect();
+        let change = to_host(collective.step(places, from_host(gradients, 6, &device), &ADAM));
+        for moved in change.chunks_exact(6) {
+            let expected = [0.0, 0.0, 0.05, 0.0, -0.05, 0.0];
+            assert!(moved.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{moved:?}");
+        }
+    }
+}
