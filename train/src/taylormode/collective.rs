@@ -22,7 +22,7 @@ pub struct Collective {
     pub sum: Learned,
     /// Where places are measured from, scene units.
     pub centre: [f64; 3],
-    /// What they are divided by, scene units: [`REACH`] times the body's size.
+    /// What they are divided by, scene units: twice the body's root mean square size.
     pub scale: f64,
 }
 
