@@ -179,6 +179,14 @@ fn without_priors_it_goes_on_by_evidence() {
         let eval = finish_in(folder, &path, masks, &more);
         assert!(eval.last.motion.expect("a moving scene").cost.moving > 0, "{masks}");
     }
+    let warnings = |priors: &str| {
+        let config = common::config(STEPS, &["pipeline=taylormode", priors]);
+        let scene = config.load(&path).expect("loads");
+        gs_train::taylormode::hints::gather(&scene, &config).expect("a moving scene").warnings.join("; ")
+    };
+    let (with, without) = (warnings("data.priors=[\"depth\", \"masks\", \"sharp\"]"), warnings("data.priors=[]"));
+    assert!(!with.contains("no depth priors") && !with.contains("no pseudo-sharp"), "{with}");
+    assert!(without.contains("no depth priors") && without.contains("no pseudo-sharp"), "{without}");
 }
 
 #[test]

@@ -26,6 +26,19 @@ pub struct Found {
     pub warnings: Vec<String>,
 }
 
+/// Priors that terms of the loss ask for and no training view has, in sentences.
+fn absent(scene: &Scene, config: &Config) -> Vec<String> {
+    let has = |found: fn(&View) -> bool| scene.train.iter().any(found);
+    let mut said = Vec::new();
+    if config.prior.depth > 0.0 && !has(|view| view.priors.depth.is_some()) {
+        said.push("no depth priors: the depth term (Eq. 16) is left out".into());
+    }
+    if config.prior.pseudo && config.prior.sharp > 0.0 && !has(|view| view.priors.sharp.is_some()) {
+        said.push("no pseudo-sharp photos (Eq. 13): training has the blurry ones alone".into());
+    }
+    said
+}
+
 /// Gives held-out views of standing cameras masks of what changes in front of them, where the data set has masks for none of them:
 /// moving parts can be measured then. Training never sees them.
 pub fn mask_held_out(scene: &mut Scene) {
@@ -74,7 +87,7 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     let guides = guides.collect();
     Some(Found {
         guides,
-        warnings: masks.warnings.iter().cloned().chain(notes).collect(),
+        warnings: masks.warnings.iter().cloned().chain(notes).chain(absent(scene, config)).collect(),
         tracks,
         pixels_per_unit,
         masks,
