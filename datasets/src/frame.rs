@@ -21,6 +21,11 @@ impl Intrinsics {
     pub fn scaled(&self, x: f64, y: f64) -> Self {
         Self { fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
     }
+
+    /// What is seen at a pixel coordinate (the first pixel's centre is at 0.5, 0.5), at depth 1, camera axes.
+    pub fn ray(&self, x: f64, y: f64) -> glam::DVec3 {
+        glam::DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0)
+    }
 }
 
 /// An RGB image with 8 bits a channel, row by row from the top left.

@@ -5,7 +5,7 @@
 //! they correlate well there and clearly better than anywhere else. What has no texture, is hidden from the others or repeats
 //! gives no point. A start for training, not a reconstruction: positions are good to a step of depth.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -79,7 +79,8 @@ pub fn sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64) -> Po
             return None;
         }
         let depth = depth_at(&photos, from, &beside[from], pixel, [near, far])?;
-        let position = view.c2w.transform_point3(ray_through(&view.intrinsics, column, row) * depth).as_vec3();
+        let position =
+            view.c2w.transform_point3(view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5) * depth).as_vec3();
         let color = [0, 1, 2].map(|c| view.image.data[3 * (row * view.width + column) + c]);
         Some((position, color))
     };
@@ -97,10 +98,6 @@ pub fn sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64) -> Po
     points
 }
 
-fn ray_through(k: &Intrinsics, column: usize, row: usize) -> DVec3 {
-    DVec3::new((column as f64 + 0.5 - k.cx) / k.fx, (row as f64 + 0.5 - k.cy) / k.fy, 1.0)
-}
-
 impl Grey {
     /// The mean of the channels over blocks of pixels.
     fn of(view: &View) -> Self {
@@ -115,9 +112,14 @@ impl Grey {
             *value = sum as f32 / (255 * 3 * (last_x - x) * (last_y - y)) as f32;
         }
         let scale = 1.0 / step as f64;
-        let k = &view.intrinsics;
-        let intrinsics = Intrinsics { fx: k.fx * scale, fy: k.fy * scale, cx: k.cx * scale, cy: k.cy * scale };
-        Self { width, height, values, intrinsics, viewmat: view.c2w.inverse(), step }
+        Self {
+            width,
+            height,
+            values,
+            intrinsics: view.intrinsics.scaled(scale, scale),
+            viewmat: view.c2w.inverse(),
+            step,
+        }
     }
 
     /// The value at a place in pixels, bilinear; `None` outside.
@@ -190,7 +192,7 @@ fn depth_at(photos: &[Grey], from: usize, beside: &[usize], pixel: [usize; 2], [
     let photo = &photos[from];
     let place = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
     let patch = photo.patch(place, 1.0).filter(|patch| patch.deviation >= TEXTURE)?;
-    let ray = ray_through(&photo.intrinsics, pixel[0], pixel[1]);
+    let ray = photo.intrinsics.ray(place.x, place.y);
     let to_world = photo.viewmat.inverse();
     let depths: Vec<f64> = (0..DEPTHS).map(|i| near * (far / near).powf(i as f64 / (DEPTHS - 1) as f64)).collect();
     let scores: Vec<f64> = depths

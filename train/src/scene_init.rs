@@ -157,8 +157,7 @@ fn add_random(points: &mut PointCloud, views: &[View], count: usize, depths: [f6
         let view = &views[rng.random_range(0..views.len())];
         let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
         let depth = rng.random_range(near..far).exp();
-        let k = &view.intrinsics;
-        let ray = glam::DVec3::new((column as f64 + 0.5 - k.cx) / k.fx, (row as f64 + 0.5 - k.cy) / k.fy, 1.0);
+        let ray = view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5);
         let position = view.c2w.transform_point3(ray * depth).as_vec3();
         let pixel = (row * view.width + column) * 3;
         points.positions.push(position.to_array());

@@ -40,9 +40,7 @@ impl Pinhole {
 
     /// The unit direction, in the world, of what is seen at a pixel coordinate.
     pub fn direction(&self, pixel: DVec2) -> DVec3 {
-        let k = &self.intrinsics;
-        let ray = DVec3::new((pixel.x - k.cx) / k.fx, (pixel.y - k.cy) / k.fy, 1.0);
-        (self.rotation.transpose() * ray).normalize_or_zero()
+        (self.rotation.transpose() * self.intrinsics.ray(pixel.x, pixel.y)).normalize_or_zero()
     }
 
     /// Rows of the derivative of the pixel by the place, `[du/dX, dv/dX]`; `None` behind the camera.

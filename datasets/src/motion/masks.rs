@@ -48,6 +48,11 @@ pub struct MovingMasks {
 }
 
 impl MovingMasks {
+    /// Nothing known of `count` views.
+    fn unknown(count: usize) -> Self {
+        Self { masks: vec![None; count], from: vec![None; count], warnings: Vec::new() }
+    }
+
     /// How many views have a mask of this origin.
     pub fn count(&self, origin: MaskOrigin) -> usize {
         self.from.iter().filter(|from| **from == Some(origin)).count()
@@ -58,7 +63,7 @@ impl MovingMasks {
 /// a warning.
 pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
     let views = &scene.train;
-    let mut found = MovingMasks { masks: vec![None; views.len()], from: vec![None; views.len()], warnings: Vec::new() };
+    let mut found = MovingMasks::unknown(views.len());
     if source != MaskSource::Evidence {
         take_priors(views, &mut found);
     }
@@ -76,7 +81,7 @@ pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
 /// Masks of what changes in front of each camera that stands still, from the photos of `views` alone; `None` where that
 /// cannot be told.
 pub fn changing(views: &[View]) -> Vec<Option<Vec<u8>>> {
-    let mut found = MovingMasks { masks: vec![None; views.len()], from: vec![None; views.len()], warnings: Vec::new() };
+    let mut found = MovingMasks::unknown(views.len());
     take_evidence(views, &mut found);
     found.masks
 }

@@ -149,6 +149,11 @@ impl Trajectory {
         self.coefficients.len() - 1
     }
 
+    /// Whether no hit lasts into the time from `begin` to `end`.
+    pub fn is_undisturbed(&self, begin: f64, end: f64) -> bool {
+        self.kinks.iter().all(|kink| end <= kink.begin || begin >= kink.end)
+    }
+
     /// Place at a time. Outside the fitted times the path goes on straight: a polynomial would run away.
     pub fn position(&self, t: f64) -> DVec3 {
         let s = (t - self.t0) / self.half;

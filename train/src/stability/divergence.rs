@@ -148,8 +148,7 @@ impl Fit {
         let seen = |t| Centre { t, position: (path.place)(t).into(), residual_px: 0.0, cameras: FRAMES };
         let centres: Vec<Centre> = frames.map(seen).collect();
         let found = Trajectory::fit(&centres, *ORDERS.end(), KINKS).filter(|found| !found.kinks.is_empty())?;
-        let still = |t: &f64| found.kinks.iter().all(|kink| *t <= kink.begin || *t >= kink.end);
-        let times = centres.iter().map(|centre| centre.t).filter(still);
+        let times = centres.iter().map(|centre| centre.t).filter(|t| found.is_undisturbed(*t, *t));
         let t0 = times.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
         let window = TimeWindow { t0, half: 1.0 + t0.abs() };
         let order = found.order().max(1);

@@ -1,7 +1,7 @@
 //! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
 //! recording's middle and length, the exposure.
 
-use gs_datasets::motion::{self, Centre, Kink, MaskOrigin, MovingMasks, Trajectory};
+use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks, Trajectory};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
@@ -165,11 +165,8 @@ pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
     let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
     let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
     let middle = 0.5 * (low + high);
-    let kinks: Vec<&Kink> = tracks.iter().flat_map(|track| &track.path.kinks).collect();
-    let undisturbed = |t: &f64| {
-        let shutter = 0.5 * exposure;
-        kinks.iter().all(|kink| *t + shutter <= kink.begin || *t - shutter >= kink.end)
-    };
+    let shutter = 0.5 * exposure;
+    let undisturbed = |t: &f64| tracks.iter().all(|track| track.path.is_undisturbed(*t - shutter, *t + shutter));
     let nearest =
         |times: &mut dyn Iterator<Item = f64>| times.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs()));
     let t0 = nearest(&mut times.iter().copied().filter(undisturbed))
