@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use crate::frame::{RgbImage8, View};
 
 use super::cameras::StaticCamera;
-use super::cluster::{Cluster, Pixel, classify, distance2};
+use super::cluster::{Cluster, MEMBER, Pixel, classify, distance2};
 use super::noise::Noise;
+use super::shadow::is_light;
 
 /// Fewest samples of a pixel from which a background is told: with two, nobody knows which of them it is.
 pub(crate) const SAMPLES_MIN: usize = 3;
@@ -76,6 +77,9 @@ pub(crate) struct Plate {
     pub doubtful: Vec<bool>,
     /// The usual noise over the image.
     pub noise: f32,
+    /// Up to three frames, by their number in time, that show the background's colour: the first, the middle and the last; else
+    /// [`u16::MAX`].
+    pub shown: Vec<[u16; 3]>,
 }
 
 impl Plate {
@@ -102,7 +106,7 @@ impl Plate {
             (Pixel::Settled(cluster), deviation) => Some((cluster.mean, *deviation)),
             _ => None,
         };
-        let appearance = Appearance::new(views, camera, settled);
+        let appearance = Appearance::new(views, camera, noise.overall, settled);
         let (mut mean, mut state) = (Vec::with_capacity(pixels.len()), Vec::with_capacity(pixels.len()));
         for (pixel, _) in &pixels {
             let (color, known) = match pixel {
@@ -116,10 +120,24 @@ impl Plate {
         }
         let deviation: Vec<f32> = pixels.iter().map(|(_, deviation)| *deviation).collect();
         let known = |pixel: usize| (state[pixel] == State::Known).then(|| (mean[pixel], deviation[pixel]));
-        let appearance = Appearance::new(views, camera, known);
+        let appearance = Appearance::new(views, camera, noise.overall, known);
         let doubtful = (0..mean.len()).map(|i| state[i] == State::Known && appearance.may_pass(mean[i])).collect();
-        Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall })
+        let shown =
+            (0..mean.len()).into_par_iter().map(|pixel| shown(views, camera, pixel, &mean[pixel], deviation[pixel]));
+        let shown = shown.collect();
+        Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall, shown })
     }
+}
+
+/// The first, middle and last frame that shows a colour at a pixel.
+fn shown(views: &[View], camera: &StaticCamera, pixel: usize, mean: &[f32; 3], deviation: f32) -> [u16; 3] {
+    let shows = |index: &usize| {
+        let view = &views[*index];
+        counts(view, pixel) && distance2(&color(view, pixel), mean) <= MEMBER * deviation * deviation
+    };
+    let all: Vec<usize> = (0..camera.views.len()).filter(|i| shows(&camera.views[*i])).collect();
+    let Some(last) = all.len().checked_sub(1) else { return [u16::MAX; 3] };
+    [0, last / 2, last].map(|i| u16::try_from(all[i]).unwrap_or(u16::MAX))
 }
 
 /// Whether the view's own mask lets a pixel count.
@@ -189,15 +207,21 @@ struct Appearance {
 
 impl Appearance {
     /// `known` gives a pixel's background colour and noise where they are certain.
-    fn new(views: &[View], camera: &StaticCamera, known: impl Fn(usize) -> Option<([f32; 3], f32)> + Sync) -> Self {
+    fn new(
+        views: &[View],
+        camera: &StaticCamera,
+        noise: f32,
+        known: impl Fn(usize) -> Option<([f32; 3], f32)> + Sync,
+    ) -> Self {
         let bins = 1 << (3 * COLOR_BITS);
         let count = |index: &usize| {
             let mut counts = (vec![0; bins], vec![0; bins]);
             for pixel in 0..views[*index].width * views[*index].height {
                 let Some((mean, deviation)) = known(pixel) else { continue };
                 let sample = color(&views[*index], pixel);
-                // Five standard deviations: certainly not the background.
-                let passes = distance2(&sample, &mean) > 25.0 * deviation * deviation;
+                // Five standard deviations, and not its shadow: certainly not the background.
+                let differs = distance2(&sample, &mean) > 25.0 * deviation * deviation;
+                let passes = differs && !is_light(&sample, &mean, deviation, noise);
                 let counts = if passes { &mut counts.0 } else { &mut counts.1 };
                 counts[bin(sample.map(f32::from))] += 1;
             }

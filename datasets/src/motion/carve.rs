@@ -24,6 +24,8 @@ pub(crate) struct Silhouette {
     pub camera: Pinhole,
     /// `[height + 1, width + 1]`: set pixels above and left.
     sums: Vec<u32>,
+    /// Whether what the camera does not see counts as outside of the mask.
+    bounds: bool,
 }
 
 /// How a mask covers a piece of the image.
@@ -48,7 +50,15 @@ impl Silhouette {
                 sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row;
             }
         }
-        Self { camera, sums }
+        Self { camera, sums, bounds: false }
+    }
+
+    /// Has the camera speak for places it does not see, if its mask keeps off the image's edge: then the picture holds all of
+    /// the object.
+    pub fn bound(&mut self) {
+        let (width, height) = (self.camera.width, self.camera.height);
+        let inner = self.count((1, width.max(2) - 1), (1, height.max(2) - 1));
+        self.bounds = inner > 0 && inner == self.count((0, width), (0, height));
     }
 
     /// Set pixels in columns `x` and rows `y`.
@@ -57,11 +67,13 @@ impl Silhouette {
         at(x.1, y.1) + at(x.0, y.0) - at(x.0, y.1) - at(x.1, y.0)
     }
 
-    /// Whether the mask is set where the camera sees the place; `None` where it does not see it.
+    /// Whether the mask is set where the camera sees the place; `None` where it neither sees nor [bounds](Self::bound) it.
     pub fn contains(&self, place: DVec3) -> Option<bool> {
-        let (pixel, _) = self.camera.project(place)?;
-        let (x, y) = self.camera.pixel(pixel)?;
-        Some(self.count((x, x + 1), (y, y + 1)) > 0)
+        let pixel = self.camera.project(place).and_then(|(pixel, _)| self.camera.pixel(pixel));
+        match pixel {
+            Some((x, y)) => Some(self.count((x, x + 1), (y, y + 1)) > 0),
+            None => self.bounds.then_some(false),
+        }
     }
 
     /// The largest distance from a place, in its depth, of what the mask shows; `None` if that is nothing.
@@ -82,8 +94,9 @@ impl Silhouette {
     fn cover(&self, centre: DVec3, radius: f64) -> Cover {
         let camera = &self.camera;
         let near = centre.distance(camera.centre) <= 2.0 * radius;
+        let unseen = if self.bounds { Cover::Outside } else { Cover::Unseen };
         let Some((pixel, depth)) = camera.project(centre).filter(|(_, depth)| *depth > radius) else {
-            return if near { Cover::Partly } else { Cover::Unseen };
+            return if near { Cover::Partly } else { unseen };
         };
         // The image of a ball off the axis is stretched by one over the cosine.
         let k = &camera.intrinsics;
@@ -97,11 +110,11 @@ impl Silhouette {
         let ((x, x_whole), (y, y_whole)) = (span(pixel.x, camera.width), span(pixel.y, camera.height));
         let area = (x.1 - x.0) * (y.1 - y.0);
         if area == 0 {
-            return Cover::Unseen;
+            return unseen;
         }
         let set = self.count(x, y) as usize;
         match (set, x_whole && y_whole) {
-            (0, true) => Cover::Outside,
+            (0, whole) if whole || self.bounds => Cover::Outside,
             (set, true) if set == area => Cover::Inside,
             // Beyond the image's edge nobody knows.
             _ => Cover::Partly,

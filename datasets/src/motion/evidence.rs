@@ -8,7 +8,7 @@ use super::background::{Plate, SAMPLES_MIN, State, color, counts};
 use super::cameras::StaticCamera;
 use super::cluster::distance2;
 use super::regions::{close_gaps, drop_specks, fill_holes, grow, join};
-use super::shadow::Shadows;
+use super::shadow::Light;
 
 /// Fewest views of a standing camera from which masks are made.
 pub const FRAMES_MIN: usize = SAMPLES_MIN;
@@ -40,6 +40,10 @@ const HOLE: f64 = 0.25;
 /// itself; static things of the same colour touch it here and there.
 const CONTACT: f64 = 0.4;
 
+/// The same for what passes for a shadow: a shirt of the wall's colour lies between head, arms and trousers, a shadow on the
+/// floor touches its object on one side.
+const ENCLOSED: f64 = 0.5;
+
 /// What the photos of a standing camera say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
@@ -54,21 +58,28 @@ pub struct Evidence {
 ///
 /// Limits: in blurry photos the mask covers what the object touched during the exposure, down to where its share of the
 /// exposure drops into the noise. What an object never uncovers is found only by its texture, or by its colour where
-/// that is rare in the background. A surface that darkens without texture of its own passes for a shadow.
+/// that is rare in the background. A surface that darkens without texture of its own passes for a shadow where it is not
+/// surrounded by what moves.
 pub fn evidence(views: &[View], camera: &StaticCamera) -> Option<Evidence> {
     let plate = Plate::new(views, camera)?;
-    let masks = camera.views.par_iter().map(|index| moving(&plate, &views[*index])).collect();
+    let frames: Vec<&View> = camera.views.iter().map(|index| &views[*index]).collect();
+    let masks = (0..frames.len()).into_par_iter().map(|frame| moving(&plate, &frames, frame)).collect();
     Some(Evidence { masks, noise: plate.noise })
 }
 
-fn moving(plate: &Plate, view: &View) -> Vec<u8> {
+/// The mask of one frame.
+fn moving(plate: &Plate, frames: &[&View], frame: usize) -> Vec<u8> {
     let (width, height) = plate.size;
-    let voice = voices(plate, view);
+    let view = frames[frame];
+    let voice = voices(plate, frames, frame);
     let vote = box_mean(&voice, plate.size);
     let mut mask: Vec<bool> = vote.iter().map(|vote| *vote >= STRONG).collect();
     grow(&mut mask, plate.size, |pixel| vote[pixel] >= WEAK && voice[pixel] >= OWN);
-    // What an object of one colour never uncovers joins its moving edges.
-    join(&mut mask, plate.size, CONTACT, |pixel| plate.doubtful[pixel] && voice[pixel] < OWN);
+    // What an object never uncovers joins its moving edges.
+    let unsure = |pixel: usize| plate.doubtful[pixel] || plate.state[pixel] == State::Restless;
+    join(&mut mask, plate.size, CONTACT, |pixel| unsure(pixel) && voice[pixel] < OWN);
+    // So does what passes for a shadow and is enclosed by it.
+    join(&mut mask, plate.size, ENCLOSED, |pixel| counts(view, pixel) && differs(plate, view, pixel) >= OWN);
     close_gaps(&mut mask, plate.size);
     fill_holes(&mut mask, plate.size, HOLE);
     let area_min = SPECK.1.max((SPECK.0 * (width * height) as f64).round() as usize);
@@ -76,23 +87,47 @@ fn moving(plate: &Plate, view: &View) -> Vec<u8> {
     mask.iter().enumerate().map(|(pixel, moves)| if *moves && counts(view, pixel) { 255 } else { 0 }).collect()
 }
 
-/// What each pixel says, 0 to [`VOICE`].
-fn voices(plate: &Plate, view: &View) -> Vec<f32> {
-    let (width, height) = plate.size;
-    let shadows = Shadows::new(plate, &view.image.data);
-    let voice = |pixel: usize| match plate.state[pixel] {
-        _ if !counts(view, pixel) => 0.0,
+/// How far a pixel is from its background: squared, over the noise's variance, at most [`VOICE`].
+fn differs(plate: &Plate, view: &View, pixel: usize) -> f32 {
+    let variance = plate.deviation[pixel] * plate.deviation[pixel];
+    match plate.state[pixel] {
         State::Unseen => 0.0,
         State::Restless => VOICE,
-        State::Known => {
-            let variance = plate.deviation[pixel] * plate.deviation[pixel];
-            let voice = (distance2(&color(view, pixel), &plate.mean[pixel]) / variance).min(VOICE);
-            let (x, y) = (pixel % width, pixel / width);
-            let inner = x > 0 && y > 0 && x + 1 < width && y + 1 < height;
-            if voice >= OWN && inner && shadows.contains(pixel) { 0.0 } else { voice }
-        }
+        State::Known => (distance2(&color(view, pixel), &plate.mean[pixel]) / variance).min(VOICE),
+    }
+}
+
+/// What each pixel says, 0 to [`VOICE`]: how far it is from its background, unless only the light differs.
+fn voices(plate: &Plate, frames: &[&View], frame: usize) -> Vec<f32> {
+    let view = frames[frame];
+    let beside: Vec<&View> =
+        [frame.checked_sub(1), Some(frame + 1)].into_iter().flatten().filter_map(|i| frames.get(i).copied()).collect();
+    // In the frame before or after: the same but for noise and shadow.
+    let rests = |pixel: usize| {
+        let variance = plate.deviation[pixel] * plate.deviation[pixel];
+        beside.iter().any(|other| {
+            let same = distance2(&color(view, pixel), &color(other, pixel).map(f32::from)) <= 2.0 * OWN * variance;
+            (counts(other, pixel) && same) || Light::new(plate, view, other).is_shadow(pixel)
+        })
     };
-    (0..width * height).map(voice).collect()
+    // A frame that shows the background, and not the background: that is put together from frames of different light.
+    let lit = |pixel: usize| {
+        let shown = plate.shown[pixel].iter().filter_map(|other| frames.get(usize::from(*other)));
+        let lights: Vec<Light> = shown.map(|other| Light::new(plate, view, other)).collect();
+        lights.iter().any(|light| light.is_shadow(pixel))
+            || (lights.iter().any(|light| light.is_other(pixel)) && rests(pixel))
+    };
+    let voice = |pixel: usize| {
+        let voice = if counts(view, pixel) { differs(plate, view, pixel) } else { 0.0 };
+        let quiet = || match plate.state[pixel] {
+            State::Known => lit(pixel),
+            // No colour stays for long enough, but this one may for a while.
+            State::Restless => rests(pixel),
+            State::Unseen => true,
+        };
+        if voice >= OWN && quiet() { 0.0 } else { voice }
+    };
+    (0..plate.mean.len()).map(voice).collect()
 }
 
 /// The mean over 3 x 3 pixels, fewer at the image's edge.

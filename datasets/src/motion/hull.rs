@@ -33,7 +33,7 @@ const PASSES: usize = 3;
 const MARGIN: f64 = 1.2;
 
 /// A box that the object touches grows by this, so often.
-const GROWTH: (f64, usize) = (1.6, 5);
+const GROWTH: (f64, i32) = (1.6, 5);
 
 /// Share of views whose masks may be too large by far without enlarging the box.
 const OVERSIZED: f64 = 0.25;
@@ -159,11 +159,13 @@ impl Solid {
             .iter()
             .filter_map(|index| mask_of(views, masks, *index).map(|mask| silhouette(&views[*index], mask)))
             .collect();
-        let mut half = reach(&silhouettes, middle).ok_or("the masks have no size around their centre")?;
+        let first = reach(&silhouettes, middle).ok_or("the masks have no size around their centre")?;
+        let (mut growths, mut bounded) = (0, false);
         let mut notes = Vec::new();
-        for attempt in 0..=GROWTH.1 {
+        loop {
+            let half = first * GROWTH.0.powi(growths);
             let (low, high) = (middle - half, middle + half);
-            let wrong = disbelieved(&silhouettes, low, high)?;
+            let wrong = if growths > 0 || bounded { Vec::new() } else { disbelieved(&silhouettes, low, high)? };
             if !wrong.is_empty() {
                 let names: Vec<&str> = wrong.iter().map(|i| views[used[*i]].name.as_str()).collect();
                 notes.push(format!("masks that contradict the others were left out: {}", names.join(", ")));
@@ -175,10 +177,16 @@ impl Solid {
             let consensus = Consensus::of(silhouettes.len(), options.misses);
             let mut coarse = Voxels::over(low, high, COARSE);
             coarse.carve(&silhouettes, consensus, true);
-            let (first, last) = span(&coarse).ok_or("no place is in enough masks")?;
-            let touches = first.min_element() == 0 || last.cmpge(UVec3::splat(COARSE as u32 - 1)).any();
-            if touches && attempt < GROWTH.1 {
-                half *= GROWTH.0;
+            let (low, high) = span(&coarse).ok_or("no place is in enough masks")?;
+            let touches = low.min_element() == 0 || high.cmpge(UVec3::splat(COARSE as u32 - 1)).any();
+            if touches && growths < GROWTH.1 {
+                growths += 1;
+                continue;
+            }
+            if touches && !bounded {
+                // What a few cameras see far behind the object, and the others not at all, nobody contradicts.
+                silhouettes.iter_mut().for_each(Silhouette::bound);
+                (growths, bounded) = (0, true);
                 continue;
             }
             if touches {
@@ -188,7 +196,6 @@ impl Solid {
             let voxels = voxels.ok_or("no place is in enough masks")?;
             return Ok(Self { voxels, silhouettes, views: used, notes });
         }
-        Err("the box around the object could not be found".to_string())
     }
 }
 

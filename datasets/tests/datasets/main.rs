@@ -14,6 +14,7 @@ mod masks;
 mod motion;
 mod poses;
 mod priors;
+mod shadows;
 mod split;
 mod sweep;
 mod transforms;

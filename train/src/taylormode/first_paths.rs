@@ -1,5 +1,6 @@
 //! The paths that moving Gaussians begin with: those of the centres of the bodies they are part of, as triangulated from masks.
 
+use glam::DVec3;
 use gs_datasets::motion::{Kink, Trajectory};
 use gs_models::taylormode::{Contact, TimeWindow};
 
@@ -8,6 +9,68 @@ use crate::taylormode::state::MotionState;
 
 /// Times at which a path is sampled for each order it is fitted with.
 const SAMPLES_PER_ORDER: usize = 4;
+
+/// Root mean square distance, pixels, by which a lower order may miss the path of a centre, at most: beyond half of one, photos show
+/// it (0.15 dB of moving parts were lost by 0.6).
+const UNSEEN_PIXELS: f64 = 0.5;
+
+/// The order (at least `least`) and the contacts that paths begin with: the fewest that miss no path by more than its centres are
+/// known to, which is how far the middles of the masks of one time are off the one centre they should all show. A body that turns
+/// shows each camera another outline, and what its middle does then is no motion of the body; each number more is one for noise
+/// to be fitted with.
+pub fn shape(
+    tracks: &[Track],
+    window: TimeWindow,
+    contacts: Vec<Contact>,
+    pixels_per_unit: f64,
+    least: usize,
+) -> (usize, Vec<Contact>) {
+    let highest = tracks.iter().map(|track| track.path.order()).max().unwrap_or(0).max(least);
+    let unseen = |order: usize, contacts: &[Contact]| {
+        tracks.iter().all(|track| {
+            let blocks = displacement_blocks(&track.path, window, order, contacts);
+            let pixels = missed_by(&track.path, window, contacts, &blocks) * pixels_per_unit;
+            let squares: f64 = track.centres.iter().map(|centre| centre.residual_px.powi(2)).sum();
+            let known = (squares / track.centres.len() as f64).sqrt();
+            tracing::debug!(order, kinks = contacts.len(), pixels, known, "the centre's path at an order");
+            pixels <= known.min(UNSEEN_PIXELS)
+        })
+    };
+    if let Some(order) = (least..=highest).find(|order| unseen(*order, &[])) {
+        return (order, Vec::new());
+    }
+    ((least..highest).find(|order| unseen(*order, &contacts)).unwrap_or(highest), contacts)
+}
+
+/// Root mean square distance of `blocks` from the path, over the times it is known at, scene units.
+fn missed_by(path: &Trajectory, window: TimeWindow, contacts: &[Contact], blocks: &[f32]) -> f64 {
+    let orders = blocks.len() / 3 - contacts.len();
+    let squares: Vec<f64> = displacements(path, window, orders, contacts)
+        .map(|(values, displacement)| {
+            let blocks = blocks.as_chunks::<3>().0.iter().zip(values);
+            let fitted: DVec3 = blocks.map(|(block, value)| value * glam::Vec3::from(*block).as_dvec3()).sum();
+            fitted.distance_squared(displacement)
+        })
+        .collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// Times at which a path is known: the values of the powers and ramps there, and the displacement since `t0`.
+fn displacements(
+    path: &Trajectory,
+    window: TimeWindow,
+    order: usize,
+    contacts: &[Contact],
+) -> impl Iterator<Item = (Vec<f64>, DVec3)> {
+    let count = SAMPLES_PER_ORDER * (order + contacts.len()).max(1) + 1;
+    let start = path.position(window.t0);
+    (0..count).map(move |i| {
+        let t = path.t0 + path.half * (2.0 * i as f64 / (count - 1) as f64 - 1.0);
+        let s = window.normalised(t);
+        let powers = (1..=order as i32).map(|k| s.powi(k));
+        (powers.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect(), path.position(t) - start)
+    })
+}
 
 /// The kinks of all paths in the window, those of the largest jumps first, at most `most` and apart from each other: bodies that
 /// hit each other are hit at one time. One at `t0` itself is left to the polynomial.
@@ -27,7 +90,7 @@ pub fn contacts(tracks: &[Track], window: &TimeWindow, most: usize) -> Vec<Conta
 pub fn first_paths(tracks: &[Track], state: &MotionState, means: &[[f32; 3]], order: usize) -> (Vec<f32>, Vec<f32>) {
     let blocks: Vec<Vec<f32>> =
         tracks.iter().map(|track| displacement_blocks(&track.path, state.window, order, &state.contacts)).collect();
-    let centres: Vec<glam::DVec3> = tracks.iter().map(|track| track.path.position(state.window.t0)).collect();
+    let centres: Vec<DVec3> = tracks.iter().map(|track| track.path.position(state.window.t0)).collect();
     let (mut paths, mut jumps) = (Vec::new(), Vec::new());
     for row in &state.rows {
         let place = glam::Vec3::from(means[*row as usize]).as_dvec3();
@@ -44,15 +107,9 @@ pub fn first_paths(tracks: &[Track], state: &MotionState, means: &[[f32; 3]], or
 /// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times the path is known at.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
-    let count = SAMPLES_PER_ORDER * columns + 1;
-    let start = path.position(window.t0);
     let mut normal = vec![vec![0.0; columns + 3]; columns];
-    for i in 0..count {
-        let t = path.t0 + path.half * (2.0 * i as f64 / (count - 1) as f64 - 1.0);
-        let s = window.normalised(t);
-        let displacement = (path.position(t) - start).to_array();
-        let powers = (1..=order as i32).map(|k| s.powi(k));
-        let values: Vec<f64> = powers.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect();
+    for (values, displacement) in displacements(path, window, order, contacts) {
+        let displacement = displacement.to_array();
         for (row, equation) in normal.iter_mut().enumerate() {
             for (column, entry) in equation.iter_mut().enumerate() {
                 *entry += values[row] * if column < columns { values[column] } else { displacement[column - columns] };
@@ -80,7 +137,6 @@ fn solve(rows: &mut [Vec<f64>]) -> Vec<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
     use gs_datasets::motion::Centre;
 
     #[test]

@@ -14,10 +14,13 @@ use crate::scene_init::{FirstGaussians, gaussians_at, size_of};
 use crate::step::Trainer;
 use crate::taylormode::collective::Collective;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
-use crate::taylormode::first_paths::{contacts, first_paths};
+use crate::taylormode::first_paths::{contacts, first_paths, shape};
 use crate::taylormode::hints::{Found, Track, first_exposure, window};
 use crate::taylormode::learned::Learned;
 use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame, still};
+
+/// Most of the cap that Gaussians which may move take to begin with.
+const MOVING_SHARE: f64 = 0.5;
 
 /// The state before the first step, on what was `found` in the training views.
 pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> Trainer {
@@ -26,9 +29,11 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
     let extent = size_of(scene);
 
     let (still_points, moving_points) = first_points(scene, found, config, window.t0);
-    let fixed = gaussians_of(scene, still_points.as_ref(), config, config.density.cap);
-    let room = config.density.cap.saturating_sub(fixed.means.len()).max(1);
-    let moving = gaussians_of(scene, Some(&moving_points), config, room.min(config.motion.points));
+    // What moves comes first: points without number for what stands still would leave no room for it under the cap.
+    let cap = config.density.cap;
+    let share = config.motion.points.min((MOVING_SHARE * cap as f64) as usize).max(1);
+    let moving = gaussians_of(scene, Some(&moving_points), config, share);
+    let fixed = gaussians_of(scene, still_points.as_ref(), config, cap.saturating_sub(moving.means.len()));
     let first = joined(fixed, moving);
 
     let count = first.gaussians.means.len();
@@ -43,13 +48,13 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
             "no place was found where something moves: every Gaussian may move, and selection stops the others"
         );
     }
-    let highest = found.tracks.iter().map(|track| track.path.order()).max().unwrap_or(0);
-    let order = highest.max(config.motion.order);
+    let hits = contacts(&found.tracks, &window, config.motion.kinks);
+    let (order, hits) = shape(&found.tracks, window, hits, found.pixels_per_unit, config.motion.order);
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
     state.exposure_said = config.blur.exposure == 0.0 && guess.is_none();
     // Without masks there is no centre, and no path of it.
     if order > 0 && !found.tracks.is_empty() {
-        state.contacts = contacts(&found.tracks, &window, config.motion.kinks);
+        state.contacts = hits;
         let (blocks, jumps) = first_paths(&found.tracks, &state, &first.gaussians.means, order);
         state.position = Learned::new(from_host(blocks, 3 * order, device));
         state.kinks = Learned::new(from_host(jumps, 3 * state.contacts.len(), device));
