@@ -76,7 +76,7 @@ pub fn gaussians_at(
     let mut rng = stream(seed, Purpose::Init, 0);
     let points = match points {
         Some(points) if !points.is_empty() => keep_at_most(points, cap, &mut rng),
-        _ => points_in_front(views, config.random_points.min(cap), extent, seed, &mut rng),
+        _ => points_in_front(views, config.random_points.min(cap), extent, seed),
     };
     let opacity = config.opacity;
     FirstGaussians {
@@ -137,12 +137,13 @@ fn keep_at_most(points: &PointCloud, cap: usize, rng: &mut impl Rng) -> PointClo
 }
 
 /// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
-fn points_in_front(views: &[View], count: usize, extent: f64, seed: u64, rng: &mut impl Rng) -> PointCloud {
+pub(crate) fn points_in_front(views: &[View], count: usize, extent: f64, seed: u64) -> PointCloud {
+    let mut rng = stream(seed, Purpose::Init, 0);
     let distance = subject_distance(views).unwrap_or(extent);
     let depths = RANDOM_DEPTHS.map(|d| d * distance);
     let mut points = sweep(views, depths[0], depths[1], (SWEPT * count as f64) as usize, seed);
     tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
-    add_random(&mut points, views, count, depths, rng);
+    add_random(&mut points, views, count, depths, &mut rng);
     points
 }
 

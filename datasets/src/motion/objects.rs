@@ -30,6 +30,9 @@ const SHOWN: f64 = 0.9;
 /// A track is kept when it has a centre at this share of the times.
 const KEPT: f64 = 0.5;
 
+/// Times after which a track is no chance piece any more, and may contest another's.
+const STEADY: usize = 3;
+
 /// One piece of a hull.
 struct Piece {
     centre: Centre,
@@ -42,11 +45,11 @@ struct Piece {
 pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<Vec<Centre>> {
     let views = &scene.train;
     let instants = instants(views);
-    let mut tracks: Vec<Vec<Piece>> = Vec::new();
-    for instant in &instants {
-        let Ok(solid) = Solid::of(views, masks, instant, &DETAIL) else { continue };
-        link(&mut tracks, pieces(views, masks, &solid, instant.t));
-    }
+    let found = instants.iter().filter_map(|instant| {
+        let solid = Solid::of(views, masks, instant, &DETAIL).ok()?;
+        Some(pieces(views, masks, &solid, instant.t))
+    });
+    let mut tracks = linked(found.collect());
     tracks.retain(|track| track.len() as f64 >= KEPT * instants.len() as f64);
     tracks.sort_by_key(|track| std::cmp::Reverse(track.len()));
     if tracks.len() < 2 {
@@ -56,7 +59,24 @@ pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<Vec<Centr
     tracks.into_iter().map(|track| track.into_iter().map(|piece| piece.centre).collect()).collect()
 }
 
-/// Adds each piece to the track that leads nearest to it, or begins a new one.
+/// The tracks through the pieces of all times, from the time with most pieces back and on: where two objects touch they are one
+/// piece, which would lead a track that began with it astray.
+fn linked(mut found: Vec<Vec<Piece>>) -> Vec<Vec<Piece>> {
+    let most = found.iter().map(Vec::len).max().unwrap_or(0);
+    let middle = found.len() / 2;
+    let fullest = (0..found.len()).filter(|i| found[*i].len() == most);
+    let Some(start) = fullest.min_by_key(|i| i.abs_diff(middle)) else { return Vec::new() };
+    let later = found.split_off(start + 1);
+    let mut tracks: Vec<Vec<Piece>> = Vec::new();
+    found.into_iter().rev().for_each(|pieces| link(&mut tracks, pieces));
+    tracks.iter_mut().for_each(|track| track.reverse());
+    later.into_iter().for_each(|pieces| link(&mut tracks, pieces));
+    tracks.iter_mut().for_each(|track| track.sort_by(|a, b| a.centre.t.total_cmp(&b.centre.t)));
+    tracks
+}
+
+/// Adds each piece to the track that leads nearest to it, or begins a new one. A piece in which a second track ends up too is
+/// both objects at once, and no one's.
 fn link(tracks: &mut Vec<Vec<Piece>>, pieces: Vec<Piece>) {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
@@ -69,17 +89,22 @@ fn link(tracks: &mut Vec<Vec<Piece>>, pieces: Vec<Piece>) {
         }
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut pieces: Vec<Option<Piece>> = pieces.into_iter().map(Some).collect();
+    let mut takers: Vec<Option<usize>> = vec![None; pieces.len()];
     let mut taken = vec![false; tracks.len()];
-    for (_, i, j) in pairs {
-        if !taken[i]
-            && let Some(piece) = pieces[j].take()
-        {
-            taken[i] = true;
-            tracks[i].push(piece);
+    for (_, i, j) in &pairs {
+        if !taken[*i] && takers[*j].is_none() {
+            (taken[*i], takers[*j]) = (true, Some(*i));
         }
     }
-    tracks.extend(pieces.into_iter().flatten().map(|piece| vec![piece]));
+    let is_both = |j: usize| pairs.iter().any(|(_, i, at)| *at == j && !taken[*i] && tracks[*i].len() >= STEADY);
+    let both: Vec<bool> = (0..pieces.len()).map(is_both).collect();
+    for (j, piece) in pieces.into_iter().enumerate() {
+        match takers[j] {
+            Some(_) if both[j] => {}
+            Some(i) => tracks[i].push(piece),
+            None => tracks.push(vec![piece]),
+        }
+    }
 }
 
 /// Where a track goes on straight to at a time.

@@ -95,9 +95,10 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     })
 }
 
-/// Share of the times at which a body must have been seen, and pixels (rms) that its centre may be from its path. Pieces that a
-/// body's hull falls into by ragged masks come and go, and jump.
-const BODY: (f64, f64) = (0.9, 2.0);
+/// Share of the times at which a body must have been seen, and pixels (rms) that its centre may then be from its path. Pieces that
+/// a body's hull falls into by ragged masks come and go, and jump; bodies that touch each other are one piece for a while, and
+/// keep to their paths before and after.
+const BODY: [(f64, f64); 2] = [(0.9, 2.0), (0.5, 0.5)];
 
 /// The bodies that move apart from each other, that with most centres first; all that moves as one where there are no two
 /// bodies to believe in.
@@ -112,7 +113,7 @@ fn tracks(scene: &Scene, masks: &MovingMasks, centres: &[Centre], pixels_per_uni
         let (seen, pixels) = (body.centres.len() as f64 / times, body.path.residual * pixels_per_unit);
         tracing::debug!(seen, pixels, order = body.path.order(), kinks = body.path.kinks.len(), "a body");
         let kept = 1.0 - body.path.outliers as f64 / body.centres.len() as f64;
-        seen * kept >= BODY.0 && pixels <= BODY.1
+        BODY.iter().any(|(share, most)| seen * kept >= *share && pixels <= *most)
     });
     if bodies.len() > 1 { bodies } else { track(centres.to_vec()).into_iter().collect() }
 }

@@ -7,10 +7,11 @@ use gs_datasets::{PointCloud, Scene, View};
 use gs_models::network::Mlp;
 use gs_models::taylormode::order::has_pattern;
 use gs_models::taylormode::{BlurWeights, DirectVelocity, PeanoMap, RemainderNetwork};
+use rayon::prelude::*;
 
 use crate::experiment::Config;
 use crate::parameters::{Parameters, from_host};
-use crate::scene_init::{FirstGaussians, gaussians_at, size_of};
+use crate::scene_init::{FirstGaussians, gaussians_at, points_in_front, size_of};
 use crate::step::Trainer;
 use crate::taylormode::collective::Collective;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
@@ -32,8 +33,10 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
     // What moves comes first: points without number for what stands still would leave no room for it under the cap.
     let cap = config.density.cap;
     let share = config.motion.points.min((MOVING_SHARE * cap as f64) as usize).max(1);
-    let moving = gaussians_of(scene, Some(&moving_points), config, share);
-    let fixed = gaussians_of(scene, still_points.as_ref(), config, cap.saturating_sub(moving.means.len()));
+    let moving = gaussians_of(scene, &moving_points, config, share);
+    let room = cap.saturating_sub(moving.means.len());
+    let still_points = still_points.unwrap_or_else(|| invented_points(scene, found, config, room));
+    let fixed = gaussians_of(scene, &still_points, config, room);
     let first = joined(fixed, moving);
 
     let count = first.gaussians.means.len();
@@ -172,24 +175,60 @@ fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
     for (view, mask) in scene.train.iter().zip(&found.masks.masks) {
         let (Some(mask), true) = (mask, view.time == Some(t0)) else { continue };
         let place = view.c2w.inverse().transform_point3(glam::Vec3::from(point).as_dvec3());
-        let k = &view.intrinsics;
-        let (x, y) = (k.fx * place.x / place.z + k.cx, k.fy * place.y / place.z + k.cy);
-        if place.z > 0.0 && x >= 0.0 && y >= 0.0 && x < view.width as f64 && y < view.height as f64 {
+        if let Some(pixel) = pixel_of(view, place) {
             seen += 1;
-            inside += usize::from(mask[y as usize * view.width + x as usize] > 0);
+            inside += usize::from(mask[pixel] > 0);
         }
     }
     seen > 0 && inside as f64 >= MOVING_VIEWS * f64::from(seen)
 }
 
-/// Gaussians at points, or random in front of the cameras, coloured by what stands still there.
-fn gaussians_of(scene: &Scene, points: Option<&PointCloud>, config: &Config, cap: usize) -> FirstGaussians {
-    let extent = size_of(scene);
-    match points {
-        Some(points) if points.is_empty() => FirstGaussians::default(),
-        Some(points) => gaussians_at(Some(points), &[], extent, &config.init, cap, config.seed),
-        None => gaussians_at(None, &backgrounds(scene), extent, &config.init, cap, config.seed),
+/// Points for what stands still where the data set has none: in front of the cameras, with the colours of what stands still
+/// there, and none before what is seen moving.
+fn invented_points(scene: &Scene, found: &Found, config: &Config, room: usize) -> PointCloud {
+    let count = config.init.random_points.min(room);
+    let mut points = points_in_front(&backgrounds(scene), count, size_of(scene), config.seed);
+    let clear: Vec<bool> = points.positions.par_iter().map(|point| !hides(scene, found, *point)).collect();
+    let mut kept = clear.iter();
+    points.positions.retain(|_| *kept.next().expect("one for each"));
+    let mut kept = clear.iter();
+    points.colors.retain(|_| *kept.next().expect("one for each"));
+    tracing::info!(of = count, hiding = clear.len() - points.len(), "points before what moves were left out");
+    points
+}
+
+/// Views that must see something move behind a point: one mask may be wrong there.
+const HIDES: usize = 2;
+
+/// Whether a point would hide what is seen to move: it lies in masks of moving pixels, nearer than the centre of what moves.
+fn hides(scene: &Scene, found: &Found, point: [f32; 3]) -> bool {
+    let point = glam::Vec3::from(point).as_dvec3();
+    let seen_behind = |(view, mask): &(&View, &Option<Vec<u8>>)| {
+        let (Some(mask), Some(t)) = (mask, view.time) else { return false };
+        let to_camera = view.c2w.inverse();
+        let place = to_camera.transform_point3(point);
+        let depths = found.tracks.iter().map(|track| to_camera.transform_point3(track.path.position(t)).z);
+        // Of several bodies the nearest: whichever it is that moves there, the point is before it.
+        let is_nearer = place.z < depths.fold(f64::INFINITY, f64::min);
+        !found.tracks.is_empty() && is_nearer && pixel_of(view, place).is_some_and(|pixel| mask[pixel] > 0)
+    };
+    scene.train.iter().zip(&found.masks.masks).filter(seen_behind).take(HIDES).count() == HIDES
+}
+
+/// The pixel of a view that shows a place in its camera's axes.
+fn pixel_of(view: &View, place: glam::DVec3) -> Option<usize> {
+    let k = &view.intrinsics;
+    let (x, y) = (k.fx * place.x / place.z + k.cx, k.fy * place.y / place.z + k.cy);
+    let inside = place.z > 0.0 && x >= 0.0 && y >= 0.0 && x < view.width as f64 && y < view.height as f64;
+    inside.then(|| y as usize * view.width + x as usize)
+}
+
+/// Gaussians at points.
+fn gaussians_of(scene: &Scene, points: &PointCloud, config: &Config, cap: usize) -> FirstGaussians {
+    if points.is_empty() {
+        return FirstGaussians::default();
     }
+    gaussians_at(Some(points), &[], size_of(scene), &config.init, cap, config.seed)
 }
 
 /// One view for each camera that stands still, showing what stands still in front of it; all views where none does.
