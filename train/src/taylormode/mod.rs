@@ -5,7 +5,7 @@
 //! | 3.2 Taylor motion and velocity (Eq. 2, 3), velocity splatting (Eq. 4), remainder (Eq. 5) | `gs_models::taylormode`; lent to a step by [`state`] |
 //! | 3.3 blur synthesis (Eq. 6 to 12) | [`step`]: `warped`; the exact formation: `integrated`, with [`blur`] |
 //! | 3.4 losses (Eq. 13 to 19), gradient decoupling | [`step`], weights in [`config`] |
-//! | 4.1 masks, depth, pseudo-sharp photos, optimisers | [`hints`], [`init`], [`first_paths`], [`learned`] |
+//! | 4.1 masks, depth, pseudo-sharp photos, optimisers | [`hints`], [`init`], [`first_points`], [`first_paths`], [`learned`] |
 //! | beyond the paper: what moves, moves mostly as one | [`collective`] |
 //! | beyond the paper: no more motion than a scene needs | [`select`], judged by [`likelihood`] |
 //! | measuring on sharp ground truth | [`measure`] |
@@ -14,6 +14,7 @@ pub mod blur;
 pub mod collective;
 pub mod config;
 pub mod first_paths;
+pub mod first_points;
 pub mod hints;
 pub mod init;
 pub mod learned;

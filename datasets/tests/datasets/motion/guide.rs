@@ -93,3 +93,29 @@ fn two_objects_have_two_tracks() {
     let masks = true_masks(&scene);
     assert_eq!(object_centres(&scene, &masks), [centres(&scene, &masks).centres]);
 }
+
+fn ahead(t: f64) -> DVec3 {
+    DVec3::new(-0.15, 0.9 * t - 0.45, 0.4)
+}
+
+fn back(t: f64) -> DVec3 {
+    DVec3::new(0.15, 0.45 - 0.9 * t, 0.45)
+}
+
+/// Two balls pass so close that their hull is one piece in between: neither track takes that piece's centre for its own.
+#[test]
+fn balls_that_pass_keep_their_paths() {
+    let ball = |path| Ball { radius: 0.2, path, texture: 14.0, spin: 0.0 };
+    let scene = World { balls: vec![ball(ahead), ball(back)], frames: 15, ..World::of(straight) }.scene();
+    let tracks = object_centres(&scene, &true_masks(&scene));
+    assert_eq!(tracks.len(), 2);
+    for path in [ahead, back] {
+        let track = tracks.iter().find(|track| track[0].position.distance(path(track[0].t)) < 0.1).expect("a track");
+        assert!(track.len() >= 8 && track.len() < 15, "{} centres", track.len());
+        assert!(track[0].t < 0.1 && track[track.len() - 1].t > 0.9, "seen again after they passed");
+        for centre in track {
+            // Half a ball where a hull from one side alone tells where it is.
+            assert!(centre.position.distance(path(centre.t)) < 0.1, "{centre:?}");
+        }
+    }
+}
