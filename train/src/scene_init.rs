@@ -20,9 +20,9 @@ pub const SH_C0: f32 = 0.282_094_8;
 /// Neighbours whose distance sets a Gaussian's size (3DGS).
 const NEIGHBOURS: usize = 3;
 
-/// Depth range of random points, in distances to the point the cameras look at: from in front of the subject to the
-/// background behind it.
-const RANDOM_DEPTHS: [f64; 2] = [0.3, 3.0];
+/// Depth range of points, in distances to the point the cameras look at: from in front of the subject to the background behind
+/// it.
+const DEPTHS: [f64; 2] = [0.3, 3.0];
 
 /// Most of the first Gaussians of a scene without points that come from a plane sweep; the others are random, for what has no
 /// texture.
@@ -76,7 +76,7 @@ pub fn gaussians_at(
     let mut rng = stream(seed, Purpose::Init, 0);
     let points = match points {
         Some(points) if !points.is_empty() => keep_at_most(points, cap, &mut rng),
-        _ => points_in_front(views, config.random_points.min(cap), extent, seed),
+        _ => points_in_front(views, config.random_points.min(cap), extent, DEPTHS[0], seed),
     };
     let opacity = config.opacity;
     FirstGaussians {
@@ -136,14 +136,15 @@ fn keep_at_most(points: &PointCloud, cap: usize, rng: &mut impl Rng) -> PointClo
     }
 }
 
-/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
-pub(crate) fn points_in_front(views: &[View], count: usize, extent: f64, seed: u64) -> PointCloud {
+/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones, these no nearer than `nearest`
+/// distances to the point the cameras look at.
+pub(crate) fn points_in_front(views: &[View], count: usize, extent: f64, nearest: f64, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);
     let distance = subject_distance(views).unwrap_or(extent);
-    let depths = RANDOM_DEPTHS.map(|d| d * distance);
-    let mut points = sweep(views, depths[0], depths[1], (SWEPT * count as f64) as usize, seed);
+    let [near, far] = DEPTHS.map(|d| d * distance);
+    let mut points = sweep(views, near, far, (SWEPT * count as f64) as usize, seed);
     tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
-    add_random(&mut points, views, count, depths, &mut rng);
+    add_random(&mut points, views, count, [nearest * distance, far], &mut rng);
     points
 }
 

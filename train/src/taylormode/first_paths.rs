@@ -159,4 +159,31 @@ mod tests {
             }
         }
     }
+
+    /// The order and the number of contacts that a path begins with whose centre is where `truth` says, at 100 pixels a unit.
+    fn shape_of(truth: impl Fn(f64) -> DVec3) -> (usize, usize) {
+        let centres: Vec<Centre> = (0..=20)
+            .map(|i| f64::from(i) / 20.0)
+            .map(|t| Centre { t, position: truth(t), residual_px: 0.1, cameras: 5 })
+            .collect();
+        let path = Trajectory::fit(&centres, 6, 2).expect("a path");
+        let tracks = [Track { centres, path }];
+        let window = TimeWindow { t0: 0.5, half: 0.5 };
+        let (order, contacts) = shape(&tracks, window, contacts(&tracks, &window, 2), 100.0, 1);
+        (order, contacts.len())
+    }
+
+    #[test]
+    fn paths_begin_with_what_shows() {
+        let line = |t: f64| DVec3::new(2.0 * t, -t, 0.5);
+        assert_eq!(shape_of(line), (1, 0));
+        // A third power of 0.2 pixels at the ends, and one of 20.
+        let cubic = |height: f64| move |t: f64| line(t) + height * (2.0 * t - 1.0).powi(3) * DVec3::Z;
+        assert_eq!(shape_of(cubic(0.002)), (1, 0));
+        assert_eq!(shape_of(cubic(0.2)).0, 3);
+        // A bend of 60 degrees at time 0.7, and one that leads off by half a pixel at the end.
+        let bent = |change: f64| move |t: f64| line(t) + change * (t - 0.7).max(0.0) * DVec3::Z;
+        assert_eq!(shape_of(bent(4.0)).1, 1);
+        assert_eq!(shape_of(bent(0.016)).1, 0);
+    }
 }

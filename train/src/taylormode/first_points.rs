@@ -75,7 +75,7 @@ fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
 /// there, and none before what is seen moving.
 fn invented_points(scene: &Scene, found: &Found, config: &Config, room: usize) -> PointCloud {
     let count = config.init.random_points.min(room);
-    let mut points = points_in_front(&backgrounds(scene), count, size_of(scene), config.seed);
+    let mut points = points_in_front(&backgrounds(scene), count, size_of(scene), NEAREST, config.seed);
     let sights = movers(scene, found);
     let clear: Vec<bool> = points.positions.par_iter().map(|point| !hides(&sights, *point)).collect();
     let mut kept = clear.iter();
@@ -85,6 +85,10 @@ fn invented_points(scene: &Scene, found: &Found, config: &Config, room: usize) -
     tracing::info!(of = count, hiding = clear.len() - points.len(), "points before what moves were left out");
     points
 }
+
+/// Random points are no nearer than this share of the way to what the cameras look at: beside a camera, in the corner of its
+/// picture alone, one can grow opaque and hang before all others.
+const NEAREST: f64 = 0.5;
 
 /// Views that must see something move behind a point: one mask may be wrong there.
 const HIDES: usize = 2;
@@ -155,4 +159,40 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
         opacity_logit,
     };
     First { gaussians, fixed: count }
+}
+
+#[cfg(test)]
+mod tests {
+    use gs_datasets::{Intrinsics, Priors, RgbImage8, Truth};
+
+    use super::*;
+
+    /// Two cameras at the origin and beside it look along z at what moves at depth 4, in the middle of 9 x 9 pixels.
+    #[test]
+    fn points_before_what_moves_hide_it() {
+        let view = |x: f64| View {
+            name: String::new(),
+            image_path: std::path::PathBuf::new(),
+            c2w: glam::DMat4::from_translation(glam::DVec3::new(x, 0.0, 0.0)),
+            intrinsics: Intrinsics { fx: 9.0, fy: 9.0, cx: 4.5, cy: 4.5 },
+            width: 9,
+            height: 9,
+            time: Some(0.0),
+            camera_id: None,
+            image: RgbImage8 { width: 9, height: 9, data: vec![0; 243] },
+            mask: None,
+            exposure: None,
+            priors: Priors::default(),
+            truth: Truth::default(),
+        };
+        let views = [view(0.0), view(0.1)];
+        let mut mask = vec![0; 81];
+        mask[9 * 4 + 4] = 255;
+        let movers: Vec<Mover> =
+            views.iter().map(|view| Mover { view, mask: &mask, to_camera: view.c2w.inverse(), depth: 4.0 }).collect();
+        assert!(hides(&movers, [0.05, 0.0, 2.0]), "before it, in both masks");
+        assert!(!hides(&movers, [0.05, 0.0, 5.0]), "behind it");
+        assert!(!hides(&movers, [0.9, 0.0, 2.0]), "beside it");
+        assert!(!hides(&movers[..1], [0.0, 0.0, 2.0]), "one mask may be wrong");
+    }
 }
