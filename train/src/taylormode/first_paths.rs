@@ -16,7 +16,7 @@ const SAMPLES_PER_ORDER: usize = 4;
 const UNSEEN_PIXELS: f64 = 0.5;
 
 /// The order (at least `least`) and the contacts that paths begin with: the fewest that miss no path by more than
-/// [`UNSEEN_PIXELS`]. Each number more is one for noise to be fitted with.
+/// `UNSEEN_PIXELS`. Each number more is one for noise to be fitted with.
 pub fn shape(
     tracks: &[Track],
     window: TimeWindow,
