@@ -22,6 +22,11 @@ impl Intrinsics {
         Self { fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
     }
 
+    /// Where a place in camera axes is seen, pixel coordinates; means something before the camera only.
+    pub fn project(&self, place: glam::DVec3) -> glam::DVec2 {
+        glam::DVec2::new(self.fx * place.x / place.z + self.cx, self.fy * place.y / place.z + self.cy)
+    }
+
     /// What is seen at a pixel coordinate (the first pixel's centre is at 0.5, 0.5), at depth 1, camera axes.
     pub fn ray(&self, x: f64, y: f64) -> glam::DVec3 {
         glam::DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0)

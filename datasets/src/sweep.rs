@@ -206,7 +206,7 @@ fn depth_at(photos: &[Grey], from: usize, beside: &[usize], pixel: [usize; 2], [
                     return None;
                 }
                 let k = &other.intrinsics;
-                let at = DVec2::new(k.fx * seen.x / seen.z + k.cx, k.fy * seen.y / seen.z + k.cy);
+                let at = k.project(seen);
                 // A pixel's width at that depth, as the other camera sees it.
                 let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
                 Some(patch.correlation(&other.patch(at, spacing)?))

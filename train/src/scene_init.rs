@@ -61,23 +61,19 @@ pub struct FirstGaussians {
 
 /// Gaussians for `scene`, at most `cap` of them.
 pub fn first_gaussians(scene: &Scene, config: &InitConfig, cap: usize, seed: u64) -> FirstGaussians {
-    gaussians_at(scene.points.as_ref(), &scene.train, size_of(scene), config, cap, seed)
+    let extent = size_of(scene);
+    match &scene.points {
+        Some(points) if !points.is_empty() => gaussians_at(points, extent, config, cap, seed),
+        _ => {
+            let points = points_in_front(&scene.train, config.random_points.min(cap), extent, DEPTHS[0], seed);
+            gaussians_at(&points, extent, config, cap, seed)
+        }
+    }
 }
 
-/// Gaussians at `points`, or random in front of `views` where there are none; `extent` in scene units.
-pub fn gaussians_at(
-    points: Option<&PointCloud>,
-    views: &[View],
-    extent: f64,
-    config: &InitConfig,
-    cap: usize,
-    seed: u64,
-) -> FirstGaussians {
-    let mut rng = stream(seed, Purpose::Init, 0);
-    let points = match points {
-        Some(points) if !points.is_empty() => keep_at_most(points, cap, &mut rng),
-        _ => points_in_front(views, config.random_points.min(cap), extent, DEPTHS[0], seed),
-    };
+/// Gaussians at `points`, at most `cap` of them; `extent` in scene units.
+pub fn gaussians_at(points: &PointCloud, extent: f64, config: &InitConfig, cap: usize, seed: u64) -> FirstGaussians {
+    let points = keep_at_most(points, cap, &mut stream(seed, Purpose::Init, 0));
     let opacity = config.opacity;
     FirstGaussians {
         log_scales: log_scales(&points.positions, config.scale, extent),

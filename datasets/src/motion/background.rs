@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::frame::{RgbImage8, View};
 
 use super::cameras::StaticCamera;
-use super::cluster::{Cluster, MEMBER, Pixel, classify, distance2};
+use super::cluster::{Cluster, Pixel, classify, distance2};
 use super::noise::Noise;
 use super::shadow::is_light;
 
@@ -77,9 +77,6 @@ pub(crate) struct Plate {
     pub doubtful: Vec<bool>,
     /// The usual noise over the image.
     pub noise: f32,
-    /// Up to three frames, by their number in time, that show the background's colour: the first, the middle and the last; else
-    /// [`u16::MAX`].
-    pub shown: Vec<[u16; 3]>,
 }
 
 impl Plate {
@@ -122,22 +119,8 @@ impl Plate {
         let known = |pixel: usize| (state[pixel] == State::Known).then(|| (mean[pixel], deviation[pixel]));
         let appearance = Appearance::new(views, camera, noise.overall, known);
         let doubtful = (0..mean.len()).map(|i| state[i] == State::Known && appearance.may_pass(mean[i])).collect();
-        let shown =
-            (0..mean.len()).into_par_iter().map(|pixel| shown(views, camera, pixel, &mean[pixel], deviation[pixel]));
-        let shown = shown.collect();
-        Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall, shown })
+        Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall })
     }
-}
-
-/// The first, middle and last frame that shows a colour at a pixel.
-fn shown(views: &[View], camera: &StaticCamera, pixel: usize, mean: &[f32; 3], deviation: f32) -> [u16; 3] {
-    let shows = |index: &usize| {
-        let view = &views[*index];
-        counts(view, pixel) && distance2(&color(view, pixel), mean) <= MEMBER * deviation * deviation
-    };
-    let all: Vec<usize> = (0..camera.views.len()).filter(|i| shows(&camera.views[*i])).collect();
-    let Some(last) = all.len().checked_sub(1) else { return [u16::MAX; 3] };
-    [0, last / 2, last].map(|i| u16::try_from(all[i]).unwrap_or(u16::MAX))
 }
 
 /// Whether the view's own mask lets a pixel count.

@@ -6,7 +6,7 @@ use crate::frame::View;
 
 use super::background::{Plate, SAMPLES_MIN, State, color, counts};
 use super::cameras::StaticCamera;
-use super::cluster::distance2;
+use super::cluster::{MEMBER, distance2};
 use super::regions::{close_gaps, drop_specks, fill_holes, grow, join};
 use super::shadow::Light;
 
@@ -63,15 +63,28 @@ pub struct Evidence {
 pub fn evidence(views: &[View], camera: &StaticCamera) -> Option<Evidence> {
     let plate = Plate::new(views, camera)?;
     let frames: Vec<&View> = camera.views.iter().map(|index| &views[*index]).collect();
-    let masks = (0..frames.len()).into_par_iter().map(|frame| moving(&plate, &frames, frame)).collect();
+    let shown: Vec<Shown> = (0..plate.mean.len()).into_par_iter().map(|pixel| shown(&plate, &frames, pixel)).collect();
+    let masks = (0..frames.len()).into_par_iter().map(|frame| moving(&plate, &frames, &shown, frame)).collect();
     Some(Evidence { masks, noise: plate.noise })
 }
 
+/// The first, the middle and the last frame that show the background's colour at a pixel, by their number in time; `None` where none
+/// does.
+type Shown = Option<[u32; 3]>;
+
+fn shown(plate: &Plate, frames: &[&View], pixel: usize) -> Shown {
+    let (mean, variance) = (&plate.mean[pixel], plate.deviation[pixel] * plate.deviation[pixel]);
+    let shows = |view: &View| counts(view, pixel) && distance2(&color(view, pixel), mean) <= MEMBER * variance;
+    let all: Vec<u32> = (0..).zip(frames).filter(|(_, view)| shows(view)).map(|(frame, _)| frame).collect();
+    let last = all.len().checked_sub(1)?;
+    Some([0, last / 2, last].map(|i| all[i]))
+}
+
 /// The mask of one frame.
-fn moving(plate: &Plate, frames: &[&View], frame: usize) -> Vec<u8> {
+fn moving(plate: &Plate, frames: &[&View], shown: &[Shown], frame: usize) -> Vec<u8> {
     let (width, height) = plate.size;
     let view = frames[frame];
-    let voice = voices(plate, frames, frame);
+    let voice = voices(plate, frames, shown, frame);
     let vote = box_mean(&voice, plate.size);
     let mut mask: Vec<bool> = vote.iter().map(|vote| *vote >= STRONG).collect();
     grow(&mut mask, plate.size, |pixel| vote[pixel] >= WEAK && voice[pixel] >= OWN);
@@ -98,7 +111,7 @@ fn differs(plate: &Plate, view: &View, pixel: usize) -> f32 {
 }
 
 /// What each pixel says, 0 to [`VOICE`]: how far it is from its background, unless only the light differs.
-fn voices(plate: &Plate, frames: &[&View], frame: usize) -> Vec<f32> {
+fn voices(plate: &Plate, frames: &[&View], shown: &[Shown], frame: usize) -> Vec<f32> {
     let view = frames[frame];
     let beside: Vec<&View> =
         [frame.checked_sub(1), Some(frame + 1)].into_iter().flatten().filter_map(|i| frames.get(i).copied()).collect();
@@ -112,10 +125,9 @@ fn voices(plate: &Plate, frames: &[&View], frame: usize) -> Vec<f32> {
     };
     // A frame that shows the background, and not the background: that is put together from frames of different light.
     let lit = |pixel: usize| {
-        let shown = plate.shown[pixel].iter().filter_map(|other| frames.get(usize::from(*other)));
-        let lights: Vec<Light> = shown.map(|other| Light::new(plate, view, other)).collect();
-        lights.iter().any(|light| light.is_shadow(pixel))
-            || (lights.iter().any(|light| light.is_other(pixel)) && rests(pixel))
+        let beneath =
+            || shown[pixel].into_iter().flatten().map(|other| Light::new(plate, view, frames[other as usize]));
+        beneath().any(|light| light.is_shadow(pixel)) || (beneath().any(|light| light.is_other(pixel)) && rests(pixel))
     };
     let voice = |pixel: usize| {
         let voice = if counts(view, pixel) { differs(plate, view, pixel) } else { 0.0 };

@@ -1,6 +1,6 @@
 //! A view's camera as a map between places and pixels, in f64.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
 use crate::frame::{Intrinsics, View};
 
@@ -9,32 +9,35 @@ const NEAR: f64 = 1e-9;
 
 /// A pinhole camera (OpenCV axes) with its inverse pose at hand.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pinhole {
+pub struct Pinhole {
     /// World to camera rotation.
     rotation: DMat3,
     /// The camera's place in the world.
     pub centre: DVec3,
+    /// Focal lengths and centre, pixels.
     pub intrinsics: Intrinsics,
+    /// Image width, pixels.
     pub width: usize,
+    /// Image height, pixels.
     pub height: usize,
 }
 
 impl Pinhole {
+    /// The camera of a view.
     pub fn new(view: &View) -> Self {
-        Self {
-            rotation: DMat3::from_mat4(view.c2w).transpose(),
-            centre: view.c2w.w_axis.truncate(),
-            intrinsics: view.intrinsics,
-            width: view.width,
-            height: view.height,
-        }
+        Self::posed(view.c2w, view.intrinsics, view.width, view.height)
+    }
+
+    /// A camera by its pose (camera to world), intrinsics and image size.
+    pub fn posed(c2w: DMat4, intrinsics: Intrinsics, width: usize, height: usize) -> Self {
+        let rotation = DMat3::from_mat4(c2w).transpose();
+        Self { rotation, centre: c2w.w_axis.truncate(), intrinsics, width, height }
     }
 
     /// Pixel coordinates and depth (camera z) of a place; `None` behind the camera or when not finite.
     pub fn project(&self, place: DVec3) -> Option<(DVec2, f64)> {
         let p = self.rotation * (place - self.centre);
-        let k = &self.intrinsics;
-        let pixel = DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
+        let pixel = self.intrinsics.project(p);
         (p.z > NEAR && pixel.is_finite()).then_some((pixel, p.z))
     }
 
@@ -65,5 +68,12 @@ impl Pinhole {
     pub fn pixel(&self, at: DVec2) -> Option<(usize, usize)> {
         let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f64 && at.y < self.height as f64;
         inside.then_some((at.x as usize, at.y as usize))
+    }
+
+    /// The number of the pixel that shows a place, row by row from the top left, and the place's depth; `None` where none does.
+    pub fn sees(&self, place: DVec3) -> Option<(usize, f64)> {
+        let (at, depth) = self.project(place)?;
+        let (x, y) = self.pixel(at)?;
+        Some((y * self.width + x, depth))
     }
 }

@@ -160,42 +160,53 @@ impl Solid {
             .filter_map(|index| mask_of(views, masks, *index).map(|mask| silhouette(&views[*index], mask)))
             .collect();
         let first = reach(&silhouettes, middle).ok_or("the masks have no size around their centre")?;
-        let (mut growths, mut bounded) = (0, false);
         let mut notes = Vec::new();
-        loop {
-            let half = first * GROWTH.0.powi(growths);
-            let (low, high) = (middle - half, middle + half);
-            let wrong = if growths > 0 || bounded { Vec::new() } else { disbelieved(&silhouettes, low, high)? };
-            if !wrong.is_empty() {
-                let names: Vec<&str> = wrong.iter().map(|i| views[used[*i]].name.as_str()).collect();
-                notes.push(format!("masks that contradict the others were left out: {}", names.join(", ")));
-                for i in wrong.into_iter().rev() {
-                    silhouettes.remove(i);
-                    used.remove(i);
-                }
+        let wrong = disbelieved(&silhouettes, middle - first, middle + first)?;
+        if !wrong.is_empty() {
+            let names: Vec<&str> = wrong.iter().map(|i| views[used[*i]].name.as_str()).collect();
+            notes.push(format!("masks that contradict the others were left out: {}", names.join(", ")));
+            for i in wrong.into_iter().rev() {
+                silhouettes.remove(i);
+                used.remove(i);
             }
-            let consensus = Consensus::of(silhouettes.len(), options.misses);
-            let mut coarse = Voxels::over(low, high, COARSE);
-            coarse.carve(&silhouettes, consensus, true);
-            let (low, high) = span(&coarse).ok_or("no place is in enough masks")?;
-            let touches = low.min_element() == 0 || high.cmpge(UVec3::splat(COARSE as u32 - 1)).any();
-            if touches && growths < GROWTH.1 {
-                growths += 1;
-                continue;
-            }
-            if touches && !bounded {
-                // What a few cameras see far behind the object, and the others not at all, nobody contradicts.
-                silhouettes.iter_mut().for_each(Silhouette::bound);
-                (growths, bounded) = (0, true);
-                continue;
-            }
-            if touches {
-                notes.push("the cameras do not bound the object on all sides; its hull is cut".to_string());
-            }
-            let voxels = fine(coarse, &silhouettes, consensus, options.points);
-            let voxels = voxels.ok_or("no place is in enough masks")?;
-            return Ok(Self { voxels, silhouettes, views: used, notes });
         }
+        let consensus = Consensus::of(silhouettes.len(), options.misses);
+        let (mut coarse, mut is_cut) = coarse(&silhouettes, consensus, middle, first)?;
+        if is_cut {
+            // What a few cameras see far behind the object, and the others not at all, nobody contradicts.
+            silhouettes.iter_mut().for_each(Silhouette::bound);
+            (coarse, is_cut) = self::coarse(&silhouettes, consensus, middle, first)?;
+        }
+        if is_cut {
+            notes.push("the cameras do not bound the object on all sides; its hull is cut".to_string());
+        }
+        let voxels = fine(coarse, &silhouettes, consensus, options.points).ok_or(NOWHERE)?;
+        Ok(Self { voxels, silhouettes, views: used, notes })
+    }
+}
+
+/// Why there is no hull.
+const NOWHERE: &str = "no place is in enough masks";
+
+/// All that may hold a part of the object, in the smallest box around `middle` that it does not touch, of those from half an edge of
+/// `half` on; and whether it touches the largest one too.
+fn coarse(
+    silhouettes: &[Silhouette],
+    consensus: Consensus,
+    middle: DVec3,
+    half: f64,
+) -> Result<(Voxels, bool), &'static str> {
+    let mut growths = 0;
+    loop {
+        let half = half * GROWTH.0.powi(growths);
+        let mut voxels = Voxels::over(middle - half, middle + half, COARSE);
+        voxels.carve(silhouettes, consensus, true);
+        let (first, last) = span(&voxels).ok_or(NOWHERE)?;
+        let touches = first.min_element() == 0 || last.cmpge(UVec3::splat(COARSE as u32 - 1)).any();
+        if !touches || growths == GROWTH.1 {
+            return Ok((voxels, touches));
+        }
+        growths += 1;
     }
 }
 

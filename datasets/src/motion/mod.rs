@@ -35,6 +35,7 @@ mod triangulate;
 pub use background::{Background, background};
 pub use cameras::{StaticCamera, static_cameras};
 pub use evidence::{Evidence, FRAMES_MIN, evidence};
+pub use geometry::Pinhole;
 pub use guide::{Centre, Centres, centres, guide_velocity};
 pub use hull::{Hull, HullOptions, hull};
 pub use masks::{MaskOrigin, MaskSource, MovingMasks, changing, moving_masks};

@@ -135,8 +135,8 @@ fn pieces(views: &[View], masks: &[Option<Vec<u8>>], solid: &Solid, t: f64) -> V
         let mut hits = vec![vec![0_usize; counts.len()]; found.list.len()];
         for cell in voxels.cells() {
             let piece = labels[voxels.index(cell)] as usize;
-            let pixel = silhouette.camera.project(voxels.place(cell)).and_then(|(at, _)| silhouette.camera.pixel(at));
-            let region = pixel.map_or(NOWHERE, |(x, y)| found.labels[y * size.0 + x]);
+            let seen = silhouette.camera.sees(voxels.place(cell));
+            let region = seen.map_or(NOWHERE, |(pixel, _)| found.labels[pixel]);
             if region != NOWHERE {
                 hits[region as usize][piece] += 1;
             }

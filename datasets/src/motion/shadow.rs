@@ -15,8 +15,11 @@ const DARKEST: f32 = 0.35;
 
 /// Brightest one: where the background itself was in shadow for most of the time, what differs is the light. No more
 /// than that of a weak shadow, since bright objects are as common as dark ones, unless it rests as what is lit does: then up to
-/// 1 over [`DARKEST`].
+/// [`LIT`].
 const BRIGHTEST: f32 = 1.25;
+
+/// What is lit over its darkest shadow.
+const LIT: f32 = 1.0 / DARKEST;
 
 /// How much the channels' factors may differ, and how much more at factor 0: the sky that lights a shadow is bluer than
 /// the lamp that does not.
@@ -49,7 +52,7 @@ impl<'a> Light<'a> {
 
     /// Whether it is that of the other frame in another light, brighter too.
     pub fn is_other(&self, pixel: usize) -> bool {
-        self.is_light(pixel, 1.0 / DARKEST)
+        self.is_light(pixel, LIT)
     }
 
     fn is_light(&self, pixel: usize, brightest: f32) -> bool {
@@ -85,7 +88,7 @@ impl<'a> Light<'a> {
 
 /// Whether a colour may be `mean` in another light, darker or brighter, by what one pixel says.
 pub(crate) fn is_light(color: &[u8; 3], mean: &[f32; 3], deviation: f32, noise: f32) -> bool {
-    (DARKEST..=1.0 / DARKEST).contains(&factor(color, mean, deviation, noise))
+    (DARKEST..=LIT).contains(&factor(color, mean, deviation, noise))
 }
 
 /// The mean factor of the channels; NaN where they do not agree on it. `noise` is the image's: where shadows come and go, a

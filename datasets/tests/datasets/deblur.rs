@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::fixtures::Folder;
+use crate::fixtures::{Folder, written};
 
 /// Small and quick: three cameras, the middle one held out.
 fn small(world: World) -> DeblurOptions {
@@ -27,12 +27,6 @@ fn small(world: World) -> DeblurOptions {
         points: 200,
         ..DeblurOptions::default()
     }
-}
-
-fn written(options: &DeblurOptions) -> Folder {
-    let folder = Folder::new();
-    write(folder.path(), options, |_, _| {}).expect("written");
-    folder
 }
 
 fn json(folder: &Folder, part: &str) -> Value {

@@ -3,9 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
+use gs_datasets::synthetic::deblur::{DeblurOptions, write};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+
+/// A traced world with blur, in a folder of its own.
+pub fn written(options: &DeblurOptions) -> Folder {
+    let folder = Folder::new();
+    write(folder.path(), options, |_, _| {}).expect("written");
+    folder
+}
 
 /// A folder that disappears with the test.
 pub struct Folder(TempDir);

@@ -2,24 +2,22 @@
 
 use glam::DVec3;
 use gs_datasets::motion::{Hull, HullOptions, MaskSource, centres, hull, moving_masks};
-use gs_datasets::synthetic::deblur::{DeblurOptions, World, write};
+use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
 
-use crate::fixtures::Folder;
+use crate::fixtures::written;
 
 /// Eight cameras on an arc before a box that turns over a floor, its shadow on the floor below and behind it, which is never
 /// seen in the light.
 fn shadowed() -> Scene {
-    let folder = Folder::new();
-    let options = DeblurOptions {
+    let folder = written(&DeblurOptions {
         world: World::Cube,
         width: 160,
         height: 120,
         cameras: 9,
         points: 0,
         ..DeblurOptions::default()
-    };
-    write(folder.path(), &options, |_, _| {}).expect("written");
+    });
     load(folder.path(), &LoadOptions { training_truth: true, ..LoadOptions::default() }).expect("a scene")
 }
 

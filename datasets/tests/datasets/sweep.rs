@@ -1,13 +1,12 @@
 //! Points where photos agree lie on surfaces, and there are none where nothing can agree.
 
-use gs_datasets::synthetic::deblur::{DeblurOptions, World, write};
+use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load, sweep};
 
-use crate::fixtures::Folder;
+use crate::fixtures::written;
 
 fn still_world() -> Scene {
-    let folder = Folder::new();
-    let options = DeblurOptions {
+    let folder = written(&DeblurOptions {
         world: World::Lychee,
         width: 160,
         height: 120,
@@ -16,8 +15,7 @@ fn still_world() -> Scene {
         exposure: 0.0,
         points: 0,
         ..DeblurOptions::default()
-    };
-    write(folder.path(), &options, |_, _| {}).expect("written");
+    });
     load(folder.path(), &LoadOptions::default()).expect("a scene")
 }
 

@@ -1,6 +1,7 @@
 //! Gaussians held against the true velocity of the surface they lie on.
 
 use glam::DVec3;
+use gs_datasets::motion::Pinhole;
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TaylorScene;
 
@@ -42,13 +43,7 @@ pub fn on_surface(model: &TaylorScene, scene: &Scene, t: f64) -> Vec<Compared> {
 fn velocity_at(view: &View, place: DVec3) -> Option<DVec3> {
     let truth = &view.truth;
     let (moving, depth, velocity) = (truth.moving.as_ref()?, truth.depth.as_ref()?, truth.velocity.as_ref()?);
-    let local = view.c2w.inverse().transform_point3(place);
-    let k = &view.intrinsics;
-    let (x, y) = (k.fx * local.x / local.z + k.cx, k.fy * local.y / local.z + k.cy);
-    if !(local.z > 0.0 && x >= 0.0 && y >= 0.0 && x < view.width as f64 && y < view.height as f64) {
-        return None;
-    }
-    let pixel = y as usize * view.width + x as usize;
-    let near = (local.z - f64::from(depth[pixel])).abs() <= ON_SURFACE * local.z;
+    let (pixel, z) = Pinhole::new(view).sees(place)?;
+    let near = (z - f64::from(depth[pixel])).abs() <= ON_SURFACE * z;
     (moving[pixel] > 0 && near).then(|| glam::Vec3::from_slice(&velocity[3 * pixel..]).as_dvec3())
 }

@@ -1,7 +1,7 @@
 //! The first Gaussians of a moving scene: static ones from the points or backgrounds, moving ones from the visual hull of
 //! what moves at the middle of the recording.
 
-use gs_datasets::motion::{self, HullOptions};
+use gs_datasets::motion::{self, HullOptions, Pinhole};
 use gs_datasets::{PointCloud, Scene, View};
 use rayon::prelude::*;
 
@@ -62,28 +62,12 @@ fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
     let (mut seen, mut inside) = (0, 0);
     for (view, mask) in scene.train.iter().zip(&found.masks.masks) {
         let (Some(mask), true) = (mask, view.time == Some(t0)) else { continue };
-        let place = view.c2w.inverse().transform_point3(glam::Vec3::from(point).as_dvec3());
-        if let Some(pixel) = pixel_of(view, place) {
+        if let Some((pixel, _)) = Pinhole::new(view).sees(glam::Vec3::from(point).as_dvec3()) {
             seen += 1;
             inside += usize::from(mask[pixel] > 0);
         }
     }
     seen > 0 && inside as f64 >= MOVING_VIEWS * f64::from(seen)
-}
-
-/// Points for what stands still where the data set has none: in front of the cameras, with the colours of what stands still
-/// there, and none before what is seen moving.
-fn invented_points(scene: &Scene, found: &Found, config: &Config, room: usize) -> PointCloud {
-    let count = config.init.random_points.min(room);
-    let mut points = points_in_front(&backgrounds(scene), count, size_of(scene), NEAREST, config.seed);
-    let sights = movers(scene, found);
-    let clear: Vec<bool> = points.positions.par_iter().map(|point| !hides(&sights, *point)).collect();
-    let mut kept = clear.iter();
-    points.positions.retain(|_| *kept.next().expect("one for each"));
-    let mut kept = clear.iter();
-    points.colors.retain(|_| *kept.next().expect("one for each"));
-    tracing::info!(of = count, hiding = clear.len() - points.len(), "points before what moves were left out");
-    points
 }
 
 /// Random points are no nearer than this share of the way to what the cameras look at: beside a camera, in the corner of its
@@ -93,11 +77,23 @@ const NEAREST: f64 = 0.5;
 /// Views that must see something move behind a point: one mask may be wrong there.
 const HIDES: usize = 2;
 
+/// Points for what stands still where the data set has none: in front of the cameras, with the colours of what stands still
+/// there, and none before what is seen moving.
+fn invented_points(scene: &Scene, found: &Found, config: &Config, room: usize) -> PointCloud {
+    let count = config.init.random_points.min(room);
+    let PointCloud { positions, colors } =
+        points_in_front(&backgrounds(scene), count, size_of(scene), NEAREST, config.seed);
+    let movers = movers(scene, found);
+    let clear = positions.into_par_iter().zip(colors).filter(|(position, _)| !hides(&movers, *position));
+    let (positions, colors): (Vec<_>, Vec<_>) = clear.unzip();
+    tracing::info!(of = count, clear = positions.len(), "points before what moves are left out");
+    PointCloud { positions, colors }
+}
+
 /// A view that sees something move.
 struct Mover<'a> {
-    view: &'a View,
+    camera: Pinhole,
     mask: &'a [u8],
-    to_camera: glam::DMat4,
     /// Of the centre of what moves; of several the least, since any of them may be what moves at a pixel.
     depth: f64,
 }
@@ -106,7 +102,7 @@ fn movers<'a>(scene: &'a Scene, found: &'a Found) -> Vec<Mover<'a>> {
     let of = |(view, mask): (&'a View, &'a Option<Vec<u8>>)| {
         let (mask, t, to_camera) = (mask.as_ref()?, view.time?, view.c2w.inverse());
         let depths = found.tracks.iter().map(|track| to_camera.transform_point3(track.path.position(t)).z);
-        Some(Mover { view, mask, to_camera, depth: depths.reduce(f64::min)? })
+        Some(Mover { camera: Pinhole::new(view), mask, depth: depths.reduce(f64::min)? })
     };
     scene.train.iter().zip(&found.masks.masks).filter_map(of).collect()
 }
@@ -114,19 +110,10 @@ fn movers<'a>(scene: &'a Scene, found: &'a Found) -> Vec<Mover<'a>> {
 /// Whether a point would hide what is seen to move: it lies in masks of moving pixels, nearer than the centre of what moves.
 fn hides(movers: &[Mover], point: [f32; 3]) -> bool {
     let point = glam::Vec3::from(point).as_dvec3();
-    let seen_behind = |mover: &&Mover| {
-        let place = mover.to_camera.transform_point3(point);
-        place.z < mover.depth && pixel_of(mover.view, place).is_some_and(|pixel| mover.mask[pixel] > 0)
+    let hides_in = |mover: &&Mover| {
+        mover.camera.sees(point).is_some_and(|(pixel, depth)| depth < mover.depth && mover.mask[pixel] > 0)
     };
-    movers.iter().filter(seen_behind).take(HIDES).count() == HIDES
-}
-
-/// The pixel of a view that shows a place in its camera's axes.
-fn pixel_of(view: &View, place: glam::DVec3) -> Option<usize> {
-    let k = &view.intrinsics;
-    let (x, y) = (k.fx * place.x / place.z + k.cx, k.fy * place.y / place.z + k.cy);
-    let inside = place.z > 0.0 && x >= 0.0 && y >= 0.0 && x < view.width as f64 && y < view.height as f64;
-    inside.then(|| y as usize * view.width + x as usize)
+    movers.iter().filter(hides_in).take(HIDES).count() == HIDES
 }
 
 /// Gaussians at points.
@@ -134,7 +121,7 @@ fn gaussians_of(scene: &Scene, points: &PointCloud, config: &Config, cap: usize)
     if points.is_empty() {
         return FirstGaussians::default();
     }
-    gaussians_at(Some(points), &[], size_of(scene), &config.init, cap, config.seed)
+    gaussians_at(points, size_of(scene), &config.init, cap, config.seed)
 }
 
 /// One view for each camera that stands still, showing what stands still in front of it; all views where none does.
@@ -163,33 +150,20 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
 
 #[cfg(test)]
 mod tests {
-    use gs_datasets::{Intrinsics, Priors, RgbImage8, Truth};
+    use gs_datasets::Intrinsics;
 
     use super::*;
 
     /// Two cameras at the origin and beside it look along z at what moves at depth 4, in the middle of 9 x 9 pixels.
     #[test]
     fn points_before_what_moves_hide_it() {
-        let view = |x: f64| View {
-            name: String::new(),
-            image_path: std::path::PathBuf::new(),
-            c2w: glam::DMat4::from_translation(glam::DVec3::new(x, 0.0, 0.0)),
-            intrinsics: Intrinsics { fx: 9.0, fy: 9.0, cx: 4.5, cy: 4.5 },
-            width: 9,
-            height: 9,
-            time: Some(0.0),
-            camera_id: None,
-            image: RgbImage8 { width: 9, height: 9, data: vec![0; 243] },
-            mask: None,
-            exposure: None,
-            priors: Priors::default(),
-            truth: Truth::default(),
+        let camera = |x: f64| {
+            let c2w = glam::DMat4::from_translation(glam::DVec3::new(x, 0.0, 0.0));
+            Pinhole::posed(c2w, Intrinsics { fx: 9.0, fy: 9.0, cx: 4.5, cy: 4.5 }, 9, 9)
         };
-        let views = [view(0.0), view(0.1)];
         let mut mask = vec![0; 81];
         mask[9 * 4 + 4] = 255;
-        let movers: Vec<Mover> =
-            views.iter().map(|view| Mover { view, mask: &mask, to_camera: view.c2w.inverse(), depth: 4.0 }).collect();
+        let movers = [0.0, 0.1].map(|x| Mover { camera: camera(x), mask: &mask, depth: 4.0 });
         assert!(hides(&movers, [0.05, 0.0, 2.0]), "before it, in both masks");
         assert!(!hides(&movers, [0.05, 0.0, 5.0]), "behind it");
         assert!(!hides(&movers, [0.9, 0.0, 2.0]), "beside it");
