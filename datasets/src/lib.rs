@@ -45,6 +45,7 @@ pub mod synthetic;
 mod undistort;
 
 pub use check::{CheckReport, check};
+pub use consistency::frame_interval;
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};

@@ -193,7 +193,8 @@ impl Evaluator {
         let truth = photo.image.clone();
         let psnr = psnr_masked(image.clone(), truth.clone(), mask.clone());
         let (image, truth) = (image * mask.clone(), truth * mask);
-        // Outside the mask both are black and SSIM is 1; taken out of the mean, what is left is the mean over the mask.
+        // Outside the mask both are black, and SSIM is 1 but for windows (of 11 pixels) that reach into it: what differs there counts
+        // against the mask, so the value is that of the mask or lower.
         let share = pixels as f64 / moving.len() as f64;
         Some(Scores {
             psnr,

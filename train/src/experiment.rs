@@ -21,7 +21,7 @@ use crate::optimiser::OptimiserConfig;
 use crate::scene_init::InitConfig;
 use crate::step::{ModelConfig, RenderConfig};
 use crate::taylormode::config::{BlurConfig, MotionConfig, PriorConfig};
-use crate::taylormode::hints::mask_held_out;
+use crate::taylormode::hints::{leave_out_timeless, mask_held_out};
 
 /// Everything a run depends on, except the data set's path and the device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -199,6 +199,7 @@ impl Config {
         }
         let mut scene = gs_datasets::load(path, &options)?;
         if self.pipeline == Pipeline::Taylormode {
+            leave_out_timeless(&mut scene);
             mask_held_out(&mut scene);
         }
         Ok(scene)

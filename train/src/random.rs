@@ -20,6 +20,8 @@ pub enum Purpose {
     Noise = 4,
     /// The synthetic workload of `bench`.
     Bench = 5,
+    /// The views that say what each Gaussian adds.
+    Trim = 6,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

@@ -65,7 +65,7 @@ pub enum Ending {
 pub fn run(request: &RunRequest) -> Result<Ending> {
     let config = &request.config;
     let scene = config.load(&request.dataset)?;
-    if config.pipeline == Pipeline::Taylormode && scene.time_range.is_none() {
+    if config.pipeline == Pipeline::Taylormode && (scene.time_range.is_none() || scene.train.is_empty()) {
         bail!(
             "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
             request.dataset.display()
@@ -97,7 +97,7 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
         let index = curriculum.as_ref().and_then(|opening| opening.pick(next)).unwrap_or_else(|| sampler.pick(next));
         let photo = gs_burn::profile::timed("photo upload", || photos.get(index));
         let report = run.trainer.step(&photo, config);
-        run.trainer.select_motion(&scene.train, config);
+        run.trainer.simplify(&scene.train, config);
         run.clock.add(started);
         drop(step);
 

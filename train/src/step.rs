@@ -7,7 +7,7 @@ use gs_models::Motion;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
-use crate::density::{Changes, Density, Moment, Observation};
+use crate::density::{Changes, Density, Moment, Observation, trim};
 use crate::experiment::Config;
 use crate::losses::{photometric, regularisers};
 use crate::optimiser::Optimiser;
@@ -281,8 +281,32 @@ impl Trainer {
         refinement.changes
     }
 
-    /// Lowers the orders of paths that need less, when it is time.
-    pub fn select_motion(&mut self, views: &[View], config: &Config) {
+    /// Leaves out what the scene does not need, when it is time: Gaussians, orders of paths, bands of colour.
+    pub fn simplify(&mut self, views: &[View], config: &Config) {
+        if config.density.trim > 0.0 && config.density.rests_at(self.step, config.steps) {
+            self.trim(views, config);
+        }
+        self.select_motion(views, config);
+    }
+
+    fn trim(&mut self, views: &[View], config: &Config) {
+        let _stage = profile::whole_stage("trimming");
+        let options = config.render.options(0, [0.0; 3]);
+        let contributions = trim::contributions(&*self.model(), views, &options, config.seed);
+        let before = self.parameters.len();
+        let succession = trim::trim(&mut self.parameters, &mut self.optimiser, &contributions, config.density.trim);
+        if let Some(succession) = succession {
+            if let Some(state) = &mut self.motion {
+                state.follow(&succession.source, &succession.fresh);
+            }
+            // Its statistics were of the rows before, and are not used any more.
+            self.density = Density::new(&config.density, &self.parameters);
+        }
+        let (gaussians, share) = (self.parameters.len(), config.density.trim);
+        tracing::info!(before, gaussians, share, "Gaussians that add next to nothing were dropped");
+    }
+
+    fn select_motion(&mut self, views: &[View], config: &Config) {
         let motion = &config.motion;
         let Some(state) = &mut self.motion else { return };
         let begun = self.step as f64 >= motion.select_from * config.steps as f64;

@@ -3,11 +3,13 @@
 mod common;
 
 use burn::tensor::Tensor;
+use gs_train::data::{Photos, camera};
 use gs_train::density::ops::{Draft, logit};
-use gs_train::density::{DensityConfig, Moment, mcmc};
+use gs_train::density::{DensityConfig, Moment, mcmc, trim};
 use gs_train::optimiser::Optimiser;
 use gs_train::parameters::{Group, Parameters, from_host, to_host};
 use gs_train::run_folder::MetricsLine;
+use gs_train::step::Trainer;
 
 /// A table in which every number tells its row: row r of a column group holds r + column / 100.
 fn labelled(rows: usize, offset: f32) -> [Tensor<2>; 5] {
@@ -145,4 +147,46 @@ fn the_cap_is_never_exceeded() {
 #[test]
 fn the_cap_holds_from_the_start() {
     assert!(counts_under(common::POINTS / 3, &[]).iter().all(|count| *count <= common::POINTS / 3));
+}
+
+/// At each pixel the blending weights add up to the alpha, so those of all Gaussians do to the alpha of all photos.
+#[test]
+fn contributions_add_up_to_what_is_seen() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = common::config(10, &[]);
+    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
+    let model = Trainer::begin(&scene, None, &config, &common::device()).model();
+    let options = config.render.options(0, [0.0; 3]);
+    let contributions = trim::contributions(&*model, &scene.train, &options, config.seed);
+    let gaussians = model.at(0.0);
+    let alpha = |view| to_host(gs_burn::render(&gaussians, &camera(view, &common::device()), &options).alpha);
+    let seen: f64 = scene.train.iter().flat_map(alpha).map(f64::from).sum();
+    let sum: f64 = contributions.iter().sum();
+    assert_eq!(contributions.len(), gaussians.len());
+    assert!(seen > 1000.0 && (sum / seen - 1.0).abs() < 1e-4, "{sum} of {seen}");
+}
+
+/// Gaussians out of sight when the count comes to rest are dropped then, and no others later.
+#[test]
+fn what_no_photo_shows_is_dropped() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = common::config(20, &["density.trim=0.001", "density.stop=0.5", "density.noise=0"]);
+    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
+    let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
+    let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let mut counts = Vec::new();
+    for step in 1..=20 {
+        if step == 10 {
+            let mut means = trainer.parameters.read(Group::Means);
+            means[..9].fill(1e4);
+            *trainer.parameters.get_mut(Group::Means) = from_host(means, 3, &common::device());
+        }
+        trainer.step(&photo, &config);
+        trainer.simplify(&scene.train, &config);
+        counts.push(trainer.parameters.len());
+    }
+    assert!(trainer.parameters.read(Group::Means).iter().all(|x| x.abs() < 1e3), "the three are gone");
+    let least = counts[8] * 9 / 10;
+    assert!(counts[9] + 3 <= counts[8] && counts[9] > least, "{counts:?}: few others added so little");
+    assert!(counts[9..].iter().all(|count| *count == counts[9]), "{counts:?}");
 }

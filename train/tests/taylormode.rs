@@ -13,8 +13,9 @@ use gs_train::parameters::{Parameters, from_host, to_host};
 use gs_train::run::{Ending, RunRequest, run};
 use gs_train::run_folder::EvalFile;
 use gs_train::taylormode::config::MotionConfig;
+use gs_train::taylormode::hints;
 use gs_train::taylormode::select::{Selected, select};
-use gs_train::taylormode::state::still;
+use gs_train::taylormode::state::{RemainderFrame, still};
 
 const STEPS: usize = 40;
 
@@ -168,6 +169,31 @@ fn a_set_without_times_is_refused_in_a_sentence() {
     assert!(error.contains("expected a time for each frame") && !error.contains('\n'), "{error}");
 }
 
+/// A photo of no time is left out, and an exposure longer than the frame interval is questioned.
+#[test]
+fn times_that_say_nothing_are_not_believed() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let world = tiny_world(temporary.path());
+    let path = world.join("transforms_train.json");
+    let mut json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).expect("a file")).expect("JSON");
+    let frames = json["frames"].as_array_mut().expect("frames");
+    let count = frames.len();
+    frames[2].as_object_mut().expect("a frame").remove("time");
+    std::fs::write(&path, json.to_string()).expect("written");
+    let load = |more: &[&str]| {
+        let config = common::config(STEPS, &[&OVERRIDES, more].concat());
+        (config.load(&world).expect("loads"), config)
+    };
+    let (scene, config) = load(&[]);
+    assert_eq!(scene.train.len(), count - 1);
+    assert!(scene.warnings.iter().any(|w| w.contains("1 photos without a time are left out")), "{:?}", scene.warnings);
+    assert_eq!(hints::first_exposure(&scene, &config).1, None);
+    let (scene, config) = load(&["blur.exposure=0.3"]);
+    let (exposure, warning) = hints::first_exposure(&scene, &config);
+    assert!(exposure == 0.3 && warning.expect("a warning").contains("time between two frames, 0.25"));
+}
+
 #[test]
 fn without_priors_it_goes_on_by_evidence() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -253,6 +279,11 @@ fn selection_changes_nothing_that_shows() {
     let before = times.map(|t| state.scene(parameters.gaussians()).at(t));
 
     let config = MotionConfig { shrink_pixels: 0.0, ..MotionConfig::default() };
+    // What a remainder network moves needs no order to do so.
+    let mut carried = state.clone();
+    carried.remainder = Some(RemainderFrame { centre: [0.0; 3], scale: 1.0, order: 3 });
+    assert_eq!(select(&mut parameters.clone(), &mut carried, &[black_view()], &config).stopped, 0);
+
     let selected = select(&mut parameters, &mut state, &[black_view()], &config);
 
     assert_eq!(selected, Selected { lowered: 3 + 1 + 3, stopped: 1 });

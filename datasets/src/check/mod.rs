@@ -135,7 +135,7 @@ fn describe_exposure(frames: &[RawFrame], report: &mut CheckReport) {
     }
     let low = exposures.iter().copied().fold(f64::INFINITY, f64::min);
     let high = exposures.iter().copied().fold(0.0, f64::max);
-    let of = |value: f64| consistency::frame_interval(frames).map(|interval| value / interval);
+    let of = |value: f64| consistency::interval_of(frames).map(|interval| value / interval);
     let share = of(high).map_or_else(String::new, |share| format!(", {share:.2} of the frame interval"));
     let value = if high > low { format!("{low} to {high}") } else { high.to_string() };
     report.facts.push(format!("The exposure of {} views is {value}{share}.", exposures.len()));

@@ -12,7 +12,8 @@ use crate::raw::{Findings, RawFrame};
 
 pub(crate) use self::cameras::standing;
 pub(crate) use self::order::natural;
-pub(crate) use self::timing::frame_interval;
+pub use self::timing::frame_interval;
+pub(crate) use self::timing::interval_of;
 
 /// Names cameras, drops repeated times, settles exposures, and warns about what disagrees. `frames` are sorted by name
 /// and stay so.

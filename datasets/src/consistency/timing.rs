@@ -17,20 +17,19 @@ const SAME_TIME: f64 = 1e-9;
 
 /// The time between frames of one camera, in the unit of time: the median over all cameras. Where no camera has two
 /// times (a hand-held camera in a world that moves), the median between the times of all frames. `None` with fewer than
-/// two times.
-pub(crate) fn frame_interval(frames: &[RawFrame]) -> Option<f64> {
+/// two times. `frames` are cameras and times.
+pub fn frame_interval<'a>(frames: impl IntoIterator<Item = (Option<&'a str>, f64)>) -> Option<f64> {
     let mut by_camera: HashMap<Option<&str>, Vec<f64>> = HashMap::new();
-    for frame in frames {
-        if let Some(time) = frame.time {
-            by_camera.entry(frame.camera_id.as_deref()).or_default().push(time);
-        }
+    for (camera, time) in frames {
+        by_camera.entry(camera).or_default().push(time);
     }
-    let gaps: Vec<f64> = by_camera.into_values().flat_map(gaps).collect();
-    median(gaps).or_else(|| median(gaps_of_all(frames)))
+    let all = by_camera.values().flatten().copied().collect();
+    median(by_camera.into_values().flat_map(gaps).collect()).or_else(|| median(gaps(all)))
 }
 
-fn gaps_of_all(frames: &[RawFrame]) -> Vec<f64> {
-    gaps(frames.iter().filter_map(|frame| frame.time).collect())
+/// [`frame_interval`] of what a reader found.
+pub(crate) fn interval_of(frames: &[RawFrame]) -> Option<f64> {
+    frame_interval(frames.iter().filter_map(|frame| Some((frame.camera_id.as_deref(), frame.time?))))
 }
 
 /// The distances between different times.
@@ -105,7 +104,7 @@ pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Fi
 /// Puts the user's exposure in place of the data set's, or leaves out exposures that cannot be: 0, and more than one
 /// frame interval, in which the shutter would have to be open twice. The user's own is believed, with a warning.
 pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &LoadOptions, findings: &mut Findings) {
-    let interval = frame_interval(frames);
+    let interval = interval_of(frames);
     let limit = interval.map_or(f64::INFINITY, |interval| interval * (1.0 + INTERVAL_SLACK));
     if let Some(exposure) = options.exposure {
         frames.iter_mut().filter(|frame| frame.time.is_some()).for_each(|frame| frame.exposure = Some(exposure));
@@ -149,5 +148,22 @@ pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &
             names.len(),
             some_names(&names)
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cameras that start a millisecond apart still take a frame every half second.
+    #[test]
+    fn intervals_are_those_of_a_camera() {
+        let start = [("a", 0.0), ("b", 0.001), ("c", 0.0)];
+        let frames =
+            start.into_iter().flat_map(|(name, start)| (0..4).map(move |i| (Some(name), start + 0.5 * f64::from(i))));
+        assert!((frame_interval(frames).expect("an interval") - 0.5).abs() < 1e-12);
+        let wandering = (0..4).map(|i| (None, f64::from(i)));
+        assert_eq!(frame_interval(wandering), Some(1.0));
+        assert_eq!(frame_interval([(Some("a"), 1.0), (Some("b"), 1.0)]), None);
     }
 }

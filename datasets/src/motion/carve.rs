@@ -61,6 +61,11 @@ impl Silhouette {
         self.bounds = inner > 0 && inner == self.count((0, width), (0, height));
     }
 
+    /// Takes [`bound`](Self::bound) back.
+    pub fn unbound(&mut self) {
+        self.bounds = false;
+    }
+
     /// Set pixels in columns `x` and rows `y`.
     fn count(&self, x: (usize, usize), y: (usize, usize)) -> u32 {
         let at = |x: usize, y: usize| self.sums[y * (self.camera.width + 1) + x];

@@ -175,7 +175,11 @@ impl Solid {
         if is_cut {
             // What a few cameras see far behind the object, and the others not at all, nobody contradicts.
             silhouettes.iter_mut().for_each(Silhouette::bound);
-            (coarse, is_cut) = self::coarse(&silhouettes, consensus, middle, first)?;
+            match self::coarse(&silhouettes, consensus, middle, first) {
+                Ok(bounded) => (coarse, is_cut) = bounded,
+                // A mask that holds a part of the object only, whole within the image, would leave nothing of it.
+                Err(_) => silhouettes.iter_mut().for_each(Silhouette::unbound),
+            }
         }
         if is_cut {
             notes.push("the cameras do not bound the object on all sides; its hull is cut".to_string());

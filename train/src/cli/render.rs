@@ -36,7 +36,7 @@ pub struct RenderArgs {
     pub format: ImageFormat,
 
     /// A moving scene's time, in its data set's unit [default: each camera's own, or the middle of the recording]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with = "frames")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 
     /// Every camera at N times spread over the recording; images are numbered, ready for a video encoder
@@ -81,7 +81,7 @@ pub struct ExportArgs {
     pub out: PathBuf,
 
     /// A moving scene's time, in its data set's unit [default: the middle of the recording]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with = "frames")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 
     /// One file for each of N times spread over the recording, numbered
@@ -95,4 +95,12 @@ pub struct ExportArgs {
     /// Keep SH only up to this degree
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: Option<u8>,
+}
+
+/// A finite number.
+fn finite(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err("expected a finite number".into()),
+    }
 }

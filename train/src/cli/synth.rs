@@ -37,8 +37,8 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value = "256x192", value_name = "WxH")]
     pub size: String,
 
-    /// Cameras on the arc, held-out ones included
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..=200), value_name = "N")]
+    /// Cameras on the arc, held-out ones included: they stand between others
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(3..=200), value_name = "N")]
     pub cameras: u32,
 
     /// Cameras held out
@@ -53,7 +53,7 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(16..=4096), value_name = "N")]
     pub subframes: u32,
 
-    /// How long the shutter is open, in frame intervals
+    /// How long the shutter is open, in frame intervals; above 1 exposures overlap
     #[arg(long, default_value_t = 0.9, value_name = "SHARE")]
     pub exposure: f64,
 

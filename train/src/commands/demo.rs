@@ -16,13 +16,14 @@ use crate::run_folder::RunFolder;
 
 /// The recipe of the demo, the same as configs/taylormode/demo.toml (a test compares them): set and training must be done
 /// within two minutes on two old cores.
-pub const RECIPE: [&str; 12] = [
+pub const RECIPE: [&str; 13] = [
     "pipeline=taylormode",
     "steps=1800",
     "model.sh_degree=1",
     "density.cap=12000",
     "density.start=100",
     "density.growth=0.1",
+    "density.trim=0.005",
     "motion.points=3000",
     "blur.samples=5",
     "blur.decouple=false",

@@ -48,6 +48,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         bar.set_position(done as u64);
     })?;
     bar.finish_and_clear();
+    warn_of_overlap(args.exposure, options.exposure_time());
     print(format!("{}: {} cameras, {} frames each", args.out.display(), args.cameras, args.frames));
     Ok(ExitCode::SUCCESS)
 }
@@ -63,6 +64,7 @@ fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
     for warning in &made.warnings {
         print(format!("warning: {warning}"));
     }
+    warn_of_overlap(args.window as f64 / args.stride as f64, made.exposure);
     print(format!(
         "{}: {} blurry photos of {} cameras with their sharp frames as truth, {} cameras held out, exposure {:.4}",
         args.out.display(),
@@ -72,6 +74,16 @@ fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
         made.exposure
     ));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says what training makes of exposures of `share` frame intervals, `exposure` in the data set's unit of time.
+fn warn_of_overlap(share: f64, exposure: f64) {
+    if share > 1.0 {
+        print(format!(
+            "warning: the shutter is open for {share:.2} frame intervals; training takes that for a mistake and the exposure for \
+             unknown, unless told so: --set blur.exposure={exposure}"
+        ));
+    }
 }
 
 /// A bar over images, with the time left.

@@ -1,9 +1,10 @@
 //! Where Gaussians are added, moved and removed: [`default`] (classic adaptive control, 3DGS) and [`mcmc`] (relocation
-//! under a budget, 3DGS-MCMC) decide when and where, with the verbs of [`ops`].
+//! under a budget, 3DGS-MCMC) decide when and where, with the verbs of [`ops`]. At the end of it, [`trim`] drops what adds nothing.
 
 pub mod default;
 pub mod mcmc;
 pub mod ops;
+pub mod trim;
 
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
@@ -42,6 +43,9 @@ pub struct DensityConfig {
     pub every: usize,
     /// Share of the run after which the count rests, so that the last Gaussians still learn.
     pub stop: f64,
+    /// Share of all that the training photos show which the Gaussians dropped when the count comes to rest may have had between
+    /// them, 0 to 1; 0: none are dropped.
+    pub trim: f64,
     /// Opacity under which a Gaussian counts as dead.
     pub min_opacity: f64,
     /// `mcmc`: growth per change, a share of the count.
@@ -74,6 +78,7 @@ impl Default for DensityConfig {
             start: 500,
             every: 100,
             stop: 0.8,
+            trim: 0.0,
             min_opacity: 0.005,
             growth: 0.05,
             noise: 5e5,
@@ -94,6 +99,7 @@ impl DensityConfig {
         check("density.start", self.start, self.start >= 1, "at least 1")?;
         check("density.every", self.every, self.every >= 1, "at least 1")?;
         check("density.stop", self.stop, (0.0..=1.0).contains(&self.stop), "from 0 to 1")?;
+        check("density.trim", self.trim, (0.0..1.0).contains(&self.trim), "at least 0 and below 1")?;
         check("density.min_opacity", self.min_opacity, open_unit(self.min_opacity), "between 0 and 1, both excluded")?;
         check("density.growth", self.growth, not_negative(self.growth), "0 or more")?;
         check("density.noise", self.noise, not_negative(self.noise), "0 or more")?;
@@ -108,6 +114,11 @@ impl DensityConfig {
     pub fn active(&self, step: usize, steps: usize) -> bool {
         let start = self.start.min(steps / 10).max(1);
         step >= start && (step as f64) < self.stop * steps as f64
+    }
+
+    /// Whether the count comes to rest at `step` of a run of `steps`.
+    pub fn rests_at(&self, step: usize, steps: usize) -> bool {
+        self.strategy != Strategy::None && step == (self.stop * steps as f64).ceil() as usize
     }
 }
 

@@ -195,7 +195,7 @@ impl<'a> Session<'a> {
         }
         let photo = self.photos.get(self.sampler.pick(self.trainer.step + 1));
         let report = self.trainer.step(&photo, &self.config);
-        self.trainer.select_motion(&self.scene.train, &self.config);
+        self.trainer.simplify(&self.scene.train, &self.config);
         self.lab.done.set(self.lab.done.get() + 1);
         self.lab.bar.inc(1);
         Ok(report)

@@ -106,7 +106,7 @@ impl Default for MotionConfig {
             select_pixels: NOTICEABLE,
             shrink_pixels: 0.02,
             select_color: sh_bands::NOTICEABLE,
-            shrink_color: 0.2 * sh_bands::NOTICEABLE,
+            shrink_color: sh_bands::NOTICEABLE,
         }
     }
 }

@@ -100,6 +100,10 @@ pub fn first_paths(tracks: &[Track], state: &MotionState, means: &[[f32; 3]], or
     (paths, jumps)
 }
 
+/// Added to the diagonal, as a share of its sum: what the times say nothing of (a body that was not yet seen when another one was hit)
+/// stays zero, and what they do say changes in the tenth digit.
+const RIDGE: f64 = 1e-10;
+
 /// The path as coefficient blocks of the window, those of the powers and then those of the contacts: the least squares fit of
 /// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times the path is known at.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
@@ -113,6 +117,8 @@ pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, 
             }
         }
     }
+    let ridge = RIDGE * (0..columns).map(|i| normal[i][i]).sum::<f64>().max(f64::MIN_POSITIVE);
+    (0..columns).for_each(|i| normal[i][i] += ridge);
     solve(&mut normal).into_iter().flatten().map(|x| x as f32).collect()
 }
 
@@ -158,6 +164,27 @@ mod tests {
                 assert!((DVec3::from_slice(&moved) - (truth(t) - truth(window.t0))).length() < 1e-5, "{t}: {moved:?}");
             }
         }
+    }
+
+    /// A body that is first seen after another one was hit: the times say nothing of its jump then.
+    #[test]
+    fn jumps_before_a_path_begins_are_none() {
+        let path = |range: [f64; 2], place: &dyn Fn(f64) -> DVec3| {
+            let times = (0..=20).map(|i| range[0] + (range[1] - range[0]) * f64::from(i) / 20.0);
+            let centres: Vec<Centre> =
+                times.map(|t| Centre { t, position: place(t), residual_px: 0.1, cameras: 5 }).collect();
+            let path = Trajectory::fit(&centres, 3, 2).expect("a path");
+            Track { centres, path }
+        };
+        let window = TimeWindow { t0: 0.5, half: 0.5 };
+        let hit = path([0.0, 1.0], &|t| DVec3::new(t, (4.0 * (t - 0.2)).abs(), 0.0));
+        let late = path([0.4, 1.0], &|t| DVec3::new(0.0, 1.0, t));
+        let contacts = contacts(&[hit], &window, 2);
+        assert_eq!(contacts.len(), 1);
+        let blocks = displacement_blocks(&late.path, window, 2, &contacts);
+        assert!(blocks.iter().all(|x| x.is_finite()), "{blocks:?}");
+        assert!(blocks[6..].iter().all(|x| x.abs() < 1e-6), "{blocks:?}");
+        assert!((blocks[2] - 0.5).abs() < 1e-4, "{blocks:?}");
     }
 
     /// The order and the number of contacts that a path begins with whose centre is where `truth` says, at 100 pixels a unit.

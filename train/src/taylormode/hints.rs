@@ -39,6 +39,20 @@ fn absent(scene: &Scene, config: &Config) -> Vec<String> {
     said
 }
 
+/// Leaves out photos that have no time although others do: nobody knows what they show.
+pub fn leave_out_timeless(scene: &mut Scene) {
+    let count = |scene: &Scene| scene.train.len() + scene.test.len();
+    let before = count(scene);
+    if scene.time_range.is_some() {
+        scene.train.retain(|view| view.time.is_some());
+        scene.test.retain(|view| view.time.is_some());
+    }
+    let left_out = before - count(scene);
+    if left_out > 0 {
+        scene.warnings.push(format!("{left_out} photos without a time are left out"));
+    }
+}
+
 /// Gives held-out views of standing cameras masks of what changes in front of them, where the data set has masks for none of them:
 /// moving parts can be measured then. Training never sees them.
 pub fn mask_held_out(scene: &mut Scene) {
@@ -73,7 +87,7 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
         MaskSource::Auto => motion::MaskSource::Auto,
         MaskSource::Prior => motion::MaskSource::Prior,
         MaskSource::Evidence => motion::MaskSource::Evidence,
-        MaskSource::None => return Some(Found::default()),
+        MaskSource::None => return Some(Found { warnings: absent(scene, config), ..Found::default() }),
     };
     let masks = motion::moving_masks(scene, source);
     let motion::Centres { centres, notes } = motion::centres(scene, &masks.masks);
@@ -177,23 +191,24 @@ pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
     TimeWindow { t0, half: if half > 0.0 { half } else { 1.0 } }
 }
 
-/// The shortest distance between two times of the training views; `None` when there is one time only.
+/// The time between frames of one camera; `None` when there is one time only.
 pub fn frame_interval(views: &[View]) -> Option<f64> {
-    let mut times: Vec<f64> = views.iter().filter_map(|view| view.time).collect();
-    times.sort_by(f64::total_cmp);
-    times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-9).min_by(f64::total_cmp)
+    gs_datasets::frame_interval(views.iter().filter_map(|view| Some((view.camera_id.as_deref(), view.time?))))
 }
 
 /// The exposure a run begins with: as configured, else as the data set says, else half a frame interval.
 pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
+    let interval = frame_interval(&scene.train);
     if config.blur.exposure > 0.0 {
-        return (config.blur.exposure, None);
+        let (set, longest) = (config.blur.exposure, interval.unwrap_or(f64::INFINITY));
+        let warning = format!("blur.exposure: expected at most the time between two frames, {longest}, found {set}");
+        return (set, (set > longest).then_some(warning));
     }
     let mut said: Vec<f64> = scene.train.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
     said.sort_by(f64::total_cmp);
     if let Some(median) = said.get(said.len() / 2) {
         return (*median, None);
     }
-    let half = 0.5 * frame_interval(&scene.train).unwrap_or(1.0);
+    let half = 0.5 * interval.unwrap_or(1.0);
     (half, Some(format!("the data set does not say how long the shutter was open: beginning with {half:.4}")))
 }

@@ -63,8 +63,10 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
     let hits = 3 * state.contacts.len();
     let is_hit =
         |i: usize| jumps[hits * i..][..hits].chunks_exact(3).any(|jump| norm(jump) * scales[i] > config.select_pixels);
+    // The remainder may move what has no order left.
+    let is_moved = state.remainder.is_some();
     let moving: Vec<u32> = (0..state.rows.len())
-        .filter(|i| state.orders[*i] + state.rotation_orders[*i] > 0 || is_hit(*i))
+        .filter(|i| is_moved || state.orders[*i] + state.rotation_orders[*i] > 0 || is_hit(*i))
         .map(|i| i as u32)
         .collect();
     selected.stopped = state.rows.len() - moving.len();

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DMat4, DVec3, Vec3};
 use gs_datasets::motion::{HullOptions, MaskSource, hull, moving_masks};
 
 use super::fixture::{Ball, HEIGHT, WIDTH, World, grown, straight, true_masks};
@@ -98,4 +98,28 @@ fn small_objects_are_found() {
     assert!(hull.centre.distance(straight(0.5)) < 0.012, "{}", hull.centre);
     assert!((0.7..2.0).contains(&(hull.volume / (4.0 / 3.0 * PI * 0.06_f64.powi(3)))), "{}", hull.volume);
     assert_eq!(hull.points.len(), 500);
+}
+
+/// Two cameras side by side do not bound the ball's depth; a third one turned away, with a spot in its mask, bounds it to nothing.
+/// The hull of the two is kept, and said to be cut.
+#[test]
+fn a_camera_turned_away_takes_nothing() {
+    let mut scene = World { frames: 1, ..World::of(straight) }.scene();
+    let mut masks = true_masks(&scene);
+    scene.train.swap(0, 4);
+    masks.swap(0, 4);
+    scene.train.truncate(3);
+    let eye = scene.train[0].c2w;
+    let ball = DMat4::from_translation(straight(0.0));
+    let beside = ball * DMat4::from_rotation_z(0.1) * ball.inverse() * eye;
+    let away = eye * DMat4::from_rotation_y(PI);
+    for (view, c2w) in scene.train.iter_mut().zip([eye, beside, away]) {
+        view.c2w = c2w;
+    }
+    let spot = |pixel: usize| (pixel % WIDTH).abs_diff(WIDTH / 2) < 4 && (pixel / WIDTH).abs_diff(HEIGHT / 2) < 4;
+    let spots = (0..WIDTH * HEIGHT).map(|pixel| if spot(pixel) { 255 } else { 0 }).collect();
+    let masks = [masks[0].clone(), masks[0].clone(), Some(spots)];
+    let hull = hull(&scene, &masks, 0.0, &HullOptions::default());
+    assert!(hull.notes.iter().any(|note| note.contains("cut")), "{:?}", hull.notes);
+    assert!(!hull.points.is_empty());
 }
