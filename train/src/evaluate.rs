@@ -165,17 +165,18 @@ impl Evaluator {
 
     fn measure(&self, image: Tensor<3>, photo: &Photo) -> Scores {
         let truth = photo.image.clone();
-        let (psnr, image, truth) = match &photo.mask {
-            None => (psnr(image.clone(), truth.clone()), image, truth),
+        let (psnr, share, image, truth) = match &photo.mask {
+            None => (psnr(image.clone(), truth.clone()), 1.0, image, truth),
             Some(mask) => {
                 // Ignored pixels are black in both for the measures that look at neighbourhoods.
                 let psnr = psnr_masked(image.clone(), truth.clone(), mask.clone());
-                (psnr, image * mask.clone(), truth * mask.clone())
+                let share = f64::from(mask.clone().mean().into_scalar::<f32>());
+                (psnr, share, image * mask.clone(), truth * mask.clone())
             }
         };
         Scores {
             psnr,
-            ssim: ssim(image.clone(), truth.clone()),
+            ssim: ssim_of_share(image.clone(), truth.clone(), share),
             ms_ssim: self.ms_ssim.then(|| ms_ssim(image.clone(), truth.clone())).flatten(),
             lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
         }
@@ -193,12 +194,10 @@ impl Evaluator {
         let truth = photo.image.clone();
         let psnr = psnr_masked(image.clone(), truth.clone(), mask.clone());
         let (image, truth) = (image * mask.clone(), truth * mask);
-        // Outside the mask both are black, and SSIM is 1 but for windows (of 11 pixels) that reach into it: what differs there counts
-        // against the mask, so the value is that of the mask or lower.
         let share = pixels as f64 / moving.len() as f64;
         Some(Scores {
             psnr,
-            ssim: 1.0 - (1.0 - ssim(image.clone(), truth.clone())) / share,
+            ssim: ssim_of_share(image.clone(), truth.clone(), share),
             ms_ssim: None,
             lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
         })
@@ -276,4 +275,10 @@ impl Evaluation {
             self.seconds
         )
     }
+}
+
+/// SSIM of the `share` of the pixels that a mask kept, where both images are black outside of it: SSIM is 1 there, but for windows (of
+/// 11 pixels) that reach into the mask. What differs in those counts against the mask, so the value is that of the mask or lower.
+fn ssim_of_share(image: Tensor<3>, truth: Tensor<3>, share: f64) -> f64 {
+    1.0 - (1.0 - ssim(image, truth)) / share.max(f64::MIN_POSITIVE)
 }

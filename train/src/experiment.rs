@@ -234,6 +234,8 @@ impl Config {
         check("render.far", render.far, render.far > render.near, "larger than render.near")?;
         check("render.eps2d", render.eps2d, render.eps2d.is_finite() && render.eps2d >= 0.0, "0 or more")?;
         check("loss.dssim", loss.dssim, (0.0..=1.0).contains(&loss.dssim), "from 0 to 1")?;
+        check("loss.opacity_reg", loss.opacity_reg, not_negative(loss.opacity_reg), "0 or more")?;
+        check("loss.scale_reg", loss.scale_reg, not_negative(loss.scale_reg), "0 or more")?;
         self.optimiser.validate()?;
         self.density.validate()?;
         self.motion.validate()?;
@@ -254,12 +256,14 @@ pub(crate) fn check(
     if holds { Ok(()) } else { Err(ConfigError::Range { key, expected, found: found.to_string() }) }
 }
 
+/// Above 0, also as f32, which is what kernels compute with.
 pub(crate) fn positive(x: f64) -> bool {
-    x.is_finite() && x > 0.0
+    not_negative(x) && x as f32 > 0.0
 }
 
+/// 0 or more, and finite as f32.
 pub(crate) fn not_negative(x: f64) -> bool {
-    x.is_finite() && x >= 0.0
+    x >= 0.0 && (x as f32).is_finite()
 }
 
 pub(crate) fn open_unit(x: f64) -> bool {

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use burn::data::dataloader::Progress;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Int, Tensor};
 use burn_train::metric::vision::{Lpips, LpipsConfig, LpipsNet, MsSsimInput, MsSsimMetric, MsSsimMetricConfig};
 use burn_train::metric::{Metric, MetricMetadata, Numeric};
 use gs_burn::ops::ssim::l1_ssim;
@@ -51,6 +51,9 @@ pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>) -> Option<f64> {
     metric.value().map(|value| value.current())
 }
 
+/// Side of the patterns that tell networks apart, pixels: enough for five halvings.
+const PATTERN: usize = 64;
+
 /// LPIPS with pretrained weights, where Burn's cache has them; they are never downloaded by us.
 #[derive(Debug)]
 pub struct Perceptual {
@@ -71,14 +74,30 @@ impl Perceptual {
             |name: &str| ["backbone", "lpips"].iter().all(|part| folder.join(format!("{name}_{part}.pth")).is_file());
         match choices.into_iter().find(|(_, name)| cached(name)) {
             Some((net, name)) => {
-                let network = LpipsConfig::new().with_net(net).init_pretrained(device);
-                Ok(Self { network, name })
+                let read = || Self { network: LpipsConfig::new().with_net(net).init_pretrained(device), name };
+                let (network, again) = (read(), read());
+                // Burn goes on with random weights where it cannot read the files; those differ from one time to the next.
+                let same = network.of_patterns(device).to_bits() == again.of_patterns(device).to_bits();
+                same.then_some(network).ok_or_else(|| {
+                    format!(
+                        "no LPIPS: expected the weights of {name}, found files that cannot be read in {}",
+                        folder.display()
+                    )
+                })
             }
             None => Err(format!(
                 "no LPIPS: its weights are not in Burn's cache, {} (vgg_backbone.pth and vgg_lpips.pth, or alex_*, squeeze_*)",
                 folder.display()
             )),
         }
+    }
+
+    /// The distance of two patterns that no two networks agree on.
+    fn of_patterns(&self, device: &Device) -> f64 {
+        let count = (PATTERN * PATTERN * 3) as i64;
+        let ramp = Tensor::<1, Int>::arange(0..count, device).float() / count as f32;
+        let ramp = ramp.reshape([PATTERN, PATTERN, 3]);
+        self.distance(ramp.clone(), 1.0 - ramp)
     }
 
     /// LPIPS distance of images `[H, W, 3]` from 0 to 1; 0 for equal images.

@@ -200,6 +200,12 @@ impl<'a> Run<'a> {
         for warning in &scene.warnings {
             self.progress.say(&format!("warning: {warning}"));
         }
+        if config.pipeline == Pipeline::Static && scene.time_range.is_some_and(|(low, high)| low < high) {
+            self.progress.say(
+                "warning: the photos have times, but this recipe takes the scene to stand still; for what moves: \
+                 --config configs/taylormode/base.toml",
+            );
+        }
         if self.trainer.step > 0 {
             self.progress.say(&format!("resuming after step {}", self.trainer.step));
         }
@@ -288,7 +294,7 @@ impl<'a> Run<'a> {
         });
         EvalFile {
             name: self.request.folder.name(),
-            dataset: self.request.dataset.display().to_string(),
+            dataset: self.dataset().display().to_string(),
             device: self.request.device_name.clone(),
             steps: self.request.config.steps,
             cap: self.request.config.density.cap,
@@ -300,12 +306,18 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// The data set's full path: a run is measured and resumed from any folder.
+    fn dataset(&self) -> PathBuf {
+        let path = &self.request.dataset;
+        std::fs::canonicalize(path).unwrap_or_else(|_| path.clone())
+    }
+
     fn save(&self) -> Result<()> {
         let folder = &self.request.folder;
         let checkpoint = Checkpoint {
             trainer: self.trainer.clone(),
             config: self.request.config.clone(),
-            dataset: self.request.dataset.clone(),
+            dataset: self.dataset(),
             origin: self.origin,
         };
         checkpoint.save(&folder.checkpoint(self.trainer.step))?;

@@ -75,7 +75,7 @@ fn block(path: &[f32], order: usize) -> &[f32] {
     &path[3 * (order - 1)..][..3]
 }
 
-/// What two orders of the same Gaussians make of the same held-out pixels.
+/// What two orders of the same Gaussians make of the same pixels: fitted ones, for which the criterion is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
     /// Sum of squared colour differences with the lower order.

@@ -165,17 +165,28 @@ fn ranges(points: impl Iterator<Item = (f64, f64)>) -> Option<(std::ops::Range<f
 fn number(value: f64) -> String {
     match value.abs() {
         0.0..1e-9 => "0".into(),
-        1e-9..0.1 => format!("{value:.3}"),
-        0.1..10.0 => format!("{value:.2}"),
-        10.0..1000.0 => format!("{value:.0}"),
-        1000.0..1e6 => format!("{:.1}k", value / 1e3),
-        _ => format!("{:.1}M", value / 1e6),
+        1e-9..0.1 => short(value, 3),
+        0.1..1000.0 => short(value, 2),
+        1000.0..1e6 => short(value / 1e3, 2) + "k",
+        _ => short(value / 1e6, 2) + "M",
     }
+}
+
+/// A number of at most so many decimals, without zeros at its end.
+fn short(value: f64, decimals: usize) -> String {
+    format!("{value:.decimals$}").trim_end_matches('0').trim_end_matches('.').into()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Ticks a fifth apart are told apart.
+    #[test]
+    fn numbers_are_short() {
+        let all = [0.0, 0.004, 0.25, 16.2, 16.0, 100.0, -50.0, 12_500.0, 2e6].map(number);
+        assert_eq!(all, ["0", "0.004", "0.25", "16.2", "16", "100", "-50", "12.5k", "2M"]);
+    }
 
     #[test]
     fn charts_are_svg_with_or_without_points() {

@@ -13,6 +13,7 @@ use crate::memory::megabytes;
 use crate::profile::Profile;
 use crate::report::pictures::{ERROR_FULL_SCALE, SideBySide};
 use crate::run_folder::EvalFile;
+use crate::taylormode::measure::MotionCost;
 
 /// The look of all pages.
 pub(crate) const STYLE: &str = include_str!("style.css");
@@ -51,6 +52,9 @@ pub(super) fn html(
     )?;
     write!(page, "<header>\n<h1>{name}</h1>\n<p>{}</p>\n</header>\n", summary(eval))?;
     verdict(&mut page, eval)?;
+    if let Some(motion) = &eval.last.motion {
+        stored_table(&mut page, eval.last.gaussians, &motion.cost)?;
+    }
     progress_table(&mut page, eval)?;
     page.push_str("<section>\n<h2>Curves</h2>\n<div class=\"plots\">\n");
     for plot in plots {
@@ -101,6 +105,7 @@ fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
         .cpu_seconds
         .map_or(String::new(), |cpu| format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64));
     let peak = last.peak_memory_bytes.map_or("–".into(), megabytes);
+    let bytes = last.motion.as_ref().map_or(last.bytes, |motion| motion.cost.bytes);
     let predicted = format!("<small>{} predicted</small>", megabytes(eval.predicted_memory_bytes));
     let cards = [
         ("PSNR", format!("{:.2} dB", last.mean.psnr), String::new()),
@@ -108,7 +113,7 @@ fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
         ("MS-SSIM", ms_ssim, ms_ssim_note),
         ("LPIPS", lpips, lpips_note),
         ("Gaussians", thousands(last.gaussians), format!("<small>at most {}</small>", thousands(eval.cap))),
-        ("Size", megabytes(last.bytes as u64), "<small>parameters as f32</small>".into()),
+        ("Size", megabytes(bytes as u64), "<small>parameters as f32</small>".into()),
         ("Training time", duration(last.seconds), cpu),
         ("Peak memory", peak, predicted),
     ];
@@ -146,26 +151,37 @@ fn motion_cards(last: &Evaluation) -> Vec<(&'static str, String, String)> {
         thousands(cost.moving),
         format!("<small>{:.0} % are static; mean order {:.2}</small>", 100.0 * cost.static_share, cost.mean_order),
     ));
-    cards.push((
-        "Numbers of motion",
-        thousands(cost.motion_parameters),
-        format!(
-            "<small>{:.0} % fewer than one order for all ({})</small>",
-            100.0 * cost.saved(),
-            thousands(cost.fixed_motion_parameters),
-        ),
-    ));
-    let degrees: Vec<String> = cost.sh_degrees.iter().map(|count| thousands(*count)).collect();
-    cards.push((
-        "All numbers",
-        thousands(cost.parameters),
-        format!(
-            "<small>{} with fixed orders and degrees; Gaussians with SH degree 0, 1, ...: {}</small>",
-            thousands(cost.fixed_parameters),
-            degrees.join(", ")
-        ),
-    ));
     cards
+}
+
+/// What a moving scene stores, beside the same Gaussians at one order.
+fn stored_table(page: &mut String, gaussians: usize, cost: &MotionCost) -> Result<()> {
+    let all = gaussians.max(1) as f64;
+    let moving: usize = cost.orders.iter().enumerate().map(|(order, count)| order * count).sum();
+    let counts = |of: &[usize]| of.iter().map(|count| thousands(*count)).collect::<Vec<_>>().join(" · ");
+    let mut fixed_orders = vec![0; cost.fixed_order + 1];
+    fixed_orders[cost.fixed_order] = gaussians;
+    let mut fixed_degrees = vec![0; cost.sh_degrees.len().max(1)];
+    *fixed_degrees.last_mut().expect("one at least") = gaussians;
+    let rows = [
+        ("Gaussians", thousands(gaussians), thousands(gaussians)),
+        ("numbers", thousands(cost.parameters), thousands(cost.fixed_parameters)),
+        ("of them motion", thousands(cost.motion_parameters), thousands(cost.fixed_motion_parameters)),
+        ("bytes", megabytes(cost.bytes as u64), megabytes(cost.fixed_bytes as u64)),
+        ("share static", format!("{:.1} %", 100.0 * cost.static_share), "0 %".into()),
+        ("mean order of motion, over all", format!("{:.2}", moving as f64 / all), format!("{}", cost.fixed_order)),
+        ("Gaussians of order 0 · 1 · 2 · ...", counts(&cost.orders), counts(&fixed_orders)),
+        ("Gaussians of SH degree 0 · 1 · ...", counts(&cost.sh_degrees), counts(&fixed_degrees)),
+    ];
+    page.push_str(
+        "<section>\n<h2>What the scene stores</h2>\n<table>\n<tr><th></th><th>this scene</th>\
+         <th>one order and degree for all</th></tr>\n",
+    );
+    for (what, here, fixed) in rows {
+        writeln!(page, "<tr><td>{what}</td><td>{here}</td><td>{fixed}</td></tr>")?;
+    }
+    page.push_str("</table>\n</section>\n");
+    Ok(())
 }
 
 /// One row per measurement.

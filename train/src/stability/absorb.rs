@@ -27,11 +27,11 @@ const STEPS_QUICK: usize = 60;
 const LOOKS: usize = 6;
 
 /// How a blurry photo is formed, with the changes to the lab's recipe: the exact formation, the paper's warp with its weights
-/// network and losses, and no blur model.
+/// network, and no blur model. None sees a pseudo-sharp photo: that would keep any of them sharp.
 const MODES: [(&str, &[&str]); 3] = [
-    ("integrate", &["blur.mode=integrate"]),
-    ("warp", &["blur.mode=warp", "blur.decouple=true", "blur.samples=7", "prior.sharp=1", "prior.until=1"]),
-    ("none", &["blur.mode=none", "prior.sharp=0"]),
+    ("integrate", &["blur.mode=integrate", "prior.pseudo=false"]),
+    ("warp", &["blur.mode=warp", "blur.decouple=true", "blur.samples=7", "prior.pseudo=false"]),
+    ("none", &["blur.mode=none", "prior.pseudo=false"]),
 ];
 
 struct Trained {

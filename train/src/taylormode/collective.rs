@@ -43,6 +43,11 @@ const TURN: f64 = 6.0;
 /// a turn trembles; a hundred are more than the cameras of most rigs.
 const BETA1: f64 = 0.99;
 
+/// Times the rate, the farthest that a step may move a place of the body at the ends of the window; longer ones are shortened as a whole.
+/// First steps have full length in every number whatever the gradient: together with the Gaussians' own they must not reach a
+/// hundredth of the scene (FIELD B20).
+const FARTHEST: f64 = 3.0;
+
 impl Collective {
     /// Nothing yet, for a body about `centre` of root mean square size `size` (scene units), whose paths have `order` blocks.
     pub fn new(centre: [f64; 3], size: f64, order: usize, device: &Device) -> Self {
@@ -61,7 +66,12 @@ impl Collective {
         // A factor of the basis is one of the step: Adam does not see how large gradients are.
         let adam = AdamConfig { beta1: BETA1, ..*adam };
         self.sum.step(basis.clone().transpose().matmul(gradients), &adam);
-        basis.matmul(self.sum.value.clone() - before)
+        let change = basis.matmul(self.sum.value.clone() - before);
+        let blocks = change.dims()[1] / 3;
+        let lengths = change.clone().reshape([count, blocks, 3]).powi_scalar(2).sum_dim(2).sqrt();
+        let farthest = lengths.sum_dim(1).max().clamp_min(f32::MIN_POSITIVE);
+        let shortened = (farthest.recip() * (FARTHEST * adam.lr)).clamp_max(1.0);
+        change * shortened.reshape([1, 1])
     }
 }
 
@@ -98,7 +108,22 @@ mod tests {
                 (moved[0] + turn * offset[1]).abs() < 1e-6 && (moved[1] - turn * offset[0]).abs() < 1e-6,
                 "{moved:?}"
             );
-            assert!(moved[2].abs() < 1e-6 && moved.iter().all(|x| x.abs() <= TURN * ADAM.lr), "{moved:?}");
+            assert!(moved[2].abs() < 1e-6 && moved.iter().all(|x| x.abs() <= FARTHEST * ADAM.lr), "{moved:?}");
+        }
+    }
+
+    /// All blocks asked for a turn at once: together no farther than the limit, and still a turn.
+    #[test]
+    fn no_step_goes_far() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let (offsets, places) = corners(&device);
+        let mut collective = Collective::new([1.0, 2.0, 3.0], 0.75_f64.sqrt(), 4, &device);
+        let gradients = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0].repeat(4)).map(|x| x as f32).collect();
+        let change = to_host(collective.step(places, from_host(gradients, 12, &device), &ADAM));
+        let length = |block: &[f32]| block.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+        for blocks in change.chunks_exact(12) {
+            let moved: f64 = blocks.chunks_exact(3).map(length).sum();
+            assert!((moved / (FARTHEST * ADAM.lr) - 1.0).abs() < 1e-5, "{moved}");
         }
     }
 

@@ -6,7 +6,7 @@ use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
 use crate::experiment::{Config, Pipeline};
-use crate::taylormode::config::MaskSource;
+use crate::taylormode::config::{BlurMode, MaskSource};
 use crate::taylormode::state::MotionState;
 
 /// What was found.
@@ -99,9 +99,11 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
         Some(velocity.to_array())
     });
     let guides = guides.collect();
+    let unguided = config.blur.mode == BlurMode::Warp && config.prior.velocity > 0.0 && tracks.len() > 1;
+    let unguided = unguided.then(|| "bodies move apart: the guide velocity (Eq. 17) is left out".to_string());
     Some(Found {
         guides,
-        warnings: masks.warnings.iter().cloned().chain(notes).chain(absent(scene, config)).collect(),
+        warnings: masks.warnings.iter().cloned().chain(notes).chain(unguided).chain(absent(scene, config)).collect(),
         tracks,
         pixels_per_unit,
         masks,

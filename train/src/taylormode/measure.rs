@@ -67,6 +67,12 @@ pub struct MotionCost {
     pub fixed_parameters: usize,
     /// Bytes of `parameters` as f32, with a row number per moving Gaussian.
     pub bytes: usize,
+    /// Bytes of `fixed_parameters` as f32: all move, so none needs a row number.
+    #[serde(default)]
+    pub fixed_bytes: usize,
+    /// The fixed order of paths, `motion.order`.
+    #[serde(default)]
+    pub fixed_order: usize,
 }
 
 /// Measures the scene on the held-out views.
@@ -174,6 +180,8 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
         parameters: summary.parameters,
         fixed_parameters: summary.fixed_order_parameters,
         bytes: summary.bytes,
+        fixed_bytes: 4 * summary.fixed_order_parameters,
+        fixed_order: fixed.position,
     }
 }
 

@@ -7,6 +7,9 @@ use crate::lens::{Distortion, Focal, Lens};
 /// Largest declared image side, pixels; beyond it a number is not a size.
 const SIDE_MAX: f64 = 1e6;
 
+/// Most pixels of a declared image: the largest cameras have 1.5e8, and a rendering needs some 25 bytes for each.
+const PIXELS_MAX: f64 = 2e8;
+
 /// Keys of instant-ngp that ask for a projection other than the pinhole.
 const OTHER_PROJECTIONS: [&str; 4] = ["is_fisheye", "latlong", "equirectangular", "ftheta_p0"];
 
@@ -18,13 +21,19 @@ pub(super) fn read(keys: &Keys) -> Result<Lens, DatasetError> {
     if focal_x.is_none() && focal_y.is_none() {
         return Err(keys.wrong("fl_x", "a focal length (fl_x or camera_angle_x)", "neither".to_string()));
     }
+    let (width, height) = (size(keys, "w")?, size(keys, "h")?);
+    if let (Some(width), Some(height)) = (width, height)
+        && width * height > PIXELS_MAX
+    {
+        return Err(keys.wrong("w", "an image of at most 200 megapixels", format!("{width} x {height}")));
+    }
     Ok(Lens {
         focal_x,
         focal_y,
         cx: keys.number("cx")?,
         cy: keys.number("cy")?,
-        width: size(keys, "w")?,
-        height: size(keys, "h")?,
+        width,
+        height,
         distortion: distortion(keys)?,
     })
 }
