@@ -75,9 +75,11 @@ impl Perceptual {
         match choices.into_iter().find(|(_, name)| cached(name)) {
             Some((net, name)) => {
                 let read = || Self { network: LpipsConfig::new().with_net(net).init_pretrained(device), name };
-                let (network, again) = (read(), read());
-                // Burn goes on with random weights where it cannot read the files; those differ from one time to the next.
-                let same = network.of_patterns(device).to_bits() == again.of_patterns(device).to_bits();
+                // Burn goes on with random weights where it cannot read the files; those differ from one time to the next. The first
+                // network is gone before the second comes: they are large.
+                let first = read().of_patterns(device);
+                let network = read();
+                let same = network.of_patterns(device).to_bits() == first.to_bits();
                 same.then_some(network).ok_or_else(|| {
                     format!(
                         "no LPIPS: expected the weights of {name}, found files that cannot be read in {}",

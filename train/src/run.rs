@@ -19,7 +19,7 @@ use crate::profile;
 use crate::progress::Progress;
 use crate::report;
 use crate::resources::{cpu_seconds, peak_memory};
-use crate::run_folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, TrainLine};
+use crate::run_folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, TrainLine, full_path};
 use crate::schedule::due;
 use crate::step::{StepReport, Trainer};
 use crate::taylormode::hints::{self, Found};
@@ -294,7 +294,7 @@ impl<'a> Run<'a> {
         });
         EvalFile {
             name: self.request.folder.name(),
-            dataset: self.dataset().display().to_string(),
+            dataset: full_path(&self.request.dataset).display().to_string(),
             device: self.request.device_name.clone(),
             steps: self.request.config.steps,
             cap: self.request.config.density.cap,
@@ -306,18 +306,12 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The data set's full path: a run is measured and resumed from any folder.
-    fn dataset(&self) -> PathBuf {
-        let path = &self.request.dataset;
-        std::fs::canonicalize(path).unwrap_or_else(|_| path.clone())
-    }
-
     fn save(&self) -> Result<()> {
         let folder = &self.request.folder;
         let checkpoint = Checkpoint {
             trainer: self.trainer.clone(),
             config: self.request.config.clone(),
-            dataset: self.dataset(),
+            dataset: full_path(&self.request.dataset),
             origin: self.origin,
         };
         checkpoint.save(&folder.checkpoint(self.trainer.step))?;

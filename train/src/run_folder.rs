@@ -86,6 +86,11 @@ pub struct EvalFile {
     pub evaluations: Vec<Evaluation>,
 }
 
+/// The path from the root, whatever folder a program was started in; as it is where there is nothing.
+pub fn full_path(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
+}
+
 impl RunFolder {
     /// The folder at `path`; nothing is made yet.
     pub fn at(path: impl Into<PathBuf>) -> Self {
@@ -123,7 +128,7 @@ impl RunFolder {
 
     /// The run's name: its folder's.
     pub fn name(&self) -> String {
-        let absolute = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
+        let absolute = full_path(&self.path);
         absolute.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned())
     }
 
@@ -222,8 +227,7 @@ impl RunFolder {
     /// # Errors
     /// When they cannot be written.
     pub fn write_config(&self, config: &Config, dataset: &Path) -> Result<()> {
-        let dataset = fs::canonicalize(dataset).unwrap_or_else(|_| dataset.to_path_buf());
-        write_atomic(&self.dataset(), format!("{}\n", dataset.display()).as_bytes())?;
+        write_atomic(&self.dataset(), format!("{}\n", full_path(dataset).display()).as_bytes())?;
         Ok(write_atomic(&self.config(), config.to_toml().as_bytes())?)
     }
 

@@ -7,7 +7,7 @@ use gs_models::Motion;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
-use crate::density::{Changes, Density, Moment, Observation, trim};
+use crate::density::{Changes, Density, Moment, Observation, Succession, trim};
 use crate::experiment::Config;
 use crate::losses::{photometric, regularisers};
 use crate::optimiser::Optimiser;
@@ -273,12 +273,19 @@ impl Trainer {
             extent: self.extent,
             means_lr: config.optimiser.means_lr_at(self.step, config.steps),
         };
-        let Self { parameters, optimiser, density, motion, .. } = self;
+        let Self { parameters, optimiser, density, .. } = self;
         let refinement = density.after_step(parameters, optimiser, observation, &config.density, &moment);
-        if let (Some(state), Some(succession)) = (motion, &refinement.succession) {
-            state.follow(&succession.source, &succession.fresh);
+        if let Some(succession) = &refinement.succession {
+            self.follow(succession);
         }
         refinement.changes
+    }
+
+    /// Has the motion follow a change of the table.
+    fn follow(&mut self, succession: &Succession) {
+        if let Some(state) = &mut self.motion {
+            state.follow(&succession.source, &succession.fresh);
+        }
     }
 
     /// Leaves out what the scene does not need, when it is time: Gaussians, orders of paths, bands of colour.
@@ -296,9 +303,7 @@ impl Trainer {
         let before = self.parameters.len();
         let succession = trim::trim(&mut self.parameters, &mut self.optimiser, &contributions, config.density.trim);
         if let Some(succession) = succession {
-            if let Some(state) = &mut self.motion {
-                state.follow(&succession.source, &succession.fresh);
-            }
+            self.follow(&succession);
             // Its statistics were of the rows before, and are not used any more.
             self.density = Density::new(&config.density, &self.parameters);
         }

@@ -3,13 +3,12 @@
 mod common;
 
 use burn::tensor::Tensor;
-use gs_train::data::{Photos, camera};
+use gs_train::data::camera;
 use gs_train::density::ops::{Draft, logit};
 use gs_train::density::{DensityConfig, Moment, mcmc, trim};
 use gs_train::optimiser::Optimiser;
 use gs_train::parameters::{Group, Parameters, from_host, to_host};
 use gs_train::run_folder::MetricsLine;
-use gs_train::step::Trainer;
 
 /// A table in which every number tells its row: row r of a column group holds r + column / 100.
 fn labelled(rows: usize, offset: f32) -> [Tensor<2>; 5] {
@@ -152,10 +151,9 @@ fn the_cap_holds_from_the_start() {
 /// At each pixel the blending weights add up to the alpha, so those of all Gaussians do to the alpha of all photos.
 #[test]
 fn contributions_add_up_to_what_is_seen() {
-    let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(10, &[]);
-    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
-    let model = Trainer::begin(&scene, None, &config, &common::device()).model();
+    let (scene, trainer, _) = common::begun(&config);
+    let model = trainer.model();
     let options = config.render.options(0, [0.0; 3]);
     let contributions = trim::contributions(&*model, &scene.train, &options, config.seed);
     let gaussians = model.at(0.0);
@@ -169,11 +167,8 @@ fn contributions_add_up_to_what_is_seen() {
 /// Gaussians out of sight when the count comes to rest are dropped then, and no others later.
 #[test]
 fn what_no_photo_shows_is_dropped() {
-    let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(20, &["density.trim=0.001", "density.stop=0.5", "density.noise=0"]);
-    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
-    let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
-    let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let (scene, mut trainer, photo) = common::begun(&config);
     let mut counts = Vec::new();
     for step in 1..=20 {
         if step == 10 {

@@ -2,17 +2,12 @@
 
 mod common;
 
-use gs_train::data::Photos;
 use gs_train::parameters::Group;
-use gs_train::step::Trainer;
 
 #[test]
 fn steps_lower_the_loss() {
-    let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(60, &[]);
-    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
-    let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
-    let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let (_, mut trainer, photo) = common::begun(&config);
     let losses: Vec<f32> = (0..60).map(|_| trainer.step(&photo, &config).loss).collect();
     assert!(losses[59] < 0.7 * losses[0], "{} -> {}", losses[0], losses[59]);
     assert_eq!(trainer.parameters.sh_degree(), 3, "a short run reaches the full degree");
@@ -20,11 +15,8 @@ fn steps_lower_the_loss() {
 
 #[test]
 fn a_loss_that_is_not_finite_is_skipped_and_counted() {
-    let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(10, &["density.noise=0"]);
-    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
-    let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
-    let photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let (_, mut trainer, photo) = common::begun(&config);
     let before = Group::ALL.map(|group| trainer.parameters.read(group));
     // The size regulariser divides by the extent.
     let extent = std::mem::replace(&mut trainer.extent, 0.0);
@@ -38,11 +30,8 @@ fn a_loss_that_is_not_finite_is_skipped_and_counted() {
 
 #[test]
 fn ignored_pixels_teach_nothing() {
-    let folder = tempfile::tempdir().expect("a folder");
     let config = common::config(10, &["loss.opacity_reg=0", "loss.scale_reg=0", "density.noise=0"]);
-    let scene = config.load(&common::tiny_scene(folder.path())).expect("loads");
-    let mut trainer = Trainer::begin(&scene, None, &config, &common::device());
-    let mut photo = Photos::new(&scene.train, &common::device(), 0).get(0);
+    let (_, mut trainer, mut photo) = common::begun(&config);
     let [height, width, _] = photo.image.dims();
     photo.mask = Some(burn::tensor::Tensor::zeros([height, width, 1], &common::device()));
     let before = trainer.parameters.read(Group::Means);

@@ -14,7 +14,7 @@ use crate::experiment::Config;
 use crate::interrupt;
 use crate::resources::forget_peak_memory;
 use crate::run::{Ending, RunRequest, run as run_training};
-use crate::run_folder::RunFolder;
+use crate::run_folder::{RunFolder, full_path};
 
 /// One combination.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +120,7 @@ fn state(folder: &RunFolder, config: &Config, dataset: &Path) -> Result<State> {
         return Ok(State::New);
     }
     let (found, trained_on) = folder.read_config()?;
-    let wanted = std::fs::canonicalize(dataset).unwrap_or_else(|_| dataset.to_path_buf());
+    let wanted = full_path(dataset);
     if found != *config || trained_on != wanted {
         bail!(
             "{}: holds a run with another {}; choose another folder with --out",

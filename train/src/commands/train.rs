@@ -11,7 +11,7 @@ use crate::experiment::Config;
 use crate::interrupt;
 use crate::profile::{self, Profile};
 use crate::run::{Ending, RunRequest, run as run_training};
-use crate::run_folder::{EvalFile, RunFolder};
+use crate::run_folder::{EvalFile, RunFolder, full_path};
 
 /// Where runs go when nobody says otherwise.
 pub(super) const RUNS: &str = "runs";
@@ -112,7 +112,7 @@ fn shortcuts(args: &TrainArgs) -> Vec<String> {
 
 /// The data set's name: its folder, or the folder of its file.
 fn stem(dataset: &Path) -> String {
-    let path = std::fs::canonicalize(dataset).unwrap_or_else(|_| dataset.to_path_buf());
+    let path = full_path(dataset);
     let folder = if path.is_file() { path.parent().unwrap_or(&path) } else { &path };
     folder.file_name().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
 }
@@ -135,6 +135,6 @@ fn newest_folder(name: &str) -> Option<PathBuf> {
 fn verdict(eval: &EvalFile, folder: &RunFolder) -> String {
     let missing = [&eval.last.ms_ssim_reason, &eval.last.lpips_reason];
     let missing: String = missing.into_iter().flatten().map(|reason| format!("\n{reason}")).collect();
-    let report = std::fs::canonicalize(folder.report()).unwrap_or_else(|_| folder.report());
+    let report = full_path(&folder.report());
     format!("{}{missing}\nscene  {}\nreport {}", eval.last.line(), folder.ply().display(), report.display())
 }

@@ -5,10 +5,13 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use gs_datasets::Scene;
 use gs_datasets::synthetic::{DemoOptions, demo_scene};
+use gs_train::data::{Photo, Photos};
 use gs_train::experiment::Config;
 use gs_train::run::{Ending, RunRequest, run};
 use gs_train::run_folder::RunFolder;
+use gs_train::step::Trainer;
 
 /// Points of the tiny scene.
 pub const POINTS: usize = 150;
@@ -33,6 +36,15 @@ pub fn config(steps: usize, overrides: &[&str]) -> Config {
         [format!("steps={steps}"), "eval.ms_ssim=false".into(), "eval.lpips=false".into(), "eval.images=1".into()];
     let all: Vec<String> = common.into_iter().chain(overrides.iter().map(|s| s.to_string())).collect();
     Config::resolve(None, &all).expect("a valid configuration")
+}
+
+/// The tiny scene, a trainer at the beginning of `config`, and the first training photo.
+pub fn begun(config: &Config) -> (Scene, Trainer, Photo) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = config.load(&tiny_scene(folder.path())).expect("loads");
+    let trainer = Trainer::begin(&scene, None, config, &device());
+    let photo = Photos::new(&scene.train, &device(), 0).get(0);
+    (scene, trainer, photo)
 }
 
 /// What to run in `folder` on `dataset`.
