@@ -6,7 +6,7 @@ use gs_kernels::rows::{PROJECTED, ProjectedRow};
 use gs_tests::cutoff::{SHARE, SHARE_IN_STACKS, undecided_pixels, without};
 use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
 use gs_tests::scenes::{Random, Scene};
-use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_near, assert_near_scaled, bits, values};
+use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_image, assert_near, assert_near_scaled, bits, values};
 
 /// What is blended, on the host.
 struct Inputs {
@@ -71,14 +71,10 @@ impl Inputs {
         let undecided = undecided_pixels(&self.rows, &self.opacities, self.size(), share);
         let expected = without(&expected, &undecided);
         for place in singles() {
-            let image = values(&self.image(place));
-            // Depths are of order 5, the rest of order 1.
-            assert_near_scaled(
-                &format!("{case} on {}", place.name),
-                &without(&image, &undecided),
-                &expected,
-                FORWARD_F32,
-            );
+            let image = without(&values(&self.image(place)), &undecided);
+            let RasterizeConfig { channels, depth, .. } = self.config;
+            let (width, depth) = (channels + usize::from(depth) + 1, depth.then_some(channels));
+            assert_image(&format!("{case} on {}", place.name), &image, &expected, width, depth, FORWARD_F32);
         }
     }
 }

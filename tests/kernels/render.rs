@@ -6,7 +6,15 @@ use gs_kernels::constants::ALPHA_MIN;
 use gs_tests::cutoff::{SHARE, without};
 use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
 use gs_tests::scenes::{Reading, Scene};
-use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, HARD_FORWARD_F32, assert_near, assert_near_scaled, values};
+use gs_tests::tolerance::{
+    FORWARD_F32, FORWARD_F64, HARD_FORWARD_F32, assert_image, assert_near, assert_near_scaled, values,
+};
+
+/// Values of a pixel of [`image`]: colour, depth, alpha.
+const CHANNELS: usize = 5;
+
+/// The place of depth among them.
+const DEPTH: usize = 3;
 
 /// The image with depth and alpha as one tensor `[H, W, 5]`, as the rasterizer writes it.
 fn image(scene: &Scene, place: &Place) -> Vec<f64> {
@@ -73,8 +81,8 @@ fn every_device_follows_the_reference() {
         let undecided = scene.undecided(SHARE);
         let expected = without(&expected, &undecided);
         for place in singles() {
-            // Relative to the depths, of order 5.
-            assert_near_scaled(&place.name, &without(&image(&scene, place), &undecided), &expected, FORWARD_F32);
+            let image = without(&image(&scene, place), &undecided);
+            assert_image(&place.name, &image, &expected, CHANNELS, Some(DEPTH), FORWARD_F32);
         }
     }
 }
@@ -98,7 +106,8 @@ fn needles_and_edges_follow_the_reference() {
     let undecided = scene.undecided(SHARE);
     let expected = without(&expected, &undecided);
     for place in singles() {
-        assert_near_scaled(&place.name, &without(&image(&scene, place), &undecided), &expected, HARD_FORWARD_F32);
+        let image = without(&image(&scene, place), &undecided);
+        assert_image(&place.name, &image, &expected, CHANNELS, Some(DEPTH), HARD_FORWARD_F32);
     }
 }
 

@@ -91,6 +91,23 @@ pub fn assert_near_scaled(what: &str, actual: &[f64], expected: &[f64], bound: f
     assert_near(what, actual, expected, bound * largest(expected).max(1.0));
 }
 
+/// Asserts that an image of `channels` values a pixel is the expected one: all channels to `bound` itself, but for that of
+/// depth, which counts in units of length: to `bound` of the largest depth, or to `bound` if that is below 1.
+#[track_caller]
+pub fn assert_image(what: &str, actual: &[f64], expected: &[f64], channels: usize, depth: Option<usize>, bound: f64) {
+    assert_eq!(actual.len(), expected.len(), "number of values of {what}");
+    for channel in 0..channels {
+        let [actual, expected] =
+            [actual, expected].map(|image| image.iter().skip(channel).step_by(channels).copied().collect::<Vec<_>>());
+        let what = format!("channel {channel} of {what}");
+        if depth == Some(channel) {
+            assert_near_scaled(&what, &actual, &expected, bound);
+        } else {
+            assert_near(&what, &actual, &expected, bound);
+        }
+    }
+}
+
 /// Asserts that a gradient is the expected one, to `bound` of its largest entry, and in direction; and that it is not
 /// zero, which a kernel that the driver refused leaves behind and every bound of the form `bound * largest` accepts.
 #[track_caller]

@@ -26,7 +26,7 @@ use crate::taylormode::saved::{self, SavedMotion};
 const FORMAT: &str = "gsburn-checkpoint";
 
 /// Changes whenever an older program could misread a file.
-const VERSION: &str = "2";
+const VERSION: &str = "3";
 
 /// When the state is saved.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

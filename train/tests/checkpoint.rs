@@ -72,7 +72,7 @@ fn damage_is_said_in_one_sentence() {
     assert!(complaint(folder.path(), &flipped).contains("checksum"));
 
     let mut newer = bytes.clone();
-    let (from, to) = (br#"\"version\":\"2\""#, br#"\"version\":\"9\""#);
+    let (from, to) = (br#"\"version\":\"3\""#, br#"\"version\":\"9\""#);
     let place = newer.windows(from.len()).position(|window| window == from).expect("the version");
     newer[place..place + to.len()].copy_from_slice(to);
     let error = complaint(folder.path(), &newer);

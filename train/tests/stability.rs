@@ -63,6 +63,89 @@ fn enough_instants_form_the_exposure() {
     assert!(error > 0.0 && error <= 1.0, "{error} / 255 at one pixel an instant");
 }
 
+/// The points of a figure's series.
+fn points(outcome: &Outcome, figure: &str, series: &str) -> Vec<(f64, f64)> {
+    let figure = outcome.figures.iter().find(|found| found.file == figure).expect("the figure is drawn");
+    let series = figure.chart.series.iter().find(|found| found.name() == series);
+    series.unwrap_or_else(|| panic!("a series of {}", figure.file)).points().to_vec()
+}
+
+/// In a hundred steps from minus the velocity; with two frames most turn round, with one it is the start that decides.
+#[test]
+fn one_frame_has_no_direction_and_two_have() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "direction", true);
+    let (two, from_chance) = (value(&outcome, "two or more frames"), value(&outcome, "one frame"));
+    assert!(two >= 60.0, "two frames turn {two} % round");
+    assert!(from_chance <= 15.0, "one frame knows more than it can: {from_chance} % from chance");
+}
+
+/// Sixty steps find no exposure; but they go towards it from either side, and along constant exposure times speed it is the other
+/// frames that object, as the method assumes.
+#[test]
+fn neighbouring_frames_tell_exposure_from_speed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "exposure", true);
+    let found = points(&outcome, "exposure-found.svg", "exposure");
+    assert!(found[0].1 > 0.5 && found[1].1 < 2.0, "exposures over truth, begun at 0.5 and 2: {found:?}");
+    let farthest = |series: &str| {
+        let valley = points(&outcome, "exposure-valley.svg", series);
+        valley[0].1.min(valley[valley.len() - 1].1)
+    };
+    let (one, all) = (farthest("the frame at t0 alone"), farthest("all frames"));
+    // An octave off, first-order blur is the same in one frame (FIELD.md B15 b); two frames are misplaced by half the motion.
+    assert!(one <= 1.02 && all >= 1.1, "an octave off: one frame {one} times the least difference, all frames {all}");
+}
+
+/// Photos that were sharp stay sharp.
+#[test]
+fn no_blur_model_eats_a_sharp_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "absorb", true);
+    for mode in ["integrate", "warp"] {
+        let blur = value(&outcome, &format!("{mode}, sharp photos: mean change"));
+        let gain = value(&outcome, &format!("{mode}, sharp photos: PSNR"));
+        assert!(blur <= 0.02 && gain >= -0.1, "{mode}: blurs sharp photos by {blur}, {gain} dB");
+    }
+}
+
+/// Scale and shift of a depth prior do not show where they are fitted; believed as they are, they do.
+#[test]
+fn affine_errors_of_depth_are_fitted_away() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "depth", true);
+    let (aligned, believed) =
+        (value(&outcome, "affine error"), points(&outcome, "depth.svg", "affine in depth, not aligned")[1].1);
+    assert!(aligned <= 0.1, "aligned depth changes PSNR by {aligned} dB");
+    assert!(believed < -aligned, "wrong depth costs {believed} dB: the experiment shows nothing");
+}
+
+#[test]
+fn masks_may_be_two_pixels_wrong() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "masks", true);
+    let (moving, whole) = (value(&outcome, "loss in moving parts"), value(&outcome, "loss over the whole"));
+    assert!(moving <= 1.0 && whole <= 0.5, "moving parts lose {moving} dB, whole images {whole}");
+}
+
+#[test]
+fn forming_blur_harms_neither_moving_nor_still_things() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "speed", true);
+    let (moving, still) = (value(&outcome, "gain over no blur model"), value(&outcome, "gain where nothing moves"));
+    assert!(moving >= -0.1 && still >= -0.1, "gains of {moving} dB and, where nothing moves, {still}");
+}
+
+#[test]
+fn decaying_opacities_end_no_lower_than_reset_ones() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = experiment(folder.path(), "opacity", true);
+    for scene in ["moving", "still"] {
+        let gain = value(&outcome, &format!("{scene}: PSNR with decay"));
+        assert!(gain >= -0.1, "{scene}: {gain} dB");
+    }
+}
+
 /// Some minutes: `cargo test --release --workspace --test stability -- --ignored`.
 #[test]
 #[ignore = "trains fifteen times"]

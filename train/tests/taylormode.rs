@@ -107,7 +107,7 @@ fn a_bounce_resumes_to_the_same_bits() {
     resumes_on(&world, folder, &[]);
     let loaded = gs_train::export::load_scene(&folder.join("whole"), &common::device()).expect("a scene");
     let state = loaded.motion.as_ref().expect("a moving scene");
-    assert!(!state.contacts.is_empty() && state.collective.is_some() && state.exposure_said);
+    assert!(!state.contacts.is_empty() && state.bodies.len() == 1 && state.exposure_said);
     let jumps = to_host(state.kinks.value.clone());
     assert_eq!(jumps.len(), 3 * state.contacts.len() * state.rows.len());
     assert!(jumps.iter().any(|jump| *jump != 0.0), "nothing jumps");
@@ -157,6 +157,36 @@ fn every_formation_trains_and_is_measured() {
         assert!(eval.last.moving.as_ref().expect("the truth's mask").psnr > 5.0, "{name}");
         assert!(motion.blurry_psnr.expect("the truth's blurry photo") > 5.0, "{name}");
         assert!(motion.velocity_angle.is_some() && motion.cost.moving > 0, "{name}: {motion:?}");
+    }
+}
+
+/// Largest difference between backends, dB. Sums in another order differ in the seventh digit; forty steps of Adam, whose first have
+/// full length whatever the gradient, made 4e-4 dB of that.
+#[cfg(any(feature = "ndarray", feature = "wgpu"))]
+const BACKENDS_APART: f64 = 0.01;
+
+/// The whole pipeline, on each backend of the build: the same scene but for rounding.
+#[test]
+#[cfg(any(feature = "ndarray", feature = "wgpu"))]
+fn every_backend_trains_the_same_scene() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = tiny_world(folder);
+    for more in [["blur.mode=integrate", "motion.remainder=on"], ["blur.mode=warp", "blur.decouple=true"]] {
+        let trained = common::BACKENDS.iter().map(|backend| {
+            let run = RunRequest {
+                device: common::named(backend),
+                ..request(&world, &folder.join(format!("{backend} {}", more[0])), &more)
+            };
+            let last = common::finish(&run).last;
+            (*backend, [last.mean.psnr, last.moving.expect("the truth's mask").psnr])
+        });
+        let trained: Vec<(&str, [f64; 2])> = trained.collect();
+        let (_, first) = trained[0];
+        for (backend, psnr) in &trained {
+            let apart = (0..2).map(|i| (psnr[i] - first[i]).abs()).fold(0.0, f64::max);
+            assert!(apart <= BACKENDS_APART, "{more:?} on {backend}: {psnr:?} dB, on {}: {first:?}", trained[0].0);
+        }
     }
 }
 

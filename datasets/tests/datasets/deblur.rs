@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use exr::prelude::read_all_flat_layers_from_file;
 use gs_datasets::light::{to_encoded, to_linear};
-use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFaults, World, write};
+use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFault, PriorFaults, World, write};
 use gs_datasets::{LoadOptions, load};
 use serde_json::Value;
 
@@ -229,16 +229,33 @@ fn same_options_same_bytes_on_any_number_of_threads() {
     }
 }
 
-#[test]
-fn faults_switch_off() {
-    let folder = written(&DeblurOptions { priors: PriorFaults::none(), ..small(World::Cube) });
+/// Which priors (depth, mask, pseudo-sharp) are the truth in every training frame, and how the set names its depths.
+fn exact(faults: PriorFaults) -> ([bool; 3], String) {
+    let folder = written(&DeblurOptions { priors: faults, ..small(World::Cube) });
     let set = json(&folder, "train");
-    assert_eq!(set["depth_kind"], "metric_z");
+    let mut exact = [true; 3];
     for frame in set["frames"].as_array().expect("frames") {
         let (prior, truth) = (|key: &str| file(&folder, &frame[key]), |key: &str| file(&folder, &frame["truth"][key]));
-        assert!(channels(prior("depth_file_path")) == channels(truth("depth_path")));
-        assert!(bytes(&prior("mask_path")) == bytes(&truth("mask_path")));
-        assert!(bytes(&prior("pseudo_sharp_path")) == bytes(&truth("sharp_path")));
+        exact[0] &= channels(prior("depth_file_path")) == channels(truth("depth_path"));
+        exact[1] &= bytes(&prior("mask_path")) == bytes(&truth("mask_path"));
+        exact[2] &= bytes(&prior("pseudo_sharp_path")) == bytes(&truth("sharp_path"));
+    }
+    (exact, set["depth_kind"].as_str().expect("a kind").into())
+}
+
+#[test]
+fn faults_switch_one_by_one() {
+    assert_eq!(exact(PriorFaults::none()), ([true; 3], "metric_z".into()));
+    let cases = [
+        (PriorFault::DepthAffine, [false, true, true], "depth"),
+        (PriorFault::DepthNoise, [false, true, true], "metric_z"),
+        (PriorFault::DepthOutliers, [false, true, true], "metric_z"),
+        (PriorFault::InverseDepth, [false, true, true], "inverse_depth"),
+        (PriorFault::Masks, [true, false, true], "metric_z"),
+        (PriorFault::Sharp, [true, true, false], "metric_z"),
+    ];
+    for (fault, expected, kind) in cases {
+        assert_eq!(exact(PriorFaults::of(&[fault])), (expected, kind.into()), "{fault:?}");
     }
 }
 
@@ -353,7 +370,7 @@ fn worlds_are_read_by_name() {
         assert_eq!(world.to_string().parse(), Ok(world));
     }
     let error = "box".parse::<World>().expect_err("no such world");
-    assert_eq!(error, "expected cube, lychee, monkey or sphere, found \"box\"");
+    assert_eq!(error, "expected cube, lychee, monkey, sphere or pair, found \"box\"");
     // The encoded mid grey, so that this file's use of the curve is tied to a number.
     assert!((to_encoded(0.214_041) - 0.5).abs() < 1e-5);
 }

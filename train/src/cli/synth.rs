@@ -25,7 +25,7 @@ pub enum Synth {
 /// Arguments of `synth deblur`.
 #[derive(Debug, Args)]
 pub struct SynthDeblurArgs {
-    /// cube (slides and turns), lychee (spins), monkey (speeds up) or sphere (bounces)
+    /// cube (slides and turns), lychee (spins), monkey (speeds up), sphere (bounces) or pair (two bodies)
     #[arg(value_enum)]
     pub world: WorldName,
 
@@ -61,8 +61,13 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     pub speed: f64,
 
-    /// Write the priors (depth, masks, pseudo-sharp photos) without faults
-    #[arg(long)]
+    /// Faults of the priors (depth, masks, pseudo-sharp photos), any of them
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST",
+          default_values = ["depth-affine", "depth-noise", "masks", "sharp"])]
+    pub faults: Vec<FaultName>,
+
+    /// Priors without any fault
+    #[arg(long, conflicts_with = "faults")]
     pub perfect_priors: bool,
 
     /// Points to start from, noisy ones on surfaces; 0: none
@@ -85,6 +90,25 @@ pub enum WorldName {
     Monkey,
     /// A ball bounces
     Sphere,
+    /// A box and a bumpy ball, each on its own way
+    Pair,
+}
+
+/// A fault of priors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FaultName {
+    /// Depth up to a scale and a shift per frame
+    DepthAffine,
+    /// Depth with fine and coarse noise
+    DepthNoise,
+    /// One pixel in twenty has another's depth
+    DepthOutliers,
+    /// Inverse depth is written
+    InverseDepth,
+    /// Masks with ragged outlines
+    Masks,
+    /// Pseudo-sharp photos keep a third of the blur
+    Sharp,
 }
 
 /// Arguments of `synth blur-from-frames`.

@@ -3,11 +3,11 @@
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults, World};
+use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFault, PriorFaults, World};
 use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, WorldName};
+use crate::cli::{BlurFromFramesArgs, FaultName, Synth, SynthArgs, SynthDeblurArgs, WorldName};
 use crate::commands::print;
 
 /// Makes what is asked for.
@@ -29,6 +29,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
             WorldName::Lychee => World::Lychee,
             WorldName::Monkey => World::Monkey,
             WorldName::Sphere => World::Sphere,
+            WorldName::Pair => World::Pair,
         },
         width,
         height,
@@ -40,7 +41,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         speed: args.speed,
         seed: args.seed,
         points: args.points,
-        priors: if args.perfect_priors { PriorFaults::none() } else { PriorFaults::default() },
+        priors: faults(args),
     };
     let bar = bar();
     deblur::write(&args.out, &options, |done, total| {
@@ -51,6 +52,22 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
     warn_of_overlap(args.exposure, options.exposure_time());
     print(format!("{}: {} cameras, {} frames each", args.out.display(), args.cameras, args.frames));
     Ok(ExitCode::SUCCESS)
+}
+
+/// The faults asked for.
+fn faults(args: &SynthDeblurArgs) -> PriorFaults {
+    if args.perfect_priors {
+        return PriorFaults::none();
+    }
+    let named = args.faults.iter().map(|name| match name {
+        FaultName::DepthAffine => PriorFault::DepthAffine,
+        FaultName::DepthNoise => PriorFault::DepthNoise,
+        FaultName::DepthOutliers => PriorFault::DepthOutliers,
+        FaultName::InverseDepth => PriorFault::InverseDepth,
+        FaultName::Masks => PriorFault::Masks,
+        FaultName::Sharp => PriorFault::Sharp,
+    });
+    PriorFaults::of(&named.collect::<Vec<_>>())
 }
 
 fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {

@@ -46,14 +46,24 @@ impl Series {
         Self { name: name.into(), points, style: Style::Dots }
     }
 
-    /// Whether there are no points.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
-
     /// Points as dots joined by a line.
     pub fn line_and_dots(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, style: Style::LineAndDots }
+    }
+
+    /// Its name in the legend.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its points.
+    pub fn points(&self) -> &[(f64, f64)] {
+        &self.points
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
     }
 }
 

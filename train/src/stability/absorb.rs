@@ -20,7 +20,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 480;
+const STEPS: usize = 960;
 const STEPS_QUICK: usize = 60;
 
 /// Measurements along a run.
@@ -103,8 +103,8 @@ fn run(lab: &Lab) -> Result<Findings> {
 
 fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {
     let steps = lab.either(STEPS, STEPS_QUICK);
-    // As far as the 3000 steps of a real run take the exposure.
-    let changes: Vec<&str> = changes.iter().copied().chain(["blur.exposure_lr=1.5e-2"]).collect();
+    // As far as the 4000 steps of a real run take the exposure.
+    let changes: Vec<&str> = changes.iter().copied().chain(["blur.exposure_lr=8e-3"]).collect();
     let mut session = Session::begin(lab, scene, lab.config(steps, &changes)?);
     let mut trained = Trained { along: Vec::new(), sharp: Vec::new(), blur: 0.0 };
     for look in 1..=LOOKS {

@@ -22,7 +22,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 200;
+const STEPS: usize = 1000;
 const STEPS_QUICK: usize = 100;
 
 /// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The mover's texture repeats

@@ -22,12 +22,11 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 400;
+const STEPS: usize = 1600;
 const STEPS_QUICK: usize = 60;
 
-/// Rate of the exposure's logarithm. A run of `base.toml` has 3000 steps at 2e-3 and so may travel a factor of 4.5 either way;
-/// these few steps may go as far, and no farther.
-const RATE: &str = "blur.exposure_lr=1.5e-2";
+/// Rate of the exposure's logarithm: a run of `base.toml` has 4000 steps at 2e-3, and these may go as far together, and no farther.
+const RATE: &str = "blur.exposure_lr=5e-3";
 
 fn run(lab: &Lab) -> Result<Findings> {
     let options = small(World::Cube, 6);

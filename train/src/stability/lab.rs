@@ -100,7 +100,10 @@ impl Lab {
             return self.bar.suspend(|| eprintln!("{line}"));
         }
         let (done, elapsed) = (self.done.get(), self.begun.elapsed().as_secs_f64());
-        let left = elapsed * self.total.saturating_sub(done) as f64 / done.max(1) as f64;
+        if done == 0 {
+            return eprintln!("{line}");
+        }
+        let left = elapsed * self.total.saturating_sub(done) as f64 / done as f64;
         eprintln!("{line}; {done}/{} steps, about {left:.0} s left", self.total);
     }
 

@@ -17,7 +17,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 280;
+const STEPS: usize = 560;
 const STEPS_QUICK: usize = 40;
 
 /// The mover is about 20 pixels wide here; a segmentation that misses its outline by more than a tenth of that on either side is

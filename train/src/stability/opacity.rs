@@ -22,7 +22,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 450;
+const STEPS: usize = 900;
 const STEPS_QUICK: usize = 60;
 
 /// Steps between measurements.
@@ -61,7 +61,7 @@ fn run(lab: &Lab) -> Result<Findings> {
         found.figures.push((name, Chart { title, x: "step".into(), y, series }));
     }
     found.notes.push(
-        "Resets come every 150 steps here, which is often; at the 3000 of the original recipe none would be seen."
+        "Resets come every 300 steps here, which is often; at the 3000 of the original recipe none would be seen."
             .into(),
     );
     Ok(found)

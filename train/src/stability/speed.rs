@@ -18,7 +18,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STEPS: usize = 300;
+const STEPS: usize = 600;
 const STEPS_QUICK: usize = 40;
 
 /// Differences below this come from the order of sums as much as from the method, dB.

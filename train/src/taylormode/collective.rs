@@ -1,4 +1,4 @@
-//! What moves, moves mostly as one: an update of all paths together, beside each Gaussian's own.
+//! What moves, moves mostly as one: an update of all paths of a body together, beside each Gaussian's own.
 //!
 //! A path's blocks `c_k` are numbers of one Gaussian, learned from the few pixels it covers. On a body that turns, those pixels
 //! repeat, and each Gaussian alone may settle on the wrong repetition or lag behind. Near the body's centre the motion of a
@@ -7,15 +7,16 @@
 //! `c_k(x) = W_k [1, (x - centre) / scale]`,   `W_k` `[3, 4]`,
 //!
 //! which holds every rigid motion exactly (a rotation by any angle is linear in `x`) and many others nearly. Adam on `W`, whose
-//! gradient is the sum of those of all Gaussians, moves all blocks by `dW_k [1, ...]`. The model is not changed by it: what is
-//! stored, and what single Gaussians may do, stays the same. Not part of the paper.
+//! gradient is the sum of those of all the body's Gaussians, moves all blocks by `dW_k [1, ...]`. Each body has its own `W`; a Gaussian
+//! is part of the body whose centre is nearest to it. The model is not changed by it: what is stored, and what single Gaussians
+//! may do, stays the same. Not part of the paper.
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::ops::adam::AdamConfig;
 
 use crate::taylormode::learned::Learned;
 
-/// The common motion as Adam sees it.
+/// The common motion of a body, as Adam sees it.
 #[derive(Debug, Clone)]
 pub struct Collective {
     /// `[4, 3 K]`: what all paths were moved by so far.
@@ -48,20 +49,63 @@ const BETA1: f64 = 0.99;
 /// hundredth of the scene (FIELD B20).
 const FARTHEST: f64 = 3.0;
 
+/// The change `[M, 3 K]` of the blocks of Gaussians at `places` `[M, 3]` (at `t0`), whose own gradients are `gradients` `[M, 3 K]`:
+/// each by the step of the body that it is part of. `None` without bodies.
+pub fn step_together(
+    bodies: &mut [Collective],
+    places: Tensor<2>,
+    gradients: Tensor<2>,
+    adam: &AdamConfig,
+) -> Option<Tensor<2>> {
+    if let [body] = bodies {
+        return Some(body.step(places, gradients, None, adam));
+    }
+    let centres: Vec<[f64; 3]> = bodies.iter().map(|body| body.centre).collect();
+    let steps = bodies
+        .iter_mut()
+        .zip(members(&centres, &places))
+        .map(|(body, member)| body.step(places.clone(), gradients.clone(), Some(member), adam));
+    steps.reduce(|a, b| a + b)
+}
+
+/// For each centre 1 where it is the nearest to a place, 0 elsewhere, `[M, 1]`.
+fn members(centres: &[[f64; 3]], places: &Tensor<2>) -> Vec<Tensor<2>> {
+    if centres.is_empty() {
+        return Vec::new();
+    }
+    let device = places.device();
+    let distances = centres.iter().map(|centre| {
+        let centre: Tensor<2> = Tensor::<1>::from_floats(centre.map(|x| x as f32), &device).unsqueeze();
+        (places.clone() - centre).powi_scalar(2).sum_dim(1)
+    });
+    let nearest = Tensor::cat(distances.collect(), 1).argmin(1);
+    (0..centres.len()).map(|index| nearest.clone().equal_elem(index as i64).float()).collect()
+}
+
 impl Collective {
     /// Nothing yet, for a body about `centre` of root mean square size `size` (scene units), whose paths have `order` blocks.
     pub fn new(centre: [f64; 3], size: f64, order: usize, device: &Device) -> Self {
         Self { sum: Learned::new(Tensor::zeros([4, 3 * order], device)), centre, scale: REACH * size }
     }
 
-    /// The change `[M, 3 K]` of the blocks of Gaussians at `places` `[M, 3]` (at `t0`), whose own gradients are `gradients`
-    /// `[M, 3 K]`.
-    pub fn step(&mut self, places: Tensor<2>, gradients: Tensor<2>, adam: &AdamConfig) -> Tensor<2> {
+    /// The change `[M, 3 K]` of the blocks at `places` `[M, 3]` by a step of the whole body, down the sum of `gradients` `[M, 3 K]`;
+    /// only of the body's members (1, others 0, `[M, 1]`; `None`: all).
+    fn step(
+        &mut self,
+        places: Tensor<2>,
+        gradients: Tensor<2>,
+        members: Option<Tensor<2>>,
+        adam: &AdamConfig,
+    ) -> Tensor<2> {
         let device = places.device();
         let count = places.dims()[0];
         let centre: Tensor<2> = Tensor::<1>::from_floats(self.centre.map(|x| x as f32), &device).unsqueeze();
         let offset = (places - centre) * (TURN / self.scale);
         let basis = Tensor::cat(vec![Tensor::full([count, 1], SHIFT, &device), offset], 1);
+        let basis = match members {
+            Some(members) => basis * members,
+            None => basis,
+        };
         let before = self.sum.value.clone();
         // A factor of the basis is one of the step: Adam does not see how large gradients are.
         let adam = AdamConfig { beta1: BETA1, ..*adam };
@@ -100,7 +144,7 @@ mod tests {
         let mut collective = Collective::new([1.0, 2.0, 3.0], size, 1, &device);
         // Down the gradient lies w x offset with w along z.
         let gradients = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0]).map(|x| x as f32).collect();
-        let change = to_host(collective.step(places, from_host(gradients, 3, &device), &ADAM));
+        let change = to_host(collective.step(places, from_host(gradients, 3, &device), None, &ADAM));
         for (moved, offset) in change.chunks_exact(3).zip(&offsets) {
             let moved: Vec<f64> = moved.iter().map(|x| f64::from(*x)).collect();
             let turn = TURN * ADAM.lr / (REACH * size);
@@ -119,12 +163,32 @@ mod tests {
         let (offsets, places) = corners(&device);
         let mut collective = Collective::new([1.0, 2.0, 3.0], 0.75_f64.sqrt(), 4, &device);
         let gradients = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0].repeat(4)).map(|x| x as f32).collect();
-        let change = to_host(collective.step(places, from_host(gradients, 12, &device), &ADAM));
+        let change = to_host(collective.step(places, from_host(gradients, 12, &device), None, &ADAM));
         let length = |block: &[f32]| block.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
         for blocks in change.chunks_exact(12) {
             let moved: f64 = blocks.chunks_exact(3).map(length).sum();
             assert!((moved / (FARTHEST * ADAM.lr) - 1.0).abs() < 1e-5, "{moved}");
         }
+    }
+
+    /// Two cubes side by side: one is asked to turn, the other to shift, and each does what it was asked alone.
+    #[test]
+    fn bodies_move_apart() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let (offsets, near) = corners(&device);
+        let far = near.clone() + Tensor::<1>::from_floats([5.0, 0.0, 0.0], &device).unsqueeze();
+        let turn: Vec<f32> = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0]).map(|x| x as f32).collect();
+        let shift = [0.0, 0.0, -1.0].repeat(8);
+        let body = |x: f64| Collective::new([x, 2.0, 3.0], 0.75_f64.sqrt(), 1, &device);
+        let alone = |x: f64, places: &Tensor<2>, gradients: &[f32]| {
+            to_host(body(x).step(places.clone(), from_host(gradients.to_vec(), 3, &device), None, &ADAM))
+        };
+        let expected = [alone(1.0, &near, &turn), alone(6.0, &far, &shift)].concat();
+        let places = Tensor::cat(vec![near, far], 0);
+        let gradients = from_host([turn, shift].concat(), 3, &device);
+        let together = step_together(&mut [body(1.0), body(6.0)], places.clone(), gradients.clone(), &ADAM);
+        assert_eq!(to_host(together.expect("there are bodies")), expected);
+        assert!(step_together(&mut [], places, gradients, &ADAM).is_none());
     }
 
     #[test]
@@ -133,7 +197,7 @@ mod tests {
         let (_, places) = corners(&device);
         let mut collective = Collective::new([1.0, 2.0, 3.0], 1.0, 2, &device);
         let gradients = (0..8).flat_map(|_| [0.0, 0.0, -1.0, 0.0, 2.0, 0.0]).collect();
-        let change = to_host(collective.step(places, from_host(gradients, 6, &device), &ADAM));
+        let change = to_host(collective.step(places, from_host(gradients, 6, &device), None, &ADAM));
         for moved in change.chunks_exact(6) {
             let step = (SHIFT * ADAM.lr) as f32;
             let expected = [0.0, 0.0, step, 0.0, -step, 0.0];

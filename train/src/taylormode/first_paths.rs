@@ -87,17 +87,24 @@ pub fn contacts(tracks: &[Track], window: &TimeWindow, most: usize) -> Vec<Conta
 pub fn first_paths(tracks: &[Track], state: &MotionState, means: &[[f32; 3]], order: usize) -> (Vec<f32>, Vec<f32>) {
     let blocks: Vec<Vec<f32>> =
         tracks.iter().map(|track| displacement_blocks(&track.path, state.window, order, &state.contacts)).collect();
-    let centres: Vec<DVec3> = tracks.iter().map(|track| track.path.position(state.window.t0)).collect();
     let (mut paths, mut jumps) = (Vec::new(), Vec::new());
     for row in &state.rows {
         let place = glam::Vec3::from(means[*row as usize]).as_dvec3();
-        let distance = |track: &usize| centres[*track].distance_squared(place);
-        let nearest = (0..tracks.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("there are tracks");
-        let (path, jump) = blocks[nearest].split_at(3 * order);
+        let (path, jump) = blocks[nearest(tracks, state.window.t0, place)].split_at(3 * order);
         paths.extend_from_slice(path);
         jumps.extend_from_slice(jump);
     }
     (paths, jumps)
+}
+
+/// Index of the track whose body is nearest to `place` at `t`.
+///
+/// # Panics
+/// Without tracks.
+pub fn nearest(tracks: &[Track], t: f64, place: DVec3) -> usize {
+    let distances = tracks.iter().map(|track| track.path.position(t).distance_squared(place));
+    let nearest = distances.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
+    nearest.expect("there are tracks").0
 }
 
 /// Added to the diagonal, as a share of its sum: what the times say nothing of (a body that was not yet seen when another one was hit)

@@ -2,6 +2,7 @@
 //! configuration learns beside them.
 
 use burn::tensor::Device;
+use glam::{DVec3, Vec3};
 use gs_datasets::Scene;
 use gs_models::network::Mlp;
 use gs_models::taylormode::order::has_pattern;
@@ -13,7 +14,7 @@ use crate::scene_init::size_of;
 use crate::step::Trainer;
 use crate::taylormode::collective::Collective;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
-use crate::taylormode::first_paths::{contacts, first_paths, shape};
+use crate::taylormode::first_paths::{contacts, first_paths, nearest, shape};
 use crate::taylormode::first_points::first_points;
 use crate::taylormode::hints::{Found, Track, first_exposure, window};
 use crate::taylormode::learned::Learned;
@@ -49,10 +50,9 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
         state.position = Learned::new(from_host(blocks, 3 * order, device));
         state.kinks = Learned::new(from_host(jumps, 3 * state.contacts.len(), device));
     }
-    // Bodies that move apart have no common motion.
-    if config.motion.collective && order > 0 && found.tracks.len() == 1 {
-        let RemainderFrame { centre, scale, .. } = remainder_frame(&state, &first.gaussians.means, order);
-        state.collective = Some(Collective::new(centre, scale, order, device));
+    if config.motion.collective && order > 0 {
+        let frames = body_frames(&found.tracks, &state, &first.gaussians.means);
+        state.bodies = frames.map(|(centre, size)| Collective::new(centre, size, order, device)).collect();
     }
     if let Some((first, last)) = scene.time_range {
         state.recording = [first, last];
@@ -125,10 +125,28 @@ fn leaves_a_pattern(track: &Track, pixels_per_unit: f64) -> bool {
 
 /// Centre and root mean square size of what moves.
 pub fn remainder_frame(state: &MotionState, means: &[[f32; 3]], order: usize) -> RemainderFrame {
-    let places: Vec<glam::DVec3> =
-        state.rows.iter().map(|row| glam::Vec3::from(means[*row as usize]).as_dvec3()).collect();
+    let (centre, scale) = frame(&places(state, means));
+    RemainderFrame { centre, scale, order }
+}
+
+/// The same of what is part of each body; bodies without Gaussians are left out.
+fn body_frames(tracks: &[Track], state: &MotionState, means: &[[f32; 3]]) -> impl Iterator<Item = ([f64; 3], f64)> {
+    let mut parts = vec![Vec::new(); tracks.len()];
+    // Without masks there are no tracks, and no bodies.
+    for place in places(state, means).into_iter().filter(|_| !tracks.is_empty()) {
+        parts[nearest(tracks, state.window.t0, place)].push(place);
+    }
+    parts.into_iter().filter(|part| !part.is_empty()).map(|part| frame(&part))
+}
+
+/// Where the moving Gaussians are at `t0`.
+fn places(state: &MotionState, means: &[[f32; 3]]) -> Vec<DVec3> {
+    state.rows.iter().map(|row| Vec3::from(means[*row as usize]).as_dvec3()).collect()
+}
+
+fn frame(places: &[DVec3]) -> ([f64; 3], f64) {
     let count = places.len().max(1) as f64;
-    let centre = places.iter().sum::<glam::DVec3>() / count;
+    let centre = places.iter().sum::<DVec3>() / count;
     let spread = (places.iter().map(|place| place.distance_squared(centre)).sum::<f64>() / count).sqrt();
-    RemainderFrame { centre: centre.to_array(), scale: if spread > 0.0 { spread } else { 1.0 }, order }
+    (centre.to_array(), if spread > 0.0 { spread } else { 1.0 })
 }

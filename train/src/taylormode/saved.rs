@@ -22,9 +22,9 @@ pub struct SavedMotion {
     exposure_said: bool,
     /// The first and the last time of the recording, as bits.
     recording: [u64; 2],
-    /// Centre and size of the common motion's frame, as bits.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    collective: Option<[u64; 4]>,
+    /// Centre and size of the frame of each body's common motion, as bits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    bodies: Vec<[u64; 4]>,
     /// Tensors of each network.
     networks: Vec<(String, usize)>,
     /// Centre and size (as bits) and order of the 3D remainder's frame.
@@ -44,10 +44,11 @@ impl SavedMotion {
             updates: state.updates,
             exposure_said: state.exposure_said,
             recording: state.recording.map(f64::to_bits),
-            collective: state.collective.as_ref().map(|collective| {
-                let [x, y, z] = collective.centre;
-                [x, y, z, collective.scale].map(f64::to_bits)
-            }),
+            bodies: state
+                .bodies
+                .iter()
+                .map(|Collective { centre: [x, y, z], scale, .. }| [*x, *y, *z, *scale].map(f64::to_bits))
+                .collect(),
             networks: state
                 .networks
                 .iter()
@@ -88,15 +89,12 @@ impl SavedMotion {
         if kinks.value.dims() != [position.value.dims()[0], 3 * self.contacts.len()] {
             return Err(damaged("the kinks do not fit the contacts".into()));
         }
-        let collective = match self.collective {
-            None => None,
-            Some(bits) => {
-                let [x, y, z, scale] = bits.map(f64::from_bits);
-                Some(Collective { sum: learned("motion.collective")?, centre: [x, y, z], scale })
-            }
-        };
-        let fits = |collective: &Collective| collective.sum.value.dims() == [4, position.value.dims()[1]];
-        if !collective.as_ref().is_none_or(fits) {
+        let mut bodies = Vec::new();
+        for (index, bits) in self.bodies.iter().enumerate() {
+            let [x, y, z, scale] = bits.map(f64::from_bits);
+            bodies.push(Collective { sum: learned(&body_name(index))?, centre: [x, y, z], scale });
+        }
+        if bodies.iter().any(|body| body.sum.value.dims() != [4, position.value.dims()[1]]) {
             return Err(damaged("the common motion does not fit the paths".into()));
         }
         let mut networks = Vec::new();
@@ -131,7 +129,7 @@ impl SavedMotion {
             log_exposure,
             exposure_said: self.exposure_said,
             recording: self.recording.map(f64::from_bits),
-            collective,
+            bodies,
             networks,
             remainder: self.remainder.map(|(bits, order)| {
                 let [x, y, z, scale] = bits.map(f64::from_bits);
@@ -140,6 +138,10 @@ impl SavedMotion {
             updates: self.updates,
         })
     }
+}
+
+fn body_name(index: usize) -> String {
+    format!("motion.body.{index}")
 }
 
 /// The tensors of a state by name.
@@ -155,8 +157,8 @@ pub fn columns(state: &MotionState) -> Vec<(String, Tensor<2>)> {
     if !state.contacts.is_empty() {
         add("motion.kinks".into(), &state.kinks);
     }
-    if let Some(collective) = &state.collective {
-        add("motion.collective".into(), &collective.sum);
+    for (index, body) in state.bodies.iter().enumerate() {
+        add(body_name(index), &body.sum);
     }
     add("motion.log_exposure".into(), &state.log_exposure);
     for network in &state.networks {

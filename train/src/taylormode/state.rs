@@ -10,7 +10,7 @@ use gs_models::taylormode::{
 use gs_models::{Motion, Static};
 
 use crate::parameters::{from_host, indices};
-use crate::taylormode::collective::Collective;
+use crate::taylormode::collective::{Collective, step_together};
 use crate::taylormode::learned::{Learned, gradient_of};
 
 /// The networks of the method, by name.
@@ -89,8 +89,8 @@ pub struct MotionState {
     pub rotation_orders: Vec<u8>,
     /// Logarithm of the exposure, `[1, 1]`.
     pub log_exposure: Learned,
-    /// The paths' common motion, where one is learned.
-    pub collective: Option<Collective>,
+    /// The common motion of each body, where one is learned.
+    pub bodies: Vec<Collective>,
     /// The first and the last time of the recording.
     pub recording: [f64; 2],
     /// Whether the exposure began as the data set says it is.
@@ -244,11 +244,9 @@ impl MotionState {
         if !self.rows.is_empty() {
             if self.position.value.dims()[1] > 0 {
                 let places = means.clone().select(0, self.row_tensor());
-                let together = self
-                    .collective
-                    .as_mut()
-                    .map(|collective| collective.step(places, gradients.position.clone(), &adam(rates.position)));
-                self.position.step(gradients.position, &adam(rates.position));
+                let rate = adam(rates.position);
+                let together = step_together(&mut self.bodies, places, gradients.position.clone(), &rate);
+                self.position.step(gradients.position, &rate);
                 if let Some(change) = together {
                     self.position.value = self.position.value.clone() + change;
                 }
@@ -354,7 +352,7 @@ pub fn still(rows: Vec<u32>, window: TimeWindow, orders: [usize; 2], exposure: f
         orders: vec![orders[0] as u8; count],
         rotation_orders: vec![orders[1] as u8; count],
         log_exposure: Learned::new(from_host(vec![exposure.ln() as f32], 1, device)),
-        collective: None,
+        bodies: Vec::new(),
         recording: [window.t0 - window.half, window.t0 + window.half],
         exposure_said: false,
         networks: Vec::new(),

@@ -16,10 +16,28 @@ use gs_train::step::Trainer;
 /// Points of the tiny scene.
 pub const POINTS: usize = 150;
 
-/// The device of the tests: the first CPU backend of this build.
+/// Which of this build's backends the tests use; the first of [`BACKENDS`] without it.
+const TEST_DEVICE: &str = "GSBURN_TEST_DEVICE";
+
+/// The backends of this build.
+pub const BACKENDS: &[&str] = &[
+    #[cfg(feature = "flex")]
+    "flex",
+    #[cfg(feature = "ndarray")]
+    "ndarray",
+    #[cfg(feature = "wgpu")]
+    "wgpu",
+];
+
+/// The device of the tests.
 pub fn device() -> Device {
-    let name = if cfg!(feature = "flex") { "flex" } else { "ndarray" };
-    gs_burn::device::select(name).expect("a CPU backend")
+    let name = std::env::var(TEST_DEVICE);
+    named(name.as_deref().unwrap_or(BACKENDS[0]))
+}
+
+/// The device of a backend.
+pub fn named(backend: &str) -> Device {
+    gs_burn::device::select(backend).unwrap_or_else(|error| panic!("{backend}: {error}"))
 }
 
 /// Writes the tiny scene into `folder` and returns its path.

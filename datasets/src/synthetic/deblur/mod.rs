@@ -31,11 +31,11 @@ mod tests;
 use std::fmt;
 use std::str::FromStr;
 
-pub use priors::PriorFaults;
+pub use priors::{PriorFault, PriorFaults};
 pub use write::write;
 
-/// The worlds, after the four of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one mover in a
-/// room with still bodies.
+/// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one mover
+/// in a room with still bodies; the last has two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum World {
     /// A tilted box that crosses the room while it turns.
@@ -46,11 +46,13 @@ pub enum World {
     Monkey,
     /// A ball that bounces.
     Sphere,
+    /// A box and a bumpy ball, each on its own way.
+    Pair,
 }
 
 impl World {
     /// All worlds.
-    pub const ALL: [Self; 4] = [Self::Cube, Self::Lychee, Self::Monkey, Self::Sphere];
+    pub const ALL: [Self; 5] = [Self::Cube, Self::Lychee, Self::Monkey, Self::Sphere, Self::Pair];
 
     /// The world's name in lower case, as [`FromStr`] reads it.
     pub fn name(self) -> &'static str {
@@ -59,6 +61,7 @@ impl World {
             Self::Lychee => "lychee",
             Self::Monkey => "monkey",
             Self::Sphere => "sphere",
+            Self::Pair => "pair",
         }
     }
 }
@@ -74,7 +77,7 @@ impl FromStr for World {
 
     fn from_str(name: &str) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|world| world.name() == name);
-        found.ok_or_else(|| format!("expected cube, lychee, monkey or sphere, found {name:?}"))
+        found.ok_or_else(|| format!("expected cube, lychee, monkey, sphere or pair, found {name:?}"))
     }
 }
 

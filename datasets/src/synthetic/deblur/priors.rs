@@ -27,18 +27,31 @@ pub struct PriorFaults {
     pub sharp_noise: f64,
 }
 
+/// A fault that priors can have, of the size in which networks have it today.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PriorFault {
+    /// Depth known up to a scale and a shift that differ from frame to frame.
+    DepthAffine,
+    /// Depth with noise, fine and coarse.
+    DepthNoise,
+    /// One pixel in twenty with another pixel's depth.
+    DepthOutliers,
+    /// Inverse depth in place of depth.
+    InverseDepth,
+    /// Masks with ragged outlines.
+    Masks,
+    /// Pseudo-sharp images that keep a third of the blur.
+    Sharp,
+}
+
+impl PriorFault {
+    /// Those that [`PriorFaults::default`] has.
+    pub const USUAL: [Self; 4] = [Self::DepthAffine, Self::DepthNoise, Self::Masks, Self::Sharp];
+}
+
 impl Default for PriorFaults {
     fn default() -> Self {
-        Self {
-            depth_scale: 0.25,
-            depth_shift: 0.1,
-            depth_noise: 0.01,
-            depth_outliers: 0.0,
-            inverse_depth: false,
-            mask_edge: 2.0,
-            sharp_blur: 1.0 / 3.0,
-            sharp_noise: 0.01,
-        }
+        Self::of(&PriorFault::USUAL)
     }
 }
 
@@ -55,6 +68,22 @@ impl PriorFaults {
             sharp_blur: 0.0,
             sharp_noise: 0.0,
         }
+    }
+
+    /// Priors with these faults alone.
+    pub fn of(faults: &[PriorFault]) -> Self {
+        let mut all = Self::none();
+        for fault in faults {
+            match fault {
+                PriorFault::DepthAffine => (all.depth_scale, all.depth_shift) = (0.25, 0.1),
+                PriorFault::DepthNoise => all.depth_noise = 0.01,
+                PriorFault::DepthOutliers => all.depth_outliers = 0.05,
+                PriorFault::InverseDepth => all.inverse_depth = true,
+                PriorFault::Masks => all.mask_edge = 2.0,
+                PriorFault::Sharp => (all.sharp_blur, all.sharp_noise) = (1.0 / 3.0, 0.01),
+            }
+        }
+        all
     }
 
     /// What `depth_kind` in the JSON says of the depth priors.

@@ -92,11 +92,11 @@ fn blur_is_visible_and_bounded() {
             let placed = stage.placed(t);
             for i in 0..64 * 48 {
                 let ray = camera.ray((i % 64) as f64 * 4.0 + 2.0, (i / 64) as f64 * 4.0 + 2.0);
-                let Some((_, distance)) = stage.sight(&ray, &stage.still(&ray, Lit::ALL), &placed).mover else {
+                let Some((index, distance)) = stage.sight(&ray, &stage.still(&ray, Lit::ALL), &placed).mover else {
                     continue;
                 };
                 let place = ray.at(distance);
-                let way = 0.5 * tau * stage.movers[0].motion.twist(t).at(place, &placed[0].pose);
+                let way = 0.5 * tau * stage.movers[index].motion.twist(t).at(place, &placed[index].pose);
                 let ((u0, v0, _), (u1, v1, _)) = (camera.project(place - way), camera.project(place + way));
                 lengths.push((u1 - u0).hypot(v1 - v0));
             }
@@ -114,9 +114,8 @@ fn movers_stay_in_view_and_in_the_room() {
     let options = DeblurOptions::default();
     for world in World::ALL {
         let stage = stage(world, 1.0);
-        let mover = &stage.movers[0];
         let cameras = cameras(options.cameras, 1, options.width, options.height, &mut ChaCha8Rng::seed_from_u64(0));
-        for step in -1..=33 {
+        for (step, mover) in (-1..=33).flat_map(|step| stage.movers.iter().map(move |mover| (step, mover))) {
             let pose = mover.motion.pose(step as f64 / 32.0);
             for camera in &cameras {
                 let (u, v, z) = camera.project(pose.position);
@@ -130,6 +129,10 @@ fn movers_stay_in_view_and_in_the_room() {
             for (still, body) in &stage.still {
                 let gap = still.pose.position.distance(pose.position) - body.radius - mover.body.radius;
                 assert!(gap > -0.25, "{world} at step {step}: balls around bodies overlap by {gap}");
+            }
+            for other in stage.movers.iter().filter(|other| other.name != mover.name) {
+                let gap = other.motion.pose(step as f64 / 32.0).position.distance(pose.position);
+                assert!(gap > other.body.radius + mover.body.radius, "{world} at step {step}: movers meet");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The four worlds: one room, one mover each after the paper's scenes, and still bodies that a mask must not include.
+//! The worlds: one room, one mover each after the paper's scenes (and one with two), and still bodies that a mask must not include.
 //!
 //! Units are metres; z is up; the cameras look along +y. At the default camera a metre at the target is about 76
 //! pixels of a 256 pixel wide image, so a metre per unit of time is about 4.6 pixels per exposure of 0.06.
@@ -24,11 +24,12 @@ pub(super) fn stage(world: World, speed: f64, rng: &mut ChaCha8Rng) -> Stage {
         colors: colors.map(DVec3::from_array),
         salt: rng.random(),
     };
-    let mover = match world {
-        World::Cube => cube(&mut paint),
-        World::Lychee => lychee(&mut paint),
-        World::Monkey => monkey(&mut paint),
-        World::Sphere => sphere(&mut paint),
+    let mut movers = match world {
+        World::Cube => vec![cube(&mut paint)],
+        World::Lychee => vec![lychee(&mut paint)],
+        World::Monkey => vec![monkey(&mut paint)],
+        World::Sphere => vec![sphere(&mut paint)],
+        World::Pair => pair(&mut paint),
     };
     let planes = room(world, &mut paint);
     let lamp = Lamp::new(DVec3::new(1.4, -2.2, 4.0), 0.5);
@@ -39,7 +40,6 @@ pub(super) fn stage(world: World, speed: f64, rng: &mut ChaCha8Rng) -> Stage {
             (lamp.place(Pose { rotation: turn, position: place }), Body::new(vec![part]))
         })
         .collect();
-    let mut movers = vec![mover];
     for mover in &mut movers {
         mover.motion.speed = speed;
     }
@@ -120,6 +120,20 @@ fn sphere(paint: &mut Paint) -> Mover {
     Mover { name: "sphere", body, motion }
 }
 
+/// A box on the left and a bumpy ball on the right, which turn about other axes at other rates.
+fn pair(paint: &mut Paint) -> Vec<Mover> {
+    let tiles = paint(Pattern::Mosaic, 0.10, [[0.12, 0.42, 0.38], [0.86, 0.80, 0.62], [0.70, 0.26, 0.10]]);
+    let skin = paint(Pattern::Skin, 0.10, [[0.20, 0.06, 0.28], [0.62, 0.24, 0.52], [0.88, 0.78, 0.60]]);
+    let cuboid = Body::new(vec![part(Form::Cuboid { half: DVec3::splat(0.25) }, [0.0; 3], tiles)]);
+    let bumpy = Body::new(vec![part(Form::Bumpy { radius: 0.34, relief: 0.05 }, [0.0; 3], skin)]);
+    let left = Path::Sway { centre: DVec3::new(-0.72, 0.0, 0.72), swing: DVec3::new(0.30, 0.25, 0.24), rate: 2.3 };
+    let right = Path::Sway { centre: DVec3::new(0.74, 0.05, 0.62), swing: DVec3::new(0.26, -0.30, -0.12), rate: 1.9 };
+    vec![
+        Mover { name: "box", body: cuboid, motion: motion(left, [0.3, 0.1, 1.0], 2.2, 0.0) },
+        Mover { name: "bumpy", body: bumpy, motion: motion(right, [-0.2, 0.3, -1.0], 2.4, 0.0) },
+    ]
+}
+
 /// Floor, back wall, side walls, and the wall behind the cameras.
 fn room(world: World, paint: &mut Paint) -> Vec<Plane> {
     let (half, back, front) = ROOM;
@@ -128,7 +142,7 @@ fn room(world: World, paint: &mut Paint) -> Vec<Plane> {
             paint(Pattern::Planks, 0.16, [[0.36, 0.20, 0.09], [0.55, 0.36, 0.18], [0.20, 0.11, 0.05]]),
             paint(Pattern::Plaster, 0.35, [[0.42, 0.50, 0.48], [0.62, 0.66, 0.60], [0.25, 0.32, 0.34]]),
         ),
-        World::Lychee => (
+        World::Lychee | World::Pair => (
             paint(Pattern::Mosaic, 0.31, [[0.50, 0.48, 0.42], [0.24, 0.30, 0.36], [0.62, 0.55, 0.40]]),
             paint(Pattern::Bricks, 0.46, [[0.30, 0.38, 0.30], [0.48, 0.52, 0.40], [0.20, 0.24, 0.20]]),
         ),
@@ -169,7 +183,7 @@ fn distractors(world: World, paint: &mut Paint) -> Vec<(DVec3, Part)> {
             still(at(0.15, 1.75, 0.55), cuboid(0.35, 0.22, 0.55), tiles),
             still(at(0.9, -0.75, 0.09), ring, wood),
         ],
-        World::Lychee => vec![
+        World::Lychee | World::Pair => vec![
             still(at(-1.35, 1.0, 0.30), cuboid(0.30, 0.30, 0.30), wood),
             still(at(-1.35, 1.0, 0.84), ball(0.24), blue),
             still(at(1.35, 0.9, 0.50), cuboid(0.24, 0.24, 0.50), striped),
