@@ -96,6 +96,8 @@ pub fn assert_near_scaled(what: &str, actual: &[f64], expected: &[f64], bound: f
 #[track_caller]
 pub fn assert_image(what: &str, actual: &[f64], expected: &[f64], channels: usize, depth: Option<usize>, bound: f64) {
     assert_eq!(actual.len(), expected.len(), "number of values of {what}");
+    let fits = channels > 0 && expected.len().is_multiple_of(channels) && depth.is_none_or(|depth| depth < channels);
+    assert!(fits, "{channels} channels, depth {depth:?}, do not fit {} values of {what}", expected.len());
     for channel in 0..channels {
         let [actual, expected] =
             [actual, expected].map(|image| image.iter().skip(channel).step_by(channels).copied().collect::<Vec<_>>());

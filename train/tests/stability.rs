@@ -87,14 +87,15 @@ fn neighbouring_frames_tell_exposure_from_speed() {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = experiment(folder.path(), "exposure", true);
     let found = points(&outcome, "exposure-found.svg", "exposure");
-    assert!(found[0].1 > 0.5 && found[1].1 < 2.0, "exposures over truth, begun at 0.5 and 2: {found:?}");
-    let farthest = |series: &str| {
+    assert!(found[0].1 > 0.55 && found[1].1 < 1.8, "exposures over truth, begun at 0.5 and 2: {found:?}");
+    let ends = |series: &str| {
         let valley = points(&outcome, "exposure-valley.svg", series);
-        valley[0].1.min(valley[valley.len() - 1].1)
+        [valley[0].1, valley[valley.len() - 1].1]
     };
-    let (one, all) = (farthest("the frame at t0 alone"), farthest("all frames"));
+    let (one, all) = (ends("the frame at t0 alone"), ends("all frames"));
     // An octave off, first-order blur is the same in one frame (FIELD.md B15 b); two frames are misplaced by half the motion.
-    assert!(one <= 1.02 && all >= 1.1, "an octave off: one frame {one} times the least difference, all frames {all}");
+    assert!(one.iter().all(|ratio| *ratio <= 1.02), "one frame, an octave off: {one:?} times the least difference");
+    assert!(all.iter().all(|ratio| *ratio >= 1.1), "all frames, an octave off: {all:?} times the least difference");
 }
 
 /// Photos that were sharp stay sharp.
@@ -109,15 +110,16 @@ fn no_blur_model_eats_a_sharp_scene() {
     }
 }
 
-/// Scale and shift of a depth prior do not show where they are fitted; believed as they are, they do.
+/// Scale and shift of a depth prior do not show where they are fitted; believed as they are, they show more.
 #[test]
 fn affine_errors_of_depth_are_fitted_away() {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = experiment(folder.path(), "depth", true);
-    let (aligned, believed) =
-        (value(&outcome, "affine error"), points(&outcome, "depth.svg", "affine in depth, not aligned")[1].1);
+    let aligned = value(&outcome, "affine error");
+    let believed = points(&outcome, "depth.svg", "affine in depth, not aligned");
+    let change = (believed[1].1 - believed[0].1).abs();
     assert!(aligned <= 0.1, "aligned depth changes PSNR by {aligned} dB");
-    assert!(believed < -aligned, "wrong depth costs {believed} dB: the experiment shows nothing");
+    assert!(change > aligned, "believed, wrong depth changes PSNR by {change} dB, aligned by {aligned}");
 }
 
 #[test]
@@ -136,13 +138,14 @@ fn forming_blur_harms_neither_moving_nor_still_things() {
     assert!(moving >= -0.1 && still >= -0.1, "gains of {moving} dB and, where nothing moves, {still}");
 }
 
+/// After a reset, scenes are there again before the next one.
 #[test]
-fn decaying_opacities_end_no_lower_than_reset_ones() {
+fn opacities_recover_from_a_reset() {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = experiment(folder.path(), "opacity", true);
     for scene in ["moving", "still"] {
-        let gain = value(&outcome, &format!("{scene}: PSNR with decay"));
-        assert!(gain >= -0.1, "{scene}: {gain} dB");
+        let fall = value(&outcome, &format!("{scene}: longest fall"));
+        assert!(fall > 0.0 && fall < 60.0, "{scene}: down for {fall} steps of the 60 from one reset to the next");
     }
 }
 
@@ -152,8 +155,8 @@ fn decaying_opacities_end_no_lower_than_reset_ones() {
 fn two_frames_tell_the_direction_and_one_does_not() {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = experiment(folder.path(), "direction", false);
-    // The bound of 99 % is missed (74 % at worst); one frame leaves 34 % after the same start.
-    assert!(value(&outcome, "0.8 pixels a frame") >= 60.0);
+    // The bound of 99 % is missed (97.5 % at worst); one frame leaves 38 % after the same start.
+    assert!(value(&outcome, "0.8 pixels a frame") >= 90.0);
     let from_chance = value(&outcome, "one frame");
     assert!(from_chance <= 15.0, "one frame knows more than it can: {from_chance} % from chance");
 }

@@ -116,6 +116,21 @@ fn a_bounce_resumes_to_the_same_bits() {
     assert!(times[0] == 0.0 && times[2] == 1.0, "the recording is from 0 to 1, not {times:?}");
 }
 
+/// Two bodies that move apart have a path and a common motion each.
+#[test]
+fn a_pair_resumes_to_the_same_bits() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = written(folder, DeblurOptions { world: World::Pair, ..DeblurOptions::default() });
+    resumes_on(&world, folder, &[]);
+    let loaded = gs_train::export::load_scene(&folder.join("whole"), &common::device()).expect("a scene");
+    let bodies = loaded.motion.expect("a moving scene").bodies;
+    assert_eq!(bodies.len(), 2);
+    let moved = |body: &gs_train::taylormode::collective::Collective| to_host(body.sum.value.clone());
+    assert!(bodies.iter().all(|body| moved(body).iter().any(|x| *x != 0.0)), "a body never moved as one");
+    assert_ne!(moved(&bodies[0]), moved(&bodies[1]));
+}
+
 /// The exposure that the data set states is held, its moments are not.
 #[test]
 fn a_stated_exposure_is_held_for_its_share_of_the_run() {
@@ -162,16 +177,17 @@ fn every_formation_trains_and_is_measured() {
 
 /// Largest difference between backends, dB. Sums in another order differ in the seventh digit; forty steps of Adam, whose first have
 /// full length whatever the gradient, made 4e-4 dB of that.
-#[cfg(any(feature = "ndarray", feature = "wgpu"))]
+#[cfg(any(feature = "ndarray", feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda"))]
 const BACKENDS_APART: f64 = 0.01;
 
 /// The whole pipeline, on each backend of the build: the same scene but for rounding.
 #[test]
-#[cfg(any(feature = "ndarray", feature = "wgpu"))]
+#[cfg(any(feature = "ndarray", feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda"))]
 fn every_backend_trains_the_same_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = tiny_world(folder);
+    // Two bodies, each with a common motion.
+    let world = written(folder, DeblurOptions { world: World::Pair, ..DeblurOptions::default() });
     for more in [["blur.mode=integrate", "motion.remainder=on"], ["blur.mode=warp", "blur.decouple=true"]] {
         let trained = common::BACKENDS.iter().map(|backend| {
             let run = RunRequest {

@@ -61,7 +61,7 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     pub speed: f64,
 
-    /// Faults of the priors (depth, masks, pseudo-sharp photos), any of them
+    /// Faults of the priors (depth, masks, pseudo-sharp photos), any of them; switching one changes what chance does to the others
     #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST",
           default_values = ["depth-affine", "depth-noise", "masks", "sharp"])]
     pub faults: Vec<FaultName>,
@@ -101,7 +101,7 @@ pub enum FaultName {
     DepthAffine,
     /// Depth with fine and coarse noise
     DepthNoise,
-    /// One pixel in twenty has another's depth
+    /// One pixel in twenty has a random depth of the frame's range
     DepthOutliers,
     /// Inverse depth is written
     InverseDepth,

@@ -118,3 +118,30 @@ fn parse_size(text: &str) -> Result<(usize, usize)> {
         _ => bail!("--size: expected WIDTHxHEIGHT from 16 to 4096 pixels, as in 256x192, found {text:?}"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: SynthDeblurArgs,
+    }
+
+    fn parsed(more: &[&str]) -> Result<PriorFaults, clap::Error> {
+        let line = Line::try_parse_from([&["x", "cube", "--out", "y"], more].concat());
+        line.map(|line| faults(&line.args))
+    }
+
+    #[test]
+    fn faults_are_those_asked_for() {
+        assert_eq!(parsed(&[]).expect("valid"), PriorFaults::default());
+        assert_eq!(parsed(&["--perfect-priors"]).expect("valid"), PriorFaults::none());
+        let asked = parsed(&["--faults", "masks,inverse-depth"]).expect("valid");
+        assert_eq!(asked, PriorFaults::of(&[PriorFault::Masks, PriorFault::InverseDepth]));
+        assert!(parsed(&["--faults", "masks", "--perfect-priors"]).is_err());
+    }
+}

@@ -103,8 +103,9 @@ fn run(lab: &Lab) -> Result<Findings> {
 
 fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {
     let steps = lab.either(STEPS, STEPS_QUICK);
-    // As far as the 4000 steps of a real run take the exposure.
-    let changes: Vec<&str> = changes.iter().copied().chain(["blur.exposure_lr=8e-3"]).collect();
+    // As far as the 4000 steps of a real run take the exposure; a look has no time to go as far.
+    let rate = lab.either("blur.exposure_lr=8e-3", "blur.exposure_lr=3e-2");
+    let changes: Vec<&str> = changes.iter().copied().chain([rate]).collect();
     let mut session = Session::begin(lab, scene, lab.config(steps, &changes)?);
     let mut trained = Trained { along: Vec::new(), sharp: Vec::new(), blur: 0.0 };
     for look in 1..=LOOKS {

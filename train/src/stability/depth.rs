@@ -17,7 +17,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     name: "depth",
     question: "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does it \
                cost with the alignment, and what without?",
-    steps: |quick| if quick { 4 * STEPS_QUICK } else { 11 * STEPS },
+    steps: |quick| if quick { 5 * STEPS_QUICK } else { 13 * STEPS },
     run,
 };
 
@@ -46,42 +46,41 @@ struct Wrong {
 fn run(lab: &Lab) -> Result<Findings> {
     let scene = lab.world(&small(World::Monkey, 6))?;
     let none = psnr(lab, &with_prior(&scene, None))?;
-    let truth = Wrong { space: DepthSpace::Depth, affine: 0.0, outliers: 0.0, aligned: false };
-    let base = psnr(lab, &with_prior(&scene, Some(truth)))?;
-    let levels: &[f64] = lab.either(&[0.5, 1.0], &[1.0]);
+    let levels: &[f64] = lab.either(&[0.0, 0.5, 1.0], &[0.0, 1.0]);
     let sweep = |space, outliers, aligned| -> Result<Vec<(f64, f64)>> {
         let at = |affine: &f64| {
             let wrong = Wrong { space, affine: *affine, outliers, aligned };
-            Ok((*affine, psnr(lab, &with_prior(&scene, Some(wrong)))? - base))
+            Ok((*affine, psnr(lab, &with_prior(&scene, Some(wrong)))?))
         };
         levels.iter().map(at).collect()
     };
+    let unless_quick = |space, outliers| if lab.quick { Ok(Vec::new()) } else { sweep(space, outliers, true) };
     let depth = sweep(DepthSpace::Depth, 0.0, true)?;
-    let disparity = if lab.quick { Vec::new() } else { sweep(DepthSpace::InverseDepth, 0.0, true)? };
-    let outliers = if lab.quick { Vec::new() } else { sweep(DepthSpace::Depth, OUTLIERS, true)? };
+    let disparity = unless_quick(DepthSpace::InverseDepth, 0.0)?;
+    let outliers = unless_quick(DepthSpace::Depth, OUTLIERS)?;
     let taken = sweep(DepthSpace::Depth, 0.0, false)?;
-    let worst = |points: &[(f64, f64)]| largest(points.iter().map(|(_, change)| change.abs()));
-    let aligned = "change of PSNR from true depth, aligned";
-    let mut criteria = vec![Criterion::at_most(format!("affine error in depth: {aligned}"), worst(&depth), 0.1, "dB")];
-    if !lab.quick {
-        criteria.push(Criterion::at_most(
-            format!("affine error in disparity: {aligned}"),
-            worst(&disparity),
-            0.1,
-            "dB",
-        ));
-        criteria.push(Criterion::at_most(format!("20 % outliers as well: {aligned}"), worst(&outliers), 0.3, "dB"));
+    // Against the same loss on true values: fitting scale and shift is a loss of its own, also where both are right.
+    let worst = |points: &[(f64, f64)], base: f64| largest(points.iter().map(|(_, psnr)| (psnr - base).abs()));
+    let aligned = "change of PSNR from true values, aligned";
+    let mut criteria =
+        vec![Criterion::at_most(format!("affine error in depth: {aligned}"), worst(&depth, depth[0].1), 0.1, "dB")];
+    if let Some((_, base)) = disparity.first() {
+        let what = format!("affine error in disparity: {aligned}");
+        criteria.push(Criterion::at_most(what, worst(&disparity, *base), 0.1, "dB"));
+        let what = format!("20 % outliers as well: {aligned}");
+        criteria.push(Criterion::at_most(what, worst(&outliers, depth[0].1), 0.3, "dB"));
     }
-    let from_truth = |mut points: Vec<(f64, f64)>| {
-        points.insert(0, (0.0, 0.0));
-        points
-    };
-    let without = levels.iter().map(|level| (*level, none - base)).collect();
+    let note = format!(
+        "Without any depth {none:.2} dB, with the true one {:.2} dB, with that but fitted {:.2} dB; every run is of the whole \
+         image, held-out camera.",
+        taken[0].1, depth[0].1
+    );
+    let without = levels.iter().map(|level| (*level, none)).collect();
     let series = vec![
-        Series::line_and_dots("affine in depth, aligned", from_truth(depth)),
-        Series::line_and_dots("affine in disparity, aligned", from_truth(disparity)),
+        Series::line_and_dots("affine in depth, aligned", depth),
+        Series::line_and_dots("affine in disparity, aligned", disparity),
         Series::line_and_dots("affine and 20 % outliers, aligned", outliers),
-        Series::line_and_dots("affine in depth, not aligned", from_truth(taken)),
+        Series::line_and_dots("affine in depth, not aligned", taken),
         Series::line("no depth prior", without),
     ];
     Ok(Findings {
@@ -91,13 +90,11 @@ fn run(lab: &Lab) -> Result<Findings> {
             Chart {
                 title: "What a wrong depth prior costs".into(),
                 x: "size of scale and shift errors".into(),
-                y: "PSNR above that with true depth, dB".into(),
+                y: "PSNR, dB".into(),
                 series: series.into_iter().filter(|series| !series.is_empty()).collect(),
             },
         )],
-        notes: vec![format!(
-            "With true depth {base:.2} dB, without any {none:.2} dB; every run is of the whole image, held-out camera."
-        )],
+        notes: vec![note],
     })
 }
 

@@ -57,7 +57,7 @@ pub struct MotionConfig {
     pub curriculum: f64,
     /// Rate of the path's coefficients at the first step, scene extents of displacement at the window's edge.
     pub position_lr: f64,
-    /// Whether all paths are also moved together, by what the photos ask of all of them; see
+    /// Whether all paths of a body are also moved together, by what the photos ask of all of them; see
     /// [`collective`](super::collective).
     pub collective: bool,
     /// Rate of the rotation's coefficients at the first step, radians at the window's edge.

@@ -43,16 +43,16 @@ pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> 
     let (order, hits) = shape(&found.tracks, window, hits, found.pixels_per_unit, config.motion.order);
     let mut state = still(rows, window, [order, config.motion.rotation_order], exposure, device);
     state.exposure_said = config.blur.exposure == 0.0 && guess.is_none();
-    // Without masks there is no centre, and no path of it.
+    // Without masks there is no centre, no path of it and no body.
     if order > 0 && !found.tracks.is_empty() {
         state.contacts = hits;
         let (blocks, jumps) = first_paths(&found.tracks, &state, &first.gaussians.means, order);
         state.position = Learned::new(from_host(blocks, 3 * order, device));
         state.kinks = Learned::new(from_host(jumps, 3 * state.contacts.len(), device));
-    }
-    if config.motion.collective && order > 0 {
-        let frames = body_frames(&found.tracks, &state, &first.gaussians.means);
-        state.bodies = frames.map(|(centre, size)| Collective::new(centre, size, order, device)).collect();
+        if config.motion.collective {
+            let frames = body_frames(&found.tracks, &state, &first.gaussians.means);
+            state.bodies = frames.map(|(centre, size)| Collective::new(centre, size, order, device)).collect();
+        }
     }
     if let Some((first, last)) = scene.time_range {
         state.recording = [first, last];
@@ -129,14 +129,23 @@ pub fn remainder_frame(state: &MotionState, means: &[[f32; 3]], order: usize) ->
     RemainderFrame { centre, scale, order }
 }
 
-/// The same of what is part of each body; bodies without Gaussians are left out.
+/// Where places are measured from in each body and its root mean square size; bodies without Gaussians are left out. Of several,
+/// that is the path's place at `t0`: a Gaussian then stays with the body on whose path it began.
 fn body_frames(tracks: &[Track], state: &MotionState, means: &[[f32; 3]]) -> impl Iterator<Item = ([f64; 3], f64)> {
+    let t0 = state.window.t0;
     let mut parts = vec![Vec::new(); tracks.len()];
-    // Without masks there are no tracks, and no bodies.
-    for place in places(state, means).into_iter().filter(|_| !tracks.is_empty()) {
-        parts[nearest(tracks, state.window.t0, place)].push(place);
+    for place in places(state, means) {
+        parts[nearest(tracks, t0, place)].push(place);
     }
-    parts.into_iter().filter(|part| !part.is_empty()).map(|part| frame(&part))
+    let filled = parts.into_iter().zip(tracks).filter(|(part, _)| !part.is_empty());
+    let alone = tracks.len() == 1;
+    filled.map(move |(part, track)| {
+        if alone {
+            return frame(&part);
+        }
+        let centre = track.path.position(t0);
+        (centre.to_array(), spread(&part, centre))
+    })
 }
 
 /// Where the moving Gaussians are at `t0`.
@@ -145,8 +154,12 @@ fn places(state: &MotionState, means: &[[f32; 3]]) -> Vec<DVec3> {
 }
 
 fn frame(places: &[DVec3]) -> ([f64; 3], f64) {
-    let count = places.len().max(1) as f64;
-    let centre = places.iter().sum::<DVec3>() / count;
-    let spread = (places.iter().map(|place| place.distance_squared(centre)).sum::<f64>() / count).sqrt();
-    (centre.to_array(), if spread > 0.0 { spread } else { 1.0 })
+    let centre = places.iter().sum::<DVec3>() / places.len().max(1) as f64;
+    (centre.to_array(), spread(places, centre))
+}
+
+fn spread(places: &[DVec3], centre: DVec3) -> f64 {
+    let squares = places.iter().map(|place| place.distance_squared(centre)).sum::<f64>();
+    let spread = (squares / places.len().max(1) as f64).sqrt();
+    if spread > 0.0 { spread } else { 1.0 }
 }

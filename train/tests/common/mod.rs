@@ -27,12 +27,18 @@ pub const BACKENDS: &[&str] = &[
     "ndarray",
     #[cfg(feature = "wgpu")]
     "wgpu",
+    #[cfg(feature = "vulkan")]
+    "vulkan",
+    #[cfg(feature = "metal")]
+    "metal",
+    #[cfg(feature = "cuda")]
+    "cuda",
 ];
 
 /// The device of the tests.
 pub fn device() -> Device {
-    let name = std::env::var(TEST_DEVICE);
-    named(name.as_deref().unwrap_or(BACKENDS[0]))
+    std::env::var(TEST_DEVICE)
+        .map_or_else(|_| named(BACKENDS.first().expect("a backend is built")), |name| named(&name))
 }
 
 /// The device of a backend.

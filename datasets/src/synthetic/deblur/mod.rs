@@ -1,10 +1,10 @@
-//! [`write()`]: a moving body in a textured room, filmed by static cameras with open shutters, with the truth beside it.
+//! [`write()`]: moving bodies in a textured room, filmed by static cameras with open shutters, with the truth beside it.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `motion.rs` | rigid motion in closed form, with its velocity |
 //! | `texture.rs`, `body.rs`, `stage.rs` | paint; forms and where rays meet them; light and shadows at an instant |
-//! | `worlds.rs` | the four worlds |
+//! | `worlds.rs` | the worlds |
 //! | `rig.rs` | the cameras |
 //! | `shutter.rs` | exposures: blurry, sharp, depth, velocity, masks |
 //! | `priors.rs` | depth, masks and pseudo-sharp images with faults |

@@ -34,7 +34,7 @@ pub enum PriorFault {
     DepthAffine,
     /// Depth with noise, fine and coarse.
     DepthNoise,
-    /// One pixel in twenty with another pixel's depth.
+    /// One pixel in twenty with a random depth of the frame's range.
     DepthOutliers,
     /// Inverse depth in place of depth.
     InverseDepth,

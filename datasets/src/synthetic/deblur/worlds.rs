@@ -165,7 +165,7 @@ fn room(world: World, paint: &mut Paint) -> Vec<Plane> {
     ]
 }
 
-/// Still bodies around the mover's path, none in it.
+/// Still bodies around the movers' paths, none in them.
 fn distractors(world: World, paint: &mut Paint) -> Vec<(DVec3, Part)> {
     let wood = paint(Pattern::Planks, 0.10, [[0.45, 0.24, 0.08], [0.58, 0.38, 0.16], [0.22, 0.10, 0.04]]);
     let blue = paint(Pattern::Plaster, 0.13, [[0.08, 0.20, 0.50], [0.20, 0.42, 0.66], [0.75, 0.75, 0.72]]);
