@@ -48,6 +48,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     if !test.is_empty() && !options.training_truth {
         train.iter_mut().for_each(|frame| frame.sides.files.retain(|file| file.kind.is_prior()));
     }
+    let parting = consistency::compare_parts(&train, &test, path);
     let (mut train, mut notes) = load_views(&train, options, origin)?;
     let (mut test, more) = load_views(&test, options, origin)?;
     tracing::info!("{}: {} training views, {} held out ({rule})", path.display(), train.len(), test.len());
@@ -60,13 +61,14 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
         .map(|(i, note)| Noted { name: &note.name, trains: i < trains, notes: &note.sides })
         .collect();
     summary::warn(path, &noted, &mut findings);
+    findings.warnings.extend(parting);
     if summary::no_mask_marks_anything(&noted) {
         train.iter_mut().chain(&mut test).for_each(|view| view.priors.moving = None);
     }
     for fact in &findings.facts {
         tracing::info!("{fact}");
     }
-    let time_range = time_range(train.iter().chain(&test), &mut findings);
+    let time_range = time_range(train.iter().chain(&test));
     for warning in &findings.warnings {
         tracing::warn!("{warning}");
     }
@@ -285,17 +287,9 @@ fn summarise(path: &Path, notes: &[Note], findings: &mut Findings) {
     findings.warnings.extend(mask::suspicion(path, masked));
 }
 
-fn time_range<'a>(views: impl Iterator<Item = &'a View>, findings: &mut Findings) -> Option<(f64, f64)> {
-    let (mut range, mut without) = (None, Vec::new());
-    for view in views {
-        match (view.time, range) {
-            (Some(time), Some((low, high))) => range = Some((time.min(low), time.max(high))),
-            (Some(time), None) => range = Some((time, time)),
-            (None, _) => without.push(view.name.as_str()),
-        }
-    }
-    if range.is_some() && !without.is_empty() {
-        findings.warn(format!("{} views have no time although others do ({})", without.len(), some_names(&without)));
-    }
-    range
+fn time_range<'a>(views: impl Iterator<Item = &'a View>) -> Option<(f64, f64)> {
+    views.filter_map(|view| view.time).fold(None, |range, time| match range {
+        Some((low, high)) => Some((time.min(low), time.max(high))),
+        None => Some((time, time)),
+    })
 }

@@ -2,8 +2,9 @@
 
 use std::fmt;
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
+use crate::consistency;
 use crate::frame::View;
 
 /// Where a scene's description came from.
@@ -82,6 +83,12 @@ impl Scene {
         let centres: Vec<DVec3> = self.train.iter().map(|view| view.c2w.w_axis.truncate()).collect();
         let Some(mean) = mean(&centres) else { return 0.0 };
         1.1 * centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max)
+    }
+
+    /// The median distance of the training cameras from what they all look at, scene units; `None` where they look at no
+    /// one thing.
+    pub fn subject_distance(&self) -> Option<f64> {
+        consistency::subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
     }
 }
 

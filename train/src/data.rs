@@ -1,10 +1,12 @@
 //! The data set as the trainer wants it: what to load ([`DataConfig`]), which view comes next ([`Sampler`], [`Curriculum`]),
-//! and views as tensors ([`Photos`]).
+//! views as tensors ([`Photos`]), and whether it suits a configuration.
 
 mod config;
 mod order;
 mod photos;
+mod suits;
 
 pub use config::{DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use order::{Curriculum, Sampler};
 pub use photos::{Hints, Photo, Photos, camera, intrinsics, to_tensor};
+pub use suits::{check_times, near_warning};

@@ -49,6 +49,32 @@ impl LoadedScene {
         let step = (last - first) / (count.max(2) - 1) as f64;
         (0..count).map(|i| first + step * i as f64).collect()
     }
+
+    /// Warns once of times outside the recording: a path is an expansion, and away from what it was fitted to it goes anywhere.
+    pub fn warn_outside(&self, times: impl IntoIterator<Item = f64>) {
+        let Some([first, last]) = self.motion.as_ref().map(|state| state.recording) else { return };
+        let outside: Vec<f64> = times.into_iter().filter(|t| !(first..=last).contains(t)).collect();
+        if let Some(t) = outside.first() {
+            let count = outside.len();
+            tracing::warn!(
+                "{count} times lie outside the recording, which is from {first} to {last}: {t} is the first"
+            );
+        }
+    }
+
+    /// That a time was asked for of a scene that has times.
+    ///
+    /// # Errors
+    /// A sentence, for a scene that stands still.
+    pub fn moves(&self, path: &Path) -> Result<()> {
+        if self.motion.is_none() {
+            bail!(
+                "{}: expected a scene that moves for --time or --frames, found one that stands still (a PLY file is one moment)",
+                path.display()
+            );
+        }
+        Ok(())
+    }
 }
 
 /// Reads a scene from a run folder (its newest checkpoint), a checkpoint (`.safetensors`) or a PLY file.

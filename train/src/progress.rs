@@ -50,8 +50,9 @@ impl Progress {
         if let Some(psnr) = psnr {
             self.psnr = smooth(self.psnr, psnr);
         }
-        let (loss, psnr) = (self.loss.unwrap_or(f64::NAN), self.psnr.unwrap_or(f64::NAN));
-        let message = format!("loss {loss:.4} PSNR {psnr:.2} {gaussians} Gaussians");
+        let loss = self.loss.map_or(String::new(), |loss| format!("loss {loss:.4} "));
+        let psnr = self.psnr.map_or(String::new(), |psnr| format!("PSNR {psnr:.2} "));
+        let message = format!("{loss}{psnr}{gaussians} Gaussians");
         if self.terminal {
             self.bar.set_position(step as u64);
             self.bar.set_message(message);

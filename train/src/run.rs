@@ -1,14 +1,15 @@
 //! The whole run: load, begin or resume, step until done while observers watch, measure, save, report.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, bail};
 use burn::tensor::Device;
 use gs_datasets::Scene;
 
 use crate::checkpoint::Checkpoint;
-use crate::data::{Curriculum, Photos, Sampler};
+use crate::data::{Curriculum, Photos, Sampler, check_times, near_warning};
 use crate::evaluate::{Comparison, Evaluation, Evaluator};
 use crate::experiment::{Config, Pipeline};
 use crate::export::write_ply;
@@ -65,11 +66,10 @@ pub enum Ending {
 pub fn run(request: &RunRequest) -> Result<Ending> {
     let config = &request.config;
     let scene = config.load(&request.dataset)?;
-    if config.pipeline == Pipeline::Taylormode && (scene.time_range.is_none() || scene.train.is_empty()) {
-        bail!(
-            "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
-            request.dataset.display()
-        );
+    let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
+    check_times(&request.dataset, config, timed).map_err(Error::msg)?;
+    if let Some(warning) = near_warning(config, scene.subject_distance()) {
+        tracing::warn!("{warning}");
     }
     let prediction = Prediction::new(&scene, config);
     let saved = saved_trainer(request)?;
@@ -197,9 +197,6 @@ impl<'a> Run<'a> {
             self.request.folder.path().display(),
             self.prediction
         ));
-        for warning in &scene.warnings {
-            self.progress.say(&format!("warning: {warning}"));
-        }
         if config.pipeline == Pipeline::Static && scene.time_range.is_some_and(|(low, high)| low < high) {
             self.progress.say(
                 "warning: the photos have times, but this recipe takes the scene to stand still; for what moves: \
@@ -288,10 +285,13 @@ impl<'a> Run<'a> {
     }
 
     fn eval_file(&self, last: Evaluation) -> EvalFile {
-        let evaluations = self.history.iter().filter_map(|line| match line {
-            MetricsLine::Eval(evaluation) => Some(Evaluation { views: Vec::new(), ..(**evaluation).clone() }),
-            MetricsLine::Train(_) => None,
-        });
+        // A finished run that is resumed is measured once more at its last step; the newer figures count.
+        let mut evaluations = BTreeMap::new();
+        for line in &self.history {
+            if let MetricsLine::Eval(evaluation) = line {
+                evaluations.insert(evaluation.step, Evaluation { views: Vec::new(), ..(**evaluation).clone() });
+            }
+        }
         EvalFile {
             name: self.request.folder.name(),
             dataset: full_path(&self.request.dataset).display().to_string(),
@@ -302,7 +302,7 @@ impl<'a> Run<'a> {
             predicted_memory_bytes: self.prediction.total(),
             total_seconds: self.begun.elapsed().as_secs_f64(),
             last,
-            evaluations: evaluations.collect(),
+            evaluations: evaluations.into_values().collect(),
         }
     }
 

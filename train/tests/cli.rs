@@ -80,6 +80,46 @@ fn a_scene_goes_from_photos_to_frames() {
     assert!(fs::read_to_string(folder.join("chart.md")).expect("read").contains("| run | 160 | 12 |"));
 }
 
+/// A moving scene at times of the user's own: each camera once, times outside the recording said, still scenes refused.
+#[test]
+fn a_moving_scene_is_shown_at_any_time() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = ["--size", "48x36", "--cameras", "4", "--frames", "4", "--subframes", "16", "--points", "100"];
+    let synth: Vec<&str> = ["synth", "deblur", "cube", "--out", "world"].into_iter().chain(world).collect();
+    succeeds(folder, &synth);
+    let train: Vec<&str> =
+        ["train", "world", "--out", "run", "--set", "pipeline=taylormode"].into_iter().chain(QUICK).collect();
+    succeeds(folder, &train);
+    assert!(succeeds(folder, &["info", "run"]).contains("recording    0 to 1"));
+
+    let render = |more: &[&'static str]| -> Vec<&str> {
+        let scene = if more.contains(&"still") { "run/scene.ply" } else { "run" };
+        let args = ["render", scene, "--cameras", "world/transforms_test.json", "--out", "shown"];
+        args.into_iter().chain(more.iter().copied().filter(|arg| *arg != "still")).collect()
+    };
+    succeeds(folder, &render(&["--frames", "2", "--gif"]));
+    let shown = fs::read_dir(folder.join("shown/test")).expect("a folder").map(|entry| entry.expect("read").path());
+    let names: Vec<_> = shown.flat_map(|camera| fs::read_dir(camera).expect("a folder")).collect();
+    // Of one held-out camera two moments (colour, depth, alpha) and one animation, not of each of its four frames.
+    assert_eq!(names.len(), 7, "{names:?}");
+
+    let late = gsburn(folder, &render(&["--time", "7"]));
+    let said = String::from_utf8_lossy(&late.stderr).into_owned();
+    assert!(late.status.success() && said.contains("outside the recording, which is from 0 to 1"), "{said}");
+    assert!(fails(folder, &render(&["still", "--time", "0.5"])).contains("expected a scene that moves"));
+    assert!(fails(folder, &["export", "run/scene.ply", "--out", "a.ply", "--frames", "2"]).contains("stands still"));
+
+    // Resumed when it is finished, and on a folder of another name: measured once in the figures, and the move said.
+    fs::rename(folder.join("world"), folder.join("moved")).expect("moved");
+    let resumed = gsburn(folder, &["train", "moved", "--resume", "--out", "run"]);
+    let said = String::from_utf8_lossy(&resumed.stderr).into_owned();
+    assert!(resumed.status.success() && said.contains("the run began on"), "{said}");
+    let eval: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
+    assert_eq!(eval["evaluations"].as_array().map(Vec::len), Some(1));
+}
+
 #[test]
 fn a_killed_run_continues() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -119,7 +159,8 @@ fn bad_input_is_one_sentence() {
     fs::write(folder.join("full/config.toml"), "").expect("written");
 
     let absent = if cfg!(feature = "cuda") { "metal" } else { "cuda" };
-    let table: [(&[&str], &[&str]); 19] = [
+    let table: [(&[&str], &[&str]); 20] = [
+        (&["synth", "deblur", "cube", "--out", "scene"], &["scene", "expected an empty or a new folder"]),
         (&["train", "nowhere"], &["nowhere", "found nothing"]),
         (&["train", "empty"], &["empty", "expected"]),
         (&["train", "scene", "--out", "full"], &["full", "already holds a run"]),

@@ -9,6 +9,7 @@ use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_datasets::{Intrinsics, Priors, RgbImage8, Truth, View};
 use gs_models::Motion;
 use gs_models::taylormode::TimeWindow;
+use gs_train::commands::check::examine;
 use gs_train::parameters::{Parameters, from_host, to_host};
 use gs_train::run::{Ending, RunRequest, run};
 use gs_train::run_folder::EvalFile;
@@ -344,4 +345,66 @@ fn selection_changes_nothing_that_shows() {
         assert!(f64::from(moved[0]) <= limit, "{t}: moved by {moved:?}");
         assert_eq!(to_host(before.quats.val()), to_host(after.quats.val()), "{t}");
     }
+}
+
+/// `check` says what `train` says: what it refuses, and what it leaves out.
+#[test]
+fn checking_asks_what_training_asks() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let still = common::tiny_scene(folder);
+    let config = |pipeline: &str| common::config(STEPS, &[pipeline]);
+    let report = examine(&still, &config("pipeline=taylormode"));
+    let refused = run(&request(&still, &folder.join("run"), &[])).expect_err("no times").to_string();
+    assert!(report.errors == [refused], "{report}");
+    assert!(examine(&still, &config("pipeline=static")).is_ok());
+
+    let world = tiny_world(folder);
+    edit(&world, "transforms_train.json", |frames| {
+        frames[2].as_object_mut().expect("a frame").remove("time");
+    });
+    let report = examine(&world, &config("pipeline=taylormode"));
+    let loaded = config("pipeline=taylormode").load(&world).expect("loads").warnings;
+    assert!(report.is_ok() && report.warnings == loaded, "{report}: {loaded:?}");
+    assert!(loaded.iter().any(|w| w.contains("1 photos without a time are left out")), "{loaded:?}");
+}
+
+/// Everything of a small world is nearer than the nearest that is drawn.
+#[test]
+fn a_world_too_small_for_its_near_plane_is_told() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let world = tiny_world(temporary.path());
+    let warns = |near: &str| {
+        let report = examine(&world, &common::config(STEPS, &["pipeline=taylormode", near]));
+        report.warnings.iter().any(|warning| warning.contains("render.near"))
+    };
+    assert!(!warns("render.near=0.01"));
+    let config = common::config(STEPS, &["pipeline=taylormode"]);
+    let distance = config.load(&world).expect("loads").subject_distance().expect("cameras look at the body");
+    assert!(warns(&format!("render.near={}", 0.6 * distance)));
+}
+
+/// One exposure is learned; the first view's is no truth where others differ.
+#[test]
+fn exposures_that_differ_are_judged_by_their_median() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let world = tiny_world(temporary.path());
+    for file in ["transforms_train.json", "transforms_test.json"] {
+        edit(&world, file, |frames| {
+            frames.iter_mut().enumerate().for_each(|(i, frame)| frame["exposure"] = [0.2_f64, 0.05][i.min(1)].into());
+        });
+    }
+    let held = finish_in(temporary.path(), &world, "held", &["blur.exposure_from=1"]);
+    let motion = held.last.motion.expect("a moving scene");
+    assert!((motion.exposure / 0.05 - 1.0).abs() < 1e-6, "{}", motion.exposure);
+    assert!(motion.exposure_error.expect("a stated exposure") < 1e-6, "{:?}", motion.exposure_error);
+}
+
+/// Rewrites the frames of a set's description.
+fn edit(world: &Path, file: &str, change: impl Fn(&mut Vec<serde_json::Value>)) {
+    let path = world.join(file);
+    let mut json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).expect("a file")).expect("JSON");
+    change(json["frames"].as_array_mut().expect("frames"));
+    std::fs::write(&path, json.to_string()).expect("written");
 }

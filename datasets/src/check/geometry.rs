@@ -90,7 +90,8 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
     };
     let low = points.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = points.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-    format!("{} points to start from lie between {low:.2} and {high:.2}.", points.positions.len())
+    let places = decimals((high - low).max_element());
+    format!("{} points to start from lie between {low:.places$} and {high:.places$}.", points.positions.len())
 }
 
 /// How far cameras stand apart and whether they look at something together.
@@ -109,5 +110,39 @@ pub(super) fn describe_cameras(frames: &[RawFrame]) -> String {
     } else {
         "they look from several sides"
     };
-    format!("Cameras stand around {middle:.2}, at distances of {median:.2} (median) to {farthest:.2}; {look}.")
+    let places = decimals(farthest);
+    format!(
+        "Cameras stand around {middle:.places$}, at distances of {} (median) to {farthest:.places$}; {look}.",
+        three_digits(median)
+    )
+}
+
+/// The number with three significant digits: a world may be of any size.
+fn three_digits(value: f64) -> String {
+    let places = decimals(value);
+    format!("{value:.places$}")
+}
+
+/// Decimals that show three digits of `size`; 2 where it has none to show.
+fn decimals(size: f64) -> usize {
+    // Below this even f64 coordinates are rounding, and a line has an end.
+    const SMALLEST: f64 = 1e-9;
+    if !size.is_finite() || size < SMALLEST {
+        return 2;
+    }
+    (2 - size.log10().floor() as i32).max(0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_digits_whatever_the_size() {
+        for (value, text) in
+            [(4.1231, "4.12"), (0.0041231, "0.00412"), (41.231, "41.2"), (41231.0, "41231"), (0.0, "0.00")]
+        {
+            assert_eq!(three_digits(value), text);
+        }
+    }
 }

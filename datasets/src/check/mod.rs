@@ -1,6 +1,7 @@
 //! [`check`]: what is in a data set, what is missing and what is wrong, without needing it to load.
 
 mod geometry;
+mod grouping;
 mod images;
 mod report;
 
@@ -28,7 +29,7 @@ pub fn check(path: &Path, options: &LoadOptions) -> CheckReport {
         findings.errors.push(error);
     }
     report.warnings = findings.warnings;
-    report.errors.extend(findings.errors.iter().map(ToString::to_string));
+    report.errors = grouping::sentences(&findings.errors);
     report
 }
 
@@ -87,6 +88,11 @@ fn fill(
     let split = split(frames, &options.holdout, path)?;
     (report.train, report.test) = (split.train.len(), split.test.len());
     report.facts.push(format!("{} views train, {} are held out: {}.", report.train, report.test, split.rule));
+    findings.warnings.extend(consistency::compare_parts(&split.train, &split.test, path));
+    report.timed = split.train.iter().filter(|frame| frame.time.is_some()).count();
+    report.without_time = consistency::without_time(&split.train, &split.test).len();
+    let poses: Vec<glam::DMat4> = split.train.iter().map(|frame| frame.c2w).collect();
+    report.subject_distance = consistency::subject_distance(&poses);
     let centres: Vec<glam::DVec3> = split.train.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
     if let Some(mean) = scene::mean(&centres)
         && centres.len() > 1

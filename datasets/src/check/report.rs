@@ -16,6 +16,12 @@ pub struct CheckReport {
     pub train: usize,
     /// Views that would be held out.
     pub test: usize,
+    /// Views that would train and have a time.
+    pub timed: usize,
+    /// Views of both kinds that have no time although others do.
+    pub without_time: usize,
+    /// See [`Scene::subject_distance`](crate::Scene::subject_distance).
+    pub subject_distance: Option<f64>,
     /// Points to start from.
     pub points: usize,
     /// Median distance between where a COLMAP model's points are seen and where they project, pixels of the full-size,

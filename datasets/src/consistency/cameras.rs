@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DMat4, DVec3};
 
 use crate::lens::{Focal, Lens};
 use crate::raw::{Findings, Part, RawFrame, some_names};
@@ -172,7 +172,8 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
             focal_length(&first_test.lens)
         ));
     }
-    if let Some(target) = common_target(&train) {
+    let poses: Vec<DMat4> = train.iter().map(|frame| frame.c2w).collect();
+    if let Some(target) = common_target(&poses) {
         let distance = |frame: &RawFrame| frame.c2w.w_axis.truncate().distance(target);
         let mut distances: Vec<f64> = train.iter().map(|frame| distance(frame)).collect();
         distances.sort_by(f64::total_cmp);
@@ -196,24 +197,24 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
 }
 
 /// The point nearest to the optical axes of all cameras, if every camera has it before it and near its axis.
-fn common_target(frames: &[&RawFrame]) -> Option<DVec3> {
+pub(super) fn common_target(poses: &[DMat4]) -> Option<DVec3> {
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
-    for frame in frames {
-        let (centre, axis) = (frame.c2w.w_axis.truncate(), frame.c2w.z_axis.truncate());
+    for c2w in poses {
+        let (centre, axis) = (c2w.w_axis.truncate(), c2w.z_axis.truncate());
         let off_axis = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
         a += off_axis;
         b += off_axis * centre;
     }
     // Parallel axes meet nowhere: the determinant, of matrices that sum to 3 n at most, then goes to 0.
-    if a.determinant() < 1e-4 * (frames.len() as f64).powi(3) {
+    if a.determinant() < 1e-4 * (poses.len() as f64).powi(3) {
         return None;
     }
     let target = a.inverse() * b;
-    let sees = |frame: &&RawFrame| {
-        let to = target - frame.c2w.w_axis.truncate();
-        to.length() > 0.0 && to.angle_between(frame.c2w.z_axis.truncate()) < LOOKING_AT
+    let sees = |c2w: &DMat4| {
+        let to = target - c2w.w_axis.truncate();
+        to.length() > 0.0 && to.angle_between(c2w.z_axis.truncate()) < LOOKING_AT
     };
-    (target.is_finite() && frames.iter().all(sees)).then_some(target)
+    (target.is_finite() && poses.iter().all(sees)).then_some(target)
 }
 
 /// Focal lengths and principal point as shares of the image's sides; `None` where that takes the image's own size.

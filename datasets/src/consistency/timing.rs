@@ -39,7 +39,7 @@ fn gaps(mut times: Vec<f64>) -> Vec<f64> {
     times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > SAME_TIME * span).collect()
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }

@@ -39,6 +39,45 @@ fn all_errors_are_listed() {
     assert!(report.to_string().ends_with("Cannot be loaded: 3 errors."));
 }
 
+/// A mistake at the top level is in every frame, and one sentence.
+#[test]
+fn one_mistake_in_all_frames_is_one_error() {
+    for (key, value) in [("fl_x", json!(-3)), ("cx", json!("middle")), ("h", json!(32)), ("is_fisheye", json!(true))] {
+        let (folder, mut top) = ring_scene(5);
+        top[key] = value;
+        folder.write_json("transforms.json", &top);
+        let report = check(folder.path(), &LoadOptions::default());
+        let about: Vec<&String> = report.errors.iter().filter(|error| error.contains("5 times: ")).collect();
+        assert_eq!(about.len(), 1, "{report}");
+        let names = ["images/00.png", "images/01.png", "images/02.png, ..."];
+        assert!(names.iter().all(|name| about[0].contains(name)), "{report}");
+        assert!(report.errors.len() <= 2, "{report}");
+    }
+    // A frame with another mistake is apart.
+    let (folder, mut top) = ring_scene(5);
+    top["fl_x"] = json!(-3);
+    top["frames"][1]["fl_x"] = json!(-4);
+    folder.write_json("transforms.json", &top);
+    let report = check(folder.path(), &LoadOptions::default());
+    assert!(report.errors[0].contains("found -3 (4 times: images/00.png, images/02.png"), "{report}");
+    assert!(report.errors[1].contains("images/01.png") && report.errors[1].contains("found -4"), "{report}");
+}
+
+/// A world of millimetres is described in millimetres.
+#[test]
+fn small_worlds_have_digits() {
+    let (folder, mut top) = ring_scene(9);
+    for i in 0..9 {
+        for row in 0..3 {
+            let value = top["frames"][i]["transform_matrix"][row][3].as_f64().expect("a number");
+            top["frames"][i]["transform_matrix"][row][3] = json!(0.001 * value);
+        }
+    }
+    folder.write_json("transforms.json", &top);
+    let text = check(folder.path(), &LoadOptions::default()).to_string();
+    assert!(text.contains("at distances of 0.00") && !text.contains("at distances of 0.00 "), "{text}");
+}
+
 #[test]
 fn a_folder_of_nothing_is_an_error_in_the_report() {
     let folder = Folder::new();

@@ -183,3 +183,51 @@ fn cameras_are_told_apart_by_their_poses_where_nothing_names_them() {
     let scene = load(folder_2.path(), &LoadOptions::default()).expect("loaded");
     assert!(scene.train.iter().all(|view| view.camera_id.is_none()));
 }
+
+#[test]
+fn exposures_that_differ_are_told_with_the_one_that_is_taken() {
+    let (folder, mut train, mut test) = set();
+    train["exposure"] = json!(0.02);
+    test["exposure"] = json!(0.02);
+    train["frames"][0]["exposure"] = json!(0.09);
+    train["frames"][5]["exposure"] = json!(0.05);
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["3 different exposures, from 0.02 to 0.09", "median, 0.02,"]);
+    // Rounding is no difference, and neither are held-out views, which nothing is learned from.
+    train["frames"][0]["exposure"] = json!(0.02 + 1e-9);
+    train["frames"][5]["exposure"] = json!(0.02);
+    test["exposure"] = json!(0.05);
+    assert!(read(&folder, &train, &test).warnings.is_empty());
+}
+
+#[test]
+fn held_out_times_beyond_the_training_times_are_told() {
+    let (folder, train, mut test) = set();
+    test["frames"][3]["time"] = json!(0.5);
+    let scene = read(&folder, &train, &test);
+    let parts = ["1 held-out views", "test/cam02/0003", "held out from 0 to 0.5, training from 0 to 0.3"];
+    only_warning(&scene, &parts);
+}
+
+#[test]
+fn views_without_a_time_are_counted() {
+    let (folder, mut train, test) = set();
+    for i in [1, 6] {
+        train["frames"][i].as_object_mut().expect("a frame").remove("time");
+    }
+    let scene = read(&folder, &train, &test);
+    only_warning(&scene, &["2 views have no time although others do"]);
+    let report = check(folder.path(), &LoadOptions::default());
+    assert_eq!((report.timed, report.without_time), (6, 2));
+}
+
+/// The ring of [`ring`] has a radius of 4 at a height of 1.
+#[test]
+fn what_cameras_look_at_has_a_distance() {
+    let (folder, train, test) = set();
+    let scene = read(&folder, &train, &test);
+    let distance = scene.subject_distance().expect("a ring of cameras");
+    assert!((distance - 17.0_f64.sqrt()).abs() < 1e-6, "{distance}");
+    let report = check(folder.path(), &LoadOptions::default());
+    assert!((report.subject_distance.expect("the same ring") - distance).abs() < 1e-9);
+}

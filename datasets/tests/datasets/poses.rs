@@ -87,3 +87,14 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
     assert_eq!(still.origin, glam::DVec3::ZERO);
     assert!((still.train[0].c2w.w_axis - scene.train[0].c2w.w_axis - scene.origin.extend(0.0)).length() < 1e-8);
 }
+
+#[test]
+fn an_entry_that_is_no_number_is_named() {
+    let rows = |entry: Value| json!([[1, 0, 0, entry], [0, 1, 0, 0], [0, 0, 1, 0]]);
+    for (entry, found) in [(json!(null), "null"), (json!("far"), "\"far\""), (json!([1]), "a list of 1")] {
+        let error = load_with_pose(rows(entry)).expect_err("no number");
+        assert!(error.contains(&format!("found {found} in row 0, column 3")), "{error}");
+    }
+    let error = load_with_pose(json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).expect_err("three columns");
+    assert!(error.contains("found rows of 3, 3, 3"), "{error}");
+}

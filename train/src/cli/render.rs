@@ -39,7 +39,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 
-    /// Every camera at N times spread over the recording; images are numbered, ready for a video encoder
+    /// Every camera (named after its first frame) at N times spread over the recording; images are numbered, ready for a video encoder
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: Option<u32>,
 

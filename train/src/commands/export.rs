@@ -22,11 +22,15 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     // Nothing is computed, so any device serves; the default one is on the CPU when the program has one.
     let device = gs_burn::device::select("auto")?;
     let loaded = load_scene(&args.scene, &device)?;
+    if args.time.is_some() || args.frames.is_some() {
+        loaded.moves(&args.scene)?;
+    }
     let model = loaded.model();
     let times = match (args.frames, args.time) {
         (Some(count), _) => loaded.times(count as usize),
         (None, time) => vec![time.unwrap_or(loaded.middle())],
     };
+    loaded.warn_outside(args.time);
     for (index, t) in times.iter().enumerate() {
         let path = match args.frames {
             Some(_) => numbered(&args.out, index),

@@ -61,6 +61,12 @@ fn about_scene(path: &Path) -> Result<()> {
     print(format!("Gaussians    {}", gaussians.len()));
     print(format!("SH degree    {}", gaussians.sh_degree()));
     print(format!("parameters   {}", megabytes(4 * (floats * gaussians.len()) as u64)));
+    if let Some(state) = &loaded.motion {
+        let [first, last] = state.recording;
+        print(format!("moving       {}", state.rows.len()));
+        print(format!("recording    {first} to {last}"));
+        print(format!("exposure     {:.6}", state.exposure()));
+    }
     if gaussians.is_empty() {
         return Ok(());
     }

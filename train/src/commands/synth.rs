@@ -1,5 +1,6 @@
 //! `gsburn synth`.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
@@ -21,7 +22,16 @@ pub fn run(args: &SynthArgs) -> Result<ExitCode> {
     }
 }
 
+/// That nothing is in the folder: files of another data set would stay between the new ones.
+fn vacant(folder: &Path) -> Result<()> {
+    if folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
+        bail!("{}: expected an empty or a new folder, found files in it", folder.display());
+    }
+    Ok(())
+}
+
 fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
+    vacant(&args.out)?;
     let (width, height) = parse_size(&args.size)?;
     let options = DeblurOptions {
         world: match args.world {
@@ -71,6 +81,7 @@ fn faults(args: &SynthDeblurArgs) -> PriorFaults {
 }
 
 fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
+    vacant(&args.out)?;
     let options = BlurFromFrames {
         window: args.window,
         stride: args.stride,

@@ -81,8 +81,13 @@ fn resumed(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest>
             bail!("--resume needs to know what to continue: name the run folder with --out, or the data set")
         }
     };
-    let (config, dataset) = folder.read_config()?;
-    Ok(request(args.dataset.clone().unwrap_or(dataset), config, folder, device, args))
+    let (config, begun_on) = folder.read_config()?;
+    let dataset = args.dataset.clone().unwrap_or_else(|| begun_on.clone());
+    // It may have been moved; that it is another one is for the user to see.
+    if full_path(&dataset) != begun_on {
+        tracing::warn!("the run began on {} and goes on with {}", begun_on.display(), dataset.display());
+    }
+    Ok(request(dataset, config, folder, device, args))
 }
 
 fn request(

@@ -48,9 +48,15 @@ pub fn leave_out_timeless(scene: &mut Scene) {
         scene.test.retain(|view| view.time.is_some());
     }
     let left_out = before - count(scene);
-    if left_out > 0 {
-        scene.warnings.push(format!("{left_out} photos without a time are left out"));
+    if let Some(warning) = left_out_warning(left_out) {
+        tracing::warn!("{warning}");
+        scene.warnings.push(warning);
     }
+}
+
+/// The sentence about photos without a time, where there are any.
+pub fn left_out_warning(photos: usize) -> Option<String> {
+    (photos > 0).then(|| format!("{photos} photos without a time are left out"))
 }
 
 /// Gives held-out views of standing cameras masks of what changes in front of them, where the data set has masks for none of them:
@@ -123,16 +129,26 @@ fn tracks(scene: &Scene, masks: &MovingMasks, centres: &[Centre], pixels_per_uni
         let path = Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks)?;
         Some(Track { centres, path })
     };
-    let mut bodies: Vec<Track> = motion::object_centres(scene, &masks.masks).into_iter().filter_map(track).collect();
+    let bodies: Vec<Track> = motion::object_centres(scene, &masks.masks).into_iter().filter_map(track).collect();
     let times = bodies.iter().map(|body| body.centres.len()).max().unwrap_or(0).max(centres.len()) as f64;
-    bodies.retain(|body| {
+    let believed = bodies.into_iter().filter(|body| {
         let (seen, pixels) = (body.centres.len() as f64 / times, body.path.residual * pixels_per_unit);
         tracing::debug!(seen, pixels, order = body.path.order(), kinks = body.path.kinks.len(), "a body");
         let kept = 1.0 - body.path.outliers as f64 / body.centres.len() as f64;
         BODY.iter().any(|(share, most)| seen * kept >= *share && pixels <= *most)
     });
-    if bodies.len() > 1 { bodies } else { track(centres.to_vec()).into_iter().collect() }
+    let bodies: Vec<Track> = believed.collect();
+    if bodies.len() > 1 {
+        return bodies;
+    }
+    let whole = track(centres.to_vec()).filter(|whole| whole.path.residual * pixels_per_unit <= FOLLOWED);
+    whole.into_iter().collect()
 }
+
+/// Pixels (rms) that the centre of all that moves may be from its path; bodies are mostly within one and a half. The middle of people who
+/// throw a ball is nobody's, and follows nothing (21 pixels): on such a path everything begins at the wrong place in all frames but
+/// one, and fades.
+const FOLLOWED: f64 = 4.0;
 
 fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
     let Some(middle) = centres.get(centres.len() / 2) else { return 0.0 };
@@ -206,11 +222,17 @@ pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
         let warning = format!("blur.exposure: expected at most the time between two frames, {longest}, found {set}");
         return (set, (set > longest).then_some(warning));
     }
-    let mut said: Vec<f64> = scene.train.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
-    said.sort_by(f64::total_cmp);
-    if let Some(median) = said.get(said.len() / 2) {
-        return (*median, None);
+    if let Some(said) = said_exposure(&scene.train) {
+        return (said, None);
     }
     let half = 0.5 * interval.unwrap_or(1.0);
     (half, Some(format!("the data set does not say how long the shutter was open: beginning with {half:.4}")))
+}
+
+/// How long the shutter was open, as the data set says: one number is learned for all views, so where they differ the median is
+/// what it is compared with too.
+pub fn said_exposure(views: &[View]) -> Option<f64> {
+    let mut said: Vec<f64> = views.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
+    said.sort_by(f64::total_cmp);
+    said.get(said.len() / 2).copied()
 }

@@ -14,6 +14,7 @@ use crate::experiment::Config;
 use crate::metrics::psnr;
 use crate::parameters::to_host;
 use crate::taylormode::blur::expose;
+use crate::taylormode::hints::said_exposure;
 use crate::taylormode::state::{MotionState, Network};
 
 /// Samples a measured blur is formed with, whatever the training used: enough that more change nothing visible up to about
@@ -82,7 +83,8 @@ pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config
     let blurry: Vec<f64> = views.iter().filter_map(|view| blurry_psnr(&model, state, view, config)).collect();
     let (angles, magnitudes) = velocity_errors(&model, views, config);
     let exposure = state.exposure();
-    let said = views.iter().chain(&scene.train).find_map(|view| view.exposure);
+    // The photos that were learned from; held-out views may have other exposures.
+    let said = said_exposure(&scene.train).or_else(|| said_exposure(&scene.test));
     MotionScores {
         blurry_psnr: (!blurry.is_empty()).then(|| blurry.iter().sum::<f64>() / blurry.len() as f64),
         velocity_angle: median(angles),

@@ -170,17 +170,30 @@ fn matrix(keys: &Keys, key: &str) -> Result<[[f64; 4]; 4], DatasetError> {
     };
     read().ok_or_else(|| {
         let found = match value {
-            Value::Array(rows) => {
-                let lengths: Vec<String> = rows
-                    .iter()
-                    .take(5)
-                    .map(|row| row.as_array().map_or_else(|| json::kind(row), |row| row.len().to_string()))
-                    .collect();
-                format!("rows of {}", lengths.join(", "))
-            }
+            Value::Array(rows) => no_number(rows).unwrap_or_else(|| row_lengths(rows)),
             Value::Null => "nothing".to_string(),
             other => json::kind(other),
         };
         keys.wrong(key, "4 (or 3) rows of 4 numbers", found)
     })
+}
+
+/// The first entry that is no number, of rows that are as many and as long as they should be.
+fn no_number(rows: &[Value]) -> Option<String> {
+    let whole = |row: &Value| row.as_array().is_some_and(|row| row.len() == 4);
+    if ![3, 4].contains(&rows.len()) || !rows.iter().all(whole) {
+        return None;
+    }
+    let mut entries = rows.iter().filter_map(Value::as_array).flatten().enumerate();
+    let (index, value) = entries.find(|(_, value)| json::as_f64(value).is_none())?;
+    Some(format!("{} in row {}, column {}", json::kind(value), index / 4, index % 4))
+}
+
+fn row_lengths(rows: &[Value]) -> String {
+    let lengths: Vec<String> = rows
+        .iter()
+        .take(5)
+        .map(|row| row.as_array().map_or_else(|| json::kind(row), |row| row.len().to_string()))
+        .collect();
+    format!("rows of {}", lengths.join(", "))
 }

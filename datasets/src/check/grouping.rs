@@ -1,0 +1,70 @@
+//! One mistake of a whole data set is found in every frame: it is said once.
+
+use crate::error::DatasetError;
+use crate::raw::some_names;
+
+/// The errors in the order found; those that differ only in the frame or image they are about are one sentence.
+pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
+    // What they have in common, their sentences, and what each is about.
+    let mut groups: Vec<(String, String, Vec<String>)> = Vec::new();
+    for error in errors {
+        let whole = error.to_string();
+        let Some((common, name)) = apart(error) else {
+            groups.push((whole.clone(), whole, Vec::new()));
+            continue;
+        };
+        match groups.iter_mut().find(|(known, _, names)| *known == common && !names.is_empty()) {
+            Some((_, _, names)) => names.push(name),
+            None => groups.push((common, whole, vec![name])),
+        }
+    }
+    let said = |(common, whole, names): (String, String, Vec<String>)| match names.len() {
+        0 | 1 => whole,
+        count => format!("{common} ({count} times: {})", some_names(&names)),
+    };
+    groups.into_iter().map(said).collect()
+}
+
+/// An error without the frame or image it is about, and that.
+fn apart(error: &DatasetError) -> Option<(String, String)> {
+    match error {
+        DatasetError::Malformed { path, location, expected, found } => {
+            let (name, place) = frame_of(location)?;
+            let place = if place.is_empty() { "a frame" } else { place };
+            Some((format!("{}: {place}: expected {expected}, found {found}", path.display()), name))
+        }
+        DatasetError::Pose { path, frame, expected, found } => {
+            Some((format!("{}: pose: expected {expected}, found {found}", path.display()), frame.clone()))
+        }
+        DatasetError::SizeMismatch { path, declared_in, declared, actual, hint } => {
+            let common = format!(
+                "expected images of {} x {} pixels (or the same proportions) as {} declares, found {} x {}{hint}",
+                declared.0,
+                declared.1,
+                declared_in.display(),
+                actual.0,
+                actual.1
+            );
+            Some((common, path.display().to_string()))
+        }
+        DatasetError::Image { path, found } => {
+            Some((format!("expected readable PNG or JPEG images, found: {found}"), path.display().to_string()))
+        }
+        DatasetError::Unsupported { path, what, expected } => {
+            let (what, frame) = what.strip_suffix(')')?.rsplit_once(" (frame ")?;
+            let common = format!("{}: {what} is not supported: expected {expected}", path.display());
+            Some((common, frame.trim_matches('"').to_string()))
+        }
+        _ => None,
+    }
+}
+
+/// `frame "images/00.png", key `w`` -> the frame's name and the rest.
+fn frame_of(location: &str) -> Option<(String, &str)> {
+    let quoted = location.strip_prefix("frame \"")?;
+    let (name, rest) = match quoted.split_once("\", ") {
+        Some((name, rest)) => (name, rest),
+        None => (quoted.strip_suffix('"')?, ""),
+    };
+    Some((name.to_string(), rest))
+}

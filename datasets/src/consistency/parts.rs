@@ -1,0 +1,82 @@
+//! Training and held-out views, once they are told apart: times and exposures that do not go together.
+
+use std::path::Path;
+
+use super::timing::{interval_of, median};
+use crate::raw::{RawFrame, some_names};
+
+/// Exposures within this share of each other are one: the ends of a blur of 50 pixels then differ by half a pixel.
+const SAME_EXPOSURE: f64 = 0.01;
+
+/// Frame intervals outside the training times that are still inside: of a single camera's video the first and the last frame may be
+/// held out.
+const REACH: f64 = 1.5;
+
+/// What training on some views and measuring on others would stumble over, in sentences.
+pub(crate) fn compare_parts(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Vec<String> {
+    [timeless(train, test), outside(train, test, scene), differing_exposures(train, scene)]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
+/// Views without a time among others that have one.
+pub(crate) fn without_time<'a>(train: &'a [RawFrame], test: &'a [RawFrame]) -> Vec<&'a str> {
+    let views = || train.iter().chain(test);
+    if views().all(|frame| frame.time.is_none()) {
+        return Vec::new();
+    }
+    views().filter(|frame| frame.time.is_none()).map(|frame| frame.name.as_str()).collect()
+}
+
+fn timeless(train: &[RawFrame], test: &[RawFrame]) -> Option<String> {
+    let names = without_time(train, test);
+    (!names.is_empty())
+        .then(|| format!("{} views have no time although others do ({})", names.len(), some_names(&names)))
+}
+
+/// Paths are fitted to training times; away from them they go anywhere.
+fn outside(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Option<String> {
+    let (low, high) = range(train.iter().filter_map(|frame| frame.time))?;
+    let reach = REACH * interval_of(train).unwrap_or(0.0);
+    let is_outside = |time: f64| time < low - reach || time > high + reach;
+    let names: Vec<&str> =
+        test.iter().filter(|frame| frame.time.is_some_and(is_outside)).map(|frame| frame.name.as_str()).collect();
+    if names.is_empty() {
+        return None;
+    }
+    let (first, last) = range(test.iter().filter_map(|frame| frame.time))?;
+    Some(format!(
+        "{}: {} held-out views were taken outside the times of the training views ({}; held out from {first} to {last}, \
+         training from {low} to {high}); what moves is not known there, and figures on them will be low",
+        scene.display(),
+        names.len(),
+        some_names(&names)
+    ))
+}
+
+/// One exposure is learned for all photos, beginning with the median.
+fn differing_exposures(train: &[RawFrame], scene: &Path) -> Option<String> {
+    let mut values: Vec<f64> = train.iter().filter_map(|frame| frame.exposure).collect();
+    let (low, high) = range(values.iter().copied())?;
+    if high <= low * (1.0 + SAME_EXPOSURE) {
+        return None;
+    }
+    let taken = median(values.clone())?;
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    Some(format!(
+        "{}: the training views have {} different exposures, from {low} to {high}, but one is used for all of them: their \
+         median, {taken}, unless the configuration says another",
+        scene.display(),
+        values.len()
+    ))
+}
+
+/// The smallest and the largest; `None` of nothing.
+fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.fold(None, |range, value| match range {
+        Some((low, high)) => Some((value.min(low), value.max(high))),
+        None => Some((value, value)),
+    })
+}

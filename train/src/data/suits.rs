@@ -1,0 +1,56 @@
+//! Whether a data set suits a configuration, asked by `check` and before training alike.
+
+use std::path::Path;
+
+use crate::experiment::{Config, Pipeline};
+
+/// Largest `render.near`, in median distances of the cameras from what they look at. Beyond half of it little is left to draw; a
+/// rig whose walls are to be cut away comes close to that (Panoptic: 1.2 of some 2.7 m).
+const NEAR_MOST: f64 = 0.5;
+
+/// What `render.near` is advised to be, in the same distances: nothing that a photo is taken of is that near.
+const NEAR_ADVISED: f64 = 0.01;
+
+/// That there is a time to learn motion from; `timed` is the number of training views with one.
+///
+/// # Errors
+/// A sentence, where the method asks for times and there is none.
+pub fn check_times(dataset: &Path, config: &Config, timed: usize) -> Result<(), String> {
+    if config.pipeline == Pipeline::Static || timed > 0 {
+        return Ok(());
+    }
+    Err(format!(
+        "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
+        dataset.display()
+    ))
+}
+
+/// A warning where little or nothing is drawn because everything is nearer than `render.near`. `distance` is
+/// [`Scene::subject_distance`](gs_datasets::Scene::subject_distance).
+pub fn near_warning(config: &Config, distance: Option<f64>) -> Option<String> {
+    let (near, distance) = (config.render.near, distance?);
+    (near > NEAR_MOST * distance).then(|| {
+        format!(
+            "render.near is {near}, but the cameras stand {distance:.2e} scene units (median) from what they look \
+             at: little or nothing is drawn; set render.near={:.0e}, or scale the data set",
+            NEAR_ADVISED * distance
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_is_compared_with_the_subject() {
+        let config = Config::default();
+        let near = config.render.near;
+        assert_eq!(near_warning(&config, None), None);
+        assert_eq!(near_warning(&config, Some(3.0 * near)), None);
+        let warning = near_warning(&config, Some(0.004)).expect("nothing is drawn");
+        assert!(warning.contains("render.near=4e-5"), "{warning}");
+        let advised = Config::resolve(None, &["render.near=4e-5".to_string()]).expect("valid");
+        assert_eq!(near_warning(&advised, Some(0.004)), None);
+    }
+}
