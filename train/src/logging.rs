@@ -14,7 +14,12 @@ pub fn init(verbose: u8) {
     };
     // Other crates stay at warnings until -vvv: a GPU backend logs every kernel.
     let others = if verbose > 2 { "debug" } else { "warn" };
-    let default = format!("{others},gs_train={ours},gs_datasets={ours},gs_burn={ours},gs_kernels={ours},gsburn={ours}");
+    // `--device auto` tries GPUs that need not be there, and CubeCL warns of each; a device that was named and fails is
+    // an error of ours.
+    let absent = if verbose > 1 { "debug" } else { "error" };
+    let default = format!(
+        "{others},cubecl_common={absent},gs_train={ours},gs_datasets={ours},gs_burn={ours},gs_kernels={ours},gsburn={ours}"
+    );
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
     tracing_subscriber::fmt()
         .with_env_filter(filter)

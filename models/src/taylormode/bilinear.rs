@@ -22,8 +22,8 @@ pub fn bilinear(image: Tensor<3>, places: Tensor<2>) -> Tensor<2> {
     // One look-up for all four corners: its backward pass then writes into one image and not into four.
     let index = corners.map(|(right, below)| x.pixel(right) + y.pixel(below) * width as f64);
     let share = corners.map(|(right, below)| x.share(right) * y.share(below));
-    // Pixel numbers are whole below 2^24, the last an f32 counts to. What is not a number becomes some pixel: the
-    // shares still carry it.
+    // Pixel numbers are whole below 2^24, the last an f32 counts to. The bound holds where a GPU's compiler takes it
+    // that no number is NaN.
     let last = (height * width - 1) as i64;
     let index = Tensor::cat(index.to_vec(), 0).reshape([4 * count]).int().clamp(0, last);
     let colors = image.reshape([height * width, channels]).select(0, index);
@@ -45,6 +45,8 @@ impl Axis {
         let last = (pixels - 1) as f64;
         let places = (places - 0.5).clamp(0.0, last);
         let first = places.clone().detach().floor().clamp(0.0, (last - 1.0).max(0.0));
+        // What is not a number looks at pixel 0 (ndarray's conversion to whole numbers panics on it); the shares carry it.
+        let first = first.clone().mask_fill(first.is_nan(), 0.0);
         Self { fraction: places - first.clone(), first, last }
     }
 
