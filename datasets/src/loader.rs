@@ -68,7 +68,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     for fact in &findings.facts {
         tracing::info!("{fact}");
     }
-    let time_range = time_range(train.iter().chain(&test));
+    let time_range = consistency::range(train.iter().chain(&test).filter_map(|view| view.time));
     for warning in &findings.warnings {
         tracing::warn!("{warning}");
     }
@@ -285,11 +285,4 @@ fn summarise(path: &Path, notes: &[Note], findings: &mut Findings) {
     }
     let masked = notes.iter().filter_map(|note| note.masked).collect();
     findings.warnings.extend(mask::suspicion(path, masked));
-}
-
-fn time_range<'a>(views: impl Iterator<Item = &'a View>) -> Option<(f64, f64)> {
-    views.filter_map(|view| view.time).fold(None, |range, time| match range {
-        Some((low, high)) => Some((time.min(low), time.max(high))),
-        None => Some((time, time)),
-    })
 }

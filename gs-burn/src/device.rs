@@ -40,6 +40,9 @@ use DeviceKind::{Auto, Cuda, Flex, Metal, NdArray, Vulkan, Wgpu};
 /// All kinds, the order in which [`DeviceKind::Auto`] tries them.
 const KINDS: [DeviceKind; 7] = [Auto, Cuda, Metal, Vulkan, Wgpu, Flex, NdArray];
 
+/// What a build can have, those on the CPU first.
+pub const BACKENDS: [DeviceKind; 6] = [Flex, NdArray, Wgpu, Vulkan, Metal, Cuda];
+
 /// A kind of device and, where there are several, which one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeviceChoice {
@@ -112,7 +115,7 @@ impl FromStr for DeviceChoice {
             None => (name, None),
         };
         let kind = KINDS.into_iter().find(|known| known.name().eq_ignore_ascii_case(kind)).ok_or_else(unknown)?;
-        if index.is_some() && matches!(kind, Auto | Flex | NdArray) {
+        if index.is_some() && (kind == Auto || kind.is_cpu()) {
             return Err(DeviceError::NoIndex { kind });
         }
         Ok(Self { kind, index })
@@ -173,7 +176,8 @@ fn open_best() -> Result<Device, DeviceError> {
 }
 
 impl DeviceKind {
-    fn name(self) -> &'static str {
+    /// Its name on the command line, which is that of its feature.
+    pub fn name(self) -> &'static str {
         match self {
             Auto => "auto",
             Flex => "flex",
@@ -185,8 +189,13 @@ impl DeviceKind {
         }
     }
 
+    /// Whether it computes on the CPU.
+    pub fn is_cpu(self) -> bool {
+        matches!(self, Flex | NdArray)
+    }
+
     /// Whether the backend is part of this build.
-    fn is_built(self) -> bool {
+    pub fn is_built(self) -> bool {
         match self {
             Auto => false,
             Flex => cfg!(feature = "flex"),
@@ -318,10 +327,10 @@ mod tests {
         for kind in KINDS.into_iter().filter(|kind| kind.is_built()) {
             match select(kind.name()) {
                 Ok(_) => {}
-                Err(DeviceError::Unavailable { .. }) => assert!(!matches!(kind, Flex | NdArray)),
+                Err(DeviceError::Unavailable { .. }) => assert!(!kind.is_cpu()),
                 Err(other) => panic!("{other}"),
             }
-            if !matches!(kind, Flex | NdArray) {
+            if !kind.is_cpu() {
                 let error = select(&format!("{kind}:4000")).unwrap_err();
                 assert!(matches!(error, DeviceError::NoSuchIndex { .. } | DeviceError::Unavailable { .. }), "{error}");
             }

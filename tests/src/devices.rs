@@ -3,31 +3,10 @@
 use std::sync::OnceLock;
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
-use gs_burn::device::select;
+use gs_burn::device::{BACKENDS, DeviceKind, select};
 
 #[cfg(not(any(feature = "flex", feature = "ndarray")))]
 compile_error!("the tests judge by an f64 reference on the CPU: switch on the feature `flex` or `ndarray`");
-
-/// Names of the CPU devices of this build; they compute in `f64` too.
-const CPU: &[&str] = &[
-    #[cfg(feature = "flex")]
-    "flex",
-    #[cfg(feature = "ndarray")]
-    "ndarray",
-];
-
-/// Names of the GPU devices of this build. With the feature on, the device must be there: a test that passes because it
-/// did not run is worse than one that fails.
-const GPU: &[&str] = &[
-    #[cfg(feature = "wgpu")]
-    "wgpu",
-    #[cfg(feature = "vulkan")]
-    "vulkan",
-    #[cfg(feature = "metal")]
-    "metal",
-    #[cfg(feature = "cuda")]
-    "cuda",
-];
 
 /// A device and the float a test uses on it.
 #[derive(Clone, Debug)]
@@ -41,9 +20,11 @@ pub struct Place {
 }
 
 impl Place {
-    fn new(name: &str, dtype: DType) -> Self {
-        let device = select(name).unwrap_or_else(|error| panic!("the build has this device, so it must work: {error}"));
-        Self { name: format!("{name} {dtype:?}"), device, dtype }
+    /// With the feature on, the device must be there: a test that passes because it did not run is worse than one that fails.
+    fn new(kind: DeviceKind, dtype: DType) -> Self {
+        let device = select(kind.name());
+        let device = device.unwrap_or_else(|error| panic!("the build has this device, so it must work: {error}"));
+        Self { name: format!("{kind} {dtype:?}"), device, dtype }
     }
 
     /// Whether it computes in `f64`.
@@ -62,16 +43,21 @@ impl Place {
     }
 }
 
+/// The backends of this build, those on the CPU first.
+fn built() -> impl Iterator<Item = DeviceKind> {
+    BACKENDS.into_iter().filter(|kind| kind.is_built())
+}
+
 /// Every device of this build in `f32`.
 pub fn singles() -> &'static [Place] {
     static PLACES: OnceLock<Vec<Place>> = OnceLock::new();
-    PLACES.get_or_init(|| CPU.iter().chain(GPU).map(|name| Place::new(name, DType::F32)).collect())
+    PLACES.get_or_init(|| built().map(|kind| Place::new(kind, DType::F32)).collect())
 }
 
 /// Every CPU device of this build in `f64`.
 pub fn doubles() -> &'static [Place] {
     static PLACES: OnceLock<Vec<Place>> = OnceLock::new();
-    PLACES.get_or_init(|| CPU.iter().map(|name| Place::new(name, DType::F64)).collect())
+    PLACES.get_or_init(|| built().filter(|kind| kind.is_cpu()).map(|kind| Place::new(kind, DType::F64)).collect())
 }
 
 /// Every device in every float type it has.

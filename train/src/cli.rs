@@ -17,7 +17,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::{Stability, StabilityArgs, StabilityTaylormodeArgs};
-pub use synth::{BlurFromFramesArgs, FaultName, Synth, SynthArgs, SynthDeblurArgs, WorldName};
+pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -11,6 +11,12 @@ fn experiment(folder: &Path, name: &str, quick: bool) -> Outcome {
     run(&request).expect("the experiment runs").remove(0)
 }
 
+/// A small version, whose files nobody looks at.
+fn quick(name: &str) -> Outcome {
+    let folder = tempfile::tempdir().expect("a folder");
+    experiment(folder.path(), name, true)
+}
+
 /// The value of the first criterion whose description contains `part`.
 fn value(outcome: &Outcome, part: &str) -> f64 {
     let criterion = outcome.criteria.iter().find(|criterion| criterion.what.contains(part));
@@ -20,8 +26,7 @@ fn value(outcome: &Outcome, part: &str) -> f64 {
 
 #[test]
 fn no_order_leaves_its_window_worse_than_a_line() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "divergence", true);
+    let outcome = quick("divergence");
     assert!(value(&outcome, "orders 2 to 5") <= 1.1, "{}", value(&outcome, "orders 2 to 5"));
     // Missed by the bounce at order 5, which has eleven unknowns for sixteen frames; every other path keeps 1.1.
     let rest = value(&outcome, "the same with the remainder");
@@ -48,8 +53,7 @@ fn the_report_is_one_file_that_says_what_was_missed() {
 
 #[test]
 fn nothing_is_thrown_away_at_any_scale() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "thrown", true);
+    let outcome = quick("thrown");
     assert_eq!(value(&outcome, "before the first step"), 0.0);
     let farthest = value(&outcome, "farthest");
     assert!(farthest > 0.0 && farthest <= 0.01, "a step moved a Gaussian by {farthest} of the scene");
@@ -57,8 +61,7 @@ fn nothing_is_thrown_away_at_any_scale() {
 
 #[test]
 fn enough_instants_form_the_exposure() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "samples", true);
+    let outcome = quick("samples");
     let error = value(&outcome, "mean difference");
     assert!(error > 0.0 && error <= 1.0, "{error} / 255 at one pixel an instant");
 }
@@ -73,8 +76,7 @@ fn points(outcome: &Outcome, figure: &str, series: &str) -> Vec<(f64, f64)> {
 /// In a hundred steps from minus the velocity; with two frames most turn round, with one it is the start that decides.
 #[test]
 fn one_frame_has_no_direction_and_two_have() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "direction", true);
+    let outcome = quick("direction");
     let (two, from_chance) = (value(&outcome, "two or more frames"), value(&outcome, "one frame"));
     assert!(two >= 60.0, "two frames turn {two} % round");
     assert!(from_chance <= 15.0, "one frame knows more than it can: {from_chance} % from chance");
@@ -84,8 +86,7 @@ fn one_frame_has_no_direction_and_two_have() {
 /// frames that object, as the method assumes.
 #[test]
 fn neighbouring_frames_tell_exposure_from_speed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "exposure", true);
+    let outcome = quick("exposure");
     let found = points(&outcome, "exposure-found.svg", "exposure");
     // From above it is slow to begin with: what is formed too blurry is first met by a sharper scene.
     assert!(found[0].1 > 0.55 && found[1].1 < 2.0, "exposures over truth, begun at 0.5 and 2: {found:?}");
@@ -102,8 +103,7 @@ fn neighbouring_frames_tell_exposure_from_speed() {
 /// Photos that were sharp stay sharp.
 #[test]
 fn no_blur_model_eats_a_sharp_scene() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "absorb", true);
+    let outcome = quick("absorb");
     for mode in ["integrate", "warp"] {
         let blur = value(&outcome, &format!("{mode}, sharp photos: mean change"));
         let gain = value(&outcome, &format!("{mode}, sharp photos: PSNR"));
@@ -114,8 +114,7 @@ fn no_blur_model_eats_a_sharp_scene() {
 /// Scale and shift of a depth prior do not show where they are fitted; believed as they are, they show more.
 #[test]
 fn affine_errors_of_depth_are_fitted_away() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "depth", true);
+    let outcome = quick("depth");
     let aligned = value(&outcome, "affine error");
     let believed = points(&outcome, "depth.svg", "affine in depth, not aligned");
     let change = (believed[1].1 - believed[0].1).abs();
@@ -125,16 +124,14 @@ fn affine_errors_of_depth_are_fitted_away() {
 
 #[test]
 fn masks_may_be_two_pixels_wrong() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "masks", true);
+    let outcome = quick("masks");
     let (moving, whole) = (value(&outcome, "loss in moving parts"), value(&outcome, "loss over the whole"));
     assert!(moving <= 1.0 && whole <= 0.5, "moving parts lose {moving} dB, whole images {whole}");
 }
 
 #[test]
 fn forming_blur_harms_neither_moving_nor_still_things() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "speed", true);
+    let outcome = quick("speed");
     let (moving, still) = (value(&outcome, "gain over no blur model"), value(&outcome, "gain where nothing moves"));
     assert!(moving >= -0.1 && still >= -0.1, "gains of {moving} dB and, where nothing moves, {still}");
 }
@@ -142,8 +139,7 @@ fn forming_blur_harms_neither_moving_nor_still_things() {
 /// After a reset, scenes are there again before the next one.
 #[test]
 fn opacities_recover_from_a_reset() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "opacity", true);
+    let outcome = quick("opacity");
     for scene in ["moving", "still"] {
         let fall = value(&outcome, &format!("{scene}: longest fall"));
         assert!(fall > 0.0 && fall < 60.0, "{scene}: down for {fall} steps of the 60 from one reset to the next");

@@ -15,7 +15,7 @@ use crate::raw::{Findings, RawFrame};
 
 pub(crate) use self::cameras::standing;
 pub(crate) use self::order::natural;
-pub(crate) use self::parts::{compare_parts, without_time};
+pub(crate) use self::parts::{compare_parts, range, without_time};
 pub use self::timing::frame_interval;
 pub(crate) use self::timing::interval_of;
 

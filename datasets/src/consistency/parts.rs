@@ -74,7 +74,7 @@ fn differing_exposures(train: &[RawFrame], scene: &Path) -> Option<String> {
 }
 
 /// The smallest and the largest; `None` of nothing.
-fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+pub(crate) fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.fold(None, |range, value| match range {
         Some((low, high)) => Some((value.min(low), value.max(high))),
         None => Some((value, value)),

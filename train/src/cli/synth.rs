@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::builder::ValueHint;
-use clap::{Args, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, ValueHint};
+use clap::{Args, Subcommand};
+use gs_datasets::synthetic::deblur::{PriorFault, World};
 
 /// Arguments of `synth`.
 #[derive(Debug, Args)]
@@ -26,8 +27,8 @@ pub enum Synth {
 #[derive(Debug, Args)]
 pub struct SynthDeblurArgs {
     /// cube (slides and turns), lychee (spins), monkey (speeds up), sphere (bounces) or pair (two bodies)
-    #[arg(value_enum)]
-    pub world: WorldName,
+    #[arg(value_parser = one_of(&World::ALL, World::name, World::in_words))]
+    pub world: World,
 
     /// Folder to write
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
@@ -62,9 +63,9 @@ pub struct SynthDeblurArgs {
     pub speed: f64,
 
     /// Faults of the priors (depth, masks, pseudo-sharp photos), any of them; switching one changes what chance does to the others
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST",
-          default_values = ["depth-affine", "depth-noise", "masks", "sharp"])]
-    pub faults: Vec<FaultName>,
+    #[arg(long, value_parser = one_of(&PriorFault::ALL, PriorFault::name, PriorFault::in_words), value_delimiter = ',',
+          value_name = "LIST", default_values_t = PriorFault::USUAL)]
+    pub faults: Vec<PriorFault>,
 
     /// Priors without any fault
     #[arg(long, conflicts_with = "faults")]
@@ -79,36 +80,15 @@ pub struct SynthDeblurArgs {
     pub seed: u64,
 }
 
-/// A synthetic world.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum WorldName {
-    /// A box slides and turns
-    Cube,
-    /// A bumpy fruit spins
-    Lychee,
-    /// A head of several parts speeds up
-    Monkey,
-    /// A ball bounces
-    Sphere,
-    /// A box and a bumpy ball, each on its own way
-    Pair,
-}
-
-/// A fault of priors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FaultName {
-    /// Depth up to a scale and a shift per frame
-    DepthAffine,
-    /// Depth with fine and coarse noise
-    DepthNoise,
-    /// One pixel in twenty has a random depth of the frame's range
-    DepthOutliers,
-    /// Inverse depth is written
-    InverseDepth,
-    /// Masks with ragged outlines
-    Masks,
-    /// Pseudo-sharp photos keep a third of the blur
-    Sharp,
+/// One of `all` by its name; help shows what each is.
+fn one_of<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+    in_words: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    let values = all.iter().map(|value| PossibleValue::new(name(*value)).help(in_words(*value)));
+    let named = move |text: String| all.iter().copied().find(|value| name(*value) == text);
+    PossibleValuesParser::new(values).map(move |text| named(text).expect("clap accepts no other"))
 }
 
 /// Arguments of `synth blur-from-frames`.

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use gs_burn::device::{BACKENDS, select};
 
 use crate::cli::InfoArgs;
 use crate::commands::print;
@@ -11,16 +12,6 @@ use crate::density::ops::sigmoid;
 use crate::export::load_scene;
 use crate::memory::megabytes;
 use crate::parameters::to_host;
-
-/// The backends this program can be built with.
-const FEATURES: [(&str, bool); 6] = [
-    ("flex", cfg!(feature = "flex")),
-    ("ndarray", cfg!(feature = "ndarray")),
-    ("wgpu", cfg!(feature = "wgpu")),
-    ("vulkan", cfg!(feature = "vulkan")),
-    ("metal", cfg!(feature = "metal")),
-    ("cuda", cfg!(feature = "cuda")),
-];
 
 /// Prints what the program can do, or what a scene holds.
 ///
@@ -37,18 +28,20 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
 fn about_program() {
     print(format!("gsburn {} ({})", env!("CARGO_PKG_VERSION"), std::env::consts::ARCH));
     print(format!("threads  {}", rayon::current_num_threads()));
-    for (name, compiled) in FEATURES {
-        let state = match (compiled, compiled.then(|| gs_burn::device::select(name))) {
-            (false, _) | (_, None) => format!("not compiled in (build with --features {name})"),
-            (true, Some(Ok(device))) => crate::commands::describe(&device),
-            (true, Some(Err(error))) => format!("compiled in, but {error}"),
+    for kind in BACKENDS {
+        let state = match (kind.is_built(), kind.name()) {
+            (false, name) => format!("not compiled in (build with --features {name})"),
+            (true, name) => match select(name) {
+                Ok(device) => crate::commands::describe(&device),
+                Err(error) => format!("compiled in, but {error}"),
+            },
         };
-        print(format!("{name:8} {state}"));
+        print(format!("{:8} {state}", kind.name()));
     }
 }
 
 fn about_scene(path: &Path) -> Result<()> {
-    let loaded = load_scene(path, &gs_burn::device::select("auto")?)?;
+    let loaded = load_scene(path, &select("auto")?)?;
     let gaussians = &loaded.gaussians;
     let floats = 11 + 3 * (gaussians.sh_degree() + 1).pow(2);
     print(format!("scene        {}", path.display()));

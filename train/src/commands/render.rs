@@ -28,15 +28,16 @@ const DEPTH_STEPS: f32 = 1000.0;
 pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let loaded = load_scene(&args.scene, &device)?;
+    let mut cameras = load_cameras(&args.cameras)?;
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
+        loaded.warn_outside(args.time);
+    } else {
+        loaded.warn_outside(cameras.iter().filter_map(|pose| pose.time));
     }
-    let cameras = match args.frames {
-        Some(_) => distinct(load_cameras(&args.cameras)?),
-        None => load_cameras(&args.cameras)?,
-    };
-    let own = if args.frames.is_some() || args.time.is_some() { &[] } else { cameras.as_slice() };
-    loaded.warn_outside(args.time.into_iter().chain(own.iter().filter_map(|pose| pose.time)));
+    if args.frames.is_some() {
+        keep_distinct(&mut cameras);
+    }
     let run = loaded.config.as_ref();
     let background = match &args.background {
         Some(text) => parse_color(text)?,
@@ -80,20 +81,16 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
 }
 
 /// Each camera once: a file has as many of each as there are frames, and at times of our own they are all alike.
-fn distinct(mut cameras: Vec<CameraPose>) -> Vec<CameraPose> {
-    let mut seen: Vec<CameraPose> = Vec::new();
+fn keep_distinct(cameras: &mut Vec<CameraPose>) {
+    let mut seen = Vec::new();
     cameras.retain(|pose| {
-        let same = |other: &CameraPose| {
-            (other.c2w, other.intrinsics, other.width, other.height)
-                == (pose.c2w, pose.intrinsics, pose.width, pose.height)
-        };
-        let new = !seen.iter().any(same);
+        let camera = (pose.c2w, pose.intrinsics, pose.width, pose.height);
+        let new = !seen.contains(&camera);
         if new {
-            seen.push(pose.clone());
+            seen.push(camera);
         }
         new
     });
-    cameras
 }
 
 /// The times a camera is rendered at, with what is added to its name.

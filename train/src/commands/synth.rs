@@ -4,11 +4,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFault, PriorFaults, World};
+use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults};
 use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{BlurFromFramesArgs, FaultName, Synth, SynthArgs, SynthDeblurArgs, WorldName};
+use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
 use crate::commands::print;
 
 /// Makes what is asked for.
@@ -34,13 +34,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
     vacant(&args.out)?;
     let (width, height) = parse_size(&args.size)?;
     let options = DeblurOptions {
-        world: match args.world {
-            WorldName::Cube => World::Cube,
-            WorldName::Lychee => World::Lychee,
-            WorldName::Monkey => World::Monkey,
-            WorldName::Sphere => World::Sphere,
-            WorldName::Pair => World::Pair,
-        },
+        world: args.world,
         width,
         height,
         cameras: args.cameras as usize,
@@ -66,18 +60,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
 
 /// The faults asked for.
 fn faults(args: &SynthDeblurArgs) -> PriorFaults {
-    if args.perfect_priors {
-        return PriorFaults::none();
-    }
-    let named = args.faults.iter().map(|name| match name {
-        FaultName::DepthAffine => PriorFault::DepthAffine,
-        FaultName::DepthNoise => PriorFault::DepthNoise,
-        FaultName::DepthOutliers => PriorFault::DepthOutliers,
-        FaultName::InverseDepth => PriorFault::InverseDepth,
-        FaultName::Masks => PriorFault::Masks,
-        FaultName::Sharp => PriorFault::Sharp,
-    });
-    PriorFaults::of(&named.collect::<Vec<_>>())
+    if args.perfect_priors { PriorFaults::none() } else { PriorFaults::of(&args.faults) }
 }
 
 fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
@@ -133,6 +116,7 @@ fn parse_size(text: &str) -> Result<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
+    use gs_datasets::synthetic::deblur::PriorFault;
 
     use super::*;
 

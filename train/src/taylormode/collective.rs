@@ -57,8 +57,10 @@ pub fn step_together(
     gradients: Tensor<2>,
     adam: &AdamConfig,
 ) -> Option<Tensor<2>> {
-    if let [body] = bodies {
-        return Some(body.step(places, gradients, None, adam));
+    match bodies {
+        [] => return None,
+        [body] => return Some(body.step(places, gradients, None, adam)),
+        _ => {}
     }
     let centres: Vec<[f64; 3]> = bodies.iter().map(|body| body.centre).collect();
     let steps = bodies
@@ -70,9 +72,6 @@ pub fn step_together(
 
 /// For each centre 1 where it is the nearest to a place, 0 elsewhere, `[M, 1]`.
 fn members(centres: &[[f64; 3]], places: &Tensor<2>) -> Vec<Tensor<2>> {
-    if centres.is_empty() {
-        return Vec::new();
-    }
     let device = places.device();
     let distances = centres.iter().map(|centre| {
         let centre: Tensor<2> = Tensor::<1>::from_floats(centre.map(|x| x as f32), &device).unsqueeze();

@@ -129,15 +129,14 @@ fn tracks(scene: &Scene, masks: &MovingMasks, centres: &[Centre], pixels_per_uni
         let path = Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks)?;
         Some(Track { centres, path })
     };
-    let bodies: Vec<Track> = motion::object_centres(scene, &masks.masks).into_iter().filter_map(track).collect();
+    let mut bodies: Vec<Track> = motion::object_centres(scene, &masks.masks).into_iter().filter_map(track).collect();
     let times = bodies.iter().map(|body| body.centres.len()).max().unwrap_or(0).max(centres.len()) as f64;
-    let believed = bodies.into_iter().filter(|body| {
+    bodies.retain(|body| {
         let (seen, pixels) = (body.centres.len() as f64 / times, body.path.residual * pixels_per_unit);
         tracing::debug!(seen, pixels, order = body.path.order(), kinks = body.path.kinks.len(), "a body");
         let kept = 1.0 - body.path.outliers as f64 / body.centres.len() as f64;
         BODY.iter().any(|(share, most)| seen * kept >= *share && pixels <= *most)
     });
-    let bodies: Vec<Track> = believed.collect();
     if bodies.len() > 1 {
         return bodies;
     }

@@ -125,8 +125,9 @@ fn leaves_a_pattern(track: &Track, pixels_per_unit: f64) -> bool {
 
 /// Centre and root mean square size of what moves.
 pub fn remainder_frame(state: &MotionState, means: &[[f32; 3]], order: usize) -> RemainderFrame {
-    let (centre, scale) = frame(&places(state, means));
-    RemainderFrame { centre, scale, order }
+    let places = places(state, means);
+    let centre = middle(&places);
+    RemainderFrame { centre: centre.to_array(), scale: spread(&places, centre), order }
 }
 
 /// Where places are measured from in each body and its root mean square size; bodies without Gaussians are left out. Of several,
@@ -140,10 +141,7 @@ fn body_frames(tracks: &[Track], state: &MotionState, means: &[[f32; 3]]) -> imp
     let filled = parts.into_iter().zip(tracks).filter(|(part, _)| !part.is_empty());
     let alone = tracks.len() == 1;
     filled.map(move |(part, track)| {
-        if alone {
-            return frame(&part);
-        }
-        let centre = track.path.position(t0);
+        let centre = if alone { middle(&part) } else { track.path.position(t0) };
         (centre.to_array(), spread(&part, centre))
     })
 }
@@ -153,9 +151,8 @@ fn places(state: &MotionState, means: &[[f32; 3]]) -> Vec<DVec3> {
     state.rows.iter().map(|row| Vec3::from(means[*row as usize]).as_dvec3()).collect()
 }
 
-fn frame(places: &[DVec3]) -> ([f64; 3], f64) {
-    let centre = places.iter().sum::<DVec3>() / places.len().max(1) as f64;
-    (centre.to_array(), spread(places, centre))
+fn middle(places: &[DVec3]) -> DVec3 {
+    places.iter().sum::<DVec3>() / places.len().max(1) as f64
 }
 
 fn spread(places: &[DVec3], centre: DVec3) -> f64 {

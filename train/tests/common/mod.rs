@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use gs_burn::device::{BACKENDS, DeviceKind, select};
 use gs_datasets::Scene;
 use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::data::{Photo, Photos};
@@ -16,34 +17,23 @@ use gs_train::step::Trainer;
 /// Points of the tiny scene.
 pub const POINTS: usize = 150;
 
-/// Which of this build's backends the tests use; the first of [`BACKENDS`] without it.
+/// Names the backend that the tests use; without it they use the first of the build.
 const TEST_DEVICE: &str = "GSBURN_TEST_DEVICE";
-
-/// The backends of this build.
-pub const BACKENDS: &[&str] = &[
-    #[cfg(feature = "flex")]
-    "flex",
-    #[cfg(feature = "ndarray")]
-    "ndarray",
-    #[cfg(feature = "wgpu")]
-    "wgpu",
-    #[cfg(feature = "vulkan")]
-    "vulkan",
-    #[cfg(feature = "metal")]
-    "metal",
-    #[cfg(feature = "cuda")]
-    "cuda",
-];
 
 /// The device of the tests.
 pub fn device() -> Device {
-    std::env::var(TEST_DEVICE)
-        .map_or_else(|_| named(BACKENDS.first().expect("a backend is built")), |name| named(&name))
+    let first = || backends().next().expect("a backend is built").to_string();
+    named(&std::env::var(TEST_DEVICE).unwrap_or_else(|_| first()))
+}
+
+/// The backends of this build, those on the CPU first.
+pub fn backends() -> impl Iterator<Item = &'static str> {
+    BACKENDS.into_iter().filter(|kind| kind.is_built()).map(DeviceKind::name)
 }
 
 /// The device of a backend.
 pub fn named(backend: &str) -> Device {
-    gs_burn::device::select(backend).unwrap_or_else(|error| panic!("{backend}: {error}"))
+    select(backend).unwrap_or_else(|error| panic!("{backend}: {error}"))
 }
 
 /// Writes the tiny scene into `folder` and returns its path.

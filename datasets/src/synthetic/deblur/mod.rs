@@ -64,6 +64,17 @@ impl World {
             Self::Pair => "pair",
         }
     }
+
+    /// What happens in it, in a few words.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Cube => "A box slides and turns",
+            Self::Lychee => "A bumpy fruit spins",
+            Self::Monkey => "A head of several parts speeds up",
+            Self::Sphere => "A ball bounces",
+            Self::Pair => "A box and a bumpy ball, each on its own way",
+        }
+    }
 }
 
 impl fmt::Display for World {

@@ -1,5 +1,7 @@
 //! Priors with the faults that networks make: what a depth, segmentation or deblurring network might have said.
 
+use std::fmt;
+
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
@@ -47,6 +49,40 @@ pub enum PriorFault {
 impl PriorFault {
     /// Those that [`PriorFaults::default`] has.
     pub const USUAL: [Self; 4] = [Self::DepthAffine, Self::DepthNoise, Self::Masks, Self::Sharp];
+
+    /// All faults.
+    pub const ALL: [Self; 6] =
+        [Self::DepthAffine, Self::DepthNoise, Self::DepthOutliers, Self::InverseDepth, Self::Masks, Self::Sharp];
+
+    /// Its name on a command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::DepthAffine => "depth-affine",
+            Self::DepthNoise => "depth-noise",
+            Self::DepthOutliers => "depth-outliers",
+            Self::InverseDepth => "inverse-depth",
+            Self::Masks => "masks",
+            Self::Sharp => "sharp",
+        }
+    }
+
+    /// What it does, in a few words.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::DepthAffine => "Depth up to a scale and a shift per frame",
+            Self::DepthNoise => "Depth with fine and coarse noise",
+            Self::DepthOutliers => "One pixel in twenty has a random depth of the frame's range",
+            Self::InverseDepth => "Inverse depth is written",
+            Self::Masks => "Masks with ragged outlines",
+            Self::Sharp => "Pseudo-sharp photos keep a third of the blur",
+        }
+    }
+}
+
+impl fmt::Display for PriorFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 impl Default for PriorFaults {
