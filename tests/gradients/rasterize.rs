@@ -8,7 +8,9 @@ use gs_tests::cutoff::{SHARE, SHARE_IN_STACKS, undecided_pixels, without};
 use gs_tests::devices::{Place, doubles, reference, singles};
 use gs_tests::finite_differences::assert_derivative;
 use gs_tests::scenes::{Random, Reading, Scene};
-use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_gradient, assert_near, values};
+use gs_tests::tolerance::{
+    GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_gradient, assert_near, column, largest, values,
+};
 
 const NAMES: [&str; 5] = ["projected", "opacities", "features", "background", "screen"];
 const SIGNED_SCREEN: usize = 4;
@@ -104,6 +106,20 @@ fn doubles_are_the_central_differences() {
     }
 }
 
+/// [`assert_gradient`] for each column of the gradient by projected rows; nothing where the image does not depend on a column.
+#[track_caller]
+fn assert_columns(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
+    for c in 0..PROJECTED {
+        let [actual, expected] = [actual, expected].map(|rows| column(rows, PROJECTED, c));
+        let what = format!("column {c} of {what}");
+        if largest(&expected) > 0.0 {
+            assert_gradient(&what, &actual, &expected, bound);
+        } else {
+            assert_near(&what, &actual, &expected, 0.0);
+        }
+    }
+}
+
 /// As many channels as models use in one pass: colour, with depth, and feature fields up to 32.
 #[test]
 fn every_device_follows_the_reference() {
@@ -118,6 +134,7 @@ fn every_device_follows_the_reference() {
                 let what = format!("{} of {channels} channels on {}", NAMES[k], place.name);
                 assert_gradient(&what, &actual[k], &expected[k], bound);
             }
+            assert_columns(&format!("{channels} channels on {}", place.name), &actual[0], &expected[0], bound);
         }
     }
 }
@@ -166,6 +183,7 @@ fn opaque_stacks_follow_the_reference() {
                 let what = format!("{} of {count} x {opacity} on {}", NAMES[k], place.name);
                 assert_gradient(&what, &actual[k], &expected[k], bound);
             }
+            assert_columns(&format!("{count} x {opacity} on {}", place.name), &actual[0], &expected[0], bound);
         }
     }
 }

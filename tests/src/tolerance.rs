@@ -51,6 +51,12 @@ pub fn bits<const D: usize>(tensor: &Tensor<D>) -> Vec<u32> {
     tensor.to_data().iter::<f32>().map(f32::to_bits).collect()
 }
 
+/// One column of rows of `columns` values. Columns in units of their own (pixels, inverse square pixels, scene units) are compared
+/// one by one, or the smaller would be held to a share of the larger.
+pub fn column(rows: &[f64], columns: usize, column: usize) -> Vec<f64> {
+    rows.iter().skip(column).step_by(columns).copied().collect()
+}
+
 /// Largest magnitude.
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |max, x| max.max(x.abs()))
@@ -99,8 +105,7 @@ pub fn assert_image(what: &str, actual: &[f64], expected: &[f64], channels: usiz
     let fits = channels > 0 && expected.len().is_multiple_of(channels) && depth.is_none_or(|depth| depth < channels);
     assert!(fits, "{channels} channels, depth {depth:?}, do not fit {} values of {what}", expected.len());
     for channel in 0..channels {
-        let [actual, expected] =
-            [actual, expected].map(|image| image.iter().skip(channel).step_by(channels).copied().collect::<Vec<_>>());
+        let [actual, expected] = [actual, expected].map(|image| column(image, channels, channel));
         let what = format!("channel {channel} of {what}");
         if depth == Some(channel) {
             assert_near_scaled(&what, &actual, &expected, bound);
