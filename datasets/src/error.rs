@@ -82,6 +82,20 @@ pub enum DatasetError {
         found: String,
     },
 
+    /// A mask does not lie over its photo.
+    #[error(
+        "{}: expected a mask of the photo's proportions, {} x {} pixels, found {} x {}",
+        path.display(), photo.0, photo.1, found.0, found.1
+    )]
+    MaskShape {
+        /// The mask.
+        path: PathBuf,
+        /// Width and height of its photo.
+        photo: (usize, usize),
+        /// Width and height of the mask.
+        found: (usize, usize),
+    },
+
     /// A valid file asks for something this crate does not do.
     #[error("{}: {what} is not supported: expected {expected}", path.display())]
     Unsupported {

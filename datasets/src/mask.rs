@@ -28,13 +28,8 @@ impl Mask {
         let (width, height) = (image.width() as usize, image.height() as usize);
         let ratio = width as f64 * photo_size.1 as f64 / (height as f64 * photo_size.0 as f64);
         if (ratio - 1.0).abs() > 0.01 {
-            return Err(DatasetError::Image {
-                path: file.path.clone(),
-                found: format!(
-                    "a mask of {width} x {height} pixels for a photo of {} x {}",
-                    photo_size.0, photo_size.1
-                ),
-            });
+            let found = (width, height);
+            return Err(DatasetError::MaskShape { path: file.path.clone(), photo: photo_size, found });
         }
         let threshold = threshold(&file.path);
         let keep_white = file.white == White::Keep;

@@ -17,6 +17,10 @@ const SCALE_TOLERANCE: f64 = 0.05;
 /// From this much off 1 the user hears of it.
 const SCALE_NOTICE: f64 = 1e-3;
 
+/// Farthest that a camera may be from the origin of its world, scene units: squared distances, and their products with focal
+/// lengths in pixels, stay within what an f32 holds.
+const FARTHEST: f64 = 1e15;
+
 /// A camera-to-world matrix with an exactly orthonormal rotation, and the scale that was divided out if notable.
 pub(crate) struct Rigid {
     pub c2w: DMat4,
@@ -65,6 +69,9 @@ pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Ri
     }
     let mut c2w = DMat4::from_mat3(nearest_rotation(rotation));
     c2w.w_axis = m.w_axis;
+    if let Some(found) = too_far(c2w) {
+        return Err(wrong(NEAR_ENOUGH, found));
+    }
     Ok(Rigid { c2w, scale: ((scale - 1.0).abs() > SCALE_NOTICE).then_some(scale) })
 }
 
@@ -96,5 +103,24 @@ pub(crate) fn from_world_to_camera(q: [f64; 4], t: [f64; 3], file: &Path, frame:
     }
     let world_to_camera = DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();
     let camera_to_world = world_to_camera.conjugate();
-    Ok(DMat4::from_rotation_translation(camera_to_world, -(camera_to_world * DVec3::from_array(t))))
+    let c2w = DMat4::from_rotation_translation(camera_to_world, -(camera_to_world * DVec3::from_array(t)));
+    match too_far(c2w) {
+        None => Ok(c2w),
+        Some(found) => Err(DatasetError::Pose {
+            path: file.to_path_buf(),
+            frame: frame.to_string(),
+            expected: NEAR_ENOUGH.to_string(),
+            found,
+        }),
+    }
+}
+
+/// What is expected of a camera's place.
+const NEAR_ENOUGH: &str = "a camera within 1e15 scene units of the origin";
+
+/// The place of a camera beyond [`FARTHEST`], in words.
+fn too_far(c2w: DMat4) -> Option<String> {
+    let place = c2w.w_axis.truncate();
+    let far = place.abs().max_element() > FARTHEST;
+    far.then(|| format!("one at ({:e}, {:e}, {:e})", place.x, place.y, place.z))
 }

@@ -1,12 +1,14 @@
 //! The data set as the trainer wants it: what to load ([`DataConfig`]), which view comes next ([`Sampler`], [`Curriculum`]),
-//! views as tensors ([`Photos`]), and whether it suits a configuration.
+//! views as tensors ([`Photos`]), whether it suits a configuration, and whether it is still the same ([`Fingerprint`]).
 
 mod config;
+mod fingerprint;
 mod order;
 mod photos;
 mod suits;
 
 pub use config::{DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
+pub use fingerprint::Fingerprint;
 pub use order::{Curriculum, Sampler};
 pub use photos::{Hints, Photo, Photos, camera, intrinsics, to_tensor};
-pub use suits::{check_times, near_warning};
+pub use suits::{check_pixels, check_times, near_warning};

@@ -9,6 +9,8 @@ use crate::lens::{Focal, Lens};
 use crate::raw::{Findings, Part, RawFrame, some_names};
 use crate::scene::mean;
 
+use super::timing;
+
 /// Rotations closer than this are the same, radians: half a pixel at a focal length of 500.
 const SAME_ANGLE: f64 = 1e-3;
 
@@ -102,6 +104,33 @@ fn by_camera(frames: &[RawFrame]) -> BTreeMap<&str, Vec<&RawFrame>> {
         }
     }
     cameras
+}
+
+/// A camera this many times farther from the cameras' middle than half of them are is a stray.
+const STRAY: f64 = 50.0;
+
+/// Warns about training cameras far from all others: learning rates follow the rig's size, and one wrong pose makes it huge.
+pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
+    let frames = frames.iter().filter(|frame| !matches!(frame.part, Some(Part::Test | Part::Val)));
+    let (names, places): (Vec<&str>, Vec<DVec3>) =
+        frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
+    let along = |axis: fn(&DVec3) -> f64| timing::median(places.iter().map(axis).collect());
+    // By axis, since a mean goes where the stray is.
+    let (Some(x), Some(y), Some(z)) = (along(|p| p.x), along(|p| p.y), along(|p| p.z)) else { return };
+    let middle = DVec3::new(x, y, z);
+    let usual = timing::median(places.iter().map(|place| place.distance(middle)).collect()).unwrap_or(0.0);
+    let is_stray = |place: &DVec3| usual > 0.0 && place.distance(middle) > STRAY * usual;
+    let strays: Vec<&str> =
+        names.into_iter().zip(&places).filter(|(_, place)| is_stray(place)).map(|(name, _)| name).collect();
+    if !strays.is_empty() {
+        findings.warn(format!(
+            "{}: {} cameras stand more than {STRAY} times as far away as half of all do ({}); are their poses right? Learning \
+             rates follow the cameras' spread, and so will be far too high",
+            scene.display(),
+            strays.len(),
+            some_names(&strays)
+        ));
+    }
 }
 
 /// Warns about cameras that move, and about train and test sets that disagree.

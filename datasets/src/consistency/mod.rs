@@ -31,6 +31,7 @@ pub(crate) fn settle(
     timing::drop_repeats(&mut frames, scene, findings);
     timing::find_backward(&frames, scene, findings);
     timing::settle_exposures(&mut frames, scene, options, findings);
+    cameras::find_strays(&frames, scene, findings);
     cameras::compare(&frames, scene, findings);
     frames
 }

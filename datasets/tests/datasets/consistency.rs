@@ -1,9 +1,9 @@
 //! Times, exposures and cameras that contradict themselves or each other.
 
-use gs_datasets::{LoadOptions, Scene, check, load};
+use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, rig, ring};
+use crate::fixtures::{Folder, rig, ring, ring_scene};
 
 /// Two training cameras and a held-out one at four times, 0.1 apart.
 fn set() -> (Folder, Value, Value) {
@@ -160,6 +160,18 @@ fn train_and_test_sets_that_disagree_are_told() {
     }
     let scene = read(&folder, &train, &test);
     only_warning(&scene, &["4 held-out views turn their back", "one world"]);
+}
+
+#[test]
+fn a_camera_far_from_all_others_is_named() {
+    let (folder, mut top) = ring_scene(6);
+    folder.write_json("transforms.json", &top);
+    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
+    assert!(load(folder.path(), &options).expect("loaded").warnings.is_empty());
+    top["frames"][4]["transform_matrix"][0][3] = json!(1000.0);
+    folder.write_json("transforms.json", &top);
+    let scene = load(folder.path(), &options).expect("loaded");
+    only_warning(&scene, &["1 cameras stand more than 50 times", "(images/04)"]);
 }
 
 #[test]

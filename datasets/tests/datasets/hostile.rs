@@ -160,6 +160,11 @@ fn points_and_poses_that_are_not_finite_are_named() {
     model.images[2].q = [0.0; 4];
     model.write_binary(&folder, "sparse/0");
     assert!(error_of(&folder).contains("a photo.png"));
+    let mut model = colmap::example(&folder);
+    model.images[2].t = [1e200, 0.0, 0.0];
+    model.write_binary(&folder, "sparse/0");
+    let error = error_of(&folder);
+    assert!(error.contains("a photo.png") && error.contains("within 1e15 scene units"), "{error}");
 }
 
 proptest! {

@@ -21,6 +21,8 @@ fn diagonal(x: f64, y: f64, z: f64) -> Value {
 fn a_pose_that_is_not_rigid_names_its_frame() {
     let sheared = json!([[1, 0.3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
     let last_row = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0.5, 1]]);
+    // Finite here, and not where squares of distances are f32.
+    let far_away = json!([[1, 0, 0, 1e16], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
     let cases = [
         (diagonal(1.0, 1.0, -1.0), "reflection"),
         (diagonal(2.0, 2.0, 2.0), "scale of 2"),
@@ -28,6 +30,7 @@ fn a_pose_that_is_not_rigid_names_its_frame() {
         (diagonal(1.02, 1.0, 0.9), "unevenly scaled"),
         (sheared, "sheared"),
         (last_row, "last row"),
+        (far_away, "(1e16, 0e0, 0e0)"),
     ];
     for (pose, problem) in cases {
         let error = load_with_pose(pose).expect_err(problem);

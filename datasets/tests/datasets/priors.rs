@@ -153,6 +153,8 @@ fn depth_means_what_the_set_or_the_user_says() {
     assert!(metric.metric && metric.space == DepthSpace::Depth);
     // Thousandths of a unit; 0 stays 0, which is unknown.
     assert!((metric.values[3] - 1.5).abs() < 1e-6 && metric.values[0] == 0.0);
+    // Spelled as in a configuration file.
+    assert!(depth(Some("metric-z"), &options()).0.metric);
     let (relative, _) = depth(Some("disparity"), &options());
     assert!(!relative.metric && relative.space == DepthSpace::InverseDepth && relative.values[3] == 1500.0);
     let (user, _) = depth(Some("metric_z"), &LoadOptions { depth_kind: Some(DepthKind::Depth), ..options() });

@@ -52,10 +52,12 @@ pub enum DepthChoice {
     /// As the data set says.
     Auto,
     /// Camera z in scene units.
+    #[serde(alias = "metric_z")]
     MetricZ,
     /// Camera z, up to a scale and a shift per photo.
     Depth,
     /// One over camera z, up to a scale and a shift per photo.
+    #[serde(alias = "inverse_depth")]
     InverseDepth,
 }
 

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use gs_datasets::{Scene, View};
+
 use crate::experiment::{Config, Pipeline};
 
 /// Largest `render.near`, in median distances of the cameras from what they look at. Beyond half of it little is left to draw; a
@@ -21,6 +23,21 @@ pub fn check_times(dataset: &Path, config: &Config, timed: usize) -> Result<(), 
     }
     Err(format!(
         "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
+        dataset.display()
+    ))
+}
+
+/// That there is a pixel to learn from.
+///
+/// # Errors
+/// A sentence, where masks or lens distortion take every pixel of every training view.
+pub fn check_pixels(dataset: &Path, scene: &Scene) -> Result<(), String> {
+    let counts = |view: &View| view.mask.as_ref().is_none_or(|mask| mask.iter().any(|keep| *keep != 0));
+    if scene.train.iter().any(counts) {
+        return Ok(());
+    }
+    Err(format!(
+        "{}: expected photos with pixels that count, found none by masks or lens distortion; data.masks says how masks are read",
         dataset.display()
     ))
 }

@@ -146,7 +146,8 @@ fn marks_moving_people(root: &Path, entries: &[Entry]) -> bool {
 /// What the file says about its depth maps; the user's word comes first.
 fn depth_meaning(keys: &Keys, options: &LoadOptions) -> Result<DepthMeaning, DatasetError> {
     let mut meaning = DepthMeaning::default();
-    meaning.kind = match keys.text("depth_kind")? {
+    let said = keys.text("depth_kind")?.map(|kind| kind.replace('-', "_"));
+    meaning.kind = match said.as_deref() {
         None => None,
         Some("metric_z") => Some(DepthKind::MetricZ),
         Some("depth") => Some(DepthKind::Depth),
