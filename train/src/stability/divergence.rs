@@ -12,7 +12,7 @@ use crate::report::charts::{Chart, Series};
 use crate::stability::findings::{largest, smallest};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 use crate::taylormode::first_paths::{contacts, displacement_blocks};
-use crate::taylormode::hints::Track;
+use crate::taylormode::tracks::Track;
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {

@@ -4,8 +4,8 @@ use glam::DVec3;
 use gs_datasets::motion::{Kink, Trajectory};
 use gs_models::taylormode::{Contact, TimeWindow};
 
-use crate::taylormode::hints::Track;
 use crate::taylormode::state::MotionState;
+use crate::taylormode::tracks::Track;
 
 /// Times at which a path is sampled for each order it is fitted with.
 const SAMPLES_PER_ORDER: usize = 4;

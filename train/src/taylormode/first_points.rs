@@ -101,10 +101,19 @@ struct Mover<'a> {
 fn movers<'a>(scene: &'a Scene, found: &'a Found) -> Vec<Mover<'a>> {
     let of = |(view, mask): (&'a View, &'a Option<Vec<u8>>)| {
         let (mask, t, to_camera) = (mask.as_ref()?, view.time?, view.c2w.inverse());
-        let depths = found.tracks.iter().map(|track| to_camera.transform_point3(track.path.position(t)).z);
+        let depths = places(found, t).into_iter().map(|place| to_camera.transform_point3(place).z);
         Some(Mover { camera: Pinhole::new(view), mask, depth: depths.reduce(f64::min)? })
     };
     scene.train.iter().zip(&found.masks.masks).filter_map(of).collect()
+}
+
+/// Where the centre of each body is at a time; of bodies that follow no path, where the centre of them all was seen last or next.
+fn places(found: &Found, t: f64) -> Vec<glam::DVec3> {
+    if found.tracks.is_empty() {
+        let seen = found.centres.iter().min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()));
+        return seen.map(|centre| centre.position).into_iter().collect();
+    }
+    found.tracks.iter().map(|track| track.path.position(t)).collect()
 }
 
 /// Whether a point would hide what is seen to move: it lies in masks of moving pixels, nearer than the centre of what moves.
@@ -151,6 +160,7 @@ fn joined(fixed: FirstGaussians, moving: FirstGaussians) -> First {
 #[cfg(test)]
 mod tests {
     use gs_datasets::Intrinsics;
+    use gs_datasets::motion::Centre;
 
     use super::*;
 
@@ -168,5 +178,15 @@ mod tests {
         assert!(!hides(&movers, [0.05, 0.0, 5.0]), "behind it");
         assert!(!hides(&movers, [0.9, 0.0, 2.0]), "beside it");
         assert!(!hides(&movers[..1], [0.0, 0.0, 2.0]), "one mask may be wrong");
+    }
+
+    /// Bodies that follow no path still hide what is behind them, from where they were seen.
+    #[test]
+    fn without_a_path_what_moves_is_where_it_was_seen() {
+        let seen = |t: f64| Centre { t, position: glam::DVec3::new(0.0, 0.0, 10.0 * t), residual_px: 0.0, cameras: 3 };
+        let found = Found { centres: vec![seen(0.2), seen(0.4), seen(0.9)], ..Found::default() };
+        assert_eq!(places(&found, 0.5), [seen(0.4).position]);
+        assert_eq!(places(&found, 2.0), [seen(0.9).position]);
+        assert!(places(&Found::default(), 0.5).is_empty());
     }
 }

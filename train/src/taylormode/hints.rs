@@ -1,13 +1,14 @@
 //! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
 //! recording's middle and length, the exposure.
 
-use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks, Trajectory};
+use gs_datasets::motion::{self, Centre, MaskOrigin, MovingMasks};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TimeWindow;
 
 use crate::experiment::{Config, Pipeline};
 use crate::taylormode::config::{BlurMode, MaskSource};
 use crate::taylormode::state::MotionState;
+use crate::taylormode::tracks::{Track, pixels_per_unit, tracks};
 
 /// What was found.
 #[derive(Debug, Clone, Default)]
@@ -75,15 +76,6 @@ pub fn mask_held_out(scene: &mut Scene) {
     }
 }
 
-/// A body, or all that moves where bodies cannot be told apart.
-#[derive(Debug, Clone)]
-pub struct Track {
-    /// Its centre, by time.
-    pub centres: Vec<Centre>,
-    /// The centre's path.
-    pub path: Trajectory,
-}
-
 /// Looks at the training views, once for a run; `None` in a pipeline in which nothing moves.
 pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
     if config.pipeline == Pipeline::Static {
@@ -115,48 +107,6 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
         masks,
         centres,
     })
-}
-
-/// Share of the times at which a body must have been seen, and pixels (rms) that its centre may then be from its path. Pieces that
-/// a body's hull falls into by ragged masks come and go, and jump; bodies that touch each other are one piece for a while, and
-/// keep to their paths before and after.
-const BODY: [(f64, f64); 2] = [(0.9, 2.0), (0.5, 0.5)];
-
-/// The bodies that move apart from each other, that with most centres first; all that moves as one where there are no two
-/// bodies to believe in.
-fn tracks(scene: &Scene, masks: &MovingMasks, centres: &[Centre], pixels_per_unit: f64, config: &Config) -> Vec<Track> {
-    let track = |centres: Vec<Centre>| {
-        let path = Trajectory::fit(&centres, config.motion.order_max, config.motion.kinks)?;
-        Some(Track { centres, path })
-    };
-    let mut bodies: Vec<Track> = motion::object_centres(scene, &masks.masks).into_iter().filter_map(track).collect();
-    let times = bodies.iter().map(|body| body.centres.len()).max().unwrap_or(0).max(centres.len()) as f64;
-    bodies.retain(|body| {
-        let (seen, pixels) = (body.centres.len() as f64 / times, body.path.residual * pixels_per_unit);
-        tracing::debug!(seen, pixels, order = body.path.order(), kinks = body.path.kinks.len(), "a body");
-        let kept = 1.0 - body.path.outliers as f64 / body.centres.len() as f64;
-        BODY.iter().any(|(share, most)| seen * kept >= *share && pixels <= *most)
-    });
-    if bodies.len() > 1 {
-        return bodies;
-    }
-    let whole = track(centres.to_vec()).filter(|whole| whole.path.residual * pixels_per_unit <= FOLLOWED);
-    whole.into_iter().collect()
-}
-
-/// Pixels (rms) that the centre of all that moves may be from its path; bodies are mostly within one and a half. The middle of people who
-/// throw a ball is nobody's, and follows nothing (21 pixels): on such a path everything begins at the wrong place in all frames but
-/// one, and fades.
-const FOLLOWED: f64 = 4.0;
-
-fn pixels_per_unit(scene: &Scene, centres: &[Centre]) -> f64 {
-    let Some(middle) = centres.get(centres.len() / 2) else { return 0.0 };
-    let scales = scene.train.iter().filter_map(|view| {
-        let depth = (middle.position - view.c2w.w_axis.truncate()).dot(view.c2w.z_axis.truncate());
-        (depth > 0.0).then(|| view.intrinsics.fx / depth)
-    });
-    let scales: Vec<f64> = scales.collect();
-    scales.iter().sum::<f64>() / scales.len().max(1) as f64
 }
 
 impl Found {

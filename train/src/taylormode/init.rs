@@ -16,9 +16,10 @@ use crate::taylormode::collective::Collective;
 use crate::taylormode::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use crate::taylormode::first_paths::{contacts, first_paths, nearest, shape};
 use crate::taylormode::first_points::first_points;
-use crate::taylormode::hints::{Found, Track, first_exposure, window};
+use crate::taylormode::hints::{Found, first_exposure, window};
 use crate::taylormode::learned::Learned;
 use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame, still};
+use crate::taylormode::tracks::Track;
 
 /// The state before the first step, on what was `found` in the training views.
 pub fn begin(scene: &Scene, found: &Found, config: &Config, device: &Device) -> Trainer {

@@ -24,6 +24,7 @@ pub mod saved;
 pub mod select;
 pub mod state;
 pub mod step;
+pub mod tracks;
 
 use crate::experiment::Config;
 use crate::schedule::exponential;
