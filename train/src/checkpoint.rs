@@ -15,6 +15,7 @@ use glam::DVec3;
 use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
+use crate::data::Fingerprint;
 use crate::density::{Adaptive, Density, Strategy};
 use crate::experiment::{Config, ConfigError};
 use crate::optimiser::Optimiser;
@@ -55,6 +56,8 @@ pub struct Checkpoint {
     pub dataset: PathBuf,
     /// What was subtracted from every position of the data set's world.
     pub origin: DVec3,
+    /// The views it was trained on; `None` in files of older programs.
+    pub views: Option<Fingerprint>,
 }
 
 /// What can be wrong with a checkpoint; one sentence each.
@@ -191,6 +194,7 @@ impl Checkpoint {
             config,
             dataset: metadata.dataset,
             origin: DVec3::from(metadata.origin_bits.map(f64::from_bits)),
+            views: metadata.views,
         })
     }
 
@@ -223,6 +227,7 @@ impl Checkpoint {
             updates: trainer.optimiser.updates,
             extent_bits: trainer.extent.to_bits(),
             origin_bits: self.origin.to_array().map(f64::to_bits),
+            views: self.views,
             dataset: self.dataset.clone(),
             config: self.config.to_toml(),
             motion: trainer.motion.as_ref().map(SavedMotion::of),
@@ -241,6 +246,8 @@ struct Metadata {
     /// As bits, because JSON numbers may lose the last one.
     extent_bits: u64,
     origin_bits: [u64; 3],
+    #[serde(default)]
+    views: Option<Fingerprint>,
     dataset: PathBuf,
     config: String,
     /// `None` for a static scene.
@@ -333,6 +340,8 @@ fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError>
     struct Header {
         #[serde(rename = "__metadata__", default)]
         metadata: HashMap<String, String>,
+        #[serde(flatten)]
+        tensors: HashMap<String, serde_json::Value>,
     }
     #[derive(Deserialize)]
     struct Versioned {
@@ -344,6 +353,11 @@ fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError>
     let versioned: Versioned = serde_json::from_str(text).map_err(|error| damaged(error.to_string()))?;
     if versioned.version != VERSION {
         return Err(CheckpointError::Version { path: path.into(), found: versioned.version });
+    }
+    let ends = header.tensors.values().filter_map(|tensor| tensor["data_offsets"][1].as_u64());
+    let whole = 8 + length.saturating_add(ends.max().unwrap_or(0));
+    if (bytes.len() as u64) < whole {
+        return Err(damaged(format!("it is cut short, expected {whole} bytes, found {}", bytes.len())));
     }
     serde_json::from_value(versioned.content).map_err(|error| damaged(error.to_string()))
 }

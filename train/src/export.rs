@@ -117,13 +117,15 @@ fn load_checkpoint(path: &Path, device: &Device) -> Result<LoadedScene> {
     })
 }
 
-/// Writes Gaussians as PLY in the data set's own world: `origin` is added back.
+/// Writes Gaussians as PLY in the data set's own world: `origin` is added back. Makes the folder where there is none.
 ///
 /// # Errors
-/// When the file cannot be written; then nothing is left behind.
+/// When the file cannot be written, one sentence that names it; then nothing is left behind.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
-    ply::write_ply(path, &translated(gaussians, origin))
-        .with_context(|| format!("{}: cannot write the scene", path.display()))
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    }
+    ply::write_ply(path, &translated(gaussians, origin)).context("cannot write the scene")
 }
 
 /// The Gaussians moved by `offset`, scene units.

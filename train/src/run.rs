@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use gs_datasets::Scene;
 
 use crate::checkpoint::Checkpoint;
-use crate::data::{Curriculum, Photos, Sampler, check_times, near_warning};
+use crate::data::{Curriculum, Fingerprint, Photos, Sampler, check_pixels, check_times, near_warning};
 use crate::evaluate::{Comparison, Evaluation, Evaluator};
 use crate::experiment::{Config, Pipeline};
 use crate::export::write_ply;
@@ -68,11 +68,12 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     let scene = config.load(&request.dataset)?;
     let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
     check_times(&request.dataset, config, timed).map_err(Error::msg)?;
+    check_pixels(&request.dataset, &scene).map_err(Error::msg)?;
     if let Some(warning) = near_warning(config, scene.subject_distance()) {
         tracing::warn!("{warning}");
     }
     let prediction = Prediction::new(&scene, config);
-    let saved = saved_trainer(request)?;
+    let saved = saved_trainer(request, &scene)?;
     let found = hints::gather(&scene, config);
     let trainer = saved.unwrap_or_else(|| Trainer::begin(&scene, found.as_ref(), config, &request.device));
     let mut run = Run::begin(request, &scene, trainer, prediction)?;
@@ -114,13 +115,23 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
 }
 
 /// The state of the newest checkpoint, where the run is to be continued and has one.
-fn saved_trainer(request: &RunRequest) -> Result<Option<Trainer>> {
+fn saved_trainer(request: &RunRequest, scene: &Scene) -> Result<Option<Trainer>> {
     let newest = request.resume.then(|| request.folder.saved().pop()).flatten();
     let Some((_, path)) = newest else { return Ok(None) };
     let checkpoint = Checkpoint::load(&path, &request.device)?;
     if checkpoint.config != request.config {
         let config = request.folder.config();
         bail!("{}: expected the configuration of {}, found another one", path.display(), config.display());
+    }
+    let views = Fingerprint::of(scene);
+    if let Some(begun_on) = checkpoint.views.filter(|begun_on| *begun_on != views) {
+        bail!(
+            "{}: expected the {} training views that the run in {} began on, found {}: other names, poses, intrinsics or times",
+            request.dataset.display(),
+            begun_on.views,
+            request.folder.path().display(),
+            views.views
+        );
     }
     Ok(Some(checkpoint.trainer))
 }
@@ -145,6 +156,7 @@ struct Run<'a> {
     request: &'a RunRequest,
     trainer: Trainer,
     origin: glam::DVec3,
+    views: Fingerprint,
     prediction: Prediction,
     metrics: MetricsFile,
     history: Vec<MetricsLine>,
@@ -168,6 +180,7 @@ impl<'a> Run<'a> {
             history,
             evaluator: Evaluator::new(&request.config.eval, &request.device),
             origin: scene.origin,
+            views: Fingerprint::of(scene),
             begun: Instant::now(),
             request,
             trainer,
@@ -313,6 +326,7 @@ impl<'a> Run<'a> {
             config: self.request.config.clone(),
             dataset: full_path(&self.request.dataset),
             origin: self.origin,
+            views: Some(self.views),
         };
         checkpoint.save(&folder.checkpoint(self.trainer.step))?;
         folder.prune_checkpoints(self.request.config.checkpoint.keep);

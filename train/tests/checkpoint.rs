@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use gs_train::checkpoint::Checkpoint;
+use gs_train::data::Fingerprint;
 use gs_train::parameters::Group;
 use gs_train::step::Trainer;
 
@@ -18,7 +19,8 @@ fn saved(folder: &Path) -> (PathBuf, Checkpoint) {
     let photo = gs_train::data::Photos::new(&scene.train, &common::device(), 0).get(0);
     trainer.step(&photo, &config);
     trainer.extent = 1.0 / 3.0;
-    let checkpoint = Checkpoint { trainer, config, dataset, origin: glam::DVec3::new(0.1, 1e9, -7.0) };
+    let views = Some(Fingerprint::of(&scene));
+    let checkpoint = Checkpoint { trainer, config, dataset, origin: glam::DVec3::new(0.1, 1e9, -7.0), views };
     let path = folder.join("a.safetensors");
     checkpoint.save(&path).expect("saved");
     (path, checkpoint)
@@ -30,7 +32,7 @@ fn what_is_read_is_what_was_written() {
     let (path, before) = saved(folder.path());
     let after = Checkpoint::load(&path, &common::device()).expect("loads");
     assert_eq!(before.config, after.config);
-    assert_eq!((before.origin, &before.dataset), (after.origin, &after.dataset));
+    assert_eq!((before.origin, &before.dataset, before.views), (after.origin, &after.dataset, after.views));
     let (before, after) = (before.trainer, after.trainer);
     assert_eq!((before.step, before.skipped, before.extent), (after.step, after.skipped, after.extent));
     for group in Group::ALL {
@@ -62,7 +64,9 @@ fn damage_is_said_in_one_sentence() {
         let error = complaint(folder.path(), &bytes[..length]);
         assert!(error.contains("damaged") || error.contains("expected a gsburn checkpoint"), "{length}: {error}");
     }
-    assert!(complaint(folder.path(), &bytes[..bytes.len() / 2]).contains("damaged"));
+    let (whole, half) = (bytes.len(), bytes.len() / 2);
+    let said = complaint(folder.path(), &bytes[..half]);
+    assert!(said.contains(&format!("damaged: it is cut short, expected {whole} bytes, found {half}")), "{said}");
     assert!(complaint(folder.path(), &[0xff; 5000]).contains("another kind of file"));
     assert!(complaint(folder.path(), b"ply\nformat ascii 1.0\nend_header\n").contains("expected a gsburn checkpoint"));
 

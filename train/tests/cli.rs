@@ -71,14 +71,14 @@ fn a_scene_goes_from_photos_to_frames() {
     assert!(succeeds(folder, &["eval", "run/scene.ply", "--data", "scene"]).contains("mean"));
     assert!(succeeds(folder, &["info", "run"]).contains("SH degree    3"));
     assert!(succeeds(folder, &["info"]).contains("flex"));
-    succeeds(folder, &["export", "run", "--out", "out.ply", "--no-floaters", "--sh-degree", "1"]);
-    assert!(succeeds(folder, &["info", "out.ply"]).contains("SH degree    1"));
+    succeeds(folder, &["export", "run", "--out", "ply/out.ply", "--no-floaters", "--sh-degree", "1"]);
+    assert!(succeeds(folder, &["info", "ply/out.ply"]).contains("SH degree    1"));
 
     let cameras = "scene/transforms_test.json";
     succeeds(folder, &["render", "run", "--cameras", cameras, "--out", "png"]);
     succeeds(
         folder,
-        &["render", "out.ply", "--cameras", cameras, "--out", "exr", "--format", "exr", "--background", "white"],
+        &["render", "ply/out.ply", "--cameras", cameras, "--out", "exr", "--format", "exr", "--background", "white"],
     );
     for file in ["png/test/r_000.png", "png/test/r_000_depth.png", "png/test/r_000_alpha.png", "exr/test/r_001.exr"] {
         assert!(folder.join(file).is_file(), "{file}");
@@ -125,6 +125,14 @@ fn a_moving_scene_is_shown_at_any_time() {
     let eval: serde_json::Value =
         serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
     assert_eq!(eval["evaluations"].as_array().map(Vec::len), Some(1));
+
+    // With a photo fewer it is another data set.
+    let frames = folder.join("moved/transforms_train.json");
+    let mut cameras: serde_json::Value = serde_json::from_slice(&fs::read(&frames).expect("read")).expect("JSON");
+    cameras["frames"].as_array_mut().expect("frames").pop();
+    fs::write(&frames, cameras.to_string()).expect("written");
+    let error = fails(folder, &["train", "moved", "--resume", "--out", "run"]);
+    assert!(error.contains("expected the 12 training views") && error.contains("found 11"), "{error}");
 }
 
 #[test]
@@ -164,11 +172,25 @@ fn bad_input_is_one_sentence() {
     fs::create_dir(folder.join("full")).expect("made");
     fs::write(folder.join("full/config.toml"), "").expect("written");
 
+    for frame in 0..5 {
+        let mask = folder.join(format!("masked/masks/{frame}.png"));
+        gs_datasets::image_io::write_png(&mask, 4, 3, &[0; 36]).expect("written");
+        gs_datasets::image_io::write_png(&folder.join(format!("masked/{frame}.png")), 4, 3, &[9; 36]).expect("written");
+    }
+    let frame = |i: usize| {
+        let pose = format!("[[1,0,0,{i}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]");
+        format!(r#"{{"file_path": "{i}.png", "mask_path": "masks/{i}.png", "transform_matrix": {pose}}}"#)
+    };
+    let frames = (0..5).map(frame).collect::<Vec<_>>().join(",");
+    let cameras = format!(r#"{{"fl_x": 4, "frames": [{frames}]}}"#);
+    fs::write(folder.join("masked/transforms.json"), cameras).expect("written");
+
     let absent = if cfg!(feature = "cuda") { "metal" } else { "cuda" };
-    let table: [(&[&str], &[&str]); 20] = [
+    let table: [(&[&str], &[&str]); 22] = [
         (&["synth", "deblur", "cube", "--out", "scene"], &["scene", "expected an empty or a new folder"]),
         (&["train", "nowhere"], &["nowhere", "found nothing"]),
         (&["train", "empty"], &["empty", "expected"]),
+        (&["train", "masked"], &["masked", "expected photos with pixels that count"]),
         (&["train", "scene", "--out", "full"], &["full", "already holds a run"]),
         (&["train", "scene", "--set", "density.capp=1"], &["density.capp", "density.cap"]),
         (&["train", "scene", "--config", "wrong.toml"], &["wrong.toml", "density.cap"]),
@@ -186,6 +208,7 @@ fn bad_input_is_one_sentence() {
         (&["export", "none.ply", "--out", "x.ply"], &["none.ply", "found nothing"]),
         (&["export", "garbage.ply", "--out", "x.txt"], &["x.txt", ".ply"]),
         (&["chart", "empty"], &["eval.json", "cannot read"]),
+        (&["chart", "nowhere"], &["nowhere", "found nothing"]),
     ];
     for (args, expected) in table {
         let error = fails(folder, args);

@@ -9,6 +9,7 @@ use crate::cli::DeviceArgs;
 
 /// Arguments of `stability`.
 #[derive(Debug, Args)]
+#[command(after_help = STABILITY_EXAMPLES)]
 pub struct StabilityArgs {
     /// The method
     #[command(subcommand)]

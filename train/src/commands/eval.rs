@@ -50,6 +50,8 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
         ..measured
     };
 
+    // Before files are written: a disk that is full does not cost the figures.
+    print(table(&evaluation));
     if let Some(folder) = &args.renders {
         for picture in comparisons.iter().map(SideBySide::new) {
             let path = folder.join(format!("{}.png", picture.name));
@@ -60,7 +62,6 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
         let text = serde_json::to_string_pretty(&evaluation).expect("figures are JSON");
         write_atomic(path, (text + "\n").as_bytes())?;
     }
-    print(table(&evaluation));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -27,11 +27,14 @@ fn device(args: &DeviceArgs) -> Result<Device> {
 
 /// A device in words: its backend and, for a GPU, its name.
 pub fn describe(device: &Device) -> String {
+    // Burn shows a device as `Device<Flex(Cpu)>`.
+    let shown = format!("{device:?}").to_lowercase();
+    let shown = shown.trim_start_matches("device<").trim_end_matches('>');
     #[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda"))]
     if let Some(identity) = device.identity() {
-        return format!("{device:?} ({})", identity.name);
+        return format!("{shown}: {}", identity.name);
     }
-    format!("{device:?}")
+    shown.strip_suffix("(cpu)").map_or(shown.to_owned(), |backend| format!("{backend}, on the CPU"))
 }
 
 /// The command as it was typed, for figures that name it; words that a shell would take apart are quoted.

@@ -58,7 +58,11 @@ fn read(path: &Path) -> Result<(ComparedRun, PathBuf), String> {
     let folder = RunFolder::at(path);
     let eval = folder.read_eval().map_err(|error| {
         // A file that is there and cannot be understood is worth its own words.
-        if folder.eval().exists() { format!("{error:#}") } else { "cannot read its eval.json, no figures yet".into() }
+        match (path.exists(), folder.eval().exists()) {
+            (false, _) => "expected a run folder, found nothing".into(),
+            (true, false) => "cannot read its eval.json, no figures yet".into(),
+            (true, true) => format!("{error:#}"),
+        }
     })?;
     if eval.last.step < eval.steps {
         return Err(format!("unfinished, stopped after step {} of {}", eval.last.step, eval.steps));
