@@ -34,6 +34,11 @@
 // dispatch macros name it in every op, so the warnings cannot be allowed closer to their places.
 #![cfg_attr(feature = "ndarray", allow(deprecated))]
 
+/// The README's example compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;
+
 pub mod camera;
 #[cfg(feature = "cube")]
 mod cube;

@@ -8,7 +8,8 @@ use super::TileIntersections;
 use crate::ops::columns;
 use crate::ops::pixels::{depth_order, drawn, raw_alphas};
 
-/// Reference of [`intersect`](super::intersect): every Gaussian at every pixel, so small scenes only.
+/// Reference of [`intersect`](super::intersect): every Gaussian at every pixel, so small scenes only. Depth order and alphas are
+/// tensor operations; the lists made of them, which carry no gradient, are put together on the host.
 ///
 /// A pair is listed when the Gaussian reaches the alpha cut-off at the centre of some pixel of the tile. The kernels
 /// list a few pairs more, since they look at ellipses and not at pixels and allow for rounding; those change no pixel.
