@@ -68,6 +68,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     for fact in &findings.facts {
         tracing::info!("{fact}");
     }
+    test.iter_mut().for_each(compare_with_sharp);
     let time_range = consistency::range(train.iter().chain(&test).filter_map(|view| view.time));
     for warning in &findings.warnings {
         tracing::warn!("{warning}");
@@ -203,6 +204,14 @@ fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(
     };
     let rescaled = resolved.rescaled_from.map(|declared| (declared, size));
     Ok((view, Note { name: frame.name.clone(), rescaled, masked, is_blank, sides: sides.notes }))
+}
+
+/// Where a held-out view is blurry and the sharp truth of it is known, that is what a sharp scene is measured against.
+fn compare_with_sharp(view: &mut View) {
+    if let Some(sharp) = view.truth.sharp.take() {
+        let blurry = std::mem::replace(&mut view.image, sharp);
+        view.truth.blurry.get_or_insert(blurry);
+    }
 }
 
 /// Undistorts, masks and downscales row by row: beside the decoded photo only one row is held in floats.

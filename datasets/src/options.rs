@@ -25,7 +25,8 @@ pub enum MaskUse {
     /// By the rules of the format: `mask_path` (nerfstudio) and COLMAP's `masks` folder ignore where black;
     /// instant-ngp's `dynamic_mask_<stem>.png` ignores where white. A transforms.json that says
     /// `"mask_meaning": "dynamic"` marks moving objects, and so do the masks of a Panoptic set (`seg`): they become
-    /// [`Priors::moving`](crate::Priors::moving), and every pixel counts.
+    /// [`Priors::moving`](crate::Priors::moving), and every pixel counts. So do, with a warning, masks without a stated meaning in
+    /// a set with `exposure`, and a `masks` folder that no frame of a set with times names.
     Auto,
     /// No mask file is read.
     Ignore,

@@ -260,6 +260,37 @@ fn masks_of_objects_may_be_arrays_of_numbers() {
 }
 
 #[test]
+fn masks_of_blurry_video_mark_what_moves_unless_it_says_otherwise() {
+    let (folder, mut top) = one_camera(2);
+    folder.grey("m.png", 8, 6, |x, _| if x == 0 { 255 } else { 0 });
+    for frame in top["frames"].as_array_mut().expect("frames") {
+        frame["mask_path"] = json!("m.png");
+    }
+    let sharp = scene(&folder, &top, &options());
+    assert!(sharp.train.iter().all(|view| view.priors.moving.is_none() && view.mask.is_some()));
+    top["exposure"] = json!(0.05);
+    let blurry = scene(&folder, &top, &options());
+    assert!(blurry.train.iter().all(|view| view.priors.moving.is_some() && view.mask.is_none()));
+    assert!(blurry.warnings.iter().any(|text| text.contains("white where something moves")), "{:?}", blurry.warnings);
+    top["mask_meaning"] = json!("keep");
+    assert!(scene(&folder, &top, &options()).train.iter().all(|view| view.mask.is_some()));
+}
+
+#[test]
+fn held_out_views_are_their_sharp_truth() {
+    let (folder, train) = one_camera(2);
+    folder.write_json("transforms_train.json", &train);
+    let mut test = rig(&folder, "test", 1, 1, 1);
+    folder.rgb("truth.png", 8, 6, |x, _| [x as u8, 7, 9]);
+    test["frames"][0]["truth"] = json!({ "sharp_path": "truth.png" });
+    folder.write_json("transforms_test.json", &test);
+    let found = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let view = &found.test[0];
+    assert_eq!(view.image.data[3..6], [1, 7, 9]);
+    assert!(view.truth.blurry.as_ref().is_some_and(|photo| photo.data != view.image.data));
+}
+
+#[test]
 fn side_folders_go_by_the_photos_names() {
     let (folder, mut top) = one_camera(2);
     folder.write("depth/train/cam00/0000.npy", npy_f32("(6, 8)", &ramp()));
@@ -267,15 +298,18 @@ fn side_folders_go_by_the_photos_names() {
     folder.photo("sharp/train/cam00/0000.png", 8, 6);
     folder.grey("masks/train/cam00/0000.png", 8, 6, |x, _| if x == 0 { 255 } else { 0 });
     let found = scene(&folder, &top, &options());
-    assert!(found.train.iter().all(|view| view.priors.depth.is_some() && view.priors.moving.is_none()));
+    assert!(found.train.iter().all(|view| view.priors.depth.is_some()));
+    assert_eq!([0, 1].map(|i| found.train[i].priors.moving.is_some()), [true, false]);
     assert_eq!([0, 1].map(|i| found.train[i].priors.sharp.is_some()), [true, false]);
     for part in ["guesses to learn from", "pseudo-sharp images of 1 of 2 views do not exist", "depth_kind"] {
         assert!(found.warnings.iter().any(|text| text.contains(part)), "{part:?}: {:?}", found.warnings);
     }
-    let marked = scene(&folder, &top, &LoadOptions { masks: MaskUse::Moving, ..options() });
-    assert!(marked.train[0].priors.moving.is_some());
-    top["mask_meaning"] = json!("dynamic");
-    assert!(scene(&folder, &top, &options()).train[0].priors.moving.is_some());
+    for meaning in ["keep", "dynamic"] {
+        top["mask_meaning"] = json!(meaning);
+        assert_eq!(scene(&folder, &top, &options()).train[0].priors.moving.is_some(), meaning == "dynamic");
+        let marked = scene(&folder, &top, &LoadOptions { masks: MaskUse::Moving, ..options() });
+        assert!(marked.train[0].priors.moving.is_some());
+    }
     // A set that names its truth keeps it in such folders; they are no priors.
     top["frames"][0]["truth"] = json!({ "sharp_path": "sharp/train/cam00/0000.png" });
     let told = scene(&folder, &top, &options());

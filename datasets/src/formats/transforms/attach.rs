@@ -34,7 +34,7 @@ pub(super) fn images(
 ) -> Result<Vec<RawFrame>, DatasetError> {
     let total = entries.len();
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
-    let rule = mask_rule(&keys, root, options, &entries)?;
+    let rule = mask_rule(&keys, root, options, &entries, findings)?;
     let depth = depth_meaning(&keys, options)?;
     blur_space(&keys, findings)?;
     let (mut missing, mut missing_masks) = (Vec::new(), Vec::new());
@@ -116,7 +116,13 @@ fn search_side_folders(
 }
 
 /// What white means in `mask_path` files.
-fn mask_rule(keys: &Keys, root: &Path, options: &LoadOptions, entries: &[Entry]) -> Result<MaskRule, DatasetError> {
+fn mask_rule(
+    keys: &Keys,
+    root: &Path,
+    options: &LoadOptions,
+    entries: &[Entry],
+    findings: &mut Findings,
+) -> Result<MaskRule, DatasetError> {
     match options.masks {
         MaskUse::Ignore => return Ok(MaskRule::Unused),
         MaskUse::KeepWhite => return Ok(MaskRule::Counting(White::Keep)),
@@ -130,6 +136,19 @@ fn mask_rule(keys: &Keys, root: &Path, options: &LoadOptions, entries: &[Entry])
         Some("dynamic") => Ok(MaskRule::Moving),
         Some(other) => Err(keys.wrong("mask_meaning", "\"keep\", \"ignore\" or \"dynamic\"", format!("{other:?}"))),
         None if marks_moving_people(root, entries) => Ok(MaskRule::Moving),
+        None if entries.iter().all(|entry| entry.mask_path.is_none()) => {
+            // Masks that no frame names are looked for beside the photos of a set with times.
+            let timed = entries.iter().any(|entry| entry.time.is_some());
+            Ok(if timed { MaskRule::Moving } else { MaskRule::Counting(White::Keep) })
+        }
+        None if entries.iter().any(|entry| entry.exposure.is_some()) => {
+            findings.warn(format!(
+                "{}: the masks are taken to be white where something moves, as those of blurry video are; \"mask_meaning\" in the \
+                 file (\"keep\", \"ignore\", \"dynamic\") or data.masks says otherwise",
+                keys.file.display()
+            ));
+            Ok(MaskRule::Moving)
+        }
         None => Ok(MaskRule::Counting(White::Keep)),
     }
 }
