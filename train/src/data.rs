@@ -5,10 +5,12 @@ mod config;
 mod fingerprint;
 mod order;
 mod photos;
+mod settled;
 mod suits;
 
-pub use config::{DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
+pub use config::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use fingerprint::Fingerprint;
 pub use order::{Curriculum, Sampler};
 pub use photos::{Hints, Photo, Photos, camera, intrinsics, to_tensor};
+pub use settled::settled;
 pub use suits::{check_pixels, check_times, near_warning};

@@ -253,7 +253,7 @@ fn mean_moving(views: &[ViewScores]) -> Option<Scores> {
 
 /// One view rendered as `config` says, `[H, W, 3]`, clamped to 0 to 1.
 fn render_view(gaussians: &Gaussians, photo: &Photo, config: &Config) -> Tensor<3> {
-    let options = config.render.options(gaussians.sh_degree(), config.data.background);
+    let options = config.render.options(gaussians.sh_degree(), config.data.background.color());
     render(gaussians, &photo.camera, &options).color.clamp(0.0, 1.0)
 }
 

@@ -223,14 +223,19 @@ impl Config {
         check("data.holdout_every", data.holdout_every, data.holdout_every >= 2, "at least 2")?;
         let named = data.holdout != crate::data::HoldoutChoice::Names || !data.holdout_names.is_empty();
         check("data.holdout_names", "[]", named, "a list of view names when data.holdout = \"names\"")?;
-        let in_range = data.background.iter().all(|c| (0.0..=1.0).contains(c));
-        check("data.background", format!("{:?}", data.background), in_range, "three numbers from 0 to 1")?;
+        let in_range = data.background.color().iter().all(|c| (0.0..=1.0).contains(c));
+        check("data.background", format!("{:?}", data.background.color()), in_range, "three numbers from 0 to 1")?;
         check("init.opacity", self.init.opacity, open_unit(self.init.opacity), "between 0 and 1, both excluded")?;
         check("init.scale", self.init.scale, positive(self.init.scale), "positive")?;
         check("init.random_points", self.init.random_points, self.init.random_points >= 1, "at least 1")?;
         check("model.sh_degree", model.sh_degree, model.sh_degree <= 3, "0, 1, 2 or 3")?;
         check("model.sh_interval", model.sh_interval, model.sh_interval >= 1, "at least 1")?;
-        check("render.near", render.near, positive(render.near), "positive")?;
+        check(
+            "render.near",
+            render.near,
+            positive(render.near) || render.near == 0.0,
+            "positive, or 0: by the data set",
+        )?;
         check("render.far", render.far, render.far > render.near, "larger than render.near")?;
         check("render.eps2d", render.eps2d, render.eps2d.is_finite() && render.eps2d >= 0.0, "0 or more")?;
         check("loss.dssim", loss.dssim, (0.0..=1.0).contains(&loss.dssim), "from 0 to 1")?;
@@ -283,7 +288,7 @@ mod tests {
         let config =
             resolve(&["density.cap=123", "density.strategy=default", "loss.dssim = 0", "data.background=[1,1,1]"]);
         let config = config.expect("valid");
-        assert_eq!((config.density.cap, config.loss.dssim, config.data.background), (123, 0.0, [1.0; 3]));
+        assert_eq!((config.density.cap, config.loss.dssim, config.data.background.color()), (123, 0.0, [1.0; 3]));
         assert_eq!(config.steps, Config::default().steps);
     }
 

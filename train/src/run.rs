@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use gs_datasets::Scene;
 
 use crate::checkpoint::Checkpoint;
-use crate::data::{Curriculum, Fingerprint, Photos, Sampler, check_pixels, check_times, near_warning};
+use crate::data::{Curriculum, Fingerprint, Photos, Sampler, check_pixels, check_times, near_warning, settled};
 use crate::evaluate::{Comparison, Evaluation, Evaluator};
 use crate::experiment::{Config, Pipeline};
 use crate::export::write_ply;
@@ -72,11 +72,14 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     if let Some(warning) = near_warning(config, scene.subject_distance()) {
         tracing::warn!("{warning}");
     }
+    let asked = config;
+    let request = &RunRequest { config: settled(config, &scene), ..request.clone() };
+    let config = &request.config;
     let prediction = Prediction::new(&scene, config);
     let saved = saved_trainer(request, &scene)?;
     let found = hints::gather(&scene, config);
     let trainer = saved.unwrap_or_else(|| Trainer::begin(&scene, found.as_ref(), config, &request.device));
-    let mut run = Run::begin(request, &scene, trainer, prediction)?;
+    let mut run = Run::begin(request, asked, &scene, trainer, prediction)?;
     let mut sampler = Sampler::new(config.seed, scene.train.len());
     let curriculum = run.trainer.motion.as_ref().and_then(|state| {
         let steps = (config.motion.curriculum * config.steps as f64) as usize;
@@ -167,11 +170,18 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn begin(request: &'a RunRequest, scene: &Scene, trainer: Trainer, prediction: Prediction) -> Result<Self> {
+    /// `asked` is the configuration before the data set settled what it leaves open.
+    fn begin(
+        request: &'a RunRequest,
+        asked: &Config,
+        scene: &Scene,
+        trainer: Trainer,
+        prediction: Prediction,
+    ) -> Result<Self> {
         let folder = &request.folder;
         folder.make()?;
         folder.prune_checkpoints(request.config.checkpoint.keep);
-        folder.write_config(&request.config, &request.dataset)?;
+        folder.write_config(asked, &request.dataset)?;
         let history = if request.resume { folder.read_metrics(trainer.step)? } else { Vec::new() };
         let progress = Progress::new(trainer.step, request.config.steps, request.quiet);
         Ok(Self {

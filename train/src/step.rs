@@ -38,7 +38,7 @@ impl Default for ModelConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderConfig {
-    /// Gaussians nearer than this are not drawn, scene units.
+    /// Gaussians nearer than this are not drawn, scene units; 0: by the data set, see [`settled`](crate::data::settled).
     pub near: f64,
     /// Gaussians farther than this are not drawn, scene units.
     pub far: f64,
@@ -51,7 +51,7 @@ pub struct RenderConfig {
 impl Default for RenderConfig {
     fn default() -> Self {
         let options = RenderOptions::default();
-        Self { near: options.near, far: options.far, eps2d: options.eps2d, antialiased: options.antialiased }
+        Self { near: 0.0, far: options.far, eps2d: options.eps2d, antialiased: options.antialiased }
     }
 }
 
@@ -61,7 +61,7 @@ impl RenderConfig {
         RenderOptions {
             sh_degree,
             background,
-            near: self.near,
+            near: if self.near > 0.0 { self.near } else { RenderOptions::default().near },
             far: self.far,
             eps2d: self.eps2d,
             antialiased: self.antialiased,
@@ -254,7 +254,7 @@ impl Trainer {
 
     /// The image of a scene that stands still.
     fn form(&self, tracked: &Gaussians, photo: &Photo, config: &Config, screen: Option<Tensor<2>>) -> Formed {
-        let options = config.render.options(self.parameters.sh_degree(), config.data.background);
+        let options = config.render.options(self.parameters.sh_degree(), config.data.background.color());
         let rendering = render_with(tracked, &photo.camera, &options, Extras { screen, features: None });
         Formed {
             loss: photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &config.loss),

@@ -98,7 +98,7 @@ fn a_chart_names_what_it_leaves_out() {
     warned("c", "the others on");
     warned("d", "after step 1 of 3");
     warned("scene", "no figures yet");
-    warned("nowhere", "no figures yet");
+    warned("nowhere", "found nothing");
     assert_eq!(found.warnings.len(), 4, "a file is no run and needs no word");
 
     let args = ["chart", "a", "b", "c", "--out", "all.html", "--csv", "all.csv", "--report", "a"];

@@ -41,7 +41,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     let run = loaded.config.as_ref();
     let background = match &args.background {
         Some(text) => parse_color(text)?,
-        None => run.map_or([0.0; 3], |config| config.data.background),
+        None => run.map_or([0.0; 3], |config| config.data.background.color()),
     };
     let settings = run.map_or_else(RenderConfig::default, |config| config.render.clone());
     let degree = args.sh_degree.map_or(3, usize::from);

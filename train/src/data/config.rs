@@ -31,6 +31,8 @@ pub enum MaskChoice {
     KeepWhite,
     /// Masks keep what is black.
     KeepBlack,
+    /// Masks are white where something moves.
+    Moving,
 }
 
 /// A guess that another program made about the photos.
@@ -61,6 +63,34 @@ pub enum DepthChoice {
     InverseDepth,
 }
 
+/// What lies behind everything.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected \"auto\" or three numbers from 0 to 1")]
+pub enum Background {
+    /// A colour, 0 to 1 per channel.
+    Color([f32; 3]),
+    /// Found in the photos.
+    Found(Auto),
+}
+
+/// The word for what is found in the data set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Auto {
+    /// As the data set says or shows.
+    Auto,
+}
+
+impl Background {
+    /// The colour; black until one is found.
+    pub fn color(self) -> [f32; 3] {
+        match self {
+            Self::Color(color) => color,
+            Self::Found(Auto::Auto) => [0.0; 3],
+        }
+    }
+}
+
 /// How the data set is read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -76,7 +106,7 @@ pub struct DataConfig {
     /// Image folder of a COLMAP model where it is not a usual one; empty: found by itself.
     pub images: String,
     /// Colour behind the scene and behind transparent pixels, 0 to 1 per channel.
-    pub background: [f32; 3],
+    pub background: Background,
     /// How mask files are used.
     pub masks: MaskChoice,
     /// Priors that are read where the data set has them: "depth", "masks", "sharp". A still scene uses, and reads, masks alone:
@@ -96,7 +126,7 @@ impl Default for DataConfig {
             holdout_every: gs_datasets::DEFAULT_HOLDOUT,
             holdout_names: Vec::new(),
             images: String::new(),
-            background: [0.0; 3],
+            background: Background::Found(Auto::Auto),
             masks: MaskChoice::Auto,
             priors: vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp],
             depth_kind: DepthChoice::Auto,
@@ -110,7 +140,7 @@ impl DataConfig {
     pub fn options(&self) -> LoadOptions {
         LoadOptions {
             max_width: (self.max_width > 0).then_some(self.max_width),
-            background: self.background,
+            background: self.background.color(),
             holdout: match self.holdout {
                 HoldoutChoice::Dataset => Holdout::Dataset,
                 HoldoutChoice::Every => Holdout::Every(self.holdout_every),
@@ -123,6 +153,7 @@ impl DataConfig {
                 MaskChoice::Ignore => MaskUse::Ignore,
                 MaskChoice::KeepWhite => MaskUse::KeepWhite,
                 MaskChoice::KeepBlack => MaskUse::KeepBlack,
+                MaskChoice::Moving => MaskUse::Moving,
             },
             priors: PriorUse {
                 depth: self.priors.contains(&PriorKind::Depth),

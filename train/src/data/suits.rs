@@ -8,10 +8,10 @@ use crate::experiment::{Config, Pipeline};
 
 /// Largest `render.near`, in median distances of the cameras from what they look at. Beyond half of it little is left to draw; a
 /// rig whose walls are to be cut away comes close to that (Panoptic: 1.2 of some 2.7 m).
-const NEAR_MOST: f64 = 0.5;
+pub(super) const NEAR_MOST: f64 = 0.5;
 
-/// What `render.near` is advised to be, in the same distances: nothing that a photo is taken of is that near.
-const NEAR_ADVISED: f64 = 0.01;
+/// What `render.near` is advised to be, and is where it is left open, in the same distances: nothing that a photo is taken of is that near.
+pub(super) const NEAR_ADVISED: f64 = 0.01;
 
 /// That there is a time to learn motion from; `timed` is the number of training views with one.
 ///
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn near_is_compared_with_the_subject() {
-        let config = Config::default();
+        let config = Config::resolve(None, &["render.near=0.01".to_string()]).expect("valid");
         let near = config.render.near;
         assert_eq!(near_warning(&config, None), None);
         assert_eq!(near_warning(&config, Some(3.0 * near)), None);

@@ -126,7 +126,7 @@ fn blur_made(session: &mut Session, scene: &Scene) -> f64 {
         let (photo, formed) = session.formed(index);
         let Some(moving) = &scene.train[index].truth.moving else { continue };
         let gaussians = session.scene().at(photo.time);
-        let options = session.config.render.options(gaussians.sh_degree(), session.config.data.background);
+        let options = session.config.render.options(gaussians.sh_degree(), session.config.data.background.color());
         let sharp = to_host(render(&gaussians, &photo.camera, &options).color);
         let formed = to_host(formed);
         for pixel in (0..moving.len()).filter(|pixel| moving[*pixel] > 0) {

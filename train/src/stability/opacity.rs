@@ -94,7 +94,7 @@ fn held_out(lab: &Lab, session: &Session, scene: &Scene) -> f64 {
     let views = scene.test.iter().step_by(scene.test.len().div_ceil(2).max(1));
     let each = views.map(|view| {
         let gaussians = model.at(view.time.unwrap_or(0.0));
-        let options = session.config.render.options(gaussians.sh_degree(), session.config.data.background);
+        let options = session.config.render.options(gaussians.sh_degree(), session.config.data.background.color());
         let image = render(&gaussians, &camera(view, &lab.device), &options).color.clamp(0.0, 1.0);
         psnr(image, to_tensor(view, &view.image.data, 3, &lab.device))
     });

@@ -106,7 +106,7 @@ impl Former<'_> {
     fn form(&self, count: usize) -> Vec<f32> {
         let gaussians = &self.model.gaussians;
         let instants = Samples::Middles.instants(self.time(), self.tau, count);
-        let render = self.config.render.options(gaussians.sh_degree(), self.config.data.background);
+        let render = self.config.render.options(gaussians.sh_degree(), self.config.data.background.color());
         let options = ExposureOptions { render, linear: true };
         let camera = camera(self.view, &gaussians.device());
         to_host(expose(self.model, self.rows, &instants, &camera, &options, None).color)
@@ -114,7 +114,7 @@ impl Former<'_> {
 
     fn sharp(&self) -> Vec<f32> {
         let gaussians = self.model.at(self.time());
-        let options = self.config.render.options(gaussians.sh_degree(), self.config.data.background);
+        let options = self.config.render.options(gaussians.sh_degree(), self.config.data.background.color());
         to_host(render(&gaussians, &camera(self.view, &gaussians.device()), &options).color)
     }
 

@@ -69,7 +69,7 @@ fn blocks(state: &MotionState) -> usize {
 fn squares(parameters: &Parameters, state: &MotionState, view: &View, config: &Config) -> f64 {
     let scene = state.scene(parameters.gaussians());
     let device = parameters.device();
-    let render = config.render.options(parameters.sh_degree(), config.data.background);
+    let render = config.render.options(parameters.sh_degree(), config.data.background.color());
     let blurs = config.blur.mode != BlurMode::None;
     let count = if blurs { config.blur.samples } else { 1 };
     let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), state.exposure(), count);

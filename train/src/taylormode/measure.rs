@@ -98,7 +98,7 @@ pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config
 /// The blurry image of a view as the scene forms it, `[H, W, 3]`.
 pub fn form_blur(model: &TaylorScene, rows: &[u32], exposure: f64, view: &View, config: &Config) -> Tensor<3> {
     let device = model.gaussians.device();
-    let render = config.render.options(model.gaussians.sh_degree(), config.data.background);
+    let render = config.render.options(model.gaussians.sh_degree(), config.data.background.color());
     let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, MEASURE_SAMPLES);
     let options = ExposureOptions { render, linear: config.blur.linear };
     expose(model, rows, &instants, &camera(view, &device), &options, None).color.clamp(0.0, 1.0)

@@ -36,7 +36,7 @@ pub(crate) fn form(
         tracked,
         photo,
         config,
-        options: config.render.options(trainer.parameters.sh_degree(), config.data.background),
+        options: config.render.options(trainer.parameters.sh_degree(), config.data.background.color()),
         progress: trainer.progress(config),
         units: units(trainer.extent, state),
     };
