@@ -38,7 +38,7 @@ impl Default for ModelConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderConfig {
-    /// Gaussians nearer than this are not drawn, scene units; 0: by the data set, see [`settled`](crate::data::settled).
+    /// Gaussians nearer than this are not drawn, scene units; 0: by the data set, see [`settled`](crate::data::settled()).
     pub near: f64,
     /// Gaussians farther than this are not drawn, scene units.
     pub far: f64,

@@ -191,8 +191,8 @@ fn blur_space(keys: &Keys, findings: &mut Findings) -> Result<(), DatasetError> 
     match keys.text("blur_space")? {
         None | Some("linear") => {}
         Some("encoded") => findings.warn(format!(
-            "{}: its photos were averaged as they are encoded (blur_space), not in linear light as cameras and this \
-             program's blur model do; bright moving edges will differ",
+            "{}: its photos were averaged as they are encoded (blur_space), not in linear light as cameras do; train with \
+             blur.linear=false, or bright moving edges will differ",
             keys.file.display()
         )),
         Some(other) => return Err(keys.wrong("blur_space", "\"linear\" or \"encoded\"", format!("{other:?}"))),
