@@ -113,7 +113,7 @@ pub struct DepthPrior {
 /// Ground truth of a synthetic world, at the size of [`View::image`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Truth {
-    /// What a shutter of no duration at the exposure's centre would have seen.
+    /// What a shutter of no duration at the exposure's centre would have seen; of held-out views it is [`View::image`].
     pub sharp: Option<RgbImage8>,
     /// The blurry photo, where [`View::image`] is sharp (held-out views).
     pub blurry: Option<RgbImage8>,

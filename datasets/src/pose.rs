@@ -69,9 +69,7 @@ pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Ri
     }
     let mut c2w = DMat4::from_mat3(nearest_rotation(rotation));
     c2w.w_axis = m.w_axis;
-    if let Some(found) = too_far(c2w) {
-        return Err(wrong(NEAR_ENOUGH, found));
-    }
+    let c2w = near_enough(c2w, file, frame)?;
     Ok(Rigid { c2w, scale: ((scale - 1.0).abs() > SCALE_NOTICE).then_some(scale) })
 }
 
@@ -104,23 +102,19 @@ pub(crate) fn from_world_to_camera(q: [f64; 4], t: [f64; 3], file: &Path, frame:
     let world_to_camera = DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();
     let camera_to_world = world_to_camera.conjugate();
     let c2w = DMat4::from_rotation_translation(camera_to_world, -(camera_to_world * DVec3::from_array(t)));
-    match too_far(c2w) {
-        None => Ok(c2w),
-        Some(found) => Err(DatasetError::Pose {
-            path: file.to_path_buf(),
-            frame: frame.to_string(),
-            expected: NEAR_ENOUGH.to_string(),
-            found,
-        }),
-    }
+    near_enough(c2w, file, frame)
 }
 
-/// What is expected of a camera's place.
-const NEAR_ENOUGH: &str = "a camera within 1e15 scene units of the origin";
-
-/// The place of a camera beyond [`FARTHEST`], in words.
-fn too_far(c2w: DMat4) -> Option<String> {
+/// The pose, unless its camera is beyond [`FARTHEST`].
+fn near_enough(c2w: DMat4, file: &Path, frame: &str) -> Result<DMat4, DatasetError> {
     let place = c2w.w_axis.truncate();
-    let far = place.abs().max_element() > FARTHEST;
-    far.then(|| format!("one at ({:e}, {:e}, {:e})", place.x, place.y, place.z))
+    if place.abs().max_element() <= FARTHEST {
+        return Ok(c2w);
+    }
+    Err(DatasetError::Pose {
+        path: file.to_path_buf(),
+        frame: frame.to_string(),
+        expected: format!("a camera within {FARTHEST:e} scene units of the origin"),
+        found: format!("one at ({:e}, {:e}, {:e})", place.x, place.y, place.z),
+    })
 }

@@ -17,6 +17,13 @@ pub(crate) enum Part {
     Test,
 }
 
+impl Part {
+    /// Whether a frame is learned from unless a rule of the user's holds it out: frames without a list are.
+    pub fn trains(part: Option<Self>) -> bool {
+        !matches!(part, Some(Self::Val | Self::Test))
+    }
+}
+
 /// What white (any pixel that is not black) means in a mask file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum White {

@@ -1,5 +1,6 @@
 //! The data set as the trainer wants it: what to load ([`DataConfig`]), which view comes next ([`Sampler`], [`Curriculum`]),
-//! views as tensors ([`Photos`]), whether it suits a configuration, and whether it is still the same ([`Fingerprint`]).
+//! views as tensors ([`Photos`]), whether it suits a configuration, what it settles of one ([`settled()`]), and whether it is still
+//! the same ([`Fingerprint`]).
 
 mod config;
 mod fingerprint;

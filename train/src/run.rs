@@ -76,10 +76,11 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     let request = &RunRequest { config: settled(config, &scene), ..request.clone() };
     let config = &request.config;
     let prediction = Prediction::new(&scene, config);
-    let saved = saved_trainer(request, &scene)?;
+    let views = Fingerprint::of(&scene);
+    let saved = saved_trainer(request, views)?;
     let found = hints::gather(&scene, config);
     let trainer = saved.unwrap_or_else(|| Trainer::begin(&scene, found.as_ref(), config, &request.device));
-    let mut run = Run::begin(request, asked, &scene, trainer, prediction)?;
+    let mut run = Run::begin(request, asked, (scene.origin, views), trainer, prediction)?;
     let mut sampler = Sampler::new(config.seed, scene.train.len());
     let curriculum = run.trainer.motion.as_ref().and_then(|state| {
         let steps = (config.motion.curriculum * config.steps as f64) as usize;
@@ -118,7 +119,7 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
 }
 
 /// The state of the newest checkpoint, where the run is to be continued and has one.
-fn saved_trainer(request: &RunRequest, scene: &Scene) -> Result<Option<Trainer>> {
+fn saved_trainer(request: &RunRequest, views: Fingerprint) -> Result<Option<Trainer>> {
     let newest = request.resume.then(|| request.folder.saved().pop()).flatten();
     let Some((_, path)) = newest else { return Ok(None) };
     let checkpoint = Checkpoint::load(&path, &request.device)?;
@@ -126,7 +127,6 @@ fn saved_trainer(request: &RunRequest, scene: &Scene) -> Result<Option<Trainer>>
         let config = request.folder.config();
         bail!("{}: expected the configuration of {}, found another one", path.display(), config.display());
     }
-    let views = Fingerprint::of(scene);
     if let Some(begun_on) = checkpoint.views.filter(|begun_on| *begun_on != views) {
         bail!(
             "{}: expected the {} training views that the run in {} began on, found {}: other names, poses, intrinsics or times",
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
     fn begin(
         request: &'a RunRequest,
         asked: &Config,
-        scene: &Scene,
+        (origin, views): (glam::DVec3, Fingerprint),
         trainer: Trainer,
         prediction: Prediction,
     ) -> Result<Self> {
@@ -189,8 +189,8 @@ impl<'a> Run<'a> {
             clock: last_clock(&history),
             history,
             evaluator: Evaluator::new(&request.config.eval, &request.device),
-            origin: scene.origin,
-            views: Fingerprint::of(scene),
+            origin,
+            views,
             begun: Instant::now(),
             request,
             trainer,

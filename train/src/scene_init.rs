@@ -22,7 +22,7 @@ const NEIGHBOURS: usize = 3;
 
 /// Depth range of points, in distances to the point the cameras look at: from in front of the subject to the background behind
 /// it.
-const DEPTHS: [f64; 2] = [0.3, 3.0];
+pub(crate) const DEPTHS: [f64; 2] = [0.3, 3.0];
 
 /// Most of the first Gaussians of a scene without points that come from a plane sweep; the others are random, for what has no
 /// texture.

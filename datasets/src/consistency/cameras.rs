@@ -111,7 +111,7 @@ const STRAY: f64 = 50.0;
 
 /// Warns about training cameras far from all others: learning rates follow the rig's size, and one wrong pose makes it huge.
 pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    let frames = frames.iter().filter(|frame| !matches!(frame.part, Some(Part::Test | Part::Val)));
+    let frames = frames.iter().filter(|frame| Part::trains(frame.part));
     let (names, places): (Vec<&str>, Vec<DVec3>) =
         frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
     let along = |axis: fn(&DVec3) -> f64| timing::median(places.iter().map(axis).collect());
@@ -139,7 +139,7 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     let (mut moved, mut disagree, mut zoomed) = (Vec::new(), Vec::new(), Vec::new());
     for (camera, group) in by_camera(frames) {
         let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
-            group.into_iter().partition(|frame| !matches!(frame.part, Some(Part::Test | Part::Val)));
+            group.into_iter().partition(|frame| Part::trains(frame.part));
         let still = |group: &[&RawFrame]| group.iter().all(|frame| same_pose(group[0], frame, spread));
         let one_lens = |group: &[&RawFrame]| group.iter().all(|frame| same_lens(&group[0].lens, &frame.lens));
         if !still(&train) || !still(&test) {
@@ -187,8 +187,7 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
 
 /// Differences between the training and the test set as wholes.
 fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    let (test, train): (Vec<&RawFrame>, Vec<&RawFrame>) =
-        frames.iter().partition(|frame| matches!(frame.part, Some(Part::Test | Part::Val)));
+    let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) = frames.iter().partition(|frame| Part::trains(frame.part));
     let (Some(first_train), Some(first_test)) = (train.first(), test.first()) else { return };
     let uniform = |set: &[&RawFrame]| set.iter().all(|frame| same_lens(&set[0].lens, &frame.lens));
     let shared_id = test.iter().any(|frame| frame.camera_id.is_some() && frame.camera_id == first_train.camera_id);
@@ -226,7 +225,7 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
 }
 
 /// The point nearest to the optical axes of all cameras, if every camera has it before it and near its axis.
-pub(super) fn common_target(poses: &[DMat4]) -> Option<DVec3> {
+pub(crate) fn common_target(poses: &[DMat4]) -> Option<DVec3> {
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
     for c2w in poses {
         let (centre, axis) = (c2w.w_axis.truncate(), c2w.z_axis.truncate());

@@ -8,7 +8,7 @@ use gs_datasets::image_io::{write_atomic, write_png};
 use crate::cli::EvalArgs;
 use crate::commands::train::resolve;
 use crate::commands::{device, print};
-use crate::data::Photos;
+use crate::data::{Photos, settled};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::export::{LoadedScene, load_scene};
 use crate::report::pictures::SideBySide;
@@ -34,6 +34,8 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
         bail!("{}: a PLY file does not know its data set; name it with --data", args.scene.display());
     };
     let scene = config.load(&dataset)?;
+    // As training would: a checkpoint's is settled already, what a PLY file was trained with is found again.
+    let config = settled(&config, &scene);
     // A PLY file is in the data set's own world, a checkpoint where training was; views are where training would be.
     let moved = crate::export::translated(&loaded.gaussians, loaded.origin - scene.origin);
     let loaded = LoadedScene { gaussians: moved, ..loaded };

@@ -136,11 +136,8 @@ fn mask_rule(
         Some("dynamic") => Ok(MaskRule::Moving),
         Some(other) => Err(keys.wrong("mask_meaning", "\"keep\", \"ignore\" or \"dynamic\"", format!("{other:?}"))),
         None if marks_moving_people(root, entries) => Ok(MaskRule::Moving),
-        None if entries.iter().all(|entry| entry.mask_path.is_none()) => {
-            // Masks that no frame names are looked for beside the photos of a set with times.
-            let timed = entries.iter().any(|entry| entry.time.is_some());
-            Ok(if timed { MaskRule::Moving } else { MaskRule::Counting(White::Keep) })
-        }
+        // Those that no frame names are looked for where things move, see `search_side_folders`.
+        None if entries.iter().all(|entry| entry.mask_path.is_none()) => Ok(MaskRule::Moving),
         None if entries.iter().any(|entry| entry.exposure.is_some()) => {
             findings.warn(format!(
                 "{}: the masks are taken to be white where something moves, as those of blurry video are; \"mask_meaning\" in the \
