@@ -12,7 +12,7 @@ use crate::frame::{CameraPose, RgbImage8, View};
 use crate::mask::{self, Mask};
 use crate::names;
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
-use crate::pixels::{self, Photo};
+use crate::pixels::{self, Behind, Photo};
 use crate::priors::attach::{self, attach};
 use crate::priors::summary::{self, Noted};
 use crate::raw::{Findings, RawFrame, RawPoints, some_names};
@@ -44,13 +44,14 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let frames = sort_and_name(raw.frames, &mut findings);
     let frames = consistency::settle(frames, path, options, &mut findings);
     let origin = origin(&frames, options);
+    let behind = behind(&frames, options);
     let Split { mut train, test, rule } = split(frames, &options.holdout, path)?;
     if !test.is_empty() && !options.training_truth {
         train.iter_mut().for_each(|frame| frame.sides.files.retain(|file| file.kind.is_prior()));
     }
     let parting = consistency::compare_parts(&train, &test, path);
-    let (mut train, mut notes) = load_views(&train, options, origin)?;
-    let (mut test, more) = load_views(&test, options, origin)?;
+    let (mut train, mut notes) = load_views(&train, options, behind, origin)?;
+    let (mut test, more) = load_views(&test, options, behind, origin)?;
     tracing::info!("{}: {} training views, {} held out ({rule})", path.display(), train.len(), test.len());
     let trains = notes.len();
     notes.extend(more);
@@ -142,6 +143,11 @@ pub(crate) fn origin(frames: &[RawFrame], options: &LoadOptions) -> DVec3 {
     }
 }
 
+/// What is behind transparent pixels; of a set with exposures all are shares of light, of its sharp photos too.
+pub(crate) fn behind(frames: &[RawFrame], options: &LoadOptions) -> Behind {
+    Behind { color: options.background, is_light: frames.iter().any(|frame| frame.exposure.is_some_and(|e| e > 0.0)) }
+}
+
 fn point_cloud(points: &RawPoints, origin: DVec3) -> PointCloud {
     PointCloud {
         positions: points.positions.iter().map(|position| (*position - origin).as_vec3().to_array()).collect(),
@@ -164,16 +170,22 @@ struct Note {
 fn load_views(
     frames: &[RawFrame],
     options: &LoadOptions,
+    behind: Behind,
     origin: DVec3,
 ) -> Result<(Vec<View>, Vec<Note>), DatasetError> {
     let loaded: Vec<Result<(View, Note), DatasetError>> =
-        frames.par_iter().map(|frame| load_view(frame, options, origin)).collect();
+        frames.par_iter().map(|frame| load_view(frame, options, behind, origin)).collect();
     // Collected before looking for errors, so that the first one by name is reported and not the first by chance.
     loaded.into_iter().collect::<Result<Vec<_>, _>>().map(|pairs| pairs.into_iter().unzip())
 }
 
-fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(View, Note), DatasetError> {
-    let photo = pixels::open(&frame.image_path, options.background)?;
+fn load_view(
+    frame: &RawFrame,
+    options: &LoadOptions,
+    behind: Behind,
+    origin: DVec3,
+) -> Result<(View, Note), DatasetError> {
+    let photo = pixels::open(&frame.image_path, behind)?;
     let size = photo.size();
     let resolved = frame.lens.resolve((size.0 as u32, size.1 as u32), &frame.image_path, &frame.file)?;
     let masks: Vec<Mask> = frame.masks.iter().map(|file| Mask::open(file, size)).collect::<Result<_, _>>()?;
@@ -184,7 +196,7 @@ fn load_view(frame: &RawFrame, options: &LoadOptions, origin: DVec3) -> Result<(
     let (scale_x, scale_y) = (target.0 as f64 / size.0 as f64, target.1 as f64 / size.1 as f64);
     let mut c2w = frame.c2w;
     c2w.w_axis -= origin.extend(0.0);
-    let photo = attach::Photo { size, target, undistorted: undistortion.is_some(), background: options.background };
+    let photo = attach::Photo { size, target, undistorted: undistortion.is_some(), behind };
     let sides = attach(&frame.sides, &photo);
     let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
     let view = View {

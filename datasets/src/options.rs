@@ -8,7 +8,7 @@ pub enum Holdout {
     /// Every n-th of all views sorted by name, beginning with the first (index % n == 0).
     Every(usize),
     /// The data set's own split where it has one (transforms_test.json, else transforms_val.json; nerfstudio's
-    /// `test_filenames`, else `val_filenames`), otherwise every 8th.
+    /// `test_filenames`, else `val_filenames`), otherwise one camera in 8 of standing ones that film, or every 8th view.
     Dataset,
     /// These views, by file stem ("0012") or whole name ("images/0012"); each must exist.
     Names(Vec<String>),

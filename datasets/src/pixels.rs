@@ -5,6 +5,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageReader, Limits};
 
 use crate::error::DatasetError;
+use crate::light::{to_encoded, to_linear};
 
 /// Longest side of an image that is opened. Larger ones are broken headers rather than photos.
 const SIDE_MAX: u32 = 65_535;
@@ -72,9 +73,30 @@ pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })
 }
 
-/// Opens a photo and composites it on `background`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
+/// What lies behind transparent pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Behind {
+    /// Encoded, 0 to 1 per channel.
+    pub color: [f32; 3],
+    /// Whether alpha is a share of light, as where things moved while the shutter was open: at a blurred edge it says for how
+    /// long the background was seen. Otherwise encoded values are mixed, as those who publish still scenes do.
+    pub is_light: bool,
+}
+
+impl Behind {
+    fn mix(self, value: f32, channel: usize, alpha: f32) -> f32 {
+        let behind = self.color[channel];
+        if self.is_light && alpha > 0.0 && alpha < 1.0 {
+            to_encoded(to_linear(value) * alpha + to_linear(behind) * (1.0 - alpha))
+        } else {
+            value * alpha + behind * (1.0 - alpha)
+        }
+    }
+}
+
+/// Opens a photo and composites it on what is `behind`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
 /// floats and before any resampling. Resampling first would mix in the hidden colour of transparent pixels.
-pub(crate) fn open(path: &Path, background: [f32; 3]) -> Result<Photo, DatasetError> {
+pub(crate) fn open(path: &Path, behind: Behind) -> Result<Photo, DatasetError> {
     Ok(match decode(path)? {
         DynamicImage::ImageRgb8(image) => Photo::Rgb8(image),
         image @ DynamicImage::ImageLuma8(_) => Photo::Rgb8(image.into_rgb8()),
@@ -84,8 +106,7 @@ pub(crate) fn open(path: &Path, background: [f32; 3]) -> Result<Photo, DatasetEr
             let mut rgb = image::Rgb32FImage::new(rgba.width(), rgba.height());
             for (out, pixel) in rgb.pixels_mut().zip(rgba.pixels()) {
                 let [r, g, b, alpha] = pixel.0;
-                let mix = |value: f32, behind: f32| value * alpha + behind * (1.0 - alpha);
-                out.0 = [mix(r, background[0]), mix(g, background[1]), mix(b, background[2])];
+                out.0 = [behind.mix(r, 0, alpha), behind.mix(g, 1, alpha), behind.mix(b, 2, alpha)];
             }
             Photo::Rgb32(rgb)
         }

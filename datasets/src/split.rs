@@ -1,8 +1,9 @@
 //! Which views train and which are held out.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::Path;
 
+use crate::consistency;
 use crate::error::DatasetError;
 use crate::options::{DEFAULT_HOLDOUT, Holdout};
 use crate::raw::{Part, RawFrame};
@@ -28,7 +29,10 @@ pub(crate) fn split(frames: Vec<RawFrame>, holdout: &Holdout, scene: &Path) -> R
         Holdout::Every(0) => return Err(bad("every n-th view with n of at least 1", "0".to_string())),
         Holdout::Every(n) => every(frames, *n),
         Holdout::Dataset if frames.iter().any(|frame| frame.part.is_some()) => own(frames),
-        Holdout::Dataset => every(frames, DEFAULT_HOLDOUT),
+        Holdout::Dataset => match held_out_cameras(&frames) {
+            Some(cameras) => without_cameras(frames, &cameras),
+            None => every(frames, DEFAULT_HOLDOUT),
+        },
         Holdout::Names(names) => {
             for name in names {
                 if !frames.iter().any(|frame| is_named(frame, name)) {
@@ -55,6 +59,38 @@ fn every(frames: Vec<RawFrame>, n: usize) -> Split {
         if index % n == 0 { split.test.push(frame) } else { split.train.push(frame) }
     }
     split
+}
+
+/// Fewest cameras of which one can be spared.
+const CAMERAS_MIN: usize = 3;
+
+/// Whether the camera at `index` of `count`, in their order, is held out: one in [`DEFAULT_HOLDOUT`], the first of them inside the
+/// row, since from its ends there is nothing to look at from both sides.
+pub(crate) fn is_held_out(index: usize, count: usize) -> bool {
+    count >= CAMERAS_MIN && index % DEFAULT_HOLDOUT == (DEFAULT_HOLDOUT / 2).min(count / 2)
+}
+
+/// Of video from several standing cameras whole cameras are held out: a frame of a camera that trains is seen a moment before and
+/// after. `None` of any other set.
+fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
+    let (several, still) = consistency::standing(frames)?;
+    // By length first: "2" before "10".
+    let names: BTreeSet<(usize, &str)> =
+        frames.iter().filter_map(|frame| frame.camera_id.as_deref()).map(|id| (id.len(), id)).collect();
+    if several != names.len() || still != several || frames.iter().any(|frame| frame.camera_id.is_none()) {
+        return None;
+    }
+    let count = names.len();
+    let held = names.into_iter().enumerate().filter(|(index, _)| is_held_out(*index, count));
+    let held: Vec<String> = held.map(|(_, (_, id))| id.to_string()).collect();
+    (!held.is_empty()).then_some(held)
+}
+
+fn without_cameras(frames: Vec<RawFrame>, held: &[String]) -> Split {
+    let rule = format!("all frames of camera {} held out", held.join(", "));
+    let is_held = |frame: &RawFrame| frame.camera_id.as_ref().is_some_and(|id| held.contains(id));
+    let (test, train) = frames.into_iter().partition(is_held);
+    Split { train, test, rule }
 }
 
 /// The data set's own split. Validation views stand in where there are no test views and are left out otherwise:

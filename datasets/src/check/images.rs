@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use super::CheckReport;
 use crate::error::DatasetError;
 use crate::frame::Intrinsics;
+use crate::loader;
 use crate::mask::{self, Mask};
 use crate::options::LoadOptions;
-use crate::pixels;
+use crate::pixels::{self, Behind};
 use crate::priors::attach::{Notes, Photo, attach};
 use crate::priors::summary::{self, Noted};
 use crate::raw::{Findings, Part, RawFrame};
@@ -24,7 +25,7 @@ struct Decoded {
     sides: Notes,
 }
 
-fn decode(frame: &RawFrame, options: &LoadOptions) -> Result<Decoded, DatasetError> {
+fn decode(frame: &RawFrame, options: &LoadOptions, behind: Behind) -> Result<Decoded, DatasetError> {
     let image = pixels::decode(&frame.image_path)?;
     let size = (image.width() as usize, image.height() as usize);
     let resolved = frame.lens.resolve((image.width(), image.height()), &frame.image_path, &frame.file)?;
@@ -34,14 +35,16 @@ fn decode(frame: &RawFrame, options: &LoadOptions) -> Result<Decoded, DatasetErr
         size,
         target: target_size(size, options.max_width),
         undistorted: !frame.lens.distortion.is_none(),
-        background: options.background,
+        behind,
     };
     let sides = attach(&frame.sides, &photo).notes;
     Ok(Decoded { size, intrinsics: resolved.intrinsics, rescaled: resolved.rescaled_from.is_some(), masked, sides })
 }
 
 pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut CheckReport, findings: &mut Findings) {
-    let results: Vec<Result<Decoded, DatasetError>> = frames.par_iter().map(|frame| decode(frame, options)).collect();
+    let behind = loader::behind(frames, options);
+    let results: Vec<Result<Decoded, DatasetError>> =
+        frames.par_iter().map(|frame| decode(frame, options, behind)).collect();
     let mut decoded = Vec::new();
     let mut names = Vec::new();
     for (frame, result) in frames.iter().zip(results) {
@@ -100,11 +103,7 @@ pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut 
     let noted: Vec<Noted> = names
         .iter()
         .zip(&decoded)
-        .map(|(frame, value)| Noted {
-            name: &frame.name,
-            trains: !matches!(frame.part, Some(Part::Test | Part::Val)),
-            notes: &value.sides,
-        })
+        .map(|(frame, value)| Noted { name: &frame.name, trains: Part::trains(frame.part), notes: &value.sides })
         .collect();
     report.facts.extend(summary::facts(&noted));
     summary::warn(&report.path, &noted, findings);

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::timing::{interval_of, median};
-use crate::raw::{RawFrame, some_names};
+use crate::priors::Kind;
+use crate::raw::{Part, RawFrame, some_names};
 
 /// Exposures within this share of each other are one: the ends of a blur of 50 pixels then differ by half a pixel.
 const SAME_EXPOSURE: f64 = 0.01;
@@ -14,7 +15,7 @@ const REACH: f64 = 1.5;
 
 /// What training on some views and measuring on others would stumble over, in sentences.
 pub(crate) fn compare_parts(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Vec<String> {
-    [timeless(train, test), outside(train, test, scene), differing_exposures(train, scene)]
+    [timeless(train, test), outside(train, test, scene), differing_exposures(train, scene), blurry_truth(test, scene)]
         .into_iter()
         .flatten()
         .collect()
@@ -53,6 +54,21 @@ fn outside(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Option<String
         names.len(),
         some_names(&names)
     ))
+}
+
+/// A set without held-out photos of its own lends some that are as blurry as those that train.
+fn blurry_truth(test: &[RawFrame], scene: &Path) -> Option<String> {
+    let is_blurry = |frame: &&RawFrame| {
+        Part::trains(frame.part) && frame.exposure.is_some_and(|e| e > 0.0) && !frame.sides.lists(Kind::TrueSharp)
+    };
+    let count = test.iter().filter(is_blurry).count();
+    (count > 0).then(|| {
+        format!(
+            "{}: {count} held-out photos are as blurry as those that train, and no sharp image of them is there; figures on them say \
+             how blurry a rendering is, not how sharp",
+            scene.display()
+        )
+    })
 }
 
 /// One exposure is learned for all photos, beginning with the median.

@@ -17,7 +17,7 @@ pub(crate) struct Photo {
     pub target: (usize, usize),
     /// Its lens distortion is removed.
     pub undistorted: bool,
-    pub background: [f32; 3],
+    pub behind: pixels::Behind,
 }
 
 /// Why a file was not used.
@@ -129,7 +129,7 @@ fn fit<T: Copy>(map: Map<T>, kind: Kind, photo: &Photo, notes: &mut Notes) -> Re
 /// An image at training size. It may be smaller than the photo's file but not than the training image: enlarged, it
 /// would be blurred by the enlargement, and how sharp it is is all it is there for.
 fn picture(path: &Path, photo: &Photo) -> Result<RgbImage8, Reason> {
-    let image = pixels::open(path, photo.background).map_err(broken)?;
+    let image = pixels::open(path, photo.behind).map_err(broken)?;
     let size = image.size();
     let (width, height) = photo.target;
     if !same_shape(size, photo.size) || size.0 < width || size.1 < height {

@@ -70,6 +70,33 @@ fn the_data_sets_own_files_win_and_validation_stands_in_for_test() {
 }
 
 #[test]
+fn of_standing_cameras_that_film_whole_cameras_are_held_out() {
+    let (folder, mut top) = ring_scene(6);
+    let frames = top["frames"].as_array_mut().expect("a list");
+    let poses: Vec<_> = (0..3).map(|camera| frames[camera]["transform_matrix"].clone()).collect();
+    for (index, frame) in frames.iter_mut().enumerate() {
+        frame["transform_matrix"] = poses[index % 3].clone();
+        frame["time"] = json!([0.0, 1.0][index / 3]);
+        frame["exposure"] = json!(0.5);
+    }
+    let mut twice = top.clone();
+    twice["frames"].as_array_mut().expect("a list").retain(|frame| frame["transform_matrix"] != poses[2]);
+    folder.write_json("transforms_train.json", &top);
+    let scene = load(&folder.file("transforms_train.json"), &LoadOptions::default()).expect("loaded");
+    assert_eq!(names(&scene.test), ["images/01", "images/04"], "both times of the middle one");
+    assert_eq!(scene.train.len(), 4);
+    assert!(
+        scene.warnings.iter().any(|warning| warning.contains("2 held-out photos are as blurry")),
+        "{:?}",
+        scene.warnings
+    );
+    // Of two cameras none can be spared.
+    folder.write_json("transforms_train.json", &twice);
+    let scene = load(&folder.file("transforms_train.json"), &LoadOptions::default()).expect("loaded");
+    assert_eq!((scene.train.len(), scene.test.len()), (3, 1));
+}
+
+#[test]
 fn no_training_view_is_an_error() {
     let (folder, top) = ring_scene(1);
     folder.write_json("transforms.json", &top);

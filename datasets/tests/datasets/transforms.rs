@@ -203,6 +203,21 @@ fn transparency_is_composited_before_resizing() {
 }
 
 #[test]
+fn transparency_of_exposed_photos_is_a_share_of_light() {
+    let (folder, mut top) = ring_scene(1);
+    // Half the exposure white, half the black background: half the light, encoded as 188.
+    folder.rgba("images/00.png", 2, 1, |_, _| [255, 255, 255, 128]);
+    top["w"] = json!(2);
+    top["h"] = json!(1);
+    folder.write_json("transforms.json", &top);
+    assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [128; 6]);
+    top["frames"][0]["time"] = json!(0.0);
+    top["frames"][0]["exposure"] = json!(0.5);
+    folder.write_json("transforms.json", &top);
+    assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [188; 6]);
+}
+
+#[test]
 fn missing_images_are_left_out_and_none_left_is_an_error() {
     let (folder, top) = ring_scene(3);
     folder.write_json("transforms.json", &top);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum HoldoutChoice {
-    /// The data set's own split, or every 8th view where it has none.
+    /// The data set's own split; where it has none, one camera in 8 of standing ones that film, or every 8th view.
     Dataset,
     /// Every `holdout_every`-th view by name.
     Every,
@@ -105,7 +105,7 @@ pub struct DataConfig {
     pub holdout_names: Vec<String>,
     /// Image folder of a COLMAP model where it is not a usual one; empty: found by itself.
     pub images: String,
-    /// Colour behind the scene and behind transparent pixels, 0 to 1 per channel.
+    /// Colour behind the scene and behind transparent pixels.
     pub background: Background,
     /// How mask files are used.
     pub masks: MaskChoice,

@@ -6,8 +6,8 @@ use std::path::Path;
 use super::BlurFromFrames;
 use crate::error::DatasetError;
 use crate::names;
-use crate::options::DEFAULT_HOLDOUT;
 use crate::raw::{Part, RawFrame};
+use crate::split::is_held_out;
 
 /// Poses of one camera may differ by this much (rotation entries; translations likewise, relative to 1 scene unit)
 /// before it counts as moving: room for numbers printed with six digits.
@@ -48,12 +48,12 @@ pub(super) fn cameras(source: &Path, frames: Vec<RawFrame>) -> Result<Vec<Still>
         return Err(DatasetError::malformed(source, "cameras", expected, found));
     }
     let has_split = groups.values().flatten().any(|frame| frame.part == Some(Part::Test));
-    let is_lone = groups.len() == 1;
+    let count = groups.len();
     let mut cameras = Vec::new();
     for (index, ((_, id), frames)) in groups.into_iter().enumerate() {
         let is_test = match has_split {
             true => frames.iter().any(|frame| frame.part == Some(Part::Test)),
-            false => !is_lone && index % DEFAULT_HOLDOUT == DEFAULT_HOLDOUT / 2,
+            false => is_held_out(index, count),
         };
         let folder = match id.parse::<usize>() {
             Ok(number) => format!("cam{number:02}"),

@@ -58,7 +58,7 @@ pub struct BlurSummary {
 /// writes a set in the layout of [`deblur::write`](super::deblur::write) to `out`: blurry photos of training cameras with
 /// their sharp counterparts as truth; sharp photos of held-out cameras with blurry counterparts.
 ///
-/// The source's own split decides which cameras are held out, otherwise every 8th is. Lenses keep their distortion.
+/// The source's own split decides which cameras are held out, otherwise one in 8 is. Lenses keep their distortion.
 ///
 /// # Errors
 /// When the window is not odd or longer than every camera's video, a stride is 0, a camera moves or changes its lens, a

@@ -12,10 +12,13 @@ use crate::frame::Intrinsics;
 use crate::image_io::write_png;
 use crate::light::{linear_of_bytes, to_byte, to_linear};
 use crate::mask::Mask;
-use crate::pixels::{self, Photo};
+use crate::pixels::{self, Behind, Photo};
 use crate::pose::opencv_from_opengl;
 use crate::raw::{MaskFile, RawFrame, White};
 use crate::resize::{AreaResampler, target_size};
+
+/// Behind transparent pixels of the frames, which are averaged as light.
+const BLACK: Behind = Behind { color: [0.0; 3], is_light: true };
 
 /// The JSON entries of a camera's photos.
 pub(super) fn blur_camera(
@@ -51,7 +54,7 @@ fn blur_window(
     let target = target_size(size, options.max_width);
     let (mut sum, mut sharp) = (vec![0.0; 3 * target.0 * target.1], Vec::new());
     for (index, frame) in frames.iter().enumerate() {
-        let photo = pixels::open(&frame.image_path, [0.0; 3])?;
+        let photo = pixels::open(&frame.image_path, BLACK)?;
         if photo.size() != size {
             let (width, height) = photo.size();
             let found = format!("{width} x {height} pixels where {:?} has {} x {}", middle.name, size.0, size.1);
