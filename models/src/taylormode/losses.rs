@@ -1,14 +1,14 @@
-//! What is minimised: Eq. 13 to 19. Each term is one function that returns `[1]`.
+//! What is minimised: Eq. 13 and 15 to 18, each a function that returns `[1]`. Eq. 14 is the loss of every photo,
+//! [`photometric_loss`](gs_burn::ops::ssim::photometric_loss); Eq. 19, their weighted sum, is the trainer's.
 //!
 //! Norms are means, as in the 3DGS code the paper builds on: over all pixels of the image, also where only moving pixels
 //! count (Eq. 15, 17, 18), so that the terms keep their proportions whatever the share of moving pixels.
 
 use burn::tensor::Tensor;
-use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::profile;
 
-/// Share of D-SSIM in Eq. 14; the paper does not say, 3DGS has 0.2.
-pub const LAMBDA_SSIM: f64 = 0.2;
+use super::depth_alignment::DepthSpace;
+
 /// Weight of Eq. 15 in Eq. 19.
 pub const LAMBDA_BLUR: f64 = 0.5;
 /// Weight of Eq. 16 in Eq. 19.
@@ -24,11 +24,6 @@ pub const DEPTH_EPSILON: f64 = 0.01;
 /// `moving` `[H, W, 1]`, 0 to 1.
 pub fn hybrid_target(pseudo: Tensor<3>, photo: Tensor<3>, moving: Tensor<3>) -> Tensor<3> {
     photo.clone() + (pseudo - photo) * moving
-}
-
-/// Eq. 14: L1 and D-SSIM between the sharp rendering and the target of Eq. 13, `[H, W, 3]`.
-pub fn sharp_loss(color: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
-    photometric_loss(color, target, LAMBDA_SSIM)
 }
 
 /// Eq. 15 on the moving pixels alone, `[P, 3]` each, of an image of `pixels` pixels.
@@ -50,6 +45,36 @@ pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
     let difference = (log(rendered) - log(prior)).abs() * known;
     difference.sum() / pixels as f64
 }
+
+/// One less the correlation (Pearson's) of rendered depth `[H, W, 1]` (camera z, scene units) with a prior, over the pixels where
+/// both are known: 0 for a prior that is any scale and shift of the truth in its own `space`, 2 for its mirror image. Not part
+/// of the paper: the loss of those who do not fit scale and shift. The prior gets no gradient; zero where either has no relief.
+pub fn depth_correlation_loss(rendered: Tensor<3>, prior: Tensor<3>, space: DepthSpace) -> Tensor<1> {
+    let _stage = profile::stage("depth loss");
+    let prior = prior.detach();
+    let known = prior.clone().not_equal_elem(0.0).bool_and(rendered.clone().greater_scalar(DEPTH_EPSILON));
+    let known = known.float().cast(rendered.dtype());
+    let rendered = match space {
+        DepthSpace::Depth => rendered,
+        DepthSpace::InverseDepth => rendered.clamp_min(DEPTH_EPSILON).recip(),
+    };
+    let count = known.clone().sum().clamp_min(1.0);
+    let centred = |x: Tensor<3>| {
+        let mean = (x.clone() * known.clone()).sum() / count.clone();
+        (x - mean.reshape([1, 1, 1])) * known.clone()
+    };
+    let (a, b) = (centred(rendered), centred(prior));
+    let mean = |x: Tensor<3>| x.sum() / count.clone();
+    let (variance, other) = (mean(a.clone().square()), mean(b.clone().square()));
+    // Flat maps have no correlation; the floor keeps its gradient finite.
+    let least = RELIEF * RELIEF;
+    let has_relief = variance.clone().greater_scalar(least).bool_and(other.clone().greater_scalar(least));
+    let correlation = mean(a * b) / (variance.clamp_min(least) * other.clamp_min(least)).sqrt();
+    (correlation.neg() + 1.0) * has_relief.float().cast(known.dtype())
+}
+
+/// Standard deviation below which a depth map is flat, in the map's unit.
+const RELIEF: f64 = 1e-6;
 
 /// Eq. 17: velocities of the moving pixels `[P, 3]` (camera axes, scene units per unit of time) against the guide
 /// `[1, 3]` or `[P, 3]` in the same axes, of an image of `pixels` pixels.
@@ -74,55 +99,4 @@ pub fn smoothness_loss(weights: Tensor<2>, pixels: usize) -> Tensor<1> {
 fn mean_over(pixels: usize, differences: Tensor<2>) -> Tensor<1> {
     let channels = differences.dims()[1];
     differences.sum() / (pixels * channels) as f64
-}
-
-/// The weights of Eq. 19; a weight of 0 takes its term out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weights {
-    /// Of Eq. 15. Less, and motion is learned from where things are only; more, and texture is.
-    pub blur: f64,
-    /// Of Eq. 16. More trusts the prior's shape over the photos.
-    pub depth: f64,
-    /// Of Eq. 17. More forces all moving surfaces to one velocity.
-    pub velocity: f64,
-    /// Of Eq. 18. More keeps the shutter a box.
-    pub smooth: f64,
-}
-
-impl Default for Weights {
-    fn default() -> Self {
-        Self { blur: LAMBDA_BLUR, depth: LAMBDA_DEPTH, velocity: LAMBDA_VELOCITY, smooth: LAMBDA_SMOOTH }
-    }
-}
-
-/// The terms of Eq. 19, `[1]` each; one whose prior is missing is left out.
-#[derive(Debug, Clone)]
-pub struct Terms {
-    /// Eq. 14.
-    pub sharp: Tensor<1>,
-    /// Eq. 15.
-    pub blur: Option<Tensor<1>>,
-    /// Eq. 16.
-    pub depth: Option<Tensor<1>>,
-    /// Eq. 17.
-    pub velocity: Option<Tensor<1>>,
-    /// Eq. 18.
-    pub smooth: Option<Tensor<1>>,
-}
-
-impl Terms {
-    /// The sum, Eq. 19, `[1]`.
-    pub fn total(self, weights: &Weights) -> Tensor<1> {
-        let rest = [
-            (self.blur, weights.blur),
-            (self.depth, weights.depth),
-            (self.velocity, weights.velocity),
-            (self.smooth, weights.smooth),
-        ];
-        let add = |sum: Tensor<1>, (term, weight): (Option<Tensor<1>>, f64)| match term {
-            Some(term) if weight != 0.0 => sum + term * weight,
-            _ => sum,
-        };
-        rest.into_iter().fold(self.sharp, add)
-    }
 }

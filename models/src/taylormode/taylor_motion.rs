@@ -194,15 +194,6 @@ impl TaylorMotion {
         instants.iter().map(sample).collect()
     }
 
-    /// With as many blocks as `order` and `rotation_order` ask for: new ones zero, surplus ones dropped.
-    pub fn with_orders(&self, order: usize, rotation_order: usize) -> Self {
-        Self {
-            position: resized(&self.position, 3 * order),
-            rotation: resized(&self.rotation, 3 * rotation_order),
-            ..self.clone()
-        }
-    }
-
     /// The learned tensors: position and rotation coefficients, and the kinks' jumps where there are kinks. The remainder's belong
     /// to its network.
     pub fn tensors(&self) -> Vec<Tensor<2>> {
@@ -232,18 +223,6 @@ fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
         (0..3).for_each(|axis| matrix[9 * k + 4 * axis] = factor);
     }
     coefficients.clone().matmul(Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
-}
-
-/// `coefficients` with `columns` columns: new ones zero, surplus ones dropped.
-fn resized(coefficients: &Tensor<2>, columns: usize) -> Tensor<2> {
-    let [rows, present] = coefficients.dims();
-    let zeros = |columns| Tensor::zeros([rows, columns], (&coefficients.device(), coefficients.dtype()));
-    match columns {
-        _ if columns == present => coefficients.clone(),
-        _ if columns == 0 || present == 0 || rows == 0 => zeros(columns),
-        _ if columns < present => coefficients.clone().narrow(1, 0, columns),
-        _ => Tensor::cat(vec![coefficients.clone(), zeros(columns - present)], 1),
-    }
 }
 
 /// A scene some of whose Gaussians move.

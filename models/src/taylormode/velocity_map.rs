@@ -50,12 +50,6 @@ impl PeanoMap {
         rendered.clone() + self.mlp.forward_shared(rendered / self.unit, embedding) * self.unit
     }
 
-    /// The same for a whole map `[H, W, 3]`.
-    pub fn forward_map(&self, rendered: Tensor<3>, s: f64) -> Tensor<3> {
-        let [height, width, _] = rendered.dims();
-        self.forward(rendered.reshape([height * width, 3]), s).reshape([height, width, 3])
-    }
-
     /// With `f` of every learned tensor.
     pub fn map(&self, f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
         Self { mlp: self.mlp.map(f), ..self.clone() }

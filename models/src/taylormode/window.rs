@@ -31,25 +31,6 @@ pub struct Sample {
 }
 
 impl TimeWindow {
-    /// The window of frames taken at `times` (in any order, repeats allowed), each with the shutter open for `exposure`.
-    ///
-    /// It reaches half a frame interval, or half an exposure if that is longer, past the first and the last frame, so
-    /// that each frame is the middle of its share of the window: then the best line over the window is the one that
-    /// the frames themselves would give, and no exposure leaves the window. A single instant gets half-length 1.
-    ///
-    /// # Panics
-    /// Without times.
-    pub fn covering(times: impl IntoIterator<Item = f64>, exposure: f64) -> Self {
-        let mut times: Vec<f64> = times.into_iter().collect();
-        times.sort_by(f64::total_cmp);
-        times.dedup();
-        assert!(!times.is_empty(), "a window needs at least one time");
-        let (low, high) = (times[0], times[times.len() - 1]);
-        let interval = (high - low) / (times.len() - 1).max(1) as f64;
-        let half = 0.5 * (high - low + interval.max(exposure));
-        Self { t0: 0.5 * (low + high), half: if half > 0.0 { half } else { 1.0 } }
-    }
-
     /// `t` in units of the window: 0 at `t0`, -1 and 1 at the edges.
     pub fn normalised(&self, t: f64) -> f64 {
         (t - self.t0) / self.half

@@ -1,6 +1,5 @@
 //! Outside the window no order may be worse than order 1 (FIELD B12), and inside the chosen one fits.
 
-use gs_models::taylormode::TimeWindow;
 use gs_models::taylormode::window::{FADE, best_line, continued, powers};
 
 /// Frames of one recording, the middles of equal parts of the window.
@@ -136,14 +135,4 @@ fn the_line_is_the_best_one() {
         |s| gs_models::taylormode::window::Sample { value: s, slope: 1.0 },
     );
     assert_eq!(untouched.value, 0.5);
-}
-
-#[test]
-fn the_window_holds_every_exposure() {
-    let window = TimeWindow::covering([0.75, 0.0, 0.25, 0.5, 0.25], 0.05);
-    assert_eq!(window, TimeWindow { t0: 0.375, half: 0.5 });
-    assert_eq!(window.normalised(0.75), 0.75);
-    let long = TimeWindow::covering([0.0, 1.0], 3.0);
-    assert_eq!(long, TimeWindow { t0: 0.5, half: 2.0 });
-    assert_eq!(TimeWindow::covering([2.0], 0.0), TimeWindow { t0: 2.0, half: 1.0 });
 }

@@ -40,6 +40,24 @@ fn absent(scene: &Scene, config: &Config) -> Vec<String> {
     said
 }
 
+/// Terms of the warp that what was found leaves without a basis, in sentences.
+fn without_basis(masks: &MovingMasks, guides: &[Option<[f64; 3]>], bodies: usize, config: &Config) -> Vec<String> {
+    if config.blur.mode != BlurMode::Warp {
+        return Vec::new();
+    }
+    let mut said = Vec::new();
+    if masks.masks.iter().all(Option::is_none) {
+        said.push(
+            "no masks: the blurred term (Eq. 15) counts all pixels, and no background is protected from it".into(),
+        );
+    }
+    if config.prior.velocity > 0.0 && guides.iter().all(Option::is_none) {
+        let why = if bodies > 1 { "bodies move apart" } else { "no path of an object's centre" };
+        said.push(format!("{why}: the guide velocity (Eq. 17) is left out"));
+    }
+    said
+}
+
 /// Leaves out photos that have no time although others do: nobody knows what they show.
 pub fn leave_out_timeless(scene: &mut Scene) {
     let count = |scene: &Scene| scene.train.len() + scene.test.len();
@@ -85,7 +103,10 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
         MaskSource::Auto => motion::MaskSource::Auto,
         MaskSource::Prior => motion::MaskSource::Prior,
         MaskSource::Evidence => motion::MaskSource::Evidence,
-        MaskSource::None => return Some(Found { warnings: absent(scene, config), ..Found::default() }),
+        MaskSource::None => {
+            let terms = without_basis(&MovingMasks::default(), &[], 0, config).into_iter().chain(absent(scene, config));
+            return Some(Found { warnings: terms.collect(), ..Found::default() });
+        }
     };
     let masks = motion::moving_masks(scene, source);
     let motion::Centres { centres, notes } = motion::centres(scene, &masks.masks);
@@ -96,12 +117,11 @@ pub fn gather(scene: &Scene, config: &Config) -> Option<Found> {
         let velocity = motion::guide_velocity(&centres, view.time?).filter(|_| tracks.len() < 2)?;
         Some(velocity.to_array())
     });
-    let guides = guides.collect();
-    let unguided = config.blur.mode == BlurMode::Warp && config.prior.velocity > 0.0 && tracks.len() > 1;
-    let unguided = unguided.then(|| "bodies move apart: the guide velocity (Eq. 17) is left out".to_string());
+    let guides: Vec<Option<[f64; 3]>> = guides.collect();
+    let terms = without_basis(&masks, &guides, tracks.len(), config).into_iter().chain(absent(scene, config));
     Some(Found {
         guides,
-        warnings: masks.warnings.iter().cloned().chain(notes).chain(unguided).chain(absent(scene, config)).collect(),
+        warnings: masks.warnings.iter().cloned().chain(notes).chain(terms).collect(),
         tracks,
         pixels_per_unit,
         masks,

@@ -17,7 +17,7 @@ use crate::losses::photometric;
 use crate::parameters::to_host;
 use crate::step::{Formed, Trainer};
 use crate::taylormode::blur::expose;
-use crate::taylormode::config::{BlurMode, VelocitySource};
+use crate::taylormode::config::{BlurMode, DepthFit, VelocitySource};
 use crate::taylormode::state::{Lent, MotionState, Network};
 
 /// Forms the image of a scene that moved while `photo` was exposed, and compares. `tracked` and `lent` are leaves of this
@@ -289,6 +289,12 @@ impl Step<'_> {
             return loss;
         }
         let Some(depth) = centre.expected_depth() else { return loss };
+        if let Some((values, space, false)) = &self.photo.hints.depth
+            && prior.depth_fit == DepthFit::Correlation
+        {
+            let values = Tensor::from_data(TensorData::new(values.to_vec(), depth.dims()), &depth.device());
+            return loss + losses::depth_correlation_loss(depth, values, in_space(*space)) * prior.depth;
+        }
         match self.aligned_prior(&depth, &centre.alpha) {
             Some(aligned) => loss + losses::depth_loss(depth, aligned) * prior.depth,
             None => loss,
@@ -298,16 +304,21 @@ impl Step<'_> {
     /// The depth prior in scene units, `[H, W, 1]`, 0 where unknown; `None` where it fits nothing that is rendered.
     fn aligned_prior(&self, rendered: &Tensor<3>, alpha: &Tensor<3>) -> Option<Tensor<3>> {
         let (values, space, metric) = self.photo.hints.depth.as_ref()?;
-        let space = match space {
-            gs_datasets::DepthSpace::Depth => DepthSpace::Depth,
-            gs_datasets::DepthSpace::InverseDepth => DepthSpace::InverseDepth,
-        };
-        let aligned = if *metric || !self.config.prior.align_depth {
+        let space = in_space(*space);
+        let aligned = if *metric || self.config.prior.depth_fit == DepthFit::None {
             Alignment { space, scale: 1.0, shift: 0.0, inliers: 1.0, deviation: 0.0 }
         } else {
             let (rendered, alpha) = (to_host(rendered.clone().inner()), to_host(alpha.clone().inner()));
             align(values, &rendered, Some(&alpha), space)?
         };
         Some(Tensor::from_data(TensorData::new(aligned.depth(values), rendered.dims()), &rendered.device()))
+    }
+}
+
+/// The data set's word for the space of depth in the models'.
+pub(crate) fn in_space(space: gs_datasets::DepthSpace) -> DepthSpace {
+    match space {
+        gs_datasets::DepthSpace::Depth => DepthSpace::Depth,
+        gs_datasets::DepthSpace::InverseDepth => DepthSpace::InverseDepth,
     }
 }
