@@ -16,9 +16,9 @@ use crate::stability::{Criterion, Experiment, Findings, Lab};
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "opacity",
-    question: "Opacities reset, decaying or left alone under classic density control, in a moving blurry scene and in a still one: \
-               what does each cost on the way and at the end?",
-    steps: |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
+    question: "Opacities reset, decaying or left alone under classic density control, in a blurry moving scene, a sharp \
+               moving one and a still one: what does each cost on the way and at the end?",
+    steps: |quick| 9 * if quick { STEPS_QUICK } else { STEPS },
     run,
 };
 
@@ -36,9 +36,14 @@ const POLICIES: [&str; 3] = ["reset", "decay", "none"];
 
 fn run(lab: &Lab) -> Result<Findings> {
     let moving = lab.world(&small(World::Lychee, 6))?;
+    let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Lychee, 6) })?;
     let still = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
     let mut found = Findings::default();
-    let scenes: [(&str, &Scene, &[&str]); 2] = [("moving", &moving, &[]), ("still", &still, &["pipeline=static"])];
+    let scenes: [(&str, &Scene, &[&str]); 3] = [
+        ("moving", &moving, &[]),
+        ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]),
+        ("still", &still, &["pipeline=static"]),
+    ];
     for (name, scene, changes) in scenes {
         let curves: Vec<Vec<(f64, f64)>> =
             POLICIES.iter().map(|policy| curve(lab, scene, policy, changes)).collect::<Result<_>>()?;

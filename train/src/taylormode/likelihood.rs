@@ -1,6 +1,6 @@
 //! Whether a simpler motion explains the photos as well: the likelihood check on what [`select`](super::select) proposes.
 
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 use gs_burn::exposure::ExposureOptions;
 use gs_datasets::View;
 use gs_models::taylormode::shrinkage::pixels_per_unit;
@@ -32,8 +32,7 @@ pub fn select_with_check(
         return Selected::default();
     }
     let judges: Vec<&View> = views.iter().step_by(views.len().div_ceil(PHOTOS)).collect();
-    let before = judges.iter().map(|view| squares(parameters, state, view, config)).sum::<f64>();
-    let pixels: f64 = judges.iter().map(|view| (3 * view.width * view.height) as f64).sum();
+    let before: Vec<Tensor<3>> = judges.iter().map(|view| formed(parameters, state, view, config)).collect();
     let area = blur_area(parameters, state, views);
     for share in SHARES {
         let (mut lowered, mut simpler) = (parameters.clone(), state.clone());
@@ -41,11 +40,14 @@ pub fn select_with_check(
         motion.select_pixels *= share;
         let selected = select(&mut lowered, &mut simpler, views, &motion);
         let dropped = blocks(state) - blocks(&simpler);
-        let after = judges.iter().map(|view| squares(&lowered, &simpler, view, config)).sum::<f64>();
+        let one = |(view, before): (&&View, &Tensor<3>)| {
+            compared(view, formed(&lowered, &simpler, view, config), before.clone(), &parameters.device())
+        };
+        let [lower, higher, pixels] = judges.iter().zip(&before).map(one).fold([0.0; 3], add);
         let evidence = Evidence {
-            lower: after,
-            higher: before,
-            variance: (before / pixels).max(f64::MIN_POSITIVE),
+            lower,
+            higher,
+            variance: (higher / pixels).max(f64::MIN_POSITIVE),
             pixels,
             blur_area: area,
             parameters: 3.0 * dropped as f64,
@@ -54,7 +56,7 @@ pub fn select_with_check(
             (*parameters, *state) = (lowered, simpler);
             return selected;
         }
-        tracing::debug!(share, before, after, dropped, "the photos want the motion kept");
+        tracing::debug!(share, lower, higher, pixels, dropped, "the photos want the motion kept");
     }
     Selected::default()
 }
@@ -65,8 +67,8 @@ fn blocks(state: &MotionState) -> usize {
     blocks + state.contacts.len() * state.rows.len()
 }
 
-/// Sum of squared differences of a photo from what the scene makes of it.
-fn squares(parameters: &Parameters, state: &MotionState, view: &View, config: &Config) -> f64 {
+/// The photo that the scene makes.
+fn formed(parameters: &Parameters, state: &MotionState, view: &View, config: &Config) -> Tensor<3> {
     let scene = state.scene(parameters.gaussians());
     let device = parameters.device();
     let render = config.render.options(parameters.sh_degree(), config.data.background.color());
@@ -74,15 +76,29 @@ fn squares(parameters: &Parameters, state: &MotionState, view: &View, config: &C
     let count = if blurs { config.blur.samples } else { 1 };
     let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), state.exposure(), count);
     let options = ExposureOptions { render, linear: config.blur.linear };
-    let formed = expose(&scene, &state.rows, &instants, &camera(view, &device), &options, None);
-    let photo = to_tensor(view, &view.image.data, 3, &device);
-    let misses = (formed.color - photo).square();
-    let sum: Tensor<1> = match &view.mask {
-        None => misses.sum(),
-        Some(mask) => (misses * to_tensor(view, mask, 1, &device)).sum(),
-    };
-    f64::from(sum.into_scalar::<f32>())
+    expose(&scene, &state.rows, &instants, &camera(view, &device), &options, None).color
 }
+
+/// Sums of squared differences from the photo with the simpler and with the present motion, and how many differences these are:
+/// of the pixels that the two draw differently. The others say nothing about either, and are explained better than what moves.
+fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device) -> [f64; 3] {
+    let differs = (simpler.clone() - present.clone()).abs().max_dim(2).greater_elem(NOTICED).float();
+    let counts = match &view.mask {
+        None => differs,
+        Some(mask) => differs * to_tensor(view, mask, 1, device),
+    };
+    let photo = to_tensor(view, &view.image.data, 3, device);
+    let sum = |tensor: Tensor<3>| f64::from(tensor.sum().into_scalar::<f32>());
+    let misses = |image: Tensor<3>| sum((image - photo.clone()).square() * counts.clone());
+    [misses(simpler), misses(present), 3.0 * sum(counts.clone())]
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| a[i] + b[i])
+}
+
+/// Colour (0 to 1) by which two images differ: half a step of an 8-bit photo.
+const NOTICED: f64 = 0.5 / 255.0;
 
 /// Mean path of the moving Gaussians during one exposure, pixels: the length over which a blur ties pixels together.
 fn blur_area(parameters: &Parameters, state: &MotionState, views: &[View]) -> f64 {

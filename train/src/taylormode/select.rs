@@ -4,6 +4,8 @@
 //! How a path is lowered is in [`order`](gs_models::taylormode::order). Coefficient blocks are also shrunk by a soft threshold
 //! in pixels at each selection ([`shrinkage`](gs_models::taylormode::shrinkage)), so that what the photos do not support fades.
 
+use gs_burn::Gaussians;
+use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sh_bands;
 use gs_models::taylormode::order::lower;
@@ -63,10 +65,10 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
     let hits = 3 * state.contacts.len();
     let is_hit =
         |i: usize| jumps[hits * i..][..hits].chunks_exact(3).any(|jump| norm(jump) * scales[i] > config.select_pixels);
-    // The remainder may move what has no order left.
-    let is_moved = state.remainder.is_some();
+    let strayed = remainder_moves(&parameters.gaussians(), state);
+    let is_strayed = |i: usize| strayed.get(i).is_some_and(|moves| moves * scales[i] > config.select_pixels);
     let moving: Vec<u32> = (0..state.rows.len())
-        .filter(|i| is_moved || state.orders[*i] + state.rotation_orders[*i] > 0 || is_hit(*i))
+        .filter(|i| state.orders[*i] + state.rotation_orders[*i] > 0 || is_hit(*i) || is_strayed(*i))
         .map(|i| i as u32)
         .collect();
     selected.stopped = state.rows.len() - moving.len();
@@ -76,6 +78,28 @@ pub fn select(parameters: &mut Parameters, state: &mut MotionState, views: &[Vie
     state.hold_orders();
     selected
 }
+
+/// Farthest that the 3D remainder moves each moving Gaussian, scene units; empty without one.
+fn remainder_moves(gaussians: &Gaussians, state: &MotionState) -> Vec<f64> {
+    let Some(remainder) = state.motion(gaussians).remainder else { return Vec::new() };
+    let functions: Vec<Vec<f64>> = (-REMAINDER_TIMES..=REMAINDER_TIMES)
+        .map(|i| remainder.functions(f64::from(i) / f64::from(REMAINDER_TIMES)))
+        .map(|samples| samples.into_iter().map(|sample| sample.value).collect())
+        .collect();
+    let columns = remainder.weights.dims()[1];
+    let moved = |weights: &[f32], values: &Vec<f64>| {
+        let axis = |axis: usize| values.iter().enumerate().map(|(j, f)| f * f64::from(weights[3 * j + axis])).sum();
+        DVec3::from([0, 1, 2].map(axis)).length()
+    };
+    let weights = to_host(remainder.weights);
+    weights
+        .chunks_exact(columns)
+        .map(|one| functions.iter().map(|values| moved(one, values)).fold(0.0, f64::max))
+        .collect()
+}
+
+/// Times on each side of `t0` at which the remainder is looked at: four to each half oscillation of its fastest function.
+const REMAINDER_TIMES: i32 = 8;
 
 /// Shrinks the bands of view-dependent colour; at the end of a run, drops those that nobody sees.
 pub fn select_bands(parameters: &mut Parameters, config: &MotionConfig, is_last: bool) {

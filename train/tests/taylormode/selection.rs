@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use gs_burn::glam::DMat4;
 use gs_datasets::{Intrinsics, Priors, RgbImage8, Truth, View};
 use gs_models::Motion;
-use gs_models::taylormode::TimeWindow;
+use gs_models::taylormode::{RemainderNetwork, TimeWindow};
 use gs_train::parameters::{Parameters, from_host, to_host};
 use gs_train::taylormode::config::MotionConfig;
 use gs_train::taylormode::select::{Selected, select};
-use gs_train::taylormode::state::{RemainderFrame, still};
+use gs_train::taylormode::state::{LearnedNetwork, Network, RemainderFrame, still};
 
 use crate::common;
 
@@ -58,10 +58,15 @@ fn selection_changes_nothing_that_shows() {
     let before = times.map(|t| state.scene(parameters.gaussians()).at(t));
 
     let config = MotionConfig { shrink_pixels: 0.0, ..MotionConfig::default() };
-    // What a remainder network moves needs no order to do so.
-    let mut carried = state.clone();
-    carried.remainder = Some(RemainderFrame { centre: [0.0; 3], scale: 1.0, order: 3 });
-    assert_eq!(select(&mut parameters.clone(), &mut carried, &[black_view()], &config).stopped, 0);
+    // What a remainder network moves needs no order to do so; one that says nothing keeps no Gaussian moving.
+    let stopped = |shift: f32| {
+        let mut carried = state.clone();
+        carried.remainder = Some(RemainderFrame { centre: [0.0; 3], scale: 1.0, order: 3 });
+        let network = RemainderNetwork::new(3, [0.0; 3], 1.0, 1, &device).map(|tensor| tensor + shift);
+        carried.networks.push(LearnedNetwork::new(Network::Remainder, &network.mlp));
+        select(&mut parameters.clone(), &mut carried, &[black_view()], &config).stopped
+    };
+    assert_eq!((stopped(0.01), stopped(0.0)), (0, 1));
 
     let selected = select(&mut parameters, &mut state, &[black_view()], &config);
 
