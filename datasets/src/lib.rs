@@ -40,6 +40,7 @@ mod raw;
 mod resize;
 mod scene;
 mod split;
+mod subject;
 mod sweep;
 pub mod synthetic;
 mod undistort;
@@ -51,4 +52,5 @@ pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage
 pub use loader::{load, load_cameras};
 pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE};
 pub use scene::{PointCloud, Scene, SceneFormat};
+pub use subject::{nearest_to_axes, subject};
 pub use sweep::sweep;

@@ -90,12 +90,6 @@ impl Scene {
     pub fn subject_distance(&self) -> Option<f64> {
         consistency::subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
     }
-
-    /// The point nearest to the optical axes of all `poses` (camera to world, OpenCV axes), scene units; `None` where it is not
-    /// before every camera and near its axis.
-    pub fn subject_of(poses: &[DMat4]) -> Option<DVec3> {
-        consistency::common_target(poses)
-    }
 }
 
 /// The mean of points; `None` when there are none.

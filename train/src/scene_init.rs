@@ -5,7 +5,7 @@
 
 use std::num::NonZero;
 
-use gs_datasets::{PointCloud, Scene, View, sweep};
+use gs_datasets::{PointCloud, Scene, View, nearest_to_axes, sweep};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::Rng;
 use rand::seq::index;
@@ -65,7 +65,8 @@ pub fn first_gaussians(scene: &Scene, config: &InitConfig, cap: usize, seed: u64
     match &scene.points {
         Some(points) if !points.is_empty() => gaussians_at(points, extent, config, cap, seed),
         _ => {
-            let points = points_in_front(&scene.train, config.random_points.min(cap), extent, DEPTHS[0], seed);
+            let count = config.random_points.min(cap);
+            let points = points_in_front(&scene.train, count, extent, &Random::default(), seed);
             gaussians_at(&points, extent, config, cap, seed)
         }
     }
@@ -132,29 +133,50 @@ fn keep_at_most(points: &PointCloud, cap: usize, rng: &mut impl Rng) -> PointClo
     }
 }
 
-/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones, these no nearer than `nearest`
-/// distances to the point the cameras look at.
-pub(crate) fn points_in_front(views: &[View], count: usize, extent: f64, nearest: f64, seed: u64) -> PointCloud {
+/// How near random points may be, in distances to the point the cameras look at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Random {
+    /// Of all.
+    pub nearest: f64,
+    /// Of those at pixels without texture.
+    pub plain_nearest: f64,
+}
+
+impl Default for Random {
+    fn default() -> Self {
+        Self { nearest: DEPTHS[0], plain_nearest: DEPTHS[0] }
+    }
+}
+
+/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
+pub(crate) fn points_in_front(views: &[View], count: usize, extent: f64, random: &Random, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);
     let distance = subject_distance(views).unwrap_or(extent);
     let [near, far] = DEPTHS.map(|d| d * distance);
     let mut points = sweep(views, near, far, (SWEPT * count as f64) as usize, seed);
     tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
-    add_random(&mut points, views, count, [nearest * distance, far], &mut rng);
+    let random = Random { nearest: random.nearest * distance, plain_nearest: random.plain_nearest * distance };
+    add_random(&mut points, views, count, (&random, far), &mut rng);
     points
 }
 
 /// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Their depth
-/// is uniform in its logarithm, so that near surfaces and far background both get their share.
-fn add_random(points: &mut PointCloud, views: &[View], count: usize, depths: [f64; 2], rng: &mut impl Rng) {
-    let [near, far] = depths.map(f64::ln);
+/// is uniform in its logarithm, so that near surfaces and far background both get their share. Depths in scene units.
+fn add_random(
+    points: &mut PointCloud,
+    views: &[View],
+    count: usize,
+    (random, far): (&Random, f64),
+    rng: &mut impl Rng,
+) {
     if views.is_empty() {
         return;
     }
     for _ in points.len()..count {
         let view = &views[rng.random_range(0..views.len())];
         let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
-        let depth = rng.random_range(near..far).exp();
+        let near = if is_plain(view, column, row) { random.plain_nearest } else { random.nearest };
+        let depth = rng.random_range(near.ln()..far.ln()).exp();
         let ray = view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5);
         let position = view.c2w.transform_point3(ray * depth).as_vec3();
         let pixel = (row * view.width + column) * 3;
@@ -163,22 +185,28 @@ fn add_random(points: &mut PointCloud, views: &[View], count: usize, depths: [f6
     }
 }
 
+/// Pixels on each side of one that are compared with it, and the largest difference from it, in levels of 255, at which it has no
+/// texture: sensor noise of two levels reaches that.
+const PLAIN_REACH: usize = 3;
+const PLAIN_LEVELS: u8 = 6;
+
+/// Whether a pixel looks like those around it.
+fn is_plain(view: &View, column: usize, row: usize) -> bool {
+    let at = |x: usize, y: usize| &view.image.data[3 * (y * view.width + x)..][..3];
+    let here = at(column, row);
+    let span = |middle: usize, size: usize| middle.saturating_sub(PLAIN_REACH)..(middle + PLAIN_REACH + 1).min(size);
+    let is_like = |(x, y)| here.iter().zip(at(x, y)).all(|(a, b)| a.abs_diff(*b) <= PLAIN_LEVELS);
+    span(row, view.height).flat_map(|y| span(column, view.width).map(move |x| (x, y))).all(is_like)
+}
+
+/// Least spread of the axes with which the point nearest to them says how far things are: some 10 degrees.
+const SPREAD: f64 = 0.005;
+
 /// Median distance from the cameras to the point nearest to all their optical axes; `None` when the axes do not meet in
 /// front of most of them (a forward-facing rig, a single camera).
 fn subject_distance(views: &[View]) -> Option<f64> {
-    // The point p minimises the sum of squared distances to the axes: (sum of I - d d^T) p = sum of (I - d d^T) o.
-    let (mut matrix, mut right) = (glam::DMat3::ZERO, glam::DVec3::ZERO);
-    for view in views {
-        let (centre, axis) = (view.c2w.w_axis.truncate(), view.c2w.z_axis.truncate());
-        let across = glam::DMat3::IDENTITY - glam::DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-        matrix += across;
-        right += across * centre;
-    }
-    // The determinant of the mean matrix is 0 for parallel axes and at most 8/27; 0.005 is a spread of some 10 degrees.
-    if views.len() < 3 || (matrix * (1.0 / views.len() as f64)).determinant() < 0.005 {
-        return None;
-    }
-    let subject = matrix.inverse() * right;
+    let poses: Vec<_> = views.iter().map(|view| view.c2w).collect();
+    let subject = nearest_to_axes(&poses, SPREAD).filter(|_| views.len() >= 3)?;
     let mut depths: Vec<f64> = views
         .iter()
         .map(|view| (subject - view.c2w.w_axis.truncate()).dot(view.c2w.z_axis.truncate()))
@@ -209,5 +237,45 @@ mod tests {
         assert!(log_scales(&[], 1.0, 1.0).is_empty());
         let line: Vec<[f32; 3]> = (0..5000).map(|i| [0.0, 0.0, i as f32]).collect();
         assert!(log_scales(&line, 1.0, 1e6).iter().all(|s| s.is_finite()));
+    }
+
+    /// Sky with noise of two levels above, a checker below.
+    #[test]
+    fn random_points_without_texture_begin_behind() {
+        let sky = |x: usize, y: usize| 200 + ((x * 7 + y * 3) % 5) as u8 - 2;
+        let checker = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 30 } else { 220 };
+        let size = 32;
+        let level = |x: usize, y: usize| if y < size / 2 { sky(x, y) } else { checker(x, y) };
+        let data = (0..size * size).flat_map(|i| [level(i % size, i / size); 3]).collect();
+        let view = View {
+            name: String::new(),
+            image_path: Default::default(),
+            c2w: glam::DMat4::IDENTITY,
+            intrinsics: gs_datasets::Intrinsics { fx: 32.0, fy: 32.0, cx: 16.0, cy: 16.0 },
+            width: size,
+            height: size,
+            time: None,
+            camera_id: None,
+            image: gs_datasets::RgbImage8 { width: size, height: size, data },
+            mask: None,
+            exposure: None,
+            priors: Default::default(),
+            truth: Default::default(),
+        };
+        assert!(is_plain(&view, 10, 5) && is_plain(&view, 0, 0));
+        assert!(!is_plain(&view, 10, 25) && !is_plain(&view, 10, 14), "texture, and the edge of it");
+        let mut points = PointCloud::default();
+        let random = Random { nearest: 0.5, plain_nearest: 1.5 };
+        add_random(&mut points, &[view], 2000, (&random, 3.0), &mut stream(1, Purpose::Init, 0));
+        let depth_of = |plain: bool| {
+            let depths = points.positions.iter().filter(|p| (p[1] / p[2] < -0.15) == plain).map(|p| p[2]);
+            depths.fold(f32::INFINITY, f32::min)
+        };
+        assert!(
+            depth_of(true) >= 1.5 && (0.5..0.6).contains(&depth_of(false)),
+            "{} {}",
+            depth_of(true),
+            depth_of(false)
+        );
     }
 }

@@ -7,7 +7,7 @@ use gs_models::Motion;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Photo;
-use crate::density::{Changes, Density, Moment, Observation, Succession, clearance, trim};
+use crate::density::{Changes, Density, Moment, Observation, Succession, trim};
 use crate::experiment::Config;
 use crate::losses::{photometric, regularisers};
 use crate::optimiser::Optimiser;
@@ -288,16 +288,8 @@ impl Trainer {
         }
     }
 
-    /// Leaves out what the scene does not need, when it is time: what hangs before cameras, Gaussians that add nothing, orders of
-    /// paths, bands of colour.
+    /// Leaves out what the scene does not need, when it is time: Gaussians, orders of paths, bands of colour.
     pub fn simplify(&mut self, views: &[View], config: &Config) {
-        if self.motion.is_some()
-            && config.density.active(self.step, config.steps)
-            && due(self.step, config.density.every)
-        {
-            let _stage = profile::whole_stage("density control");
-            clearance::clear(&mut self.parameters, views, config.render.near, config.density.min_opacity);
-        }
         if config.density.trim > 0.0 && config.density.rests_at(self.step, config.steps) {
             self.trim(views, config);
         }

@@ -8,6 +8,7 @@ use glam::{DMat3, DMat4, DVec3};
 use crate::lens::{Focal, Lens};
 use crate::raw::{Findings, Part, RawFrame, some_names};
 use crate::scene::mean;
+use crate::subject::subject;
 
 use super::timing;
 
@@ -23,9 +24,6 @@ const SAME_LENS: f64 = 1e-3;
 
 /// A held-out camera this many times farther from (or nearer to) what the training cameras look at is in other units.
 const FAR_RATIO: f64 = 3.0;
-
-/// Training cameras look at one thing when the point nearest to all their axes lies within this angle of each, radians.
-const LOOKING_AT: f64 = 0.5;
 
 /// Gives frames a camera by their pose where the data set names none: frames of equal pose and different times are one
 /// camera's. In a set where no pose returns (a moving camera), nothing is named.
@@ -201,7 +199,7 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
         ));
     }
     let poses: Vec<DMat4> = train.iter().map(|frame| frame.c2w).collect();
-    if let Some(target) = common_target(&poses) {
+    if let Some(target) = subject(&poses) {
         let distance = |frame: &RawFrame| frame.c2w.w_axis.truncate().distance(target);
         let mut distances: Vec<f64> = train.iter().map(|frame| distance(frame)).collect();
         distances.sort_by(f64::total_cmp);
@@ -222,27 +220,6 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
             ));
         }
     }
-}
-
-/// The point nearest to the optical axes of all cameras, if every camera has it before it and near its axis.
-pub(crate) fn common_target(poses: &[DMat4]) -> Option<DVec3> {
-    let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
-    for c2w in poses {
-        let (centre, axis) = (c2w.w_axis.truncate(), c2w.z_axis.truncate());
-        let off_axis = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-        a += off_axis;
-        b += off_axis * centre;
-    }
-    // Parallel axes meet nowhere: the determinant, of matrices that sum to 3 n at most, then goes to 0.
-    if a.determinant() < 1e-4 * (poses.len() as f64).powi(3) {
-        return None;
-    }
-    let target = a.inverse() * b;
-    let sees = |c2w: &DMat4| {
-        let to = target - c2w.w_axis.truncate();
-        to.length() > 0.0 && to.angle_between(c2w.z_axis.truncate()) < LOOKING_AT
-    };
-    (target.is_finite() && poses.iter().all(sees)).then_some(target)
 }
 
 /// Focal lengths and principal point as shares of the image's sides; `None` where that takes the image's own size.

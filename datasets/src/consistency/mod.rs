@@ -12,8 +12,9 @@ use glam::DMat4;
 
 use crate::options::LoadOptions;
 use crate::raw::{Findings, RawFrame};
+use crate::subject::subject;
 
-pub(crate) use self::cameras::{common_target, standing};
+pub(crate) use self::cameras::standing;
 pub(crate) use self::order::natural;
 pub(crate) use self::parts::{compare_parts, range, without_time};
 pub use self::timing::frame_interval;
@@ -39,6 +40,6 @@ pub(crate) fn settle(
 /// The median distance of cameras (camera to world, OpenCV axes) from what they all look at, scene units; `None` where
 /// their axes do not meet before each of them (parallel axes, a walk through rooms, one camera).
 pub(crate) fn subject_distance(poses: &[DMat4]) -> Option<f64> {
-    let target = common_target(poses)?;
+    let target = subject(poses)?;
     timing::median(poses.iter().map(|c2w| c2w.w_axis.truncate().distance(target)).collect())
 }

@@ -1,8 +1,6 @@
 //! Where Gaussians are added, moved and removed: [`default`] (classic adaptive control, 3DGS) and [`mcmc`] (relocation
 //! under a budget, 3DGS-MCMC) decide when and where, with the verbs of [`ops`]. At the end of it, [`trim`] drops what adds nothing.
-//! Around moving scenes, [`clearance`] keeps the air before cameras clear.
 
-pub mod clearance;
 pub mod default;
 pub mod mcmc;
 pub mod ops;

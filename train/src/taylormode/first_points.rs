@@ -6,7 +6,7 @@ use gs_datasets::{PointCloud, Scene, View};
 use rayon::prelude::*;
 
 use crate::experiment::Config;
-use crate::scene_init::{FirstGaussians, gaussians_at, points_in_front, size_of};
+use crate::scene_init::{FirstGaussians, Random, gaussians_at, points_in_front, size_of};
 use crate::taylormode::hints::Found;
 
 /// Most of the cap that Gaussians which may move take to begin with.
@@ -74,6 +74,10 @@ fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
 /// picture alone, one can grow opaque and hang before all others.
 const NEAREST: f64 = 0.5;
 
+/// The same of those at pixels without texture. Of a sky the photos do not say how far it is: begun among what the cameras look at, it
+/// stays there, in the air, and is fog to a camera that is not one of those. Behind everything it is as good to all.
+const PLAIN_NEAREST: f64 = 1.5;
+
 /// Views that must see something move behind a point: one mask may be wrong there.
 const HIDES: usize = 2;
 
@@ -81,8 +85,9 @@ const HIDES: usize = 2;
 /// there, and none before what is seen moving.
 fn invented_points(scene: &Scene, found: &Found, config: &Config, room: usize) -> PointCloud {
     let count = config.init.random_points.min(room);
+    let random = Random { nearest: NEAREST, plain_nearest: PLAIN_NEAREST };
     let PointCloud { positions, colors } =
-        points_in_front(&backgrounds(scene), count, size_of(scene), NEAREST, config.seed);
+        points_in_front(&backgrounds(scene), count, size_of(scene), &random, config.seed);
     let movers = movers(scene, found);
     let clear = positions.into_par_iter().zip(colors).filter(|(position, _)| !hides(&movers, *position));
     let (positions, colors): (Vec<_>, Vec<_>) = clear.unzip();
