@@ -356,6 +356,26 @@ fn options_out_of_range_are_refused() {
 }
 
 #[test]
+fn a_ring_of_cameras_sees_its_world_under_a_sky() {
+    let folder = Folder::new();
+    let options = DeblurOptions { ring: true, cameras: 8, held_out: 1, frames: 1, ..small(World::Lychee) };
+    write(folder.path(), &options, |_, _| {}).expect("written");
+    let scene = load(folder.path(), &LoadOptions { training_truth: true, ..LoadOptions::default() }).expect("loaded");
+    let directions: Vec<_> = scene.train.iter().map(|view| view.c2w.z_axis.truncate()).collect();
+    let sum: glam::DVec3 = directions.iter().sum();
+    // Seven of eight directions all around: what is left is the one that is missing, flat; each looks down.
+    assert!((0.8..1.1).contains(&sum.truncate().length()) && sum.z < -1.5, "{sum}");
+    for view in &scene.train {
+        let depth = view.truth.depth.as_ref().expect("a depth");
+        let (top, middle) = (depth[view.width / 2], depth[(view.height / 2) * view.width + view.width / 2]);
+        assert_eq!(top, 0.0, "{}: the sky is nowhere", view.name);
+        assert!((2.0..6.0).contains(&middle), "{}: {middle}", view.name);
+        let sky = &view.image.data[3 * (view.width / 2)..][..3];
+        assert!(sky[2] > sky[0] && sky[2] > 150, "{}: {sky:?}", view.name);
+    }
+}
+
+#[test]
 fn progress_counts_all_photos() {
     let folder = Folder::new();
     let heard = std::cell::RefCell::new(Vec::new());

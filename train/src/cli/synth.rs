@@ -38,9 +38,13 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value = "256x192", value_name = "WxH")]
     pub size: String,
 
-    /// Cameras on the arc, held-out ones included: they stand between others
+    /// Cameras, held-out ones included: they stand between others
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(3..=200), value_name = "N")]
     pub cameras: u32,
+
+    /// Cameras all around, in the open under a sky; otherwise on an arc of 80 degrees in a room
+    #[arg(long)]
+    pub ring: bool,
 
     /// Cameras held out
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "N")]

@@ -39,6 +39,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         height,
         cameras: args.cameras as usize,
         held_out: args.held_out as usize,
+        ring: args.ring,
         frames: args.frames as usize,
         subframes: args.subframes as usize,
         exposure: args.exposure,

@@ -67,7 +67,7 @@ pub(super) fn html(
     views_table(&mut page, &eval.last)?;
     write!(
         page,
-        "{CONFIGURATION}<details><summary>Every value of this run (config.toml)</summary>\n\
+        "{CONFIGURATION}<details><summary>Every value of this run, those that the data set settled included</summary>\n\
          <pre>{}</pre></details>\n</section>\n</main>\n</body>\n</html>\n",
         escaped(&config.to_toml())
     )?;

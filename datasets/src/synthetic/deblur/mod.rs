@@ -101,8 +101,10 @@ pub struct DeblurOptions {
     pub width: usize,
     /// Image height, 8 to 8192 pixels.
     pub height: usize,
-    /// Cameras, held-out ones included, 1 to 1000. They stand on an arc of 80 degrees.
+    /// Cameras, held-out ones included, 1 to 1000. They stand on an arc of 80 degrees in a room, or all around.
     pub cameras: usize,
+    /// Cameras stand all around, in the open: no walls, the floor a disc, and a sky of which no photo says how far it is.
+    pub ring: bool,
     /// Cameras that are held out; they stand between others, so at most `(cameras - 1) / 2`.
     pub held_out: usize,
     /// Frames of each camera, 1 to 10 000, at times `i / (frames - 1)`; a single one at 0.5.
@@ -131,6 +133,7 @@ impl Default for DeblurOptions {
             width: 256,
             height: 192,
             cameras: 10,
+            ring: false,
             held_out: 1,
             frames: 16,
             subframes: 32,

@@ -1,4 +1,6 @@
-//! Static cameras on an arc in front of the stage, all looking at one place.
+//! Static cameras on an arc in front of the stage or all around it, all looking at one place.
+
+use std::f64::consts::TAU;
 
 use glam::{DMat4, DVec3};
 use rand::Rng;
@@ -15,6 +17,18 @@ const DISTANCE: f64 = 3.7;
 
 /// The arc around the target, radians; the outermost cameras stand at half of it on either side.
 const ARC: f64 = 1.4;
+
+/// How cameras stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Rig {
+    pub cameras: usize,
+    pub held_out: usize,
+    /// All around instead of on the arc.
+    pub ring: bool,
+    /// Of each image, pixels.
+    pub width: usize,
+    pub height: usize,
+}
 
 /// Height above the floor's plane as seen from the target, radians: every second camera stands higher by the step.
 const ELEVATION: f64 = 0.30;
@@ -58,14 +72,19 @@ impl Camera {
     }
 }
 
-/// `count` cameras at even steps along the arc; the `held_out` ones stand between training cameras, evenly spread.
-pub(super) fn cameras(count: usize, held_out: usize, width: usize, height: usize, rng: &mut ChaCha8Rng) -> Vec<Camera> {
+/// Cameras at even steps; the held-out ones stand between training cameras, evenly spread.
+pub(super) fn cameras(rig: &Rig, rng: &mut ChaCha8Rng) -> Vec<Camera> {
+    let Rig { cameras: count, held_out, ring, width, height } = *rig;
     let held: Vec<usize> = (1..=held_out).map(|i| (i * count + held_out / 2) / (held_out + 1)).collect();
     let focal = 0.5 * width as f64 / (0.5 * ANGLE_X).tan();
     let mut cameras = Vec::with_capacity(count);
     for index in 0..count {
-        let share = if count > 1 { index as f64 / (count - 1) as f64 - 0.5 } else { 0.0 };
-        let azimuth = ARC * share + rng.random_range(-JITTER..JITTER);
+        let around = match count {
+            _ if ring => TAU * index as f64 / count as f64,
+            1 => 0.0,
+            _ => ARC * (index as f64 / (count - 1) as f64 - 0.5),
+        };
+        let azimuth = around + rng.random_range(-JITTER..JITTER);
         let elevation = ELEVATION + ELEVATION_STEP * (index % 2) as f64 + rng.random_range(-JITTER..JITTER);
         let (sin, cos) = elevation.sin_cos();
         let back = DVec3::new(cos * azimuth.sin(), -cos * azimuth.cos(), sin);

@@ -50,6 +50,8 @@ const LIFT: f64 = 1e-4;
 pub(super) struct Plane {
     pub normal: DVec3,
     pub offset: f64,
+    /// Nothing is there farther from the origin, metres.
+    pub reach: f64,
     pub texture: Texture,
 }
 
@@ -77,6 +79,11 @@ pub(super) struct Lamp {
     places: [DVec3; LAMP_RAYS],
 }
 
+/// Light of the sky, brighter towards the horizon, linear.
+fn sky(direction: DVec3) -> DVec3 {
+    DVec3::new(0.50, 0.60, 0.70).lerp(DVec3::new(0.22, 0.38, 0.66), direction.z.clamp(0.0, 1.0))
+}
+
 /// Everything there is. The camera stands inside the planes, which throw no shadows.
 #[derive(Debug, Clone)]
 pub(super) struct Stage {
@@ -93,7 +100,7 @@ pub(super) struct Stage {
 /// What a ray meets when no mover is there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StillPoint {
-    /// Infinite when the ray meets nothing.
+    /// Infinite when the ray meets nothing but the sky.
     pub t: f64,
     pub place: DVec3,
     normal: DVec3,
@@ -147,7 +154,7 @@ impl Stage {
         for plane in &self.planes {
             let facing = plane.normal.dot(ray.direction);
             let at = (plane.offset - plane.normal.dot(ray.origin)) / facing;
-            if facing < 0.0 && at > 0.0 && at < t {
+            if facing < 0.0 && at > 0.0 && at < t && ray.at(at).length_squared() < plane.reach * plane.reach {
                 (t, normal) = (at, plane.normal);
                 albedo = plane.texture.color(ray.at(at));
             }
@@ -160,7 +167,7 @@ impl Stage {
             }
         }
         if t.is_infinite() {
-            return StillPoint { t, place: ray.origin, normal, albedo, lamp, lit: Lit(0), color: DVec3::ZERO };
+            return StillPoint { t, place: ray.origin, normal, albedo, lamp, lit: Lit(0), color: sky(ray.direction) };
         }
         let place = ray.at(t);
         let lit = self.lit_by_still(place, normal, lamp, own);

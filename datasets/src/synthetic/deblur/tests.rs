@@ -4,12 +4,16 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::rig::cameras;
+use super::rig::{Rig, cameras};
 use super::stage::{Lit, Stage};
 use super::{DeblurOptions, World, worlds};
 
+fn rig(cameras: usize, held_out: usize, width: usize, height: usize) -> Rig {
+    Rig { cameras, held_out, ring: false, width, height }
+}
+
 fn stage(world: World, speed: f64) -> Stage {
-    worlds::stage(world, speed, &mut ChaCha8Rng::seed_from_u64(3))
+    worlds::stage(world, speed, false, &mut ChaCha8Rng::seed_from_u64(3))
 }
 
 /// A ray is traced to a surface point of the mover; the point is carried along by the pose at other times. Its central
@@ -24,7 +28,7 @@ fn velocity_is_the_derivative_of_traced_surface_points() {
         for (index, mover) in stage.movers.iter().enumerate() {
             let mut seen = 0;
             let mut rng = ChaCha8Rng::seed_from_u64(0);
-            let cameras = cameras(3, 0, 64, 48, &mut rng);
+            let cameras = cameras(&rig(3, 0, 64, 48), &mut rng);
             for step in 0..23 {
                 let t = 0.5 + (step as f64 - 11.0) / 25.0;
                 let placed = stage.placed(t);
@@ -58,7 +62,7 @@ fn velocity_is_the_derivative_of_traced_surface_points() {
 fn marched_forms_are_met_where_a_dense_walk_meets_them() {
     for world in [World::Lychee, World::Monkey] {
         let stage = stage(world, 1.0);
-        let camera = &cameras(1, 0, 48, 36, &mut ChaCha8Rng::seed_from_u64(1))[0];
+        let camera = &cameras(&rig(1, 0, 48, 36), &mut ChaCha8Rng::seed_from_u64(1))[0];
         let pose = stage.placed(0.5)[0].pose;
         let (mut met, mut differ) = (0, 0);
         for i in 0..48 * 36 {
@@ -87,7 +91,7 @@ fn blur_is_visible_and_bounded() {
     let tau = options.exposure_time();
     for world in World::ALL {
         let stage = stage(world, 1.0);
-        let cameras = cameras(10, 1, options.width, options.height, &mut ChaCha8Rng::seed_from_u64(0));
+        let cameras = cameras(&rig(10, 1, options.width, options.height), &mut ChaCha8Rng::seed_from_u64(0));
         let mut lengths = Vec::new();
         for (frame, camera) in [4, 7, 10, 13].into_iter().zip(&cameras) {
             let t = options.time(frame);
@@ -116,7 +120,8 @@ fn movers_stay_in_view_and_in_the_room() {
     let options = DeblurOptions::default();
     for world in World::ALL {
         let stage = stage(world, 1.0);
-        let cameras = cameras(options.cameras, 1, options.width, options.height, &mut ChaCha8Rng::seed_from_u64(0));
+        let cameras =
+            cameras(&rig(options.cameras, 1, options.width, options.height), &mut ChaCha8Rng::seed_from_u64(0));
         for (step, mover) in (-1..=33).flat_map(|step| stage.movers.iter().map(move |mover| (step, mover))) {
             let pose = mover.motion.pose(step as f64 / 32.0);
             for camera in &cameras {

@@ -16,8 +16,11 @@ use super::texture::{Pattern, Texture};
 /// Half the room's width, the places of its back and front wall, metres.
 const ROOM: (f64, f64, f64) = (3.0, 2.3, -5.0);
 
-/// Builds a world; textures and the still bodies' turns come from `rng`.
-pub(super) fn stage(world: World, speed: f64, rng: &mut ChaCha8Rng) -> Stage {
+/// Radius of the floor in the open, metres.
+const GROUND: f64 = 5.0;
+
+/// Builds a world, in a room or in the `open`; textures and the still bodies' turns come from `rng`.
+pub(super) fn stage(world: World, speed: f64, open: bool, rng: &mut ChaCha8Rng) -> Stage {
     let mut paint = |pattern, size, colors: [[f64; 3]; 3]| Texture {
         pattern,
         size,
@@ -31,7 +34,11 @@ pub(super) fn stage(world: World, speed: f64, rng: &mut ChaCha8Rng) -> Stage {
         World::Sphere => vec![sphere(&mut paint)],
         World::Pair => pair(&mut paint),
     };
-    let planes = room(world, &mut paint);
+    let mut planes = room(world, &mut paint);
+    if open {
+        planes.truncate(1);
+        planes[0].reach = GROUND;
+    }
     let lamp = Lamp::new(DVec3::new(1.4, -2.2, 4.0), 0.5);
     let still = distractors(world, &mut paint)
         .into_iter()
@@ -155,7 +162,7 @@ fn room(world: World, paint: &mut Paint) -> Vec<Plane> {
             paint(Pattern::Mosaic, 0.42, [[0.58, 0.52, 0.40], [0.40, 0.50, 0.52], [0.62, 0.44, 0.36]]),
         ),
     };
-    let plane = |normal: DVec3, offset: f64, texture: Texture| Plane { normal, offset, texture };
+    let plane = |normal: DVec3, offset: f64, texture: Texture| Plane { normal, offset, reach: f64::INFINITY, texture };
     vec![
         plane(DVec3::Z, 0.0, floor),
         plane(-DVec3::Y, -back, wall),

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::rig::{ANGLE_X, Camera, cameras};
+use super::rig::{ANGLE_X, Camera, Rig, cameras};
 use super::shutter::{Moment, Shot, photograph};
 use super::stage::Stage;
 use super::{DeblurOptions, points, priors, worlds};
@@ -66,9 +66,10 @@ impl Draws {
 pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize)) -> Result<(), DatasetError> {
     check(dir, options)?;
     let seed = options.seed;
-    let stage = worlds::stage(options.world, options.speed, &mut Draws::Stage.rng(seed));
+    let stage = worlds::stage(options.world, options.speed, options.ring, &mut Draws::Stage.rng(seed));
     let (width, height) = (options.width, options.height);
-    let cameras = cameras(options.cameras, options.held_out, width, height, &mut Draws::Rig.rng(seed));
+    let rig = Rig { cameras: options.cameras, held_out: options.held_out, ring: options.ring, width, height };
+    let cameras = cameras(&rig, &mut Draws::Rig.rng(seed));
     let moments: Vec<Moment> = (0..options.frames)
         .map(|i| {
             let (time, partly) = (options.time(i), options.priors.sharp_blur);
