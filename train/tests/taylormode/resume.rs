@@ -64,7 +64,7 @@ fn a_bounce_resumes_to_the_same_bits() {
         ..DeblurOptions::default()
     };
     deblur::write(&world, &options, |_, _| {}).expect("the world is written");
-    resumes_on(&world, folder, &[]);
+    resumes_on(&world, folder, &["blur.exposure_from=0.6"]);
     let loaded = gs_train::export::load_scene(&folder.join("whole"), &common::device()).expect("a scene");
     let state = loaded.motion.as_ref().expect("a moving scene");
     assert!(!state.contacts.is_empty() && state.bodies.len() == 1 && state.exposure_said);
