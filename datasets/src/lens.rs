@@ -1,13 +1,21 @@
 //! How a file describes a lens, and what that means for an image of a given size.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use crate::error::DatasetError;
 use crate::frame::Intrinsics;
+use crate::raw::some_names;
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.
 const ASPECT_TOLERANCE: f64 = 0.01;
+
+/// Focal lengths of lenses that are pinholes to us, in image sides: from 179 degrees across to a telescope's.
+const FOCAL_SIDES: RangeInclusive<f64> = 0.01..=1e4;
+
+/// Farthest principal point from the middle, image sides: a photo may be a crop of a larger one, and is then a fifth of it at least.
+const CENTRE_SIDES: f64 = 2.0;
 
 /// A focal length as the file writes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +55,21 @@ pub(crate) struct Resolved {
     pub intrinsics: Intrinsics,
     /// The declared size, where the file's intrinsics had to be rescaled from it.
     pub rescaled_from: Option<(f64, f64)>,
+    /// The principal point is not inside the photo: of a crop, or the intrinsics are for another size and do not say which.
+    pub off_photo: bool,
+}
+
+/// The sentence about views whose principal point is not inside their photo, where there are any.
+pub(crate) fn off_photo_warning(scene: &Path, views: &[&str]) -> Option<String> {
+    (!views.is_empty()).then(|| {
+        format!(
+            "{}: the principal point (cx, cy) of {} views is not inside the photo; if the intrinsics are for photos of another size, \
+             w and h must say which ({})",
+            scene.display(),
+            views.len(),
+            some_names(views)
+        )
+    })
 }
 
 impl Lens {
@@ -79,25 +102,29 @@ impl Lens {
             DatasetError::malformed(
                 file,
                 format!("intrinsics of {}", image.display()),
-                "finite focal lengths above 0 and a finite principal point",
+                "focal lengths of 0.01 to 10000 image sides and a principal point within two sides of the middle",
                 format!("{:?}, {:?}, {:?}, {:?}", self.focal_x, self.focal_y, self.cx, self.cy),
             )
         })?;
         let rescaled = (scale_x - 1.0).abs() > 1e-9 || (scale_y - 1.0).abs() > 1e-9;
+        let outside = |centre: f64, side: f64| !(centre > 0.0 && centre < side);
         Ok(Resolved {
+            off_photo: outside(intrinsics.cx, width) || outside(intrinsics.cy, height),
             intrinsics: intrinsics.scaled(scale_x, scale_y),
             rescaled_from: rescaled.then_some((width, height)),
         })
     }
 
-    /// Intrinsics for the declared size; `None` when they are no camera's.
+    /// Intrinsics for the declared size; `None` when they are no camera's, or that of photos of quite another size.
     pub fn intrinsics(&self, width: f64, height: f64) -> Option<Intrinsics> {
         let x = self.focal_x.map(|focal| focal.pixels(width));
         let y = self.focal_y.map(|focal| focal.pixels(height));
         let (fx, fy) = (x.or(y)?, y.or(x)?);
         let (cx, cy) = (self.cx.unwrap_or(0.5 * width), self.cy.unwrap_or(0.5 * height));
-        let sound = |focal: f64| focal.is_finite() && focal > 0.0;
-        (sound(fx) && sound(fy) && cx.is_finite() && cy.is_finite()).then_some(Intrinsics { fx, fy, cx, cy })
+        let sound = |focal: f64, centre: f64, side: f64| {
+            FOCAL_SIDES.contains(&(focal / side)) && (centre / side - 0.5).abs() <= CENTRE_SIDES
+        };
+        (sound(fx, cx, width) && sound(fy, cy, height)).then_some(Intrinsics { fx, fy, cx, cy })
     }
 }
 

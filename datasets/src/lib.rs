@@ -25,6 +25,7 @@ mod error;
 mod formats;
 mod frame;
 pub mod image_io;
+mod jpeg;
 mod lens;
 pub mod light;
 mod loader;

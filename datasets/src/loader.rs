@@ -9,6 +9,7 @@ use crate::consistency;
 use crate::error::DatasetError;
 use crate::formats;
 use crate::frame::{CameraPose, RgbImage8, View};
+use crate::lens::off_photo_warning;
 use crate::mask::{self, Mask};
 use crate::names;
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
@@ -162,6 +163,7 @@ struct Note {
     rescaled: Option<((f64, f64), (usize, usize))>,
     /// Share of the photo that mask files ignore; `None` without one.
     masked: Option<f64>,
+    off_photo: bool,
     /// No pixel of the view counts.
     is_blank: bool,
     sides: attach::Notes,
@@ -215,7 +217,17 @@ fn load_view(
         truth: sides.truth,
     };
     let rescaled = resolved.rescaled_from.map(|declared| (declared, size));
-    Ok((view, Note { name: frame.name.clone(), rescaled, masked, is_blank, sides: sides.notes }))
+    Ok((
+        view,
+        Note {
+            name: frame.name.clone(),
+            rescaled,
+            off_photo: resolved.off_photo,
+            masked,
+            is_blank,
+            sides: sides.notes,
+        },
+    ))
 }
 
 /// Where a held-out view is blurry and the sharp truth of it is known, that is what a sharp scene is measured against.
@@ -295,6 +307,8 @@ fn summarise(path: &Path, notes: &[Note], findings: &mut Findings) {
             actual.1
         ));
     }
+    let off_photo: Vec<&str> = notes.iter().filter(|note| note.off_photo).map(|note| note.name.as_str()).collect();
+    findings.warnings.extend(off_photo_warning(path, &off_photo));
     let blank: Vec<&str> = notes.iter().filter(|note| note.is_blank).map(|note| note.name.as_str()).collect();
     if !blank.is_empty() {
         findings.warn(format!(

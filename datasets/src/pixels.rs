@@ -1,10 +1,13 @@
 //! Decoding photos: opaque colour out, transparency composited on the chosen background.
 
+use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use crate::error::DatasetError;
+use crate::jpeg;
 use crate::light::{to_encoded, to_linear};
 
 /// Longest side of an image that is opened. Larger ones are broken headers rather than photos.
@@ -51,14 +54,19 @@ impl Photo {
 
 /// Opens an image file within limits. The format is told from the content, because wrong extensions are common.
 pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
-    let reader = ImageReader::open(path).map_err(|error| DatasetError::read(path, error))?;
-    let mut reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
+    let bytes = fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let mut reader = ImageReader::new(Cursor::new(&bytes));
+    reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(SIDE_MAX);
     limits.max_image_height = Some(SIDE_MAX);
     limits.max_alloc = Some(DECODE_MAX);
     reader.limits(limits);
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
+    // The decoder fills what is missing with grey and says nothing.
+    if reader.format() == Some(ImageFormat::Jpeg) && !jpeg::is_whole(&bytes) {
+        return Err(wrong(format!("a JPEG cut short, of {} bytes", bytes.len())));
+    }
     let image = reader.decode().map_err(|error| wrong(error.to_string()))?;
     if image.width() == 0 || image.height() == 0 {
         return Err(wrong(format!("an image of {} x {} pixels", image.width(), image.height())));

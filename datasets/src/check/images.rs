@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::CheckReport;
 use crate::error::DatasetError;
 use crate::frame::Intrinsics;
+use crate::lens::off_photo_warning;
 use crate::loader;
 use crate::mask::{self, Mask};
 use crate::options::LoadOptions;
@@ -19,6 +20,7 @@ struct Decoded {
     size: (usize, usize),
     intrinsics: Intrinsics,
     rescaled: bool,
+    off_photo: bool,
     /// Share of the image that masks ignore; `None` without masks.
     masked: Option<f64>,
     /// What loading priors and truth found.
@@ -38,7 +40,14 @@ fn decode(frame: &RawFrame, options: &LoadOptions, behind: Behind) -> Result<Dec
         behind,
     };
     let sides = attach(&frame.sides, &photo).notes;
-    Ok(Decoded { size, intrinsics: resolved.intrinsics, rescaled: resolved.rescaled_from.is_some(), masked, sides })
+    Ok(Decoded {
+        size,
+        intrinsics: resolved.intrinsics,
+        rescaled: resolved.rescaled_from.is_some(),
+        off_photo: resolved.off_photo,
+        masked,
+        sides,
+    })
 }
 
 pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut CheckReport, findings: &mut Findings) {
@@ -75,6 +84,9 @@ pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut 
     if rescaled > 0 {
         findings.warn(format!("the intrinsics of {rescaled} views are for another size and will be rescaled"));
     }
+    let off_photo: Vec<&str> =
+        names.iter().zip(&decoded).filter(|(_, value)| value.off_photo).map(|(frame, _)| frame.name.as_str()).collect();
+    findings.warnings.extend(off_photo_warning(&report.path, &off_photo));
     let across = |focal: fn(&Decoded) -> f64| {
         let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
         (low, decoded.iter().map(focal).fold(0.0, f64::max))
@@ -98,6 +110,7 @@ pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut 
     if masked > 0 {
         report.facts.push(format!("{masked} images have masks."));
     }
+    report.blank = decoded.iter().filter(|value| value.masked == Some(1.0)).count();
     let shares = decoded.iter().filter_map(|value| value.masked).collect();
     findings.warnings.extend(mask::suspicion(&report.path, shares));
     let noted: Vec<Noted> = names

@@ -14,6 +14,8 @@ pub struct CheckReport {
     pub format: Option<SceneFormat>,
     /// Views that would train.
     pub train: usize,
+    /// Views in which no pixel counts, by their masks.
+    pub blank: usize,
     /// Views that would be held out.
     pub test: usize,
     /// Views that would train and have a time.

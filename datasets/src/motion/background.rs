@@ -9,6 +9,9 @@ use super::cluster::{Cluster, Pixel, classify, distance2};
 use super::noise::Noise;
 use super::shadow::is_light;
 
+/// Squared distance of a mean colour from which on it is another one, in squares of its standard deviation: five of them.
+const OTHER: f32 = 25.0;
+
 /// Fewest samples of a pixel from which a background is told: with two, nobody knows which of them it is.
 pub(crate) const SAMPLES_MIN: usize = 3;
 
@@ -203,7 +206,7 @@ impl Appearance {
                 let Some((mean, deviation)) = known(pixel) else { continue };
                 let sample = color(&views[*index], pixel);
                 // Five standard deviations, and not its shadow: certainly not the background.
-                let differs = distance2(&sample, &mean) > 25.0 * deviation * deviation;
+                let differs = distance2(&sample, &mean) > OTHER * deviation * deviation;
                 let passes = differs && !is_light(&sample, &mean, deviation, noise);
                 let counts = if passes { &mut counts.0 } else { &mut counts.1 };
                 counts[bin(sample.map(f32::from))] += 1;

@@ -13,7 +13,7 @@ const NOISE_MIN: f32 = 1.5;
 const LEVELS: usize = 8;
 
 /// A range of brightness with fewer differences than this takes the noise of the whole image.
-const SAMPLES_MIN: u32 = 2000;
+const DIFFERENCES_MIN: u32 = 2000;
 
 /// Most noise of a range of brightness over that of the whole image: where a brightness is seen only on what moves,
 /// its differences are motion and not noise.
@@ -50,7 +50,7 @@ impl Noise {
         }
         let overall = deviation(&all);
         let by_level = counts.each_ref().map(|row| {
-            let enough = row.iter().sum::<u32>() >= SAMPLES_MIN;
+            let enough = row.iter().sum::<u32>() >= DIFFERENCES_MIN;
             if enough { deviation(row).min(LEVEL_MAX * overall) } else { overall }
         });
         // The larger of neighbouring ranges, so that a step between them never makes noise look like motion.

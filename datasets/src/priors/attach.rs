@@ -31,6 +31,8 @@ pub(crate) enum Reason {
     Broken(String),
     /// The photo's lens distortion is removed, the file's is not.
     Distorted,
+    /// A depth map without two values that differ.
+    Flat,
 }
 
 /// What was found on the way, for sentences about many photos.
@@ -77,6 +79,9 @@ fn load(file: &SideFile, meaning: DepthMeaning, photo: &Photo, into: &mut Attach
             let depth = depth::depth(path, meaning).map_err(broken)?;
             into.notes.depth = Some((depth.space, depth.metric, depth.guessed));
             let values = fit(depth.map, file.kind, photo, &mut into.notes)?;
+            if is_flat(&values) {
+                return Err(Reason::Flat);
+            }
             priors.depth = Some(DepthPrior { values, space: depth.space, metric: depth.metric });
         }
         Kind::Moving => {
@@ -109,6 +114,13 @@ fn load(file: &SideFile, meaning: DepthMeaning, photo: &Photo, into: &mut Attach
         }
     }
     Ok(())
+}
+
+/// Whether a depth prior says nothing: its known values (finite, above 0) are one, or none.
+fn is_flat(values: &[f32]) -> bool {
+    let mut known = values.iter().filter(|value| value.is_finite() && **value > 0.0);
+    let Some(first) = known.next() else { return true };
+    known.all(|value| value == first)
 }
 
 fn broken(error: DatasetError) -> Reason {

@@ -41,6 +41,7 @@ fn left_out(scene: &Path, views: &[Noted], findings: &mut Findings) {
                     "show the lens distortion that is removed from their photos, and are not undistorted with them",
                     String::new(),
                 ),
+                Reason::Flat => ("hold one value, or none above 0", String::new()),
             };
             let group = groups.entry((*kind, why)).or_insert_with(|| (Vec::new(), detail));
             group.0.push(view.name);

@@ -98,6 +98,45 @@ fn an_unreadable_image_is_named() {
     assert!(error_of(&folder).contains("images/01.png"));
 }
 
+/// The decoder would fill the rest of a photo with grey.
+#[test]
+fn a_jpeg_cut_short_is_named() {
+    let (folder, mut top) = ring_scene(3);
+    let photo = image::RgbImage::from_fn(32, 24, |x, y| image::Rgb([(x * 8) as u8, (y * 10) as u8, 77]));
+    photo.save(folder.file("images/01.jpg")).expect("written");
+    top["frames"][1]["file_path"] = json!("images/01.jpg");
+    folder.write_json("transforms.json", &top);
+    load(folder.path(), &LoadOptions::default()).expect("a whole photo");
+    let whole = std::fs::read(folder.file("images/01.jpg")).expect("read");
+    for length in [20, whole.len() / 2, whole.len() - 2] {
+        folder.write("images/01.jpg", &whole[..length]);
+        let error = error_of(&folder);
+        assert!(error.contains("images/01.jpg") && (length == 20 || error.contains("cut short")), "{error}");
+        assert!(!check(folder.path(), &LoadOptions::default()).is_ok());
+    }
+}
+
+#[test]
+fn intrinsics_of_no_camera_are_refused_and_those_of_another_size_said() {
+    let (folder, mut top) = ring_scene(3);
+    for key in ["w", "h"] {
+        top.as_object_mut().expect("an object").remove(key);
+    }
+    for (key, value) in [("cx", 960.0), ("cx", -960.0), ("cy", 1e30), ("fl_x", 1e300), ("fl_x", 1e-300)] {
+        let mut wrong = top.clone();
+        wrong[key] = json!(value);
+        folder.write_json("transforms.json", &wrong);
+        let error = error_of(&folder);
+        assert!(error.contains("image sides") && error.contains("principal point"), "{key} {value}: {error}");
+    }
+    // Those of photos twice as wide.
+    top["cx"] = json!(32.0);
+    folder.write_json("transforms.json", &top);
+    let said = |warnings: &[String]| warnings.iter().any(|text| text.contains("(cx, cy) of 3 views"));
+    assert!(said(&load(folder.path(), &LoadOptions::default()).expect("loads").warnings));
+    assert!(said(&check(folder.path(), &LoadOptions::default()).warnings));
+}
+
 #[test]
 fn options_without_meaning_are_refused() {
     let (folder, top) = ring_scene(3);

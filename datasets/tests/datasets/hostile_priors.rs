@@ -33,9 +33,13 @@ fn try_file(folder: &Folder, bytes: &[u8]) -> (bool, Vec<String>) {
     (scene.train[0].priors.depth.is_some(), scene.warnings)
 }
 
+fn ramp() -> Vec<f32> {
+    (0..48).map(|i| i as f32).collect()
+}
+
 fn exr() -> Vec<u8> {
     let folder = Folder::new();
-    let values: Vec<f32> = (0..48).map(|i| i as f32).collect();
+    let values = ramp();
     write_exr(&folder.file("d.exr"), 8, 6, &[("R", &values), ("G", &values), ("B", &values)]).expect("written");
     std::fs::read(folder.file("d.exr")).expect("read")
 }
@@ -68,14 +72,14 @@ fn arrays_that_are_none() {
         assert!(!used, "{what}");
         assert!(warnings.iter().any(|text| text.contains("depth priors of 1 of 1 views")), "{what}: {warnings:?}");
     }
-    let (used, _) = try_file(&folder, &npy_f32("(6, 8)", &[1.0; 48]));
+    let (used, _) = try_file(&folder, &npy_f32("(6, 8)", &ramp()));
     assert!(used, "the fixture itself is sound");
 }
 
 #[test]
 fn a_cut_file_is_left_out_wherever_it_is_cut() {
     let folder = set();
-    for whole in [exr(), npy_f32("(6, 8)", &[1.0; 48])] {
+    for whole in [exr(), npy_f32("(6, 8)", &ramp())] {
         assert!(try_file(&folder, &whole).0, "the whole file is sound");
         for length in (0..whole.len()).step_by(7) {
             let (used, _) = try_file(&folder, &whole[..length]);
@@ -154,7 +158,7 @@ proptest! {
     #[test]
     fn damaged_files_never_panic(kind in 0..KINDS + 4, damage in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)) {
         let folder = set();
-        let mut bytes = if kind < KINDS { encoded(kind) } else { npy_f32("(6, 8)", &[1.0; 48]) };
+        let mut bytes = if kind < KINDS { encoded(kind) } else { npy_f32("(6, 8)", &ramp()) };
         for (place, value) in damage {
             let place = place.index(bytes.len());
             bytes[place] = value;

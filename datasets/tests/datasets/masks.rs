@@ -37,6 +37,16 @@ fn nerfstudio_masks_ignore_where_black() {
 }
 
 #[test]
+fn masks_that_are_all_missing_are_an_error() {
+    let (folder, mut top) = masked();
+    top["frames"][0]["mask_path"] = json!("masks/none.png");
+    folder.write_json("transforms.json", &top);
+    let error = load(folder.path(), &LoadOptions::default()).expect_err("no mask").to_string();
+    assert!(error.contains("mask_path") && error.contains("masks/none.png"), "{error}");
+    assert_eq!(mask_of(&folder, MaskUse::Ignore, None).0, None);
+}
+
+#[test]
 fn a_resized_pixel_counts_only_if_all_of_it_does() {
     let (folder, _) = masked();
     // 32 -> 12: new pixel 3 covers old [8, 10.67) and counts; 2 covers [5.33, 8) and does not.

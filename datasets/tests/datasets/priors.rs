@@ -226,6 +226,15 @@ fn a_prior_that_cannot_be_used_is_left_out_and_counted() {
         assert!(warnings.iter().any(|text| text.contains(part)), "{part:?} is not in\n{}", warnings.join("\n"));
     }
     assert_eq!(warnings.len(), 4, "{}", warnings.join("\n"));
+    for flat in [[0.0_f32; 48], [f32::NAN; 48], [-3.0; 48], [3.0; 48]] {
+        let (folder, mut top) = one_camera(1);
+        folder.write("0.npy", npy_f32("(6, 8)", &flat));
+        top["depth_kind"] = json!("depth");
+        top["frames"][0]["depth_file_path"] = json!("0.npy");
+        let Scene { train, warnings, .. } = scene(&folder, &top, &options());
+        assert!(train[0].priors.depth.is_none());
+        assert!(warnings.iter().any(|text| text.contains("hold one value, or none above 0")), "{warnings:?}");
+    }
     let report = check(folder.path(), &options());
     assert!(report.is_ok() && report.warnings[..4] == warnings, "{report}");
     assert!(report.to_string().contains("1 views have depth priors, depth, to be aligned"), "{report}");

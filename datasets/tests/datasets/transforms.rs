@@ -192,8 +192,10 @@ fn transparency_is_composited_before_resizing() {
     let (folder, mut top) = ring_scene(1);
     // The transparent pixel hides green, which must not show; half red, half white background remain.
     folder.rgba("images/00.png", 2, 1, |x, _| if x == 0 { [255, 0, 0, 255] } else { [0, 255, 0, 0] });
-    top["w"] = json!(2);
-    top["h"] = json!(1);
+    let size = [("w", 2.0), ("h", 1.0), ("cx", 1.0), ("cy", 0.5)];
+    for (key, value) in size {
+        top[key] = json!(value);
+    }
     folder.write_json("transforms.json", &top);
     let options = LoadOptions { max_width: Some(1), background: [1.0; 3], ..ALL };
     let scene = load(folder.path(), &options).expect("loaded");
@@ -207,8 +209,10 @@ fn transparency_of_exposed_photos_is_a_share_of_light() {
     let (folder, mut top) = ring_scene(1);
     // Half the exposure white, half the black background: half the light, encoded as 188.
     folder.rgba("images/00.png", 2, 1, |_, _| [255, 255, 255, 128]);
-    top["w"] = json!(2);
-    top["h"] = json!(1);
+    let size = [("w", 2.0), ("h", 1.0), ("cx", 1.0), ("cy", 0.5)];
+    for (key, value) in size {
+        top[key] = json!(value);
+    }
     folder.write_json("transforms.json", &top);
     assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [128; 6]);
     top["frames"][0]["time"] = json!(0.0);
@@ -247,10 +251,8 @@ fn points_of_ply_file_path_are_read() {
     let (folder, mut top) = ring_scene(1);
     top["ply_file_path"] = json!("sparse.ply");
     folder.write_json("transforms.json", &top);
-    assert!(
-        load(folder.path(), &ALL).expect("loaded").warnings[0].contains("sparse.ply"),
-        "a missing file is a warning"
-    );
+    let missing = load(folder.path(), &ALL).expect_err("no such file").to_string();
+    assert!(missing.contains("ply_file_path") && missing.contains("sparse.ply"), "{missing}");
     let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
                 property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
     folder.write("sparse.ply", format!("{head}1 2 3 4 5 6\n-1 0.5 0 255 0 128\n"));

@@ -9,7 +9,7 @@ use gs_datasets::CheckReport;
 use crate::cli::CheckArgs;
 use crate::commands::print;
 use crate::commands::train::resolve;
-use crate::data::{check_times, near_warning};
+use crate::data::{check_times, near_warning, no_pixels};
 use crate::experiment::{Config, Pipeline};
 use crate::taylormode::hints::left_out_warning;
 
@@ -34,6 +34,7 @@ pub fn examine(dataset: &Path, config: &Config) -> CheckReport {
         report.warnings.extend(left_out_warning(report.without_time));
     }
     report.warnings.extend(near_warning(config, report.subject_distance));
+    report.errors.extend((report.blank == report.train + report.test).then(|| no_pixels(dataset)));
     report.errors.extend(check_times(dataset, config, report.timed).err());
     report
 }

@@ -36,10 +36,15 @@ pub fn check_pixels(dataset: &Path, scene: &Scene) -> Result<(), String> {
     if scene.train.iter().any(counts) {
         return Ok(());
     }
-    Err(format!(
+    Err(no_pixels(dataset))
+}
+
+/// The sentence about photos in which no pixel counts.
+pub fn no_pixels(dataset: &Path) -> String {
+    format!(
         "{}: expected photos with pixels that count, found none by masks or lens distortion; data.masks says how masks are read",
         dataset.display()
-    ))
+    )
 }
 
 /// A warning where little or nothing is drawn because everything is nearer than `render.near`. `distance` is

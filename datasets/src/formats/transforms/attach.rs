@@ -80,6 +80,12 @@ pub(super) fn images(
             file: file.to_path_buf(),
         });
     }
+    if let [first, ..] = &missing_masks[..]
+        && missing_masks.len() == found.len()
+    {
+        let expected = "the masks that all frames name (--set data.masks=ignore: without)";
+        return Err(keys.wrong("mask_path", expected, format!("none of {total} files, {first} among them")));
+    }
     for (list, what) in [(missing, "images"), (missing_masks, "masks")] {
         if !list.is_empty() {
             let effect = if what == "images" { "their frames were left out" } else { "their frames are not masked" };

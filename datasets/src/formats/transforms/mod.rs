@@ -68,7 +68,7 @@ pub(crate) fn read(
         let found = assign_parts(found, &top, file, part.filter(|_| splits), findings)?;
         scene.frames.extend(found);
         if scene.points.is_none() {
-            let points = read_points(&top, root, file, findings);
+            let points = read_points(&top, root, file);
             scene.points = findings.take(points)?.flatten();
         }
     }
@@ -176,6 +176,10 @@ fn assign_parts(
     }
     let before = found.len();
     found.retain(|frame| frame.part.is_some());
+    if found.is_empty() && before > 0 {
+        let expected = "a list with the file_path of a frame";
+        return Err(keys.wrong("train_filenames", expected, format!("none of the {before} frames")));
+    }
     if found.len() < before {
         let left_out = before - found.len();
         findings.warn(format!("{}: {left_out} frames are in none of the split's lists and left out", file.display()));
@@ -184,18 +188,13 @@ fn assign_parts(
 }
 
 /// The points of `ply_file_path`. They are in the saved world, as the poses are; `applied_transform` concerns neither.
-fn read_points(
-    top: &Map<String, Value>,
-    root: &Path,
-    file: &Path,
-    findings: &mut Findings,
-) -> Result<Option<RawPoints>, DatasetError> {
+fn read_points(top: &Map<String, Value>, root: &Path, file: &Path) -> Result<Option<RawPoints>, DatasetError> {
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
     let Some(written) = keys.text("ply_file_path")? else { return Ok(None) };
     let path = root.join(names::with_slashes(written));
     if !path.is_file() {
-        findings.warn(format!("{}: the points of ply_file_path do not exist ({})", file.display(), path.display()));
-        return Ok(None);
+        let expected = "a file of points, or no such key: training then finds points of its own";
+        return Err(keys.wrong("ply_file_path", expected, format!("no file {}", path.display())));
     }
     ply::read(&path).map(Some)
 }

@@ -78,6 +78,9 @@ pub fn blur_from_frames(source: &Path, out: &Path, options: &BlurFromFrames) -> 
         }
         written.push(blur_camera(out, camera, &windows, options)?);
     }
+    if options.moving_masks && cameras.iter().all(|camera| camera.frames.iter().all(|frame| frame.masks.is_empty())) {
+        findings.warn(format!("{}: masks of what moves were asked for, and no frame has one", source.display()));
+    }
     if !gaps.is_empty() {
         findings.warn(format!(
             "{}: windows with missing frames were left out ({})",
