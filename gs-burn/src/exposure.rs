@@ -1,7 +1,7 @@
 //! The image a camera gathers while its shutter is open: the mean over several instants, with what stands still drawn
 //! once.
 //!
-//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMode-GS, Eq. 12, with
+//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMoDe-GS, Eq. 12, with
 //! renderings instead of warped ones). Between instants only some Gaussians move, and they touch only some tiles; so
 //! what stands still is projected, coloured and listed once, and a tile is drawn once for every set of instants at which
 //! it looks the same. The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.

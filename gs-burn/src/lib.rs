@@ -58,5 +58,5 @@ pub use camera::{Camera, Intrinsics};
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;
-pub use gs_kernels::constants;
+pub use gs_kernels::{constants, limits};
 pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};

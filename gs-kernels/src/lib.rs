@@ -25,6 +25,7 @@
 pub mod config;
 pub mod constants;
 pub mod cpu;
+pub mod limits;
 pub mod rows;
 
 #[cfg(feature = "cube")]

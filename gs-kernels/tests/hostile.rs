@@ -134,7 +134,7 @@ fn empty_scene_shows_the_background() {
     }
 }
 
-/// Stacks of up to 200 Gaussians with alpha near the cap (FIELD: opaque stacks): transmittance stays in 0..1, singles
+/// Stacks of up to 200 Gaussians with alpha near the cap (opaque stacks): transmittance stays in 0..1, singles
 /// follow doubles to 3e-4 in the image and 1e-2 in the gradients.
 #[test]
 fn opaque_stacks_follow_doubles() {

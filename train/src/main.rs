@@ -1,9 +1,13 @@
 //! `gsburn`: choose, call, report.
 #![recursion_limit = "256"]
 
+use std::any::Any;
+use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
+use anyhow::{Result, anyhow};
 use clap::Parser;
+use gs_burn::limits::is_limit;
 use gs_train::cli::{Cli, Command};
 use gs_train::{commands, logging, resources};
 
@@ -11,7 +15,15 @@ fn main() -> ExitCode {
     resources::keep_freed_memory();
     let cli = Cli::parse();
     logging::init(cli.verbose);
-    let done = match &cli.command {
+    let done = within_limits(|| call(&cli.command));
+    done.unwrap_or_else(|error| {
+        eprintln!("error: {}", logging::one_sentence(&error));
+        ExitCode::FAILURE
+    })
+}
+
+fn call(command: &Command) -> Result<ExitCode> {
+    match command {
         Command::Train(args) => commands::train::run(args),
         Command::Eval(args) => commands::eval::run(args),
         Command::Render(args) => commands::render::run(args),
@@ -24,9 +36,24 @@ fn main() -> ExitCode {
         Command::Chart(args) => commands::chart::run(args),
         Command::Sweep(args) => commands::sweep::run(args),
         Command::Stability(args) => commands::stability::run(args),
-    };
-    done.unwrap_or_else(|error| {
-        eprintln!("error: {}", logging::one_sentence(&error));
-        ExitCode::FAILURE
+    }
+}
+
+/// What no kernel can carry (a scene of a billion pairs) is an error of the input, not of the program: one sentence instead of a
+/// panic's message.
+fn within_limits(call: impl FnOnce() -> Result<ExitCode>) -> Result<ExitCode> {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if limit(info.payload()).is_none() {
+            usual(info);
+        }
+    }));
+    panic::catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|payload| match limit(&*payload) {
+        Some(sentence) => Err(anyhow!(sentence)),
+        None => panic::resume_unwind(payload),
     })
+}
+
+fn limit(payload: &(dyn Any + Send)) -> Option<String> {
+    payload.downcast_ref::<String>().filter(|message| is_limit(message)).cloned()
 }

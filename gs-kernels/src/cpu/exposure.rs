@@ -15,6 +15,7 @@ use crate::cpu::intersect::{Intersections, intersect, spans_of};
 use crate::cpu::light::{to_encoded, to_encoded_slope, to_linear, to_linear_slope};
 use crate::cpu::parallel::{Disjoint, zeros};
 use crate::cpu::sort::sort_by_key;
+use crate::limits;
 use crate::rows::{PROJECTED, ProjectedRow};
 
 /// Which tiles were drawn for which tile of the image, and for how many instants each stands.
@@ -221,7 +222,7 @@ fn append(first: Intersections, count: usize, grid: usize, extras: &[Extra], mer
     let Intersections { mut tile_offsets, mut gaussian_ids, gaussian_offsets, positions, .. } = first;
     let (scene, pairs) = (gaussian_offsets.len() - 1, gaussian_ids.len());
     let total = pairs + merged.iter().map(Vec::len).sum::<usize>();
-    assert!(total <= i32::MAX as usize, "{total} tile intersections exceed 2^31");
+    assert!(total <= i32::MAX as usize, "{}", limits::too_many_pairs(Some(total as u64)));
     gaussian_ids.reserve_exact(total - pairs);
     for list in merged {
         gaussian_ids.extend(list);

@@ -1,12 +1,13 @@
 //! What can go wrong before a kernel is launched.
 
 use crate::cube::buffer::MAX_BYTES;
+use crate::limits;
 
 /// A request the device cannot carry.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CubeError {
     /// A buffer would exceed what every graphics API binds in one piece.
-    #[error("{what} needs {bytes} bytes on the device, and one buffer holds at most {MAX_BYTES}")]
+    #[error("{}", limits::buffer_too_large(what, *bytes, MAX_BYTES))]
     BufferTooLarge {
         /// What the buffer holds.
         what: &'static str,
@@ -14,7 +15,7 @@ pub enum CubeError {
         bytes: u64,
     },
     /// More pairs of tile and Gaussian than a signed 32-bit offset counts.
-    #[error("more than 2^31 pairs of tile and Gaussian: use fewer or smaller Gaussians, or a smaller image")]
+    #[error("{}", limits::too_many_pairs(None))]
     TooManyIntersections,
     /// An image side beyond what tile coordinates are computed for.
     #[error("image of {width}x{height} pixels is beyond 2^20 a side")]

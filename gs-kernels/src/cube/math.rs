@@ -69,12 +69,6 @@ pub(crate) fn write3(values: &mut [f32], start: usize, index: usize, v: Vec3) {
     values[base + 2] = v.z;
 }
 
-/// The zero vector.
-#[cube]
-pub(crate) fn zero3() -> Vec3 {
-    Vec3 { x: 0.0f32, y: 0.0f32, z: 0.0f32 }
-}
-
 /// Scalar product.
 #[cube]
 pub(crate) fn dot(a: Vec3, b: Vec3) -> f32 {

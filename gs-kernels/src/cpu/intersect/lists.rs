@@ -7,6 +7,7 @@ use crate::config::tile_grid;
 use crate::cpu::Real;
 use crate::cpu::parallel::{CHUNK, Disjoint, prefetch};
 use crate::cpu::sort::sort_by_key;
+use crate::limits;
 use crate::rows::{PROJECTED, ProjectedRow};
 
 /// Pieces of the depth order dealt in parallel; each needs a counter per tile.
@@ -61,7 +62,7 @@ impl Intersections {
 /// Finds all (tile, Gaussian) pairs.
 ///
 /// `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`. Left out are culled Gaussians, those whose opacity is
-/// below the cut-off or above any number, and those with a feature that is not finite or not below [`FEATURE_MAX`](crate::constants::FEATURE_MAX).
+/// below the cut-off or infinite, and those with a feature that is not finite or not below [`FEATURE_MAX`](crate::constants::FEATURE_MAX).
 ///
 /// # Panics
 /// When the slices disagree in length, when an image side exceeds 2^20 pixels, or when there are more than 2^31 pairs
@@ -95,7 +96,7 @@ pub fn intersect<F: Real>(
         total += u64::from(*n);
         gaussian_offsets.push(total as i32);
     }
-    assert!(total <= i32::MAX as u64, "{total} tile intersections exceed 2^31");
+    assert!(total <= i32::MAX as u64, "{}", limits::too_many_pairs(Some(total)));
 
     let visible: Vec<u32> =
         (0..count as u32).filter(|&i| runs[i as usize / CHUNK].counts[i as usize % CHUNK] > 0).collect();

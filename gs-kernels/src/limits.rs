@@ -1,0 +1,21 @@
+//! What no kernel can carry, in words. Operations of a tensor library return tensors, not results, so these end in panics; a program
+//! tells them from faults by [`is_limit`].
+
+/// How every such sentence ends.
+const ADVICE: &str = "use fewer or smaller Gaussians, or a smaller image";
+
+/// More pairs of tile and Gaussian than a signed 32-bit offset counts.
+pub fn too_many_pairs(pairs: Option<u64>) -> String {
+    let found = pairs.map_or(String::new(), |pairs| format!(", found {pairs}"));
+    format!("expected at most 2^31 pairs of tile and Gaussian{found}: {ADVICE}")
+}
+
+/// A buffer above what every graphics API binds in one piece.
+pub fn buffer_too_large(what: &str, bytes: u64, most: u64) -> String {
+    format!("{what} needs {bytes} bytes on the device, and one buffer holds at most {most}: {ADVICE}")
+}
+
+/// Whether a panic's message is a sentence of this module.
+pub fn is_limit(message: &str) -> bool {
+    message.ends_with(ADVICE)
+}
