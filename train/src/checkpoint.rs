@@ -266,7 +266,8 @@ struct Column {
 impl Column {
     fn new<const D: usize>(tensor: Tensor<D>) -> Self {
         let shape = tensor.dims().to_vec();
-        Self { tensor: tensor.reshape([shape.iter().product::<usize>()]), shape }
+        // Not `reshape`: to Burn a 0 there means "as before", and a motion of order 0 has no columns.
+        Self { tensor: tensor.flatten(0, D - 1), shape }
     }
 }
 

@@ -22,6 +22,7 @@ use crate::scene_init::InitConfig;
 use crate::step::{ModelConfig, RenderConfig};
 use crate::taylormode::config::{BlurConfig, MotionConfig, PriorConfig};
 use crate::taylormode::hints::{leave_out_timeless, mask_held_out};
+use crate::taylormode::saved::ROWS_MAX;
 
 /// Everything a run depends on, except the data set's path and the device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -243,6 +244,8 @@ impl Config {
         check("loss.scale_reg", loss.scale_reg, not_negative(loss.scale_reg), "0 or more")?;
         self.optimiser.validate()?;
         self.density.validate()?;
+        let (cap, moves) = (self.density.cap, self.pipeline == Pipeline::Taylormode);
+        check("density.cap", cap, !moves || cap <= ROWS_MAX, "at most 16777216 Gaussians of a moving scene")?;
         self.motion.validate()?;
         self.blur.validate()?;
         self.prior.validate()?;

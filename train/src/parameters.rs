@@ -169,10 +169,10 @@ impl Gradients {
     /// loss does not reach has gradient zero.
     pub fn take(tracked: &Gaussians, gradients: &mut burn::tensor::Gradients) -> Self {
         fn one<const D: usize>(leaf: Tensor<D>, gradients: &mut burn::tensor::Gradients) -> Tensor<2> {
-            let n = leaf.dims()[0];
+            // Not by dividing the number of elements: there may be no Gaussian left.
+            let [rows, columns] = [leaf.dims()[0], leaf.dims()[1..].iter().product()];
             let gradient = leaf.grad_remove(gradients).unwrap_or_else(|| leaf.inner().zeros_like());
-            let columns = gradient.dims().iter().product::<usize>() / n.max(1);
-            gradient.reshape([n, columns])
+            if rows == 0 { Tensor::zeros([0, columns], &gradient.device()) } else { gradient.reshape([rows, columns]) }
         }
         Self {
             groups: [

@@ -39,6 +39,12 @@ pub fn normal_pair(rng: &mut impl Rng) -> [f64; 2] {
     [radius * angle.cos(), radius * angle.sin()]
 }
 
+/// Three independent standard normal numbers.
+pub fn normal_triple(rng: &mut impl Rng) -> glam::DVec3 {
+    let ([x, y], [z, _]) = (normal_pair(rng), normal_pair(rng));
+    glam::DVec3::new(x, y, z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,6 +5,7 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gs_datasets::synthetic::deblur::{self, DeblurOptions};
 use gs_train::checkpoint::Checkpoint;
 use gs_train::data::Fingerprint;
 use gs_train::parameters::Group;
@@ -43,6 +44,23 @@ fn what_is_read_is_what_was_written() {
         2,
         "nothing but the scene and the checkpoint is left"
     );
+}
+
+/// Tensors without columns are written too: paths and rotations of order 0.
+#[test]
+fn motion_of_order_0_is_saved() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let options =
+        DeblurOptions { width: 32, height: 24, cameras: 4, held_out: 1, frames: 3, ..DeblurOptions::default() };
+    deblur::write(&folder.join("world"), &options, |_, _| {}).expect("the world is written");
+    let orders = ["pipeline=taylormode", "motion.order=0", "motion.order_max=0", "motion.rotation_order=0"];
+    let config =
+        common::config(2, &[&orders[..], &["motion.kinks=0", "motion.remainder=off", "blur.samples=3"]].concat());
+    common::finish(&common::request(&folder.join("world"), &folder.join("run"), &config));
+    let saved = gs_train::run_folder::RunFolder::at(folder.join("run")).saved();
+    let after = Checkpoint::load(&saved[0].1, &common::device()).expect("loads").trainer.motion.expect("it moves");
+    assert_eq!((after.position.value.dims()[1], after.rotation.value.dims()[1]), (0, 0));
 }
 
 /// The sentence for a file of these bytes.

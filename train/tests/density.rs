@@ -7,7 +7,7 @@ use gs_train::data::camera;
 use gs_train::density::ops::{Draft, logit};
 use gs_train::density::{DensityConfig, Moment, mcmc, trim};
 use gs_train::optimiser::Optimiser;
-use gs_train::parameters::{Group, Parameters, from_host, to_host};
+use gs_train::parameters::{Gradients, Group, Parameters, from_host, to_host};
 use gs_train::run_folder::MetricsLine;
 
 /// A table in which every number tells its row: row r of a column group holds r + column / 100.
@@ -184,4 +184,29 @@ fn what_no_photo_shows_is_dropped() {
     let least = counts[8] * 9 / 10;
     assert!(counts[9] + 3 <= counts[8] && counts[9] > least, "{counts:?}: few others added so little");
     assert!(counts[9..].iter().all(|count| *count == counts[9]), "{counts:?}");
+}
+
+/// Thresholds that no Gaussian passes would end a run with nothing to learn.
+#[test]
+fn the_last_gaussians_are_not_removed() {
+    let config = common::config(
+        6,
+        &["density.strategy=default", "density.min_opacity=0.9", "density.start=1", "density.every=2"],
+    );
+    let (_, mut trainer, photo) = common::begun(&config);
+    let before = trainer.parameters.len();
+    for _ in 0..6 {
+        assert!(!trainer.step(&photo, &config).skipped);
+    }
+    assert!(trainer.parameters.len() >= before);
+}
+
+/// A table without rows has gradients without rows.
+#[test]
+fn an_empty_table_has_empty_gradients() {
+    let empty = Parameters::new(Group::ALL.map(|group| from_host(Vec::new(), group.columns(1), &common::device())));
+    let tracked = empty.tracked();
+    let mut gradients = (tracked.means.val().sum() + tracked.sh.val().sum()).backward();
+    let taken = Gradients::take(&tracked, &mut gradients).into_groups();
+    assert_eq!(taken.map(|group| group.dims()), Group::ALL.map(|group| [0, group.columns(1)]));
 }

@@ -3,14 +3,13 @@
 
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
-use rand::Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::density::ops::{Draft, logit, sigmoid};
 use crate::density::{Changes, DensityConfig, Moment, Observation, Refinement};
 use crate::optimiser::Optimiser;
 use crate::parameters::{Group, Parameters, from_host, to_host};
-use crate::random::{Purpose, normal_pair, stream};
+use crate::random::{Purpose, normal_triple, stream};
 use crate::schedule::due;
 
 /// A split Gaussian's parts are smaller by this factor (3DGS: phi).
@@ -78,12 +77,18 @@ impl Adaptive {
         let opacities_were_lowered = config.opacity_policy != OpacityPolicy::Reset || moment.step > config.reset_every;
         let largest = if opacities_were_lowered { config.prune_size * moment.extent } else { f64::INFINITY };
         let grown = draft.len();
-        draft.retain(|draft, row| {
-            // A comparison with NaN is false: what is not a number is removed too.
-            !split.get(row).is_some_and(|split| *split)
-                && draft.opacity(row) > config.min_opacity
-                && draft.size(row) <= largest
-        });
+        let was_split = |row: usize| split.get(row).is_some_and(|split| *split);
+        // A comparison with NaN is false: what is not a number is removed too.
+        let counts = |draft: &Draft, row| draft.opacity(row) > config.min_opacity && draft.size(row) <= largest;
+        let some_stay = (0..grown).any(|row| !was_split(row) && counts(&draft, row));
+        if !some_stay {
+            // A scene without Gaussians has no gradient that could bring one back.
+            tracing::warn!(
+                step = moment.step,
+                "density.min_opacity and density.prune_size would leave no Gaussian: none is removed"
+            );
+        }
+        draft.retain(|draft, row| !was_split(row) && (!some_stay || counts(draft, row)));
         let after = draft.len();
         let succession = Some(draft.commit(parameters, optimiser));
         *self = Self::new(after, &parameters.device());
@@ -123,7 +128,7 @@ fn split_or_clone(
         for _ in 0..2 {
             let part = draft.duplicate(row);
             let size = Vec3::from(draft.log_scales[row]).exp();
-            let offset = rotation * (size * normal_triple(&mut rng));
+            let offset = rotation * (size * normal_triple(&mut rng).as_vec3());
             draft.means[part] = (Vec3::from(draft.means[row]) + offset).to_array();
             draft.scale(part, 1.0 / SPLIT_SHRINK);
         }
@@ -152,9 +157,4 @@ pub fn lower_opacities(
     let logits = parameters.read(Group::Opacity);
     let lowered = logits.iter().map(|x| logit(lower(sigmoid(f64::from(*x)))) as f32).collect();
     *parameters.get_mut(Group::Opacity) = from_host(lowered, 1, &parameters.device());
-}
-
-fn normal_triple(rng: &mut impl Rng) -> Vec3 {
-    let ([x, y], [z, _]) = (normal_pair(rng), normal_pair(rng));
-    glam::DVec3::new(x, y, z).as_vec3()
 }

@@ -16,7 +16,7 @@ use crate::density::ops::{Draft, sample, sigmoid};
 use crate::density::{Changes, DensityConfig, Moment, Refinement};
 use crate::optimiser::Optimiser;
 use crate::parameters::{Group, Parameters, from_host, indices, to_host};
-use crate::random::{Purpose, normal_pair, stream};
+use crate::random::{Purpose, normal_triple, stream};
 
 /// Steepness of the gate over opacity (paper: k).
 const GATE_STEEPNESS: f64 = 100.0;
@@ -87,10 +87,9 @@ pub fn perturb(parameters: &mut Parameters, noise: f64, moment: &Moment) {
         let mut rng = stream(moment.seed, Purpose::Noise, (moment.step as u64) << 20 | chunk as u64);
         for (i, moved) in moves.chunks_exact_mut(3).enumerate() {
             let row = chunk * CHUNK + i;
-            let ([x, y], [z, _]) = (normal_pair(&mut rng), normal_pair(&mut rng));
             let quat = [0, 1, 2, 3].map(|c| f64::from(quats[4 * row + c]));
             let variances = [0, 1, 2].map(|c| (2.0 * f64::from(log_scales[3 * row + c])).exp());
-            let offset = covariance_times(quat, variances, glam::DVec3::new(x, y, z)) * (strength * gated[row].1);
+            let offset = covariance_times(quat, variances, normal_triple(&mut rng)) * (strength * gated[row].1);
             // A Gaussian whose rotation or size is not finite stays where it is.
             let offset = if offset.is_finite() { offset.as_vec3() } else { glam::Vec3::ZERO };
             moved.copy_from_slice(&offset.to_array());

@@ -9,8 +9,8 @@ use crate::taylormode::collective::Collective;
 use crate::taylormode::learned::Learned;
 use crate::taylormode::state::{LearnedNetwork, MotionState, Network, RemainderFrame};
 
-/// Row numbers are stored as f32, which counts exactly up to here; more Gaussians than that do not fit any machine of today.
-const ROWS_MAX: u32 = 1 << 24;
+/// Most Gaussians of a moving scene: row numbers are stored as f32, which counts exactly up to here.
+pub const ROWS_MAX: usize = 1 << 24;
 
 /// What the metadata of a checkpoint says about motion.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -166,11 +166,12 @@ pub fn columns(state: &MotionState) -> Vec<(String, Tensor<2>)> {
             add(format!("network.{}.{i}", network.kind.name()), tensor);
         }
     }
-    let table =
-        state.rows.iter().zip(&state.orders).zip(&state.rotation_orders).flat_map(|((row, order), rotation)| {
-            debug_assert!(*row < ROWS_MAX);
-            [*row as f32, f32::from(*order), f32::from(*rotation)]
-        });
+    let table = state
+        .rows
+        .iter()
+        .zip(&state.orders)
+        .zip(&state.rotation_orders)
+        .flat_map(|((row, order), rotation)| [*row as f32, f32::from(*order), f32::from(*rotation)]);
     columns.push(("motion.rows".into(), from_host(table.collect(), 3, &state.position.value.device())));
     columns
 }
