@@ -144,7 +144,10 @@ impl Evaluator {
             let gaussians = model.at(view.time.unwrap_or(0.0));
             let photo = photos.get(index);
             let image = render_view(&gaussians, &photo, config);
-            let measured = self.measure(image.clone(), &photo);
+            let Some(measured) = self.measure(image.clone(), photo.image.clone(), photo.mask.clone()) else {
+                tracing::warn!(view = view.name, "no pixel counts: the view is not measured");
+                continue;
+            };
             let moving = self.measure_moving(image.clone(), &photo, view);
             if kept > 0 && index % keep_every == 0 {
                 let (psnr, device) = (measured.psnr, image.device());
@@ -163,44 +166,35 @@ impl Evaluator {
         (self.summarise(scores, &gaussians), comparisons)
     }
 
-    fn measure(&self, image: Tensor<3>, photo: &Photo) -> Scores {
-        let truth = photo.image.clone();
-        let (psnr, share, image, truth) = match &photo.mask {
-            None => (psnr(image.clone(), truth.clone()), 1.0, image, truth),
-            Some(mask) => {
-                // Ignored pixels are black in both for the measures that look at neighbourhoods.
-                let psnr = psnr_masked(image.clone(), truth.clone(), mask.clone());
-                let share = f64::from(mask.clone().mean().into_scalar::<f32>());
-                (psnr, share, image * mask.clone(), truth * mask.clone())
+    /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. Others are black in both images for
+    /// the measures that look at neighbourhoods.
+    fn measure(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
+        let share = counts.as_ref().map_or(1.0, |counts| f64::from(counts.clone().mean().into_scalar::<f32>()));
+        if share == 0.0 {
+            return None;
+        }
+        let (psnr, image, truth) = match counts {
+            None => (psnr(image.clone(), truth.clone()), image, truth),
+            Some(counts) => {
+                let psnr = psnr_masked(image.clone(), truth.clone(), counts.clone());
+                (psnr, image * counts.clone(), truth * counts)
             }
         };
-        Scores {
+        Some(Scores {
             psnr,
             ssim: ssim_of_share(image.clone(), truth.clone(), share),
             ms_ssim: self.ms_ssim.then(|| ms_ssim(image.clone(), truth.clone())).flatten(),
             lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
-        }
+        })
     }
 
-    /// The scores over the pixels where something truly moves (the paper's dynamic region); `None` where that is not known
-    /// or nothing does.
+    /// The scores over the pixels that count and where something truly moves (the paper's dynamic region); `None` where that is not
+    /// known or nothing does.
     fn measure_moving(&self, image: Tensor<3>, photo: &Photo, view: &View) -> Option<Scores> {
         let moving = view.truth.moving.as_ref().or(view.priors.moving.as_ref())?;
-        let pixels = moving.iter().filter(|pixel| **pixel > 0).count();
-        if pixels == 0 {
-            return None;
-        }
-        let mask = to_tensor(view, moving, 1, &image.device());
-        let truth = photo.image.clone();
-        let psnr = psnr_masked(image.clone(), truth.clone(), mask.clone());
-        let (image, truth) = (image * mask.clone(), truth * mask);
-        let share = pixels as f64 / moving.len() as f64;
-        Some(Scores {
-            psnr,
-            ssim: ssim_of_share(image.clone(), truth.clone(), share),
-            ms_ssim: None,
-            lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
-        })
+        let moving = to_tensor(view, moving, 1, &image.device());
+        let counts = photo.mask.iter().fold(moving, |moving, mask| moving * mask.clone());
+        Some(Scores { ms_ssim: None, ..self.measure(image, photo.image.clone(), Some(counts))? })
     }
 
     fn summarise(&self, views: Vec<ViewScores>, gaussians: &Gaussians) -> Evaluation {

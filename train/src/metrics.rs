@@ -31,6 +31,12 @@ pub fn psnr_of_mse(mse: f64) -> f64 {
     -10.0 * mse.max(1e-10).log10()
 }
 
+/// The middle of some figures, the upper one of two; `None` without any.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 /// Mean structural similarity, -1 to 1.
 pub fn ssim(image: Tensor<3>, truth: Tensor<3>) -> f64 {
     let both = l1_ssim(image, truth);

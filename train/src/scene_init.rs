@@ -175,6 +175,10 @@ fn add_random(
     for _ in points.len()..count {
         let view = &views[rng.random_range(0..views.len())];
         let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
+        if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
+            // Nothing is known of what is seen there, not its colour either.
+            continue;
+        }
         let near = if is_plain(view, column, row) { random.plain_nearest } else { random.nearest };
         let depth = rng.random_range(near.ln()..far.ln()).exp();
         let ray = view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5);

@@ -98,6 +98,8 @@ pub struct StepReport {
     pub color: Tensor<3>,
     /// Tile intersections of the rendering.
     pub intersections: usize,
+    /// The photo's depth prior fitted nothing that is rendered, and was left out.
+    pub depth_misfit: bool,
     /// Whether loss or gradients were not finite, so that nothing was updated.
     pub skipped: bool,
     /// What density control did.
@@ -114,6 +116,8 @@ pub(crate) struct Formed {
     pub radii: Tensor<1>,
     /// Tile intersections.
     pub intersections: usize,
+    /// The photo's depth prior fitted nothing that is rendered, and was left out.
+    pub depth_misfit: bool,
 }
 
 /// A rendering compared with a photo, gone back from.
@@ -123,6 +127,8 @@ pub(crate) struct Compared {
     pub color: Tensor<3>,
     /// Tile intersections.
     pub intersections: usize,
+    /// See [`StepReport::depth_misfit`].
+    pub depth_misfit: bool,
     /// What density control wants to know.
     pub observation: Observation,
     /// The loss.
@@ -186,6 +192,7 @@ impl Trainer {
             loss: compared.loss,
             color: compared.color,
             intersections: compared.intersections,
+            depth_misfit: compared.depth_misfit,
             skipped: compared.gradients.is_none(),
             changes: Changes::default(),
         };
@@ -246,6 +253,7 @@ impl Trainer {
         Compared {
             color: formed.color.inner(),
             intersections: formed.intersections,
+            depth_misfit: formed.depth_misfit,
             observation,
             loss: checked[0],
             gradients: finite.then_some((of_table, of_motion)),
@@ -261,6 +269,7 @@ impl Trainer {
             radii: rendering.radii(),
             intersections: rendering.intersections,
             color: rendering.color,
+            depth_misfit: false,
         }
     }
 

@@ -32,7 +32,8 @@ pub struct Photo {
 pub struct Hints {
     /// `[H, W, 1]`: 1 where something moves.
     pub moving: Option<Tensor<3>>,
-    /// The same pixels as a list; `None` when there are none.
+    /// The pixels a formed blur is compared at, as a list: those of `moving` (all, where that is not known) that count. `None` when
+    /// there are none, or all are.
     pub pixels: Option<Pixels>,
     /// The photo as a deblurring network would have it, `[H, W, 3]`.
     pub sharp: Option<Tensor<3>>,
@@ -50,9 +51,14 @@ impl Hints {
         // stands only where the data set says that something does.
         let moving = found.masks.masks.get(index).unwrap_or(&view.priors.moving).as_deref();
         let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
+        // Pixels that do not count have no colour that a blurred one could be compared with.
+        let compared = match (moving, view.mask.as_deref()) {
+            (Some(moving), Some(counts)) => Some(moving.iter().zip(counts).map(|(a, b)| *a.min(b)).collect()),
+            (one, None) | (None, one) => one.map(<[u8]>::to_vec),
+        };
         Self {
             moving: moving.map(|mask| to_tensor(view, mask, 1, device)),
-            pixels: moving.and_then(|mask| Pixels::masked(mask, view.width, view.height, device)),
+            pixels: compared.and_then(|mask: Vec<u8>| Pixels::masked(&mask, view.width, view.height, device)),
             sharp: view.priors.sharp.as_ref().map(|image| to_tensor(view, &image.data, 3, device)),
             depth: view.priors.depth.as_ref().map(depth),
             guide: found.guides.get(index).copied().flatten(),

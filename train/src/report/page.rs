@@ -171,6 +171,12 @@ fn stored_table(page: &mut String, gaussians: usize, cost: &MotionCost) -> Resul
         ("share static", format!("{:.1} %", 100.0 * cost.static_share), "0 %".into()),
         ("mean order of motion, over all", format!("{:.2}", moving as f64 / all), format!("{}", cost.fixed_order)),
         ("Gaussians of order 0 · 1 · 2 · ...", counts(&cost.orders), counts(&fixed_orders)),
+        ("those that move, of rotation order 0 · 1 · ...", counts(&cost.rotation_orders), String::new()),
+        (
+            "kinks in each path; remainder",
+            format!("{}; {}", cost.kinks, if cost.remainder { "yes" } else { "no" }),
+            String::new(),
+        ),
         ("Gaussians of SH degree 0 · 1 · ...", counts(&cost.sh_degrees), counts(&fixed_degrees)),
     ];
     page.push_str(

@@ -46,7 +46,7 @@ const BETA1: f64 = 0.99;
 
 /// Times the rate, the farthest that a step may move a place of the body at the ends of the window; longer ones are shortened as a whole.
 /// First steps have full length in every number whatever the gradient: together with the Gaussians' own they must not reach a
-/// hundredth of the scene (FIELD B20).
+/// hundredth of the scene, as the stability experiment `thrown` asks.
 const FARTHEST: f64 = 3.0;
 
 /// The change `[M, 3 K]` of the blocks of Gaussians at `places` `[M, 3]` (at `t0`), whose own gradients are `gradients` `[M, 3 K]`:

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::experiment::Config;
 use crate::scene_init::{FirstGaussians, Random, gaussians_at, points_in_front, size_of};
-use crate::taylormode::hints::Found;
+use crate::taylormode::hints::{Found, frame_interval};
 
 /// Most of the cap that Gaussians which may move take to begin with.
 const MOVING_SHARE: f64 = 0.5;
@@ -54,14 +54,16 @@ fn split_points(scene: &Scene, found: &Found, config: &Config, t0: f64) -> (Opti
     (Some(fixed), moving)
 }
 
-/// Share of the views of one time that must have a point in their mask before it counts as moving.
+/// Share of the views of one instant that must have a point in their mask before it counts as moving.
 const MOVING_VIEWS: f64 = 0.8;
 
 /// Whether a point lies in the masks of nearly all views of a time that see it.
 fn moves_at(scene: &Scene, found: &Found, t0: f64, point: [f32; 3]) -> bool {
     let (mut seen, mut inside) = (0, 0);
+    // Not the views of t0 alone: cameras of a rig may begin a little apart. Of each camera that is the frame next to t0.
+    let apart = 0.5 * frame_interval(&scene.train).unwrap_or(0.0);
     for (view, mask) in scene.train.iter().zip(&found.masks.masks) {
-        let (Some(mask), true) = (mask, view.time == Some(t0)) else { continue };
+        let Some(mask) = mask.as_ref().filter(|_| view.time.is_some_and(|t| (t - t0).abs() <= apart)) else { continue };
         if let Some((pixel, _)) = Pinhole::new(view).sees(glam::Vec3::from(point).as_dvec3()) {
             seen += 1;
             inside += usize::from(mask[pixel] > 0);

@@ -3,19 +3,25 @@
 
 use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
-use gs_burn::{Extras, Gaussians, render_with};
+use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
 use gs_datasets::{Scene, View};
-use gs_models::taylormode::{FixedOrder, Samples, Size, Summary, TaylorScene};
+use gs_models::taylormode::blur_path::{back_project, to_world};
+use gs_models::taylormode::{FixedOrder, Pixels, Samples, Size, Summary, TaylorScene};
 use gs_models::{Motion, sh_bands};
 use serde::{Deserialize, Serialize};
 
 use crate::data::{camera, to_tensor};
 use crate::experiment::Config;
-use crate::metrics::psnr;
+use crate::metrics::{median, psnr, psnr_masked};
 use crate::parameters::to_host;
+use crate::scene_init::size_of;
 use crate::taylormode::blur::expose;
+use crate::taylormode::config::{BlurMode, VelocitySource};
 use crate::taylormode::hints::said_exposure;
+use crate::taylormode::learns_exposure;
 use crate::taylormode::state::{MotionState, Network};
+use crate::taylormode::step::units;
+use crate::taylormode::velocity::VelocityField;
 
 /// Samples a measured blur is formed with, whatever the training used: enough that more change nothing visible up to about
 /// sixty pixels of motion.
@@ -38,7 +44,7 @@ pub struct MotionScores {
     pub velocity_magnitude: Option<f64>,
     /// The exposure, in the data set's unit of time.
     pub exposure: f64,
-    /// Its relative error, where the data set says the truth.
+    /// Its relative error, where it was learned and the data set says the truth.
     pub exposure_error: Option<f64>,
     /// What the motion costs.
     pub cost: MotionCost,
@@ -55,6 +61,15 @@ pub struct MotionCost {
     pub mean_order: f64,
     /// Gaussians by order of their path, from 0 on.
     pub orders: Vec<usize>,
+    /// Those that move, by order of their rotation, from 0 on.
+    #[serde(default)]
+    pub rotation_orders: Vec<usize>,
+    /// Kinks in every path.
+    #[serde(default)]
+    pub kinks: usize,
+    /// Whether paths have the 3D remainder of Eq. 2.
+    #[serde(default)]
+    pub remainder: bool,
     /// Numbers that describe motion: coefficients of paths and rotations up to each Gaussian's order, and the 3D remainder.
     pub motion_parameters: usize,
     /// The same with order `motion.order` and `motion.rotation_order` for every Gaussian.
@@ -81,7 +96,7 @@ pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config
     let model = state.scene(gaussians.clone());
     let views = if scene.test.is_empty() { &scene.train } else { &scene.test };
     let blurry: Vec<f64> = views.iter().filter_map(|view| blurry_psnr(&model, state, view, config)).collect();
-    let (angles, magnitudes) = velocity_errors(&model, views, config);
+    let (angles, magnitudes) = velocity_errors(&model, state, views, config, units(size_of(scene), state));
     let exposure = state.exposure();
     // The photos that were learned from; held-out views may have other exposures.
     let said = said_exposure(&scene.train).or_else(|| said_exposure(&scene.test));
@@ -90,7 +105,7 @@ pub fn measure(state: &MotionState, gaussians: &Gaussians, scene: &Scene, config
         velocity_angle: median(angles),
         velocity_magnitude: median(magnitudes),
         exposure,
-        exposure_error: said.map(|said| (exposure / said - 1.0).abs()),
+        exposure_error: said.filter(|_| learns_exposure(state, config)).map(|said| (exposure / said - 1.0).abs()),
         cost: cost(state, gaussians, config),
     }
 }
@@ -107,21 +122,56 @@ pub fn form_blur(model: &TaylorScene, rows: &[u32], exposure: f64, view: &View, 
 fn blurry_psnr(model: &TaylorScene, state: &MotionState, view: &View, config: &Config) -> Option<f64> {
     let blurry = view.truth.blurry.as_ref()?;
     let truth = to_tensor(view, &blurry.data, 3, &model.gaussians.device());
-    Some(psnr(form_blur(model, &state.rows, state.exposure(), view, config), truth))
+    let formed = form_blur(model, &state.rows, state.exposure(), view, config);
+    Some(match &view.mask {
+        None => psnr(formed, truth),
+        Some(mask) => psnr_masked(formed, truth.clone(), to_tensor(view, mask, 1, &truth.device())),
+    })
+}
+
+/// World velocities of what is seen, `[H * W * 3]`, and its alpha, `[H * W]`: those that the blur is formed with.
+fn velocities(
+    model: &TaylorScene,
+    state: &MotionState,
+    view: &View,
+    config: &Config,
+    units: (f64, f64),
+) -> (Vec<f32>, Vec<f32>) {
+    let t = view.time.unwrap_or(0.0);
+    let scene = model.at(t);
+    let camera = camera(view, &scene.device());
+    let options = RenderOptions { depth: true, ..config.render.options(0, [0.0; 3]) };
+    let extras = Extras { features: Some(model.velocity(t)), screen: None };
+    let rendering = render_with(&scene, &camera, &options, extras);
+    let pixels = Pixels::all(view.width, view.height, &scene.device());
+    let alpha = pixels.of(rendering.alpha.clone());
+    let splatted = pixels.of(rendering.features.clone().expect("features were given"));
+    let seen = alpha.clone().clamp_min(f32::MIN_POSITIVE);
+    let found = if config.blur.mode == BlurMode::Warp {
+        let network = |kind| state.network(kind);
+        let field = VelocityField { blur: &config.blur, units, network: &network };
+        let depth = || pixels.of(rendering.expected_depth().expect("depth was asked for"));
+        let places = || to_world(back_project(&pixels, depth(), &camera.intrinsics), &camera.viewmat);
+        let found = field.at(state.window.normalised(t), || splatted, places);
+        if config.blur.velocity == VelocitySource::Taylor { found / seen } else { found }
+    } else {
+        splatted / seen
+    };
+    (to_host(found), to_host(alpha))
 }
 
 /// Angles in degrees and relative errors of the speed, over the pixels of moving surfaces.
-fn velocity_errors(model: &TaylorScene, views: &[View], config: &Config) -> (Vec<f64>, Vec<f64>) {
+fn velocity_errors(
+    model: &TaylorScene,
+    state: &MotionState,
+    views: &[View],
+    config: &Config,
+    units: (f64, f64),
+) -> (Vec<f64>, Vec<f64>) {
     let (mut angles, mut magnitudes) = (Vec::new(), Vec::new());
     for view in views {
         let (Some(truth), Some(moving)) = (&view.truth.velocity, &view.truth.moving) else { continue };
-        let t = view.time.unwrap_or(0.0);
-        let options = config.render.options(0, [0.0; 3]);
-        let scene = model.at(t);
-        let extras = Extras { features: Some(model.velocity(t)), screen: None };
-        let rendering = render_with(&scene, &camera(view, &scene.device()), &options, extras);
-        let found = to_host(rendering.features.expect("features were given"));
-        let alpha = to_host(rendering.alpha);
+        let (found, alpha) = velocities(model, state, view, config, units);
         let truth = truth.as_chunks::<3>().0;
         let fastest = truth.iter().map(|v| length(*v)).fold(0.0, f64::max);
         for (pixel, true_velocity) in truth.iter().enumerate() {
@@ -129,7 +179,7 @@ fn velocity_errors(model: &TaylorScene, views: &[View], config: &Config) -> (Vec
             if moving[pixel] == 0 || alpha[pixel] < ALPHA_SEEN || speed <= SPEED_SHARE * fastest {
                 continue;
             }
-            let seen: [f32; 3] = [0, 1, 2].map(|c| found[3 * pixel + c] / alpha[pixel]);
+            let seen = found.as_chunks::<3>().0[pixel];
             let dot: f64 = (0..3).map(|c| f64::from(seen[c]) * f64::from(true_velocity[c])).sum();
             let cosine = dot / (speed * length(seen)).max(f64::MIN_POSITIVE);
             angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
@@ -176,6 +226,9 @@ fn cost(state: &MotionState, gaussians: &Gaussians, config: &Config) -> MotionCo
         static_share: summary.static_share,
         mean_order: size.position_orders.iter().sum::<usize>() as f64 / state.rows.len().max(1) as f64,
         orders: summary.histogram,
+        rotation_orders: histogram(&size.rotation_orders),
+        kinks: state.contacts.len(),
+        remainder: state.remainder.is_some(),
         motion_parameters: 3 * blocks + size.network,
         fixed_motion_parameters: 3 * size.gaussians * (fixed.position + fixed.rotation),
         sh_degrees: degrees,
@@ -195,7 +248,7 @@ impl MotionScores {
         };
         let saved = 100.0 * self.cost.saved();
         format!(
-            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}, {} numbers of motion ({saved:.0} % fewer than fixed order), Gaussians by SH degree {:?}",
+            "motion: {}{}{}exposure {:.4}{}; {} moving ({:.0} % static), mean order {:.2}{}{}, {} numbers of motion ({saved:.0} % fewer than fixed order), Gaussians by SH degree {:?}",
             optional("blurry PSNR", self.blurry_psnr, " dB"),
             optional("velocity off by", self.velocity_angle, " degrees"),
             optional("speed off by", self.velocity_magnitude.map(|x| 100.0 * x), " %"),
@@ -204,6 +257,8 @@ impl MotionScores {
             self.cost.moving,
             100.0 * self.cost.static_share,
             self.cost.mean_order,
+            if self.cost.kinks > 0 { format!(", {} kinks", self.cost.kinks) } else { String::new() },
+            if self.cost.remainder { ", a remainder" } else { "" },
             self.cost.motion_parameters,
             self.cost.sh_degrees,
         )
@@ -217,11 +272,12 @@ impl MotionCost {
     }
 }
 
-fn length(v: [f32; 3]) -> f64 {
-    v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
+fn histogram(orders: &[usize]) -> Vec<usize> {
+    let mut counts = vec![0; orders.iter().max().map_or(0, |highest| highest + 1)];
+    orders.iter().for_each(|order| counts[*order] += 1);
+    counts
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+fn length(v: [f32; 3]) -> f64 {
+    v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
 }

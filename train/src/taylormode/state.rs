@@ -185,6 +185,12 @@ impl MotionState {
         TaylorMotion { rows, position, rotation, window: self.window, remainder, kinks }
     }
 
+    /// A network, outside autodiff; `None` when the recipe has it not.
+    pub fn network(&self, kind: Network) -> Option<Mlp> {
+        let found = self.networks.iter().find(|network| network.kind == kind)?;
+        Some(Mlp::from_tensors(found.tensors.iter().map(|tensor| tensor.value.clone()).collect()))
+    }
+
     /// Highest order that paths have room for.
     pub fn order(&self) -> usize {
         self.position.value.dims()[1] / 3

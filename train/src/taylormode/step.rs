@@ -1,6 +1,8 @@
 //! One step on one blurry photo: form the image, compare, add the priors (Eq. 13 to 19). The rest of the step is that of
 //! every scene, [`Trainer::step`].
 
+use std::cell::Cell;
+
 use burn::tensor::{IndexingUpdateOp, Tensor, TensorData};
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
@@ -8,7 +10,7 @@ use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_models::taylormode::blur_synthesis::{blurred_color, decoupled};
 use gs_models::taylormode::{
-    Alignment, BlurWeights, DepthSpace, DirectVelocity, Exposure, PeanoMap, Pixels, Samples, TaylorScene, align, losses,
+    Alignment, BlurWeights, DepthSpace, Exposure, Pixels, Samples, TaylorScene, align, losses,
 };
 
 use crate::data::Photo;
@@ -19,6 +21,7 @@ use crate::step::{Formed, Trainer};
 use crate::taylormode::blur::expose;
 use crate::taylormode::config::{BlurMode, DepthFit, VelocitySource};
 use crate::taylormode::state::{Lent, MotionState, Network};
+use crate::taylormode::velocity::VelocityField;
 
 /// Forms the image of a scene that moved while `photo` was exposed, and compares. `tracked` and `lent` are leaves of this
 /// step's graph.
@@ -39,12 +42,14 @@ pub(crate) fn form(
         options: config.render.options(trainer.parameters.sh_degree(), config.data.background.color()),
         progress: trainer.progress(config),
         units: units(trainer.extent, state),
+        misfit: Cell::new(false),
     };
-    match config.blur.mode {
+    let formed = match config.blur.mode {
         BlurMode::None => step.unblurred(screen),
         BlurMode::Integrate => step.integrated(screen),
         BlurMode::Warp => step.warped(screen),
-    }
+    };
+    Formed { depth_misfit: step.misfit.get(), ..formed }
 }
 
 /// Depths of about the scene's size, and speeds that cross a tenth of it in half the recording, are 1 to the networks.
@@ -63,6 +68,8 @@ struct Step<'a> {
     progress: f64,
     /// What depths (scene units) and speeds (scene units per unit of time) are divided by before a network sees them.
     units: (f64, f64),
+    /// The photo's depth prior fitted nothing that is rendered.
+    misfit: Cell<bool>,
 }
 
 impl Step<'_> {
@@ -71,7 +78,7 @@ impl Step<'_> {
         let centre = self.centre(screen);
         let color = centre.color.clone();
         let loss = self.add_depth(self.photometric(color.clone(), self.photo.image.clone(), None), &centre);
-        Formed { color, loss, radii: centre.radii(), intersections: centre.intersections }
+        Formed { color, loss, radii: centre.radii(), intersections: centre.intersections, depth_misfit: false }
     }
 
     /// The exact formation: rendered at times inside the exposure and averaged.
@@ -107,7 +114,7 @@ impl Step<'_> {
             }
             loss = self.add_depth(loss, &centre);
         }
-        Formed { radii: formed.radii(), color: formed.color, loss, intersections }
+        Formed { radii: formed.radii(), color: formed.color, loss, intersections, depth_misfit: false }
     }
 
     /// The paper's formation: the sharp image gathered along the velocity at each moving pixel (Eq. 5 to 12).
@@ -121,11 +128,12 @@ impl Step<'_> {
             loss,
             radii: centre.radii(),
             intersections: centre.intersections,
+            depth_misfit: false,
         };
         let all = Pixels::all(photo.camera.width, photo.camera.height, &self.state.row_tensor().device());
         let pixels = match (&photo.hints.moving, &photo.hints.pixels) {
-            (None, _) => &all,
-            (Some(_), Some(pixels)) => pixels,
+            (None, None) => &all,
+            (_, Some(pixels)) => pixels,
             // Nothing moves in this photo: there is no blur to form.
             (Some(_), None) => return finished(centre.color.clone(), loss),
         };
@@ -139,6 +147,8 @@ impl Step<'_> {
             let (depth_unit, velocity_unit) = self.units;
             BlurWeights { mlp, depth_unit, velocity_unit }.forward(depth, velocity.clone())
         });
+        // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the blur. Depth and
+        // velocity at moving pixels, which place the samples, keep theirs, static Gaussians under the mask included.
         let sharp = match &photo.hints.moving {
             Some(moving) if blur.decouple => decoupled(centre.color.clone(), moving.clone()),
             _ => centre.color.clone(),
@@ -167,28 +177,14 @@ impl Step<'_> {
         }
     }
 
-    /// World velocity at the pixels, `[P, 3]`: splatted (Eq. 4) and corrected (Eq. 5), or predicted directly.
+    /// World velocity at the pixels, `[P, 3]`.
     fn velocity(&self, pixels: &Pixels, centre: &Rendering, depth: &Tensor<2>) -> Tensor<2> {
-        let blur = &self.config.blur;
-        let s = self.state.window.normalised(self.photo.time);
-        let (depth_unit, velocity_unit) = self.units;
-        if blur.velocity == VelocitySource::Network {
-            let mlp = self.lent.network(Network::Velocity).expect("the recipe has this network");
-            let camera = &self.photo.camera;
-            let places = to_world(back_project(pixels, depth.clone().detach(), &camera.intrinsics), &camera.viewmat);
-            let network = DirectVelocity {
-                mlp,
-                centre: Tensor::zeros([1, 3], &places.device()),
-                scale: depth_unit,
-                unit: velocity_unit,
-            };
-            return network.forward(places, s);
-        }
-        let splatted = pixels.of(centre.features.clone().expect("the centre is rendered with velocities"));
-        match self.lent.network(Network::Peano).filter(|_| blur.peano) {
-            Some(mlp) => PeanoMap { mlp, unit: velocity_unit }.forward(splatted, s),
-            None => splatted,
-        }
+        let network = |kind| self.lent.network(kind);
+        let field = VelocityField { blur: &self.config.blur, units: self.units, network: &network };
+        let splatted = || pixels.of(centre.features.clone().expect("the centre is rendered with velocities"));
+        let camera = &self.photo.camera;
+        let places = || to_world(back_project(pixels, depth.clone().detach(), &camera.intrinsics), &camera.viewmat);
+        field.at(self.state.window.normalised(self.photo.time), splatted, places)
     }
 
     /// The sharp image at the exposure's centre, with depth and splatted velocity (Eq. 4).
@@ -309,7 +305,9 @@ impl Step<'_> {
             Alignment { space, scale: 1.0, shift: 0.0, inliers: 1.0, deviation: 0.0 }
         } else {
             let (rendered, alpha) = (to_host(rendered.clone().inner()), to_host(alpha.clone().inner()));
-            align(values, &rendered, Some(&alpha), space)?
+            let aligned = align(values, &rendered, Some(&alpha), space);
+            self.misfit.set(aligned.is_none());
+            aligned?
         };
         Some(Tensor::from_data(TensorData::new(aligned.depth(values), rendered.dims()), &rendered.device()))
     }

@@ -102,10 +102,14 @@ fn exposures_that_differ_are_judged_by_their_median() {
             frames.iter_mut().enumerate().for_each(|(i, frame)| frame["exposure"] = [0.2_f64, 0.05][i.min(1)].into());
         });
     }
-    let held = finish_in(temporary.path(), &world, "held", &["blur.exposure_from=1"]);
-    let motion = held.last.motion.expect("a moving scene");
-    assert!((motion.exposure / 0.05 - 1.0).abs() < 1e-6, "{}", motion.exposure);
-    assert!(motion.exposure_error.expect("a stated exposure") < 1e-6, "{:?}", motion.exposure_error);
+    let run =
+        |name: &str, from: &str| finish_in(temporary.path(), &world, name, &[from]).last.motion.expect("it moves");
+    let held = run("held", "blur.exposure_from=1");
+    assert!((held.exposure / 0.05 - 1.0).abs() < 1e-6, "{}", held.exposure);
+    assert_eq!(held.exposure_error, None, "what is held is not found");
+    let learned = run("learned", "blur.exposure_from=0");
+    let error = learned.exposure_error.expect("a stated exposure");
+    assert!(error > 1e-6 && (error - (learned.exposure / 0.05 - 1.0).abs()).abs() < 1e-12, "{error}");
 }
 
 /// Rewrites the frames of a set's description.
