@@ -9,13 +9,13 @@ use burn::tensor::Device;
 use gs_datasets::Scene;
 
 use crate::checkpoint::Checkpoint;
-use crate::data::{Curriculum, Fingerprint, Photos, Sampler, check_pixels, check_times, near_warning, settled};
+use crate::data::{Fingerprint, Order, Photo, Photos, check_pixels, check_times, near_warning, settled};
 use crate::evaluate::{Comparison, Evaluation, Evaluator};
 use crate::experiment::{Config, Pipeline};
 use crate::export::write_ply;
 use crate::interrupt;
 use crate::memory::{Prediction, megabytes};
-use crate::metrics::psnr;
+use crate::metrics::{psnr, psnr_masked};
 use crate::profile;
 use crate::progress::Progress;
 use crate::report;
@@ -28,6 +28,9 @@ use crate::taylormode::measure;
 
 /// Steps from one line of metrics to the next.
 const METRICS_EVERY: usize = 10;
+
+/// Share of steps whose depth prior fits nothing from which on the user hears of it: the first renderings of a scene are hardly any.
+const MISFITS_NOTED: f64 = 0.1;
 
 /// What to run, and where.
 #[derive(Debug, Clone)]
@@ -69,23 +72,20 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
     let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
     check_times(&request.dataset, config, timed).map_err(Error::msg)?;
     check_pixels(&request.dataset, &scene).map_err(Error::msg)?;
-    if let Some(warning) = near_warning(config, scene.subject_distance()) {
-        tracing::warn!("{warning}");
-    }
     let asked = config;
     let request = &RunRequest { config: settled(config, &scene), ..request.clone() };
     let config = &request.config;
+    config.validate().with_context(|| format!("{}: what the data set settles", request.dataset.display()))?;
+    if let Some(warning) = near_warning(config, scene.subject_distance()) {
+        tracing::warn!("{warning}");
+    }
     let prediction = Prediction::new(&scene, config);
     let views = Fingerprint::of(&scene);
     let saved = saved_trainer(request, views)?;
     let found = hints::gather(&scene, config);
     let trainer = saved.unwrap_or_else(|| Trainer::begin(&scene, found.as_ref(), config, &request.device));
     let mut run = Run::begin(request, asked, (scene.origin, views), trainer, prediction)?;
-    let mut sampler = Sampler::new(config.seed, scene.train.len());
-    let curriculum = run.trainer.motion.as_ref().and_then(|state| {
-        let steps = (config.motion.curriculum * config.steps as f64) as usize;
-        Curriculum::new(&scene.train, state.window.t0, steps, config.seed)
-    });
+    let mut order = Order::new(&scene.train, run.trainer.motion.as_ref().map(|state| state.window.t0), config);
     run.introduce(&scene);
     if let Some(found) = &found {
         run.introduce_motion(&scene, found);
@@ -98,15 +98,14 @@ pub fn run(request: &RunRequest) -> Result<Ending> {
         }
         let step = gs_burn::profile::step();
         let started = (Instant::now(), cpu_seconds());
-        let next = run.trainer.step + 1;
-        let index = curriculum.as_ref().and_then(|opening| opening.pick(next)).unwrap_or_else(|| sampler.pick(next));
+        let index = order.pick(run.trainer.step + 1);
         let photo = gs_burn::profile::timed("photo upload", || photos.get(index));
         let report = run.trainer.step(&photo, config);
         run.trainer.simplify(&scene.train, config);
         run.clock.add(started);
         drop(step);
 
-        run.observe(&report, &photo.image)?;
+        run.observe(&report, &photo)?;
         if config.eval.at.contains(&run.trainer.step) && run.trainer.step < config.steps {
             run.measure(&scene, 0)?;
         }
@@ -167,6 +166,10 @@ struct Run<'a> {
     progress: Progress,
     clock: Clock,
     begun: Instant,
+    /// Steps whose photo's depth prior fitted nothing that was rendered.
+    depth_misfits: usize,
+    /// The line of the last step, where metrics.jsonl has none for it.
+    unnoted: Option<MetricsLine>,
 }
 
 impl<'a> Run<'a> {
@@ -192,6 +195,8 @@ impl<'a> Run<'a> {
             origin,
             views,
             begun: Instant::now(),
+            depth_misfits: 0,
+            unnoted: None,
             request,
             trainer,
             prediction,
@@ -249,27 +254,52 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// Says once that depth priors fit nothing, when they have been compared for the last time.
+    fn watch_depth(&mut self, report: &StepReport) {
+        self.depth_misfits += usize::from(report.depth_misfit);
+        let config = &self.request.config;
+        let compared = ((config.prior.until * config.steps as f64) as usize).clamp(1, config.steps);
+        if self.trainer.step == compared && self.depth_misfits as f64 > MISFITS_NOTED * compared as f64 {
+            self.progress.say(&format!(
+                "warning: in {} of {compared} steps the photo's depth prior fitted nothing that was rendered, and the depth term (Eq. 16) \
+                 was left out; is it depth, or its inverse (depth_kind)?",
+                self.depth_misfits
+            ));
+        }
+    }
+
     /// Bar and metrics after a step.
-    fn observe(&mut self, report: &StepReport, truth: &burn::tensor::Tensor<3>) -> Result<()> {
+    fn observe(&mut self, report: &StepReport, photo: &Photo) -> Result<()> {
         let step = self.trainer.step;
         let last = step == self.request.config.steps;
+        self.watch_depth(report);
         let checkpoint = due(step, self.request.config.checkpoint.every);
         // A line at every checkpoint, because the clock of a resumed run continues from the last line.
         let noted = due(step, METRICS_EVERY) || checkpoint || last || report.skipped;
-        let psnr = (noted && !report.skipped).then(|| psnr(report.color.clone(), truth.clone()));
+        let psnr = (noted && !report.skipped).then(|| {
+            let (image, truth) = (report.color.clone().clamp(0.0, 1.0), photo.image.clone());
+            match &photo.mask {
+                None => psnr(image, truth),
+                Some(mask) => psnr_masked(image, truth, mask.clone()),
+            }
+        });
         self.progress.step(step, report.loss, psnr, self.trainer.parameters.len());
+        let line = MetricsLine::Train(TrainLine {
+            step,
+            loss: report.loss.is_finite().then_some(report.loss),
+            psnr,
+            gaussians: self.trainer.parameters.len(),
+            sh_degree: self.trainer.parameters.sh_degree(),
+            intersections: report.intersections,
+            skipped: self.trainer.skipped,
+            seconds: self.clock.seconds,
+            cpu_seconds: self.clock.cpu_seconds,
+        });
+        self.unnoted = None;
         if noted {
-            self.note(MetricsLine::Train(TrainLine {
-                step,
-                loss: report.loss.is_finite().then_some(report.loss),
-                psnr,
-                gaussians: self.trainer.parameters.len(),
-                sh_degree: self.trainer.parameters.sh_degree(),
-                intersections: report.intersections,
-                skipped: self.trainer.skipped,
-                seconds: self.clock.seconds,
-                cpu_seconds: self.clock.cpu_seconds,
-            }))?;
+            self.note(line)?;
+        } else {
+            self.unnoted = Some(line);
         }
         Ok(())
     }
@@ -286,15 +316,18 @@ impl<'a> Run<'a> {
         let mut photos = Photos::new(views, &self.request.device, 0);
         let model = self.trainer.model();
         let (measured, comparisons) = self.evaluator.evaluate(&*model, &mut photos, &self.request.config, kept);
+        let gaussians = self.trainer.parameters.gaussians();
         let evaluation = Evaluation {
             step: self.trainer.step,
             split: split.into(),
             seconds: self.clock.seconds,
             cpu_seconds: self.clock.cpu_seconds,
             peak_memory_bytes: peak_memory(),
-            motion: self.trainer.motion.as_ref().map(|state| {
-                measure::measure(state, &self.trainer.parameters.gaussians(), scene, &self.request.config)
-            }),
+            motion: self
+                .trainer
+                .motion
+                .as_ref()
+                .map(|state| measure::measure(state, &gaussians, scene, &self.request.config)),
             ..measured
         };
         self.progress.say(&evaluation.line());
@@ -344,7 +377,10 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    fn leave(self) -> Result<Ending> {
+    fn leave(mut self) -> Result<Ending> {
+        if let Some(line) = self.unnoted.take() {
+            self.note(line)?;
+        }
         self.save()?;
         profile::write_if_recording(&self.request.folder, &self.request.device_name)?;
         self.progress.finish();

@@ -4,7 +4,31 @@ use gs_datasets::View;
 use rand::Rng;
 use rand::seq::SliceRandom;
 
+use crate::experiment::Config;
 use crate::random::{Purpose, stream};
+
+/// Which view each step of a run uses.
+#[derive(Debug, Clone)]
+pub struct Order {
+    opening: Option<Curriculum>,
+    sampler: Sampler,
+}
+
+impl Order {
+    /// The order that `config` asks for over `views`; a recording whose paths are expanded at `middle` is opened from there.
+    pub fn new(views: &[View], middle: Option<f64>, config: &Config) -> Self {
+        let steps = (config.motion.curriculum * config.steps as f64) as usize;
+        Self {
+            opening: middle.and_then(|middle| Curriculum::new(views, middle, steps, config.seed)),
+            sampler: Sampler::new(config.seed, views.len()),
+        }
+    }
+
+    /// The index of the view of `step` (from 1).
+    pub fn pick(&mut self, step: usize) -> usize {
+        self.opening.as_ref().and_then(|opening| opening.pick(step)).unwrap_or_else(|| self.sampler.pick(step))
+    }
+}
 
 /// Which view each step uses: every view once an epoch, in an order drawn from the seed. Step `s` has the same view
 /// whether the run was interrupted or not.

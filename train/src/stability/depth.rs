@@ -1,4 +1,4 @@
-//! What does a wrong depth prior cost (FIELD B16)? Networks give depth or disparity up to a scale and a shift that differ from
+//! What does a wrong depth prior cost? Networks give depth or disparity up to a scale and a shift that differ from
 //! photo to photo, and some pixels are plainly wrong.
 
 use anyhow::Result;

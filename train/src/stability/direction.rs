@@ -1,4 +1,4 @@
-//! Does blur say which way things went (FIELD B15 a)? With a symmetric exposure and straight motion, v and -v blur alike, so one
+//! Does blur say which way things went? With a symmetric exposure and straight motion, v and -v blur alike, so one
 //! frame cannot tell; two can.
 
 use anyhow::Result;

@@ -1,4 +1,4 @@
-//! Where a Taylor path goes outside the window it was fitted in (FIELD B12). Arithmetic alone, through the path that the trainer
+//! Where a Taylor path goes outside the window it was fitted in. Arithmetic alone, through the path that the trainer
 //! uses (`TaylorMotion`), so that its continuation beyond the window is what is measured.
 
 use anyhow::Result;

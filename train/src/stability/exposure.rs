@@ -1,4 +1,4 @@
-//! Can exposure and speed be told apart (FIELD B15 b)? In one frame only their product is seen; frames one after the other show
+//! Can exposure and speed be told apart? In one frame only their product is seen; frames one after the other show
 //! speed alone.
 
 use anyhow::Result;
@@ -7,8 +7,9 @@ use gs_datasets::synthetic::deblur::World;
 use gs_models::taylormode::TaylorScene;
 
 use crate::data::to_tensor;
+use crate::metrics::median;
 use crate::report::charts::{Chart, Series};
-use crate::stability::findings::{largest, median};
+use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::surface::on_surface;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
@@ -47,7 +48,8 @@ fn run(lab: &Lab) -> Result<Findings> {
         session.until(steps)?;
         let tau = session.state().exposure() / truth;
         let compared = on_surface(&session.scene(), &scene, session.state().window.t0);
-        let speed = median(compared.iter().map(|pair| pair.found.length() / pair.truth.length()).collect());
+        let speed =
+            median(compared.iter().map(|pair| pair.found.length() / pair.truth.length()).collect()).unwrap_or(f64::NAN);
         taus.push((factor.log2(), tau));
         products.push((factor.log2(), tau * speed));
         if valley.is_empty() && *factor >= 1.0 {

@@ -86,12 +86,6 @@ pub fn smallest(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     largest(values.into_iter().map(|value| -value)).map(|value| -value)
 }
 
-/// The middle of the values; NaN where there is none.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
 /// What an experiment found.
 #[derive(Debug, Clone, Default)]
 pub struct Findings {

@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use burn::tensor::{Device, Tensor};
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults, World};
+use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
 use gs_models::taylormode::TaylorScene;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::data::{Photo, Photos, Sampler};
+use crate::data::{Order, Photo, Photos, settled};
 use crate::evaluate::{Evaluation, Evaluator};
 use crate::experiment::Config;
 use crate::interrupt;
@@ -23,13 +23,14 @@ use crate::taylormode::{hints, measure};
 /// What all runs on the small worlds have in common: few Gaussians and few instants, because the images are small, and rates of
 /// the Gaussians some times those of a real run, because a few hundred steps must make a scene sharp enough for blur to matter.
 /// The rest is `configs/taylormode/base.toml`.
-const RECIPE: [&str; 21] = [
+const RECIPE: [&str; 22] = [
     "pipeline=taylormode",
     "model.sh_degree=0",
     "density.cap=2500",
     "density.start=30",
     "density.every=30",
     "density.growth=0.1",
+    "density.trim=0.005",
     "motion.points=800",
     "motion.select_every=50",
     "blur.samples=5",
@@ -122,14 +123,12 @@ impl Lab {
     /// # Errors
     /// When the disk does not take it.
     pub fn world(&self, options: &DeblurOptions) -> Result<Scene> {
-        let DeblurOptions { world, cameras, frames, exposure, speed, .. } = options;
-        let faults = if options.priors == PriorFaults::none() { "true" } else { "faulty" };
-        let name = format!(
-            "{world}-{}x{}-{cameras}x{frames}-exposure{exposure}-speed{speed}-{faults}",
-            options.width, options.height
-        );
-        let folder = self.worlds.join(name);
-        if !folder.join("transforms_test.json").is_file() {
+        let DeblurOptions { world, cameras, frames, .. } = options;
+        // Every option counts, those too long for a name.
+        let all = crc32fast::hash(format!("{options:?}").as_bytes());
+        let folder = self.worlds.join(format!("{world}-{cameras}x{frames}-{all:08x}"));
+        // Written last.
+        if !folder.join("transforms_train.json").is_file() {
             deblur::write(&folder, options, |_, _| {})?;
         }
         Ok(load(&folder, &LoadOptions { training_truth: true, ..LoadOptions::default() })?)
@@ -171,17 +170,19 @@ pub struct Session<'a> {
     /// Its state.
     pub trainer: Trainer,
     photos: Photos<'a>,
-    sampler: Sampler,
+    order: Order,
 }
 
 impl<'a> Session<'a> {
     /// Before the first step, as `run` begins.
     pub fn begin(lab: &'a Lab, scene: &'a Scene, config: Config) -> Self {
+        let config = settled(&config, scene);
         let found = hints::gather(scene, &config);
+        let trainer = Trainer::begin(scene, found.as_ref(), &config, &lab.device);
         Self {
-            trainer: Trainer::begin(scene, found.as_ref(), &config, &lab.device),
+            order: Order::new(&scene.train, trainer.motion.as_ref().map(|state| state.window.t0), &config),
+            trainer,
             photos: Photos::new(&scene.train, &lab.device, config.data.cache_mb << 20).with_motion(found),
-            sampler: Sampler::new(config.seed, scene.train.len()),
             lab,
             scene,
             config,
@@ -196,7 +197,7 @@ impl<'a> Session<'a> {
         if interrupt::asked() {
             bail!("interrupted; what was finished before is in the output folder");
         }
-        let photo = self.photos.get(self.sampler.pick(self.trainer.step + 1));
+        let photo = self.photos.get(self.order.pick(self.trainer.step + 1));
         let report = self.trainer.step(&photo, &self.config);
         self.trainer.simplify(&self.scene.train, &self.config);
         self.lab.done.set(self.lab.done.get() + 1);

@@ -72,8 +72,7 @@ fn run(lab: &Lab) -> Result<Findings> {
                 "Up to {range} pixels wrong, moving parts lose {:.2} dB at most.",
                 loss(&moving, range).unwrap_or(f64::NAN)
             ),
-            "FIELD.md sets no bound for masks; these were set before measuring, for errors of a usual segmentation."
-                .into(),
+            "The bounds were set before measuring, for errors of a usual segmentation.".into(),
         ],
     })
 }

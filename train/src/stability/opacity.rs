@@ -1,4 +1,4 @@
-//! What do opacity resets cost (FIELD B7)? The classic control of density lowers all opacities now and then; authors of deblurring
+//! What do opacity resets cost? The classic control of density lowers all opacities now and then; authors of deblurring
 //! methods do not.
 
 use anyhow::Result;
@@ -28,7 +28,7 @@ const STEPS_QUICK: usize = 180;
 /// Steps between measurements.
 const EVERY: usize = 15;
 
-/// A fall below the best so far that counts, dB, and how long it may last, steps (FIELD B7).
+/// A fall below the best so far that counts, dB, and how long it may last, steps: a policy that costs more is not one to recommend.
 const DROP: f64 = 3.0;
 const LASTING: f64 = 300.0;
 

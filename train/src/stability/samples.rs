@@ -1,4 +1,4 @@
-//! How many instants does an exposure need (FIELD B15 d)?
+//! How many instants does an exposure need?
 
 use anyhow::Result;
 use burn::tensor::Tensor;

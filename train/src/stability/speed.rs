@@ -4,8 +4,9 @@ use anyhow::Result;
 use gs_datasets::Scene;
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 
+use crate::metrics::median;
 use crate::report::charts::{Chart, Series};
-use crate::stability::findings::{median, smallest};
+use crate::stability::findings::smallest;
 use crate::stability::lab::{Session, moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
@@ -89,5 +90,5 @@ fn pixels_of_motion(scene: &Scene, exposure: f64) -> f64 {
             pixels.push(v.truncate().length() * view.intrinsics.fx / f64::from(depth[pixel]) * exposure);
         }
     }
-    median(pixels)
+    median(pixels).unwrap_or(f64::NAN)
 }

@@ -1,4 +1,4 @@
-//! Does early training throw Gaussians away (FIELD B20)? Deformation fields have thrown points out of the scene when the
+//! Does early training throw Gaussians away? Deformation fields have thrown points out of the scene when the
 //! scene's unit was not the one they were tuned for.
 
 use anyhow::Result;
