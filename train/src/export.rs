@@ -11,6 +11,7 @@ use gs_models::Motion;
 
 use crate::checkpoint::Checkpoint;
 use crate::experiment::Config;
+use crate::metrics::median;
 use crate::parameters::{Group, Parameters, indices};
 use crate::run_folder::RunFolder;
 use crate::taylormode::state::{MotionState, model};
@@ -188,7 +189,8 @@ pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussi
         })
         .collect();
     let sizes: Vec<f64> = (0..rows).map(|row| draft.size(row)).collect();
-    let (largest, widest) = (filter.max_size * median(&sizes), filter.max_gap * median(&gaps));
+    let times = |factor: f64, values: &[f64]| factor * median(values.to_vec()).expect("there are Gaussians");
+    let (largest, widest) = (times(filter.max_size, &sizes), times(filter.max_gap, &gaps));
     let kept: Vec<u32> = (0..rows)
         .filter(|row| draft.opacity(*row) >= filter.min_opacity && sizes[*row] <= largest && gaps[*row] <= widest)
         .map(|row| row as u32)
@@ -196,10 +198,4 @@ pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussi
     let kept = indices(&kept, &parameters.device());
     let groups = Group::ALL.map(|group| parameters.get(group).clone().select(0, kept.clone()));
     Parameters::new(groups).gaussians()
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted[sorted.len() / 2]
 }

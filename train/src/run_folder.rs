@@ -212,8 +212,10 @@ impl RunFolder {
         let old = saved.iter().rev().skip(keep).map(|(_, path)| path.clone());
         let entries = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
         let halves = entries.map(|entry| entry.path()).filter(|path| {
-            let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(".tmp"));
-            hidden || path.extension().is_some_and(|extension| extension == "part")
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            // As `write_atomic` and the checkpoints call them.
+            (name.starts_with('.') && name.ends_with(".tmp"))
+                || path.extension().is_some_and(|extension| extension == "part")
         });
         for path in old.chain(halves) {
             if let Err(error) = fs::remove_file(&path) {
@@ -361,7 +363,9 @@ mod tests {
         let temporary = tempfile::tempdir().expect("a folder");
         let folder = RunFolder::vacant(temporary.path()).expect("free");
         folder.make().expect("made");
-        for name in ["step-0000100.safetensors", "step-0000200.safetensors", "step-0000300.part", ".tmpX1"] {
+        for name in
+            ["step-0000100.safetensors", "step-0000200.safetensors", "step-0000300.part", ".step-1.safetensors.7.0.tmp"]
+        {
             fs::write(folder.checkpoints().join(name), "x").expect("written");
         }
         folder.prune_checkpoints(1);

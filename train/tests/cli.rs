@@ -6,6 +6,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use burn::tensor::Tensor;
+use gs_burn::Gaussians;
+
 /// The program in `folder`. Mesa's Vulkan drivers write `error:` lines of their own where no such directory is named.
 fn program(folder: &Path) -> Command {
     let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
@@ -157,6 +160,55 @@ fn a_killed_run_continues() {
     fs::write(folder.join("run/config.toml"), config.replace("steps = 100000", "steps = 99999")).expect("written");
     let error = fails(folder, &["train", "--resume", "--out", "run", "--quiet"]);
     assert!(error.contains("expected the configuration of"), "{error}");
+}
+
+/// Ctrl-C and a batch system's SIGTERM save, leave, and are continued.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_saves_and_continues() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    for signal in ["INT", "TERM"] {
+        let begin = ["train", "scene", "--out", signal, "--quiet", "--steps", "100000"];
+        let mut running = program(folder).args(begin).spawn().expect("the program starts");
+        let lines =
+            || fs::read_to_string(folder.join(signal).join("metrics.jsonl")).unwrap_or_default().lines().count();
+        while lines() == 0 {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            assert!(running.try_wait().expect("a process").is_none(), "it runs until it is interrupted");
+        }
+        let id = running.id().to_string();
+        assert!(Command::new("kill").args([format!("-{signal}"), id]).status().expect("kill").success());
+        assert_eq!(running.wait().expect("ended").code(), Some(gs_train::interrupt::EXIT_CODE), "{signal}");
+        let saved = gs_train::run_folder::RunFolder::at(folder.join(signal)).saved();
+        let step = saved.last().expect("it saved").0;
+        assert!(step >= 10, "{signal}: step {step}");
+    }
+}
+
+/// A picture that needs more pairs of tile and Gaussian than can be counted is an error, not a panic.
+#[test]
+fn a_picture_too_large_is_said() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    // 875 x 875 tiles, each reached by 3000 Gaussians.
+    let device = common::named("flex");
+    let (count, side) = (3000, 14_000);
+    let gaussians = Gaussians::from_tensors(
+        Tensor::zeros([count, 3], &device),
+        Tensor::ones([count, 4], &device),
+        Tensor::full([count, 3], 3.0, &device),
+        Tensor::zeros([count], &device),
+        Tensor::zeros([count, 1, 3], &device),
+    );
+    gs_burn::ply::write_ply(folder.join("large.ply"), &gaussians).expect("written");
+    let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,9],[0,0,0,1]]";
+    let frames = format!(r#"[{{"file_path": "a", "transform_matrix": {pose}}}]"#);
+    let camera = format!(r#"{{"fl_x": {side}, "w": {side}, "h": {side}, "frames": {frames}}}"#);
+    fs::write(folder.join("large.json"), camera).expect("written");
+    let error = fails(folder, &["render", "large.ply", "--cameras", "large.json", "--out", "x", "--device", "flex"]);
+    assert!(error.contains("2^31 pairs") && error.contains("a smaller image"), "{error}");
 }
 
 #[test]

@@ -95,7 +95,7 @@ fn neighbouring_frames_tell_exposure_from_speed() {
         [valley[0].1, valley[valley.len() - 1].1]
     };
     let (one, all) = (ends("the frame at t0 alone"), ends("all frames"));
-    // An octave off, first-order blur is the same in one frame (FIELD.md B15 b); two frames are misplaced by half the motion.
+    // An octave off, first-order blur is the same in one frame; two frames are misplaced by half the motion.
     assert!(one.iter().all(|ratio| *ratio <= 1.02), "one frame, an octave off: {one:?} times the least difference");
     assert!(all.iter().all(|ratio| *ratio >= 1.1), "all frames, an octave off: {all:?} times the least difference");
 }

@@ -1,4 +1,4 @@
-//! Alignment of depth priors: any affine map is undone, in the right space, outliers or not (FIELD B16).
+//! Alignment of depth priors: any affine map is undone, in the right space, outliers or not.
 
 use gs_models::taylormode::{DepthSpace, align};
 use gs_tests::scenes::Random;

@@ -1,4 +1,4 @@
-//! Outside the window no order may be worse than order 1 (FIELD B12), and inside the chosen one fits.
+//! Outside the window no order may be worse than order 1, and inside the chosen one fits.
 
 use gs_models::taylormode::window::{FADE, best_line, continued, powers};
 

@@ -25,6 +25,9 @@ use crate::step::Trainer;
 /// Pixels in a tile: what one intersection costs the rasterizer.
 const PIXELS_PER_TILE: f64 = (TILE * TILE) as f64;
 
+/// Most Gaussians that are made: 16 GB of numbers.
+const GAUSSIANS_MAX: usize = 1 << 26;
+
 /// Depths of the synthetic Gaussians, scene units.
 const DEPTHS: [f32; 2] = [2.0, 10.0];
 
@@ -37,8 +40,8 @@ const SIZE_PIXELS: f32 = 2.0;
 /// # Errors
 /// When the device is not there.
 pub fn run(args: &BenchArgs) -> Result<ExitCode> {
-    if args.gaussians == 0 {
-        bail!("--gaussians: expected at least 1, found 0");
+    if !(1..=GAUSSIANS_MAX).contains(&args.gaussians) {
+        bail!("--gaussians: expected 1 to {GAUSSIANS_MAX}, found {}", args.gaussians);
     }
     let device = device(&args.device)?;
     let (width, height) = (args.width as usize, args.height as usize);

@@ -1,5 +1,6 @@
 //! `gsburn train`.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -129,11 +130,15 @@ pub(super) fn next_folder(name: &str) -> PathBuf {
     names.map(|name| Path::new(RUNS).join(name)).find(|path| !path.exists()).expect("one of endless names is free")
 }
 
-/// The last of runs/NAME, runs/NAME-2, -3, ...
+/// The newest of runs/NAME, runs/NAME-2, -3, ..., by the time its configuration was written.
 fn newest_folder(name: &str) -> Option<PathBuf> {
-    let numbered = (2..).map(|n| format!("{name}-{n}"));
-    let names = std::iter::once(name.to_string()).chain(numbered);
-    names.map(|name| Path::new(RUNS).join(name)).take_while(|path| path.exists()).last()
+    let is_run_of = |folder: &PathBuf| {
+        let found = folder.file_name().and_then(|found| found.to_str()).and_then(|found| found.strip_prefix(name));
+        found.is_some_and(|rest| rest.is_empty() || rest.strip_prefix('-').is_some_and(|n| n.parse::<usize>().is_ok()))
+    };
+    let begun = |folder: &PathBuf| fs::metadata(RunFolder::at(folder).config()).and_then(|file| file.modified()).ok();
+    let folders = fs::read_dir(RUNS).into_iter().flatten().flatten().map(|entry| entry.path()).filter(is_run_of);
+    folders.max_by(|a, b| begun(a).cmp(&begun(b)).then_with(|| a.cmp(b)))
 }
 
 /// What a finished run says.
