@@ -104,7 +104,8 @@ const REMAINDER_PIXELS: f64 = 0.5;
 const REMAINDER_DEVIATIONS: f64 = 3.0;
 
 /// Whether the 3D remainder is worth having: asked for, or the centre's distances from the best polynomial are large enough
-/// to be seen and are no noise.
+/// to be seen and are no noise. Decided once, before training, from the triangulated centres of what moves: there the residual after
+/// the best order is known without a scene.
 pub fn wants_remainder(found: &Found, config: &Config) -> bool {
     match config.motion.remainder {
         RemainderChoice::On => true,

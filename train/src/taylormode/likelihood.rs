@@ -1,4 +1,8 @@
 //! Whether a simpler motion explains the photos as well: the likelihood check on what [`select`](super::select) proposes.
+//!
+//! One verdict is given on all Gaussians together, and the residual variance is that of training photos: a Gaussian alone changes too
+//! few pixels to be judged, and no photo is set aside. So the check vetoes what shows, while the tenth of a pixel that a proposal may
+//! move anything is what decides for single Gaussians.
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::exposure::ExposureOptions;
