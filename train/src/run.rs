@@ -168,8 +168,6 @@ struct Run<'a> {
     begun: Instant,
     /// Steps whose photo's depth prior fitted nothing that was rendered.
     depth_misfits: usize,
-    /// The line of the last step, where metrics.jsonl has none for it.
-    unnoted: Option<MetricsLine>,
 }
 
 impl<'a> Run<'a> {
@@ -196,7 +194,6 @@ impl<'a> Run<'a> {
             views,
             begun: Instant::now(),
             depth_misfits: 0,
-            unnoted: None,
             request,
             trainer,
             prediction,
@@ -274,7 +271,8 @@ impl<'a> Run<'a> {
         let last = step == self.request.config.steps;
         self.watch_depth(report);
         let checkpoint = due(step, self.request.config.checkpoint.every);
-        // A line at every checkpoint, because the clock of a resumed run continues from the last line.
+        // A line at every planned checkpoint, because the clock of a resumed run continues from the last line. A run that is stopped in
+        // between has none there, so that its metrics are those of an uninterrupted one; it loses the clock of a few steps.
         let noted = due(step, METRICS_EVERY) || checkpoint || last || report.skipped;
         let psnr = (noted && !report.skipped).then(|| {
             let (image, truth) = (report.color.clone().clamp(0.0, 1.0), photo.image.clone());
@@ -284,22 +282,18 @@ impl<'a> Run<'a> {
             }
         });
         self.progress.step(step, report.loss, psnr, self.trainer.parameters.len());
-        let line = MetricsLine::Train(TrainLine {
-            step,
-            loss: report.loss.is_finite().then_some(report.loss),
-            psnr,
-            gaussians: self.trainer.parameters.len(),
-            sh_degree: self.trainer.parameters.sh_degree(),
-            intersections: report.intersections,
-            skipped: self.trainer.skipped,
-            seconds: self.clock.seconds,
-            cpu_seconds: self.clock.cpu_seconds,
-        });
-        self.unnoted = None;
         if noted {
-            self.note(line)?;
-        } else {
-            self.unnoted = Some(line);
+            self.note(MetricsLine::Train(TrainLine {
+                step,
+                loss: report.loss.is_finite().then_some(report.loss),
+                psnr,
+                gaussians: self.trainer.parameters.len(),
+                sh_degree: self.trainer.parameters.sh_degree(),
+                intersections: report.intersections,
+                skipped: self.trainer.skipped,
+                seconds: self.clock.seconds,
+                cpu_seconds: self.clock.cpu_seconds,
+            }))?;
         }
         Ok(())
     }
@@ -377,10 +371,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    fn leave(mut self) -> Result<Ending> {
-        if let Some(line) = self.unnoted.take() {
-            self.note(line)?;
-        }
+    fn leave(self) -> Result<Ending> {
         self.save()?;
         profile::write_if_recording(&self.request.folder, &self.request.device_name)?;
         self.progress.finish();

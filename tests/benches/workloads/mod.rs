@@ -4,20 +4,21 @@
 //! |---|---|---|
 //! | `100k` | 100 000, generated | 640 x 480 |
 //! | `1M` | 1 000 000, generated | 1280 x 720 |
-//! | `real` | the PLY file named by `GS_BENCH_PLY` | the first camera of the transforms.json named by `GS_BENCH_CAMERAS`, or one in front of the scene |
+//! | `real` | the PLY file named by `GS_BENCH_PLY` | the first camera of the transforms.json, or the first held-out photo of the data set, named by `GS_BENCH_CAMERAS`; or one in front of the scene |
 //!
 //! `GS_BENCH_DEVICE` names the device as `gsburn --device` does; the default is `flex`. `GS_BENCH_CLOCK` says what is
 //! measured: `cpu`, the processor time of all threads (the default), or `wall`, the time that passes.
 
 #![allow(dead_code)] // each benchmark uses its own part
 
+use std::path::Path;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use criterion::Criterion;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, ply, render};
+use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, glam, ply, render};
 use gs_kernels::config::ProjectionConfig;
 
 #[path = "../../../gs-kernels/tests/scenes/mod.rs"]
@@ -149,16 +150,31 @@ fn generated(name: &str, count: usize, width: u32, height: u32, device: &Device)
 fn trained(path: &str, device: &Device) -> Workload {
     let gaussians = ply::read_ply(path, device).unwrap_or_else(|error| panic!("GS_BENCH_PLY: {error}"));
     let camera = match std::env::var("GS_BENCH_CAMERAS") {
-        Ok(path) => {
-            let cameras = gs_datasets::load_cameras(path.as_ref()).unwrap_or_else(|e| panic!("GS_BENCH_CAMERAS: {e}"));
-            let first = cameras.first().unwrap_or_else(|| panic!("GS_BENCH_CAMERAS: {path} holds no camera"));
-            let gs_datasets::Intrinsics { fx, fy, cx, cy } = first.intrinsics;
-            Camera::from_c2w(first.c2w, Intrinsics { fx, fy, cx, cy }, first.width, first.height, device)
-        }
+        Ok(path) => held_out(path.as_ref(), device),
         Err(_) => in_front(&gaussians, device),
     };
     workload("real", gaussians, camera)
 }
+
+/// The first camera of a transforms.json file, or of the photos that a data set holds out, at most [`WIDTH`] pixels wide.
+fn held_out(path: &Path, device: &Device) -> Camera {
+    let (c2w, gs_datasets::Intrinsics { fx, fy, cx, cy }, width, height) = if path.is_file() {
+        let cameras = gs_datasets::load_cameras(path).unwrap_or_else(|error| panic!("GS_BENCH_CAMERAS: {error}"));
+        let first = cameras.first().unwrap_or_else(|| panic!("GS_BENCH_CAMERAS: {} holds no camera", path.display()));
+        (first.c2w, first.intrinsics, first.width, first.height)
+    } else {
+        let options = gs_datasets::LoadOptions { max_width: Some(WIDTH), ..gs_datasets::LoadOptions::default() };
+        let scene = gs_datasets::load(path, &options).unwrap_or_else(|error| panic!("GS_BENCH_CAMERAS: {error}"));
+        let first = scene.test.first().or(scene.train.first()).expect("a scene that loads has views");
+        // A PLY file is in the data set's world, views are where training is.
+        let c2w = glam::DMat4::from_translation(scene.origin) * first.c2w;
+        (c2w, first.intrinsics, first.width, first.height)
+    };
+    Camera::from_c2w(c2w, Intrinsics { fx, fy, cx, cy }, width, height, device)
+}
+
+/// Widest photo of a data set, pixels: that of the README's tables.
+const WIDTH: usize = 480;
 
 /// A camera of 60 degrees that looks along z at the middle of the scene from as far as most of it fits.
 fn in_front(gaussians: &Gaussians, device: &Device) -> Camera {
