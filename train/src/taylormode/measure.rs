@@ -257,7 +257,7 @@ impl MotionScores {
             self.cost.moving,
             100.0 * self.cost.static_share,
             self.cost.mean_order,
-            if self.cost.kinks > 0 { format!(", {} kinks", self.cost.kinks) } else { String::new() },
+            if self.cost.kinks > 0 { format!(", kinks {}", self.cost.kinks) } else { String::new() },
             if self.cost.remainder { ", a remainder" } else { "" },
             self.cost.motion_parameters,
             self.cost.sh_degrees,
