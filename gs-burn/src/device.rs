@@ -151,6 +151,10 @@ impl DeviceChoice {
         }
         let unavailable = |reason| DeviceError::Unavailable { choice: self, reason };
         let device = match self.index {
+            // Without the driver CUDA would panic on a thread of its own, and only that thread's silence be seen here.
+            None if self.kind == Cuda && quietly(|| self.kind.list()).map_err(unavailable)?.is_empty() => {
+                return Err(unavailable("found no GPU of NVIDIA's with its driver".to_owned()));
+            }
             None => self.kind.default_device(),
             Some(index) => {
                 let devices = quietly(|| self.kind.list()).map_err(unavailable)?;
@@ -263,14 +267,35 @@ impl DeviceKind {
     }
 }
 
+/// Whether `device` is one of CubeCL's, which are GPUs.
+#[cfg(feature = "cube")]
+pub(crate) fn is_gpu(device: &Device) -> bool {
+    device.identity().is_some()
+}
+
+/// A build without CubeCL has no GPU.
+#[cfg(not(feature = "cube"))]
+pub(crate) fn is_gpu(_: &Device) -> bool {
+    false
+}
+
 /// Computes something small and reads it back.
+///
+/// On CUDA the exponential needs a file of the toolkit, which a sum does not.
 fn probe(device: &Device) -> Result<(), String> {
-    let sum = quietly(|| Tensor::<1>::ones([4], device).sum().try_into_scalar::<f32>())?;
-    match sum {
-        Ok(4.0) => Ok(()),
-        Ok(wrong) => Err(format!("it computes 1 + 1 + 1 + 1 = {wrong}")),
-        Err(error) => Err(format!("{error:?}")),
+    let powers = quietly(|| Tensor::<1>::zeros([4], device).exp().try_into_data())?;
+    let powers = powers.map_err(|error| innermost(&error.to_string()))?;
+    match powers.try_to_vec::<f32>() {
+        Ok(ones) if ones == [1.0; 4] => Ok(()),
+        wrong => Err(format!("it computes exp(0) = {wrong:?}")),
     }
+}
+
+/// The last cause in a device's message, which is what the user can mend; Burn hands on the chain as one text.
+fn innermost(message: &str) -> String {
+    let cause = message.rsplit("Caused by:").next().unwrap_or(message);
+    let cause = cause.split("Backtrace:").next().unwrap_or(cause);
+    cause.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Runs `task`; a panic becomes its message.
@@ -303,6 +328,14 @@ mod tests {
             assert_eq!(name.parse::<DeviceChoice>().unwrap().to_string(), name);
         }
         assert_eq!("CUDA:0".parse(), Ok(DeviceChoice { kind: Cuda, index: Some(0) }));
+    }
+
+    #[test]
+    fn the_last_cause_is_what_is_said() {
+        let message =
+            "An error happened\nCaused by:\n  A launch failed\nCaused by:\n  a file is\n  missing\nBacktrace:\nNone";
+        assert_eq!(innermost(message), "a file is missing");
+        assert_eq!(innermost("no chain"), "no chain");
     }
 
     #[test]

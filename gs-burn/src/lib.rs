@@ -43,6 +43,7 @@ pub mod camera;
 #[cfg(feature = "cube")]
 mod cube;
 pub mod device;
+mod exact;
 pub mod exposure;
 pub mod gaussians;
 pub mod ops;
@@ -55,6 +56,7 @@ mod slices;
 mod testing;
 
 pub use camera::{Camera, Intrinsics};
+pub use exact::exact_matmul;
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;

@@ -43,9 +43,20 @@ impl Place {
     }
 }
 
-/// The backends of this build, those on the CPU first.
+/// Names a part of a build's backends, as in `flex,vulkan`; without it tests run on all of them.
+const TEST_BACKENDS: &str = "GSBURN_TEST_BACKENDS";
+
+/// The backends of this build that [`TEST_BACKENDS`] does not leave out, those on the CPU first.
 fn built() -> impl Iterator<Item = DeviceKind> {
-    BACKENDS.into_iter().filter(|kind| kind.is_built())
+    let chosen = std::env::var(TEST_BACKENDS).ok();
+    let chosen: Option<Vec<DeviceKind>> = chosen.map(|names| names.split(',').map(named).collect());
+    BACKENDS.into_iter().filter(move |kind| kind.is_built() && chosen.as_ref().is_none_or(|all| all.contains(kind)))
+}
+
+/// A misspelt name would leave out what it means, unseen.
+fn named(name: &str) -> DeviceKind {
+    let known = BACKENDS.into_iter().find(|kind| kind.name() == name && kind.is_built());
+    known.unwrap_or_else(|| panic!("{TEST_BACKENDS} names `{name}`, which this build does not have"))
 }
 
 /// Every device of this build in `f32`.

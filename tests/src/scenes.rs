@@ -5,7 +5,7 @@ use gs_burn::ops::intersect::intersect;
 use gs_burn::ops::projection::{ProjectionConfig, project, project_reference};
 use gs_burn::ops::rasterize::{RasterizeConfig, rasterize, rasterize_reference};
 use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions};
+use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, exact_matmul};
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 
 use crate::cutoff::undecided_pixels;
@@ -254,5 +254,5 @@ fn compensations(rows: Tensor<2>) -> Tensor<1> {
     let nothing = ProjectedRow { mean: [0.0; 2], conic: [0.0; 3], depth: 0.0, compensation: 0.0, radius: 0.0 };
     let selector = ProjectedRow { compensation: 1.0, ..nothing }.pack();
     let selector = Tensor::<1>::from_data(selector, (&rows.device(), rows.dtype())).reshape([PROJECTED, 1]);
-    rows.matmul(selector).squeeze_dim(1)
+    exact_matmul(rows, selector).squeeze_dim(1)
 }

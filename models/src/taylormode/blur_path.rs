@@ -6,7 +6,7 @@
 //! it is, and the point itself is never needed.
 
 use burn::tensor::{Tensor, TensorData};
-use gs_burn::{Intrinsics, profile};
+use gs_burn::{Intrinsics, exact_matmul, profile};
 
 use super::pixels::Pixels;
 
@@ -29,7 +29,7 @@ pub fn hybrid_depth<const D: usize>(rendered: Tensor<D>, prior: Tensor<D>, beta:
 /// World velocities `[P, 3]` in camera axes, Eq. 9; `viewmat` is world to camera, `[4, 4]`.
 pub fn camera_velocity(velocity: Tensor<2>, viewmat: &Tensor<2>) -> Tensor<2> {
     let rotation = rotation(viewmat, &velocity);
-    velocity.matmul(rotation.transpose())
+    exact_matmul(velocity, rotation.transpose())
 }
 
 /// The points seen at `pixels` at `depth` `[P, 1]` (camera z), Eq. 8, `[P, 3]`, camera axes.
@@ -43,7 +43,7 @@ pub fn back_project(pixels: &Pixels, depth: Tensor<2>, intrinsics: &Intrinsics) 
 pub fn to_world(points: Tensor<2>, viewmat: &Tensor<2>) -> Tensor<2> {
     let translation = viewmat.clone().cast(points.dtype()).narrow(0, 0, 3).narrow(1, 3, 1).transpose();
     // The inverse of a rotation from the left is, on rows, the rotation itself from the right.
-    (points.clone() - translation).matmul(rotation(viewmat, &points))
+    exact_matmul(points.clone() - translation, rotation(viewmat, &points))
 }
 
 /// Where each pixel's surface is in the image at each moment of the exposure, Eq. 10: `[N, P, 2]`, pixels.
@@ -66,8 +66,8 @@ pub fn blur_path(
     let velocity = velocity * known;
     let lateral = Tensor::<2>::from_data(TensorData::new(vec![fx, 0.0, 0.0, fy, 0.0, 0.0], [3, 2]), options);
     let forward = Tensor::<2>::from_data(TensorData::new(vec![0.0, 0.0, 1.0], [3, 1]), options);
-    let approach = velocity.clone().matmul(forward);
-    let flow = velocity.matmul(lateral) - offset * approach.clone();
+    let approach = exact_matmul(velocity.clone(), forward);
+    let flow = exact_matmul(velocity, lateral) - offset * approach.clone();
 
     let offsets = offsets.cast(depth.dtype()).reshape([samples, 1, 1]);
     let depth = depth.reshape([1, count, 1]) + offsets.clone() * approach.reshape([1, count, 1]);

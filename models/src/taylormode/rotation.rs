@@ -6,6 +6,7 @@
 //! a rotation whatever its coefficients.
 
 use burn::tensor::{Tensor, TensorData};
+use gs_burn::exact_matmul;
 
 /// `a` is measured as `sqrt(|r|^2 + ANGLE_FLOOR^2)`, which has a derivative at 0 where `|r|` has none. The square is the
 /// smallest at which `f32` still has a normal number and the identity stays the identity in `f64`: `cos` is then off by
@@ -46,7 +47,7 @@ pub fn product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     let signs = Tensor::<2>::from_data(TensorData::new(signs.to_vec(), [16, 4]), (&b.device(), b.dtype()));
     // One product of matrices: taking eight columns apart and putting four together costs more than the arithmetic.
     let outer = a.reshape([rows, 4, 1]) * b.reshape([rows, 1, 4]);
-    outer.reshape([rows, 16]).matmul(signs)
+    exact_matmul(outer.reshape([rows, 16]), signs)
 }
 
 /// What turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[M, 3]` adds to them, `[M, 4]`; for a rotation of zero,

@@ -7,7 +7,7 @@
 //! nothing. Outside the window see [`window`](super::window).
 
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData, assert_shape};
-use gs_burn::{Gaussians, profile};
+use gs_burn::{Gaussians, exact_matmul, profile};
 
 use super::kinks::Kinks;
 use super::remainder::Remainder;
@@ -222,7 +222,7 @@ fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
     for (k, factor) in factors.into_iter().enumerate() {
         (0..3).for_each(|axis| matrix[9 * k + 4 * axis] = factor);
     }
-    coefficients.clone().matmul(Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
+    exact_matmul(coefficients.clone(), Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
 }
 
 /// A scene some of whose Gaussians move.

@@ -12,6 +12,7 @@
 //! may do, stays the same. Not part of the paper.
 
 use burn::tensor::{Device, Tensor};
+use gs_burn::exact_matmul;
 use gs_burn::ops::adam::AdamConfig;
 
 use crate::taylormode::learned::Learned;
@@ -108,8 +109,8 @@ impl Collective {
         let before = self.sum.value.clone();
         // A factor of the basis is one of the step: Adam does not see how large gradients are.
         let adam = AdamConfig { beta1: BETA1, ..*adam };
-        self.sum.step(basis.clone().transpose().matmul(gradients), &adam);
-        let change = basis.matmul(self.sum.value.clone() - before);
+        self.sum.step(exact_matmul(basis.clone().transpose(), gradients), &adam);
+        let change = exact_matmul(basis, self.sum.value.clone() - before);
         let blocks = change.dims()[1] / 3;
         let lengths = change.clone().reshape([count, blocks, 3]).powi_scalar(2).sum_dim(2).sqrt();
         let farthest = lengths.sum_dim(1).max().clamp_min(f32::MIN_POSITIVE);
