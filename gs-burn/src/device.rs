@@ -150,14 +150,15 @@ impl DeviceChoice {
             return Err(DeviceError::NotBuilt { kind: self.kind });
         }
         let unavailable = |reason| DeviceError::Unavailable { choice: self, reason };
+        let listed = || quietly(|| self.kind.list()).map_err(unavailable);
         let device = match self.index {
             // Without the driver CUDA would panic on a thread of its own, and only that thread's silence be seen here.
-            None if self.kind == Cuda && quietly(|| self.kind.list()).map_err(unavailable)?.is_empty() => {
+            None if self.kind == Cuda && listed()?.is_empty() => {
                 return Err(unavailable("found no GPU of NVIDIA's with its driver".to_owned()));
             }
             None => self.kind.default_device(),
             Some(index) => {
-                let devices = quietly(|| self.kind.list()).map_err(unavailable)?;
+                let devices = listed()?;
                 let count = devices.len();
                 let missing = DeviceError::NoSuchIndex { kind: self.kind, index, count };
                 devices.into_iter().nth(index).ok_or(missing)?

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
-use gs_burn::device::{BACKENDS, DeviceKind, select};
+use gs_burn::device::{BACKENDS, DeviceChoice, DeviceKind, select};
 
 #[cfg(not(any(feature = "flex", feature = "ndarray")))]
 compile_error!("the tests judge by an f64 reference on the CPU: switch on the feature `flex` or `ndarray`");
@@ -46,17 +46,13 @@ impl Place {
 /// Names a part of a build's backends, as in `flex,vulkan`; without it tests run on all of them.
 const TEST_BACKENDS: &str = "GSBURN_TEST_BACKENDS";
 
-/// The backends of this build that [`TEST_BACKENDS`] does not leave out, those on the CPU first.
+/// The backends of this build, or those that [`TEST_BACKENDS`] names, those on the CPU first. A misspelt name fails here, one
+/// that is not built where it is opened.
 fn built() -> impl Iterator<Item = DeviceKind> {
-    let chosen = std::env::var(TEST_BACKENDS).ok();
-    let chosen: Option<Vec<DeviceKind>> = chosen.map(|names| names.split(',').map(named).collect());
-    BACKENDS.into_iter().filter(move |kind| kind.is_built() && chosen.as_ref().is_none_or(|all| all.contains(kind)))
-}
-
-/// A misspelt name would leave out what it means, unseen.
-fn named(name: &str) -> DeviceKind {
-    let known = BACKENDS.into_iter().find(|kind| kind.name() == name && kind.is_built());
-    known.unwrap_or_else(|| panic!("{TEST_BACKENDS} names `{name}`, which this build does not have"))
+    let kind =
+        |name: &str| name.parse::<DeviceChoice>().unwrap_or_else(|error| panic!("{TEST_BACKENDS}: {error}")).kind;
+    let chosen: Option<Vec<_>> = std::env::var(TEST_BACKENDS).ok().map(|names| names.split(',').map(kind).collect());
+    BACKENDS.into_iter().filter(move |kind| chosen.as_ref().map_or(kind.is_built(), |chosen| chosen.contains(kind)))
 }
 
 /// Every device of this build in `f32`.

@@ -5,8 +5,6 @@ use gs_kernels::config::ProjectionConfig;
 use gs_kernels::constants::{COMPENSATION_RATIO_MIN, COV2D_MAX, CUTOFF_SIGMAS, QUAT_NORM2_MAX, QUAT_NORM2_MIN};
 use gs_kernels::rows::PROJECTED;
 
-use crate::exact_matmul;
-
 /// Reference of [`project`](super::project): the same arguments, result and gradients, one tensor operation at a time.
 ///
 /// # Panics
@@ -44,7 +42,7 @@ fn wide(mask: &Tensor<2, Bool>, columns: usize) -> Tensor<2, Bool> {
 fn in_front(viewmat: Tensor<2>) -> Tensor<2> {
     let (rotation, translation) = pose(viewmat);
     let axis = Tensor::<2>::from_data([[0.0, 0.0, 1.0]], (&rotation.device(), rotation.dtype()));
-    exact_matmul(axis - translation, rotation)
+    (axis - translation).matmul(rotation)
 }
 
 /// Rotation `[3, 3]` and translation `[1, 3]`.
@@ -101,7 +99,7 @@ impl Ellipses {
     ) -> Self {
         let [count, _] = means.dims();
         let (rotation, translation) = pose(viewmat);
-        let p = exact_matmul(means, rotation.clone().transpose()) + translation;
+        let p = means.matmul(rotation.clone().transpose()) + translation;
         let [x, y, depth] = columns(p);
         let slope = [x / depth.clone(), y / depth.clone()];
         let [mean_x, mean_y] = [slope[0].clone() * config.fx + config.cx, slope[1].clone() * config.fy + config.cy];

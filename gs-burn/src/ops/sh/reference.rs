@@ -4,7 +4,6 @@ use burn::tensor::{DType, Device, Tensor};
 use gs_kernels::constants::INVALID_FEATURE;
 use gs_kernels::cpu::sh::{SH_C0, SH_C1, SH_C2, SH_C3};
 
-use crate::exact_matmul;
 use crate::ops::columns;
 
 /// Reference of [`sh_colors`](super::sh_colors): the same arguments, result and gradients, one tensor operation at a
@@ -48,7 +47,7 @@ pub fn sh_colors_reference(
 /// The camera's centre `-R^T t`, `[1, 3]`.
 fn centre(viewmat: Tensor<2>) -> Tensor<2> {
     let top = viewmat.narrow(0, 0, 3);
-    -exact_matmul(top.clone().narrow(1, 3, 1).transpose(), top.narrow(1, 0, 3))
+    -top.clone().narrow(1, 3, 1).transpose().matmul(top.narrow(1, 0, 3))
 }
 
 /// A point one unit away from the camera, `[1, 3]`.
