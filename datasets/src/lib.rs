@@ -5,8 +5,8 @@
 //! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors and truth), COLMAP
 //! models (text and binary), Panoptic sets and LLFF poses with frames of several cameras. [`check`] says what
 //! is in a folder and what is wrong with it, [`load_cameras`] reads a camera path, and [`synthetic`] writes a scene with
-//! known ground truth. [`motion`] finds what moves in a scene. The crate knows nothing of tensors; the trainer turns a
-//! `Scene` into them.
+//! known ground truth. Nothing is inferred here: the crate `gs-multiview` finds what moves in a scene. Neither knows tensors;
+//! the trainer turns a `Scene` into them.
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};
@@ -30,7 +30,6 @@ mod lens;
 pub mod light;
 mod loader;
 mod mask;
-pub mod motion;
 mod names;
 mod options;
 mod pixels;
@@ -42,7 +41,6 @@ mod resize;
 mod scene;
 mod split;
 mod subject;
-mod sweep;
 pub mod synthetic;
 mod undistort;
 
@@ -52,6 +50,6 @@ pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
 pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE};
-pub use scene::{PointCloud, Scene, SceneFormat};
+pub use raw::some_names;
+pub use scene::{PointCloud, Scene, SceneFormat, mean};
 pub use subject::{nearest_to_axes, subject};
-pub use sweep::sweep;

@@ -106,8 +106,8 @@ impl Findings {
     }
 }
 
-/// "3 frames: a, b, c" with at most three names, for warnings about many.
-pub(crate) fn some_names<S: AsRef<str>>(names: &[S]) -> String {
+/// At most three names, "a, b, c, ...", for a warning about many.
+pub fn some_names<S: AsRef<str>>(names: &[S]) -> String {
     let shown: Vec<&str> = names.iter().take(3).map(AsRef::as_ref).collect();
     let more = if names.len() > shown.len() { ", ..." } else { "" };
     format!("{}{more}", shown.join(", "))

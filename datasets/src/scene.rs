@@ -92,7 +92,7 @@ impl Scene {
     }
 }
 
-/// The mean of points; `None` when there are none.
-pub(crate) fn mean(points: &[DVec3]) -> Option<DVec3> {
+/// The mean of points; `None` if there are none.
+pub fn mean(points: &[DVec3]) -> Option<DVec3> {
     (!points.is_empty()).then(|| points.iter().sum::<DVec3>() / points.len() as f64)
 }

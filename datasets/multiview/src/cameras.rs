@@ -1,7 +1,6 @@
 //! Which views one standing camera took, and which were taken at one time.
 
-use crate::frame::View;
-use crate::scene::mean;
+use gs_datasets::{View, mean};
 
 /// Two views are of one standing camera when no place of the scene moves by more than this between them, pixels. Below
 /// it resampling of the same picture is less than the noise on ordinary texture; poses that were estimated frame by

@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use crate::frame::{RgbImage8, View};
+use gs_datasets::{RgbImage8, View};
 
-use super::cameras::StaticCamera;
-use super::cluster::{Cluster, Pixel, classify, distance2};
-use super::noise::Noise;
-use super::shadow::is_light;
+use crate::cameras::StaticCamera;
+use crate::cluster::{Cluster, Pixel, classify, distance2};
+use crate::noise::Noise;
+use crate::shadow::is_light;
 
 /// Squared distance of a mean colour from which on it is another one, in squares of its standard deviation: five of them.
 const OTHER: f32 = 25.0;

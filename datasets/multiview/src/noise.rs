@@ -1,8 +1,8 @@
 //! How much a standing camera's pixels differ from frame to frame when nothing happens.
 
-use crate::frame::View;
+use gs_datasets::View;
 
-use super::cameras::StaticCamera;
+use crate::cameras::StaticCamera;
 
 /// Least noise that is assumed, levels of 255. Rounding to 8 bits alone has 0.29, but light that a passing object
 /// throws back on its surroundings and the rings of compressed video around it change a few levels too, and with them

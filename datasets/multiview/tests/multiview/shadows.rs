@@ -1,11 +1,11 @@
 //! What moves is found without the shadow it throws, in photos that are blurred and traced.
 
 use glam::DVec3;
-use gs_datasets::motion::{Hull, HullOptions, MaskSource, centres, hull, moving_masks};
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
+use gs_multiview::{Hull, HullOptions, MaskSource, centres, hull, moving_masks};
 
-use crate::fixtures::written;
+use crate::fixture::written;
 
 /// Eight cameras on an arc before a box that turns over a floor, its shadow on the floor below and behind it, which is never
 /// seen in the light.

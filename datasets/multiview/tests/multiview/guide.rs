@@ -1,9 +1,9 @@
 //! Centres and velocities against the path of the ball.
 
 use glam::DVec3;
-use gs_datasets::motion::{MaskSource, centres, guide_velocity, moving_masks, object_centres};
+use gs_multiview::{MaskSource, centres, guide_velocity, moving_masks, object_centres};
 
-use super::fixture::{Ball, World, straight, true_masks};
+use crate::fixture::{Ball, World, straight, true_masks};
 
 fn thrown(t: f64) -> DVec3 {
     DVec3::new(0.6 * t - 0.3, 1.2 * t - 0.6, 0.4 + 1.6 * t - 1.6 * t * t)
@@ -79,7 +79,7 @@ fn two_objects_have_two_tracks() {
     assert_eq!(tracks.len(), 2);
     for path in [left, right] {
         let near = |track: &&Vec<_>| {
-            let first: &gs_datasets::motion::Centre = &track[0];
+            let first: &gs_multiview::Centre = &track[0];
             first.position.distance(path(first.t)) < 0.1
         };
         let track = tracks.iter().find(near).expect("a track on this path");

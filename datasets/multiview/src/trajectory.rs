@@ -13,8 +13,8 @@
 
 use glam::DVec3;
 
-use super::guide::Centre;
-use super::least_squares::{combined, least_squares};
+use crate::guide::Centre;
+use crate::least_squares::{combined, least_squares};
 
 /// Centres this many robust standard deviations off the highest order's curve are mistakes and do not count.
 const OUTLIER: f64 = 6.0;

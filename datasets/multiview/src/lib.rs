@@ -10,6 +10,7 @@
 //! | the same for several objects | [`object_centres`] |
 //! | a polynomial through the centres, its order chosen by BIC, with kinks where they were hit | [`Trajectory`] |
 //! | coloured points on the object at a time, by carving | [`hull`] |
+//! | points where photos agree, by a plane sweep | [`sweep`] |
 //!
 //! Blurry photos: a mask found here covers everything the object touched while the shutter was open. For an object that
 //! moves steadily this is symmetric about the exposure's centre, so centres and velocities stay unbiased; silhouettes
@@ -29,6 +30,7 @@ mod noise;
 mod objects;
 mod regions;
 mod shadow;
+mod sweep;
 mod trajectory;
 mod triangulate;
 
@@ -40,4 +42,5 @@ pub use guide::{Centre, Centres, centres, guide_velocity};
 pub use hull::{Hull, HullOptions, hull};
 pub use masks::{MaskOrigin, MaskSource, MovingMasks, changing, moving_masks};
 pub use objects::object_centres;
+pub use sweep::sweep;
 pub use trajectory::{Kink, Trajectory};

@@ -7,7 +7,7 @@
 
 /// Squared distance from the centre of its cluster within which a sample belongs to it, over the noise's variance: 99.7
 /// % of a chi-squared with three degrees of freedom.
-pub(super) const MEMBER: f32 = 14.0;
+pub(crate) const MEMBER: f32 = 14.0;
 
 /// The same between two samples, each with noise of its own (twice the variance, and less strict, because all the
 /// members count and not one pair).

@@ -7,7 +7,7 @@
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use super::geometry::Pinhole;
+use crate::geometry::Pinhole;
 
 /// Edge of the blocks that carving starts from, voxels; a power of two.
 const BLOCK: usize = 8;

@@ -7,7 +7,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// Coefficients of the `columns` (each a function at all points) whose sum is closest to `targets` by weighted squares. By
 /// an orthogonal basis (Gram-Schmidt, twice), so that no order loses digits to the monomials' likeness on [-1, 1].
-pub(super) fn least_squares(columns: &[Vec<f64>], targets: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+pub(crate) fn least_squares(columns: &[Vec<f64>], targets: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
     // Weights relative to their mean, so that lengths below have a scale.
     let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
     let roots: Vec<f64> = weights.iter().map(|weight| (weight / mean).sqrt()).collect();
@@ -42,6 +42,6 @@ pub(super) fn least_squares(columns: &[Vec<f64>], targets: &[DVec3], weights: &[
 }
 
 /// The sum of the columns at one point.
-pub(super) fn combined(columns: &[Vec<f64>], coefficients: &[DVec3], point: usize) -> DVec3 {
+pub(crate) fn combined(columns: &[Vec<f64>], coefficients: &[DVec3], point: usize) -> DVec3 {
     columns.iter().zip(coefficients).map(|(column, coefficient)| column[point] * *coefficient).sum()
 }

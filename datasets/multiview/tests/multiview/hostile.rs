@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 use gs_datasets::Scene;
-use gs_datasets::motion::{
+use gs_multiview::{
     HullOptions, MaskSource, MovingMasks, background, centres, guide_velocity, hull, moving_masks, object_centres,
     static_cameras,
 };
 
-use super::fixture::{HEIGHT, WIDTH, World, straight, true_masks};
+use crate::fixture::{HEIGHT, WIDTH, World, straight, true_masks};
 
 /// Runs everything; returns all that was said about what is missing.
 fn run(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<String> {

@@ -1,11 +1,9 @@
 //! One mask of what moves per training view, given with the data or found in the photos.
 
-use crate::frame::View;
-use crate::raw::some_names;
-use crate::scene::Scene;
+use gs_datasets::{Scene, View, some_names};
 
-use super::cameras::static_cameras;
-use super::evidence::{FRAMES_MIN, evidence};
+use crate::cameras::static_cameras;
+use crate::evidence::{FRAMES_MIN, evidence};
 
 /// When more than this share of the median view moves, something else is going on: a camera that is not fixed, light
 /// that flickers, a mask the wrong way round.
@@ -18,7 +16,7 @@ const NOISE_MAX: f32 = 12.0;
 /// Where masks of moving pixels come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MaskSource {
-    /// Only those of the data set ([`Priors::moving`](crate::Priors)).
+    /// Only those of the data set ([`Priors::moving`](gs_datasets::Priors::moving)).
     Prior,
     /// Only those found in the photos of standing cameras; see [`evidence`].
     Evidence,

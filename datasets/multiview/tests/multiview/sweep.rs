@@ -1,9 +1,10 @@
 //! Points where photos agree lie on surfaces, and there are none where nothing can agree.
 
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
-use gs_datasets::{LoadOptions, Scene, load, sweep};
+use gs_datasets::{LoadOptions, Scene, load};
+use gs_multiview::sweep;
 
-use crate::fixtures::written;
+use crate::fixture::written;
 
 fn still_world() -> Scene {
     let folder = written(&DeblurOptions {

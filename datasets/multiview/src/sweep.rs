@@ -10,8 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::frame::{Intrinsics, View};
-use crate::scene::PointCloud;
+use gs_datasets::{Intrinsics, PointCloud, View};
 
 /// Photos are reduced to about this width: patches then span enough of the scene to be told apart.
 const WIDTH: usize = 320;

@@ -6,14 +6,13 @@
 
 use glam::{DVec3, UVec3};
 
-use crate::frame::View;
-use crate::scene::Scene;
+use gs_datasets::{Scene, View};
 
-use super::cameras::instants;
-use super::carve::Voxels;
-use super::guide::{Centre, Spot, centres, locate, mask_of};
-use super::hull::{HullOptions, Solid};
-use super::regions::{NOWHERE, regions};
+use crate::cameras::instants;
+use crate::carve::Voxels;
+use crate::guide::{Centre, Spot, centres, locate, mask_of};
+use crate::hull::{HullOptions, Solid};
+use crate::regions::{NOWHERE, regions};
 
 /// Points asked of the hull: they choose its resolution, and pieces need not be finer than this.
 const DETAIL: HullOptions = HullOptions { points: 3000, misses: None };

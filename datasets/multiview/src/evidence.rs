@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-use crate::frame::View;
+use gs_datasets::View;
 
-use super::background::{Plate, SAMPLES_MIN, State, color, counts};
-use super::cameras::StaticCamera;
-use super::cluster::{MEMBER, distance2};
-use super::regions::{close_gaps, drop_specks, fill_holes, grow, join};
-use super::shadow::Light;
+use crate::background::{Plate, SAMPLES_MIN, State, color, counts};
+use crate::cameras::StaticCamera;
+use crate::cluster::{MEMBER, distance2};
+use crate::regions::{close_gaps, drop_specks, fill_holes, grow, join};
+use crate::shadow::Light;
 
 /// Fewest views of a standing camera from which masks are made.
 pub const FRAMES_MIN: usize = SAMPLES_MIN;

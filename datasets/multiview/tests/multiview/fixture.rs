@@ -1,9 +1,11 @@
 //! The world of the motion tests, by a ray caster of its own.
 
 use glam::{DMat3, DMat4, DVec3};
+use gs_datasets::synthetic::deblur::{DeblurOptions, write};
 use gs_datasets::{Intrinsics, Priors, RgbImage8, Scene, SceneFormat, Truth, View};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use tempfile::TempDir;
 
 pub const WIDTH: usize = 96;
 pub const HEIGHT: usize = 72;
@@ -150,4 +152,11 @@ pub fn straight(t: f64) -> DVec3 {
 /// The share of pixels that are set.
 pub fn share(mask: &[u8]) -> f64 {
     mask.iter().filter(|value| **value != 0).count() as f64 / mask.len() as f64
+}
+
+/// A traced world with blur, in a folder that disappears with the value.
+pub fn written(options: &DeblurOptions) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), options, |_, _| {}).expect("written");
+    folder
 }

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DVec2, DVec3};
 
-use crate::frame::{Intrinsics, View};
+use gs_datasets::{Intrinsics, View};
 
 /// Least depth that is projected, scene units. It only keeps a division finite: what is nearer has no image.
 const NEAR: f64 = 1e-9;

@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use glam::{DMat4, DVec3, Vec3};
-use gs_datasets::motion::{HullOptions, MaskSource, hull, moving_masks};
+use gs_multiview::{HullOptions, MaskSource, hull, moving_masks};
 
-use super::fixture::{Ball, HEIGHT, WIDTH, World, grown, straight, true_masks};
+use crate::fixture::{Ball, HEIGHT, WIDTH, World, grown, straight, true_masks};
 
 const RADIUS: f64 = 0.3;
 

@@ -1,10 +1,10 @@
 //! Masks found in the photos of standing cameras.
 
 use glam::DVec3;
-use gs_datasets::motion::{MaskOrigin, MaskSource, background, evidence, moving_masks, static_cameras};
 use gs_datasets::{RgbImage8, Scene};
+use gs_multiview::{MaskOrigin, MaskSource, background, evidence, moving_masks, static_cameras};
 
-use super::fixture::{HEIGHT, WIDTH, World, share, straight, true_masks};
+use crate::fixture::{HEIGHT, WIDTH, World, share, straight, true_masks};
 
 /// Intersection over union, all views together.
 fn iou(found: &[Option<Vec<u8>>], truth: &[Option<Vec<u8>>]) -> f64 {

@@ -1,7 +1,7 @@
 //! Polynomials of the right order through noisy centres.
 
 use glam::DVec3;
-use gs_datasets::motion::{Centre, Trajectory};
+use gs_multiview::{Centre, Trajectory};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

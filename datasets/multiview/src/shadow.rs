@@ -5,9 +5,9 @@
 //! floor and adds a flat patch to its hull. It multiplies the light of a surface, and the encoding is close to a power,
 //! so encoded values fall by a factor too: smooth over the image, whatever the texture below.
 
-use crate::frame::View;
+use gs_datasets::View;
 
-use super::background::{Plate, color, counts};
+use crate::background::{Plate, color, counts};
 
 /// Darkest factor (of encoded values) that is still called shadow. An umbra lit by the sky alone is at about 0.4;
 /// lower than this are black objects.

@@ -5,4 +5,7 @@ mod fixture;
 mod guide;
 mod hostile;
 mod hull;
+mod pinned;
+mod shadows;
+mod sweep;
 mod trajectory;

@@ -10,14 +10,13 @@
 
 use glam::{DVec3, UVec3};
 
-use crate::frame::View;
-use crate::scene::{PointCloud, Scene};
+use gs_datasets::{PointCloud, Scene, View};
 
-use super::cameras::{Instant, instants};
-use super::carve::{Consensus, Silhouette, Voxels, support};
-use super::geometry::Pinhole;
-use super::guide::{Spot, locate, mask_of};
-use super::regions::fill_holes;
+use crate::cameras::{Instant, instants};
+use crate::carve::{Consensus, Silhouette, Voxels, support};
+use crate::geometry::Pinhole;
+use crate::guide::{Spot, locate, mask_of};
+use crate::regions::fill_holes;
 
 /// Voxels along the box while it is being found. The object fills most of it, so a limb of a tenth of it still counts.
 const COARSE: usize = 32;
@@ -132,7 +131,7 @@ pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOpti
 }
 
 /// What carving leaves, and what by.
-pub(super) struct Solid {
+pub(crate) struct Solid {
     /// At least one is filled.
     pub voxels: Voxels,
     pub silhouettes: Vec<Silhouette>,

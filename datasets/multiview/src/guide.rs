@@ -12,12 +12,11 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::frame::View;
-use crate::scene::Scene;
+use gs_datasets::{Scene, View};
 
-use super::cameras::instants;
-use super::geometry::Pinhole;
-use super::triangulate::{Sight, triangulate};
+use crate::cameras::instants;
+use crate::geometry::Pinhole;
+use crate::triangulate::{Sight, triangulate};
 
 /// Fewest pixels of a mask that have a centroid worth having.
 const AREA_MIN: usize = 4;
@@ -49,7 +48,7 @@ pub struct Centres {
 }
 
 /// The centre of everything that moves, per time with masks in at least two cameras that agree. `masks` are one per
-/// training view, as [`moving_masks`](super::moving_masks) gives them; ones of a wrong size are ignored.
+/// training view, as [`moving_masks`](crate::moving_masks) gives them; ones of a wrong size are ignored.
 pub fn centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Centres {
     let views = &scene.train;
     let mut found = Centres::default();
@@ -105,14 +104,14 @@ pub fn guide_velocity(centres: &[Centre], t: f64) -> Option<DVec3> {
 }
 
 /// A view's mask, if it has one of its size.
-pub(super) fn mask_of<'a>(views: &[View], masks: &'a [Option<Vec<u8>>], index: usize) -> Option<&'a [u8]> {
+pub(crate) fn mask_of<'a>(views: &[View], masks: &'a [Option<Vec<u8>>], index: usize) -> Option<&'a [u8]> {
     let mask = masks.get(index)?.as_deref()?;
     (mask.len() == views[index].width * views[index].height).then_some(mask)
 }
 
 /// A mask as one spot in the image.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Spot {
+pub(crate) struct Spot {
     /// Mean of its pixels' centres.
     pub centroid: DVec2,
     /// Root mean square distance from the centroid, pixels.
@@ -149,7 +148,7 @@ impl Spot {
 }
 
 /// Position, residual (pixels) and number of agreeing cameras of one object's spots at one time.
-pub(super) fn locate(spots: &[(Spot, &View)]) -> Result<(DVec3, f64, usize), &'static str> {
+pub(crate) fn locate(spots: &[(Spot, &View)]) -> Result<(DVec3, f64, usize), &'static str> {
     let sights = |with_cut: bool| -> Vec<Sight> {
         spots
             .iter()

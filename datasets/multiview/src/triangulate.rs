@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::geometry::Pinhole;
+use crate::geometry::Pinhole;
 
 /// Least sine of the angle between two rays that fix a place (about one degree): at less, half a pixel moves it by
 /// its whole distance at usual focal lengths.
