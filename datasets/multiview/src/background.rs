@@ -6,8 +6,10 @@ use gs_datasets::{RgbImage8, View};
 
 use crate::cameras::StaticCamera;
 use crate::cluster::{Cluster, Pixel, classify, distance2};
+use crate::illumination::is_light;
+use crate::median::median;
 use crate::noise::Noise;
-use crate::shadow::is_light;
+use crate::pixels::{color, counts};
 
 /// Squared distance of a mean colour from which on it is another one, in squares of its standard deviation: five of them.
 const OTHER: f32 = 25.0;
@@ -50,7 +52,7 @@ pub fn background(views: &[View], camera: &StaticCamera) -> Option<Background> {
     let (width, height) = plate.size;
     let mut data = Vec::with_capacity(3 * width * height);
     for (pixel, mean) in plate.mean.iter().enumerate() {
-        let color = if plate.state[pixel] == State::Known { *mean } else { median(views, camera, pixel) };
+        let color = if plate.state[pixel] == State::Known { *mean } else { median_color(views, camera, pixel) };
         data.extend(color.map(|value| value.round().clamp(0.0, 255.0) as u8));
     }
     let known = plate.state.iter().map(|state| *state == State::Known).collect();
@@ -126,17 +128,6 @@ impl Plate {
     }
 }
 
-/// Whether the view's own mask lets a pixel count.
-pub(crate) fn counts(view: &View, pixel: usize) -> bool {
-    view.mask.as_ref().is_none_or(|mask| mask[pixel] != 0)
-}
-
-/// A pixel of a view, levels of 255.
-pub(crate) fn color(view: &View, pixel: usize) -> [u8; 3] {
-    let data = &view.image.data;
-    [data[3 * pixel], data[3 * pixel + 1], data[3 * pixel + 2]]
-}
-
 fn classify_row(
     views: &[View],
     camera: &StaticCamera,
@@ -164,19 +155,16 @@ fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> 
         .extend(samples.windows(2).map(|pair| (0..3).map(|c| u16::from(pair[0][c].abs_diff(pair[1][c]))).sum::<u16>()));
     let level: u32 = samples.iter().flatten().map(|value| u32::from(*value)).sum();
     let usual = noise.at(level as f32 / (3 * samples.len().max(1)) as f32);
-    if steps.is_empty() {
-        return (usual, usual);
-    }
-    let middle = steps.len() / 2;
-    let own = f32::from(*steps.select_nth_unstable(middle).1) / 3.0 / MEAN_DIFFERENCE;
+    let Some(step) = median(steps, u16::cmp) else { return (usual, usual) };
+    let own = f32::from(step) / 3.0 / MEAN_DIFFERENCE;
     (usual, own.clamp(usual, FLICKER * usual))
 }
 
-fn median(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3] {
+/// The median over time, per channel.
+fn median_color(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3] {
     [0, 1, 2].map(|c| {
         let mut values: Vec<u8> = camera.views.iter().map(|i| views[*i].image.data[3 * pixel + c]).collect();
-        values.sort_unstable();
-        f32::from(values[values.len() / 2])
+        f32::from(median(&mut values, u8::cmp).expect("a static camera has views"))
     })
 }
 

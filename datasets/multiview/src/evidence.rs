@@ -4,9 +4,10 @@ use rayon::prelude::*;
 
 use gs_datasets::View;
 
-use crate::background::{Plate, SAMPLES_MIN, State, color, counts};
+use crate::background::{Plate, SAMPLES_MIN, State};
 use crate::cameras::StaticCamera;
 use crate::cluster::{MEMBER, distance2};
+use crate::pixels::{color, counts};
 use crate::regions::{close_gaps, drop_specks, fill_holes, grow, join};
 use crate::shadow::Light;
 

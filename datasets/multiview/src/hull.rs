@@ -16,6 +16,7 @@ use crate::cameras::{Instant, instants};
 use crate::carve::{Consensus, Silhouette, Voxels, support};
 use crate::geometry::Pinhole;
 use crate::guide::{Spot, locate, mask_of};
+use crate::median::median;
 use crate::regions::fill_holes;
 
 /// Voxels along the box while it is being found. The object fills most of it, so a limb of a tenth of it still counts.
@@ -330,8 +331,7 @@ fn colors(
             }
             [0, 1, 2].map(|c| {
                 let mut values: Vec<u8> = seen.iter().map(|color| color[c]).collect();
-                values.sort_unstable();
-                values.get(values.len() / 2).copied().unwrap_or(128)
+                median(&mut values, u8::cmp).unwrap_or(128)
             })
         })
         .collect()

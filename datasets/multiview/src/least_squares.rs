@@ -1,13 +1,49 @@
-//! Weighted least squares in f64 over any functions of time, three coordinates at once.
+//! Linear least squares in f64, three coordinates at once.
+//!
+//! ```text
+//! minimise sum_i w_i |sum_k a_k(i) c_k - x_i|^2 over the coefficients c_k
+//! ```
+//!
+//! Columns are made orthonormal (Gram-Schmidt, twice) instead of solving the normal equations, so that no digits are lost to the
+//! likeness of monomials on [-1, 1], and a column that the samples say nothing about needs no ridge: its coefficient is 0.
 
 use glam::DVec3;
 
 /// Lengths under this, of columns of about unit length, are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Coefficients of the `columns` (each a function at all points) whose sum is closest to `targets` by weighted squares. By
-/// an orthogonal basis (Gram-Schmidt, twice), so that no order loses digits to the monomials' likeness on [-1, 1].
-pub(crate) fn least_squares(columns: &[Vec<f64>], targets: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+/// `[columns]` coefficients of the least squares fit to `targets` (`[samples]`). Each column holds one function at all samples,
+/// `[samples]` values of about unit size. A column within the span of those before it (or of zeros) has the coefficient 0.
+///
+/// ```
+/// use glam::DVec3;
+/// use gs_multiview::least_squares;
+///
+/// let times = [-1.0, 0.0, 1.0_f64];
+/// let columns = [times.map(|_| 1.0).to_vec(), times.to_vec(), vec![0.0; 3]];
+/// let line = times.map(|t| DVec3::new(2.0, 3.0 * t, 0.0));
+/// let found = least_squares(&columns, &line);
+/// assert!(found[0].distance(DVec3::new(2.0, 0.0, 0.0)) < 1e-12);
+/// assert!(found[1].distance(DVec3::new(0.0, 3.0, 0.0)) < 1e-12);
+/// assert_eq!(found[2], DVec3::ZERO);
+/// ```
+///
+/// # Panics
+/// If a column has another length than `targets`.
+pub fn least_squares(columns: &[Vec<f64>], targets: &[DVec3]) -> Vec<DVec3> {
+    weighted_least_squares(columns, targets, &vec![1.0; targets.len()])
+}
+
+/// [`least_squares`] with a weight of at least 0 for each sample's squared distance; only their ratios count.
+///
+/// # Panics
+/// If a column or `weights` have another length than `targets`.
+pub fn weighted_least_squares(columns: &[Vec<f64>], targets: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+    let fits = |length: usize| length == targets.len();
+    assert!(
+        columns.iter().all(|column| fits(column.len())) && fits(weights.len()),
+        "a value and a weight for each target"
+    );
     // Weights relative to their mean, so that lengths below have a scale.
     let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
     let roots: Vec<f64> = weights.iter().map(|weight| (weight / mean).sqrt()).collect();

@@ -4,6 +4,7 @@ use gs_datasets::{Scene, View, some_names};
 
 use crate::cameras::static_cameras;
 use crate::evidence::{FRAMES_MIN, evidence};
+use crate::median::median;
 
 /// When more than this share of the median view moves, something else is going on: a camera that is not fixed, light
 /// that flickers, a mask the wrong way round.
@@ -147,11 +148,7 @@ fn check_shares(found: &mut MovingMasks) {
         .flatten()
         .map(|mask| mask.iter().filter(|value| **value != 0).count() as f64 / mask.len().max(1) as f64)
         .collect();
-    if shares.is_empty() {
-        return;
-    }
-    shares.sort_by(f64::total_cmp);
-    let median = shares[shares.len() / 2];
+    let Some(median) = median(&mut shares, f64::total_cmp) else { return };
     if shares.iter().all(|share| *share == 0.0) {
         found.warnings.push("no mask has a moving pixel: nothing moves, or the masks are empty".to_string());
     } else if median > SUSPECT_SHARE {

@@ -14,7 +14,8 @@
 use glam::DVec3;
 
 use crate::guide::Centre;
-use crate::least_squares::{combined, least_squares};
+use crate::least_squares::{combined, least_squares, weighted_least_squares};
+use crate::median::median;
 
 /// Centres this many robust standard deviations off the highest order's curve are mistakes and do not count.
 const OUTLIER: f64 = 6.0;
@@ -196,12 +197,11 @@ impl Data {
 
     /// The order with the least BIC beside given kinks.
     fn best_order(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<Fit> {
-        let ones = vec![1.0; self.times.len()];
         let floor = self.extent() * DEVIATION_MIN;
         let count = 3.0 * self.times.len() as f64;
         let fits = (0..=self.highest(max_order, kinks)?).map(|order| {
             let columns = self.columns(order, kinks);
-            let coefficients = least_squares(&columns, &self.places, &ones);
+            let coefficients = least_squares(&columns, &self.places);
             let squares = self.misses(&columns, &coefficients).iter().map(|miss| miss * miss).sum::<f64>();
             let variance = (squares / count).max(floor * floor).max(f64::MIN_POSITIVE);
             let numbers = 3.0 * (order as f64 + 1.0) + 5.0 * kinks.len() as f64;
@@ -273,7 +273,7 @@ impl Data {
         let mut weights = vec![1.0; self.times.len()];
         let mut distances = Vec::new();
         for _ in 0..ROUNDS {
-            distances = self.misses(&columns, &least_squares(&columns, &self.places, &weights));
+            distances = self.misses(&columns, &weighted_least_squares(&columns, &self.places, &weights));
             weights.iter_mut().zip(&distances).for_each(|(weight, distance)| *weight = 1.0 / distance.max(floor));
         }
         Some(distances)
@@ -289,9 +289,10 @@ impl Data {
         let mut sorted = distances.clone();
         sorted.sort_by(f64::total_cmp);
         // The curve passes through as many centres as it has coefficients; they say nothing about the noise.
-        let free = &sorted[(order + 1 + kinks.len()).min(sorted.len() - 1)..];
-        let limit = OUTLIER * (free[free.len() / 2] / MEDIAN_ABSOLUTE).max(floor);
         let most_far = sorted[sorted.len() - 1 - sorted.len() / 5];
+        let free = &mut sorted[(order + 1 + kinks.len()).min(distances.len() - 1)..];
+        let typical = median(free, f64::total_cmp).expect("at least the farthest is left");
+        let limit = OUTLIER * (typical / MEDIAN_ABSOLUTE).max(floor);
         let keeps: Vec<bool> = distances.iter().map(|distance| *distance <= limit.max(most_far)).collect();
         let mut kept = keeps.iter();
         self.times.retain(|_| *kept.next().expect("one for each"));
