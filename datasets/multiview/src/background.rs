@@ -1,4 +1,4 @@
-//! What a standing camera sees when nothing passes.
+//! The background of a static camera: the picture without passing objects.
 
 use rayon::prelude::*;
 
@@ -11,14 +11,14 @@ use crate::median::median;
 use crate::noise::Noise;
 use crate::pixels::{color, counts};
 
-/// Squared distance of a mean colour from which on it is another one, in squares of its standard deviation: five of them.
+/// Two colours differ from this squared distance on, over the variance of the noise: five standard deviations.
 const OTHER: f32 = 25.0;
 
-/// Fewest samples of a pixel from which a background is told: with two, nobody knows which of them it is.
+/// A background needs this many samples of a pixel. Of two different ones either may be the background.
 pub(crate) const SAMPLES_MIN: usize = 3;
 
-/// A pixel may be this much noisier than others of its brightness before it is called moving: compressed video
-/// flickers along edges.
+/// Largest ratio of a pixel's noise to the usual noise of its brightness. Compressed video flickers along edges; more
+/// than that is motion.
 const FLICKER: f32 = 3.0;
 
 /// The median over time of the channels' mean |difference|, over the noise's standard deviation: sqrt(4 / pi).
@@ -33,59 +33,59 @@ const OVERTURNS: f32 = 4.0;
 /// A colour is doubtful when it is seen on what passes this often for each time it is seen on what stays.
 const DOUBTFUL: f32 = 0.3;
 
-/// The picture of a standing camera without passing objects.
+/// The picture of a static camera without passing objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Background {
-    /// Colour per pixel; the median over time where no colour stays.
+    /// Colour of each pixel; the median over time where `known` is false.
     pub image: RgbImage8,
-    /// `[height, width]`: whether one colour stays, so that `image` shows what is static.
+    /// `[height, width]`: whether one colour returns often enough to be the background.
     pub known: Vec<bool>,
 }
 
-/// The background of a standing camera; `None` with fewer than three views, or when they differ in size.
+/// The background of a static camera; `None` with fewer than three views, or when they differ in size.
 ///
-/// Per pixel it is the colour that is seen again and again, not the median: see `cluster.rs`. A textured object
-/// may cover a pixel most of the time without harm. What does not show the background for a fifth of the time cannot be
-/// known; an object of one colour that rests somewhere for most of the time is taken for background there.
+/// The background of a pixel is the colour that returns most often, not the median (see `cluster.rs`): a textured
+/// object may cover a pixel most of the time without harm. A background that shows for less than a fifth of the time
+/// is not found. An object of one colour that rests for most of the time is taken for background.
 pub fn background(views: &[View], camera: &StaticCamera) -> Option<Background> {
-    let plate = Plate::new(views, camera)?;
-    let (width, height) = plate.size;
+    let model = BackgroundModel::new(views, camera)?;
+    let (width, height) = model.size;
     let mut data = Vec::with_capacity(3 * width * height);
-    for (pixel, mean) in plate.mean.iter().enumerate() {
-        let color = if plate.state[pixel] == State::Known { *mean } else { median_color(views, camera, pixel) };
+    for (pixel, mean) in model.mean.iter().enumerate() {
+        let color = if model.state[pixel] == State::Stable { *mean } else { median_color(views, camera, pixel) };
         data.extend(color.map(|value| value.round().clamp(0.0, 255.0) as u8));
     }
-    let known = plate.state.iter().map(|state| *state == State::Known).collect();
+    let known = model.state.iter().map(|state| *state == State::Stable).collect();
     Some(Background { image: RgbImage8 { width, height, data }, known })
 }
 
-/// What is known of a pixel's background.
+/// State of a pixel's background.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum State {
-    /// One colour stays.
-    Known,
-    /// No colour stays: always moving.
-    Restless,
+    /// One colour returns.
+    Stable,
+    /// No colour returns: something moves here all the time.
+    Unstable,
     /// The views' own masks leave too few samples.
-    Unseen,
+    Masked,
 }
 
-/// Background and noise per pixel.
-pub(crate) struct Plate {
+/// Background colour and noise of each pixel of a static camera.
+pub(crate) struct BackgroundModel {
     pub size: (usize, usize),
     /// Colour, levels of 255.
     pub mean: Vec<[f32; 3]>,
     pub state: Vec<State>,
     /// Standard deviation of a channel's noise, levels of 255.
     pub deviation: Vec<f32>,
-    /// Whether the background has a colour here that is often seen on what passes.
+    /// Whether the background's colour is often seen on passing objects, so that a pixel of it may be an object's.
     pub doubtful: Vec<bool>,
-    /// The usual noise over the image.
+    /// Standard deviation of the noise over the whole image, levels of 255.
     pub noise: f32,
 }
 
-impl Plate {
-    /// `None` with fewer than [`SAMPLES_MIN`] views or images whose size is not what they say.
+impl BackgroundModel {
+    /// `None` with fewer than [`SAMPLES_MIN`] views or with buffers of another size than the view states.
     pub fn new(views: &[View], camera: &StaticCamera) -> Option<Self> {
         let first = views.get(*camera.views.first()?)?;
         let size = (first.width, first.height);
@@ -104,26 +104,26 @@ impl Plate {
             .map(|y| classify_row(views, camera, &noise, y * size.0..(y + 1) * size.0))
             .collect();
         let pixels: Vec<(Pixel, f32)> = rows.into_iter().flatten().collect();
-        let settled = |pixel: usize| match &pixels[pixel] {
-            (Pixel::Settled(cluster), deviation) => Some((cluster.mean, *deviation)),
+        let stable = |pixel: usize| match &pixels[pixel] {
+            (Pixel::Stable(cluster), deviation) => Some((cluster.mean, *deviation)),
             _ => None,
         };
-        let appearance = Appearance::new(views, camera, noise.overall, settled);
+        let appearance = Appearance::new(views, camera, noise.overall, stable);
         let (mut mean, mut state) = (Vec::with_capacity(pixels.len()), Vec::with_capacity(pixels.len()));
         for (pixel, _) in &pixels {
             let (color, known) = match pixel {
-                Pixel::Unseen => ([0.0; 3], State::Unseen),
-                Pixel::Restless => ([0.0; 3], State::Restless),
-                Pixel::Settled(cluster) => (cluster.mean, State::Known),
-                Pixel::Torn(likely, other) => (appearance.choose(likely, other), State::Known),
+                Pixel::Masked => ([0.0; 3], State::Masked),
+                Pixel::Unstable => ([0.0; 3], State::Unstable),
+                Pixel::Stable(cluster) => (cluster.mean, State::Stable),
+                Pixel::Ambiguous(likely, other) => (appearance.choose(likely, other), State::Stable),
             };
             mean.push(color);
             state.push(known);
         }
         let deviation: Vec<f32> = pixels.iter().map(|(_, deviation)| *deviation).collect();
-        let known = |pixel: usize| (state[pixel] == State::Known).then(|| (mean[pixel], deviation[pixel]));
+        let known = |pixel: usize| (state[pixel] == State::Stable).then(|| (mean[pixel], deviation[pixel]));
         let appearance = Appearance::new(views, camera, noise.overall, known);
-        let doubtful = (0..mean.len()).map(|i| state[i] == State::Known && appearance.may_pass(mean[i])).collect();
+        let doubtful = (0..mean.len()).map(|i| state[i] == State::Stable && appearance.may_pass(mean[i])).collect();
         Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall })
     }
 }
@@ -141,13 +141,13 @@ fn classify_row(
             camera.views.iter().map(|i| &views[*i]).filter(|view| counts(view, pixel)).map(|view| color(view, pixel)),
         );
         let (usual, own) = pixel_deviation(&samples, noise, &mut steps);
-        // Which colours stay is judged by the usual noise: with its own, a texture that turns would pass for noise.
+        // Colours are grouped by the usual noise: a texture that turns would pass for noise of the pixel's own.
         (classify(&samples, usual, SAMPLES_MIN, &mut scratch), own)
     })
     .collect()
 }
 
-/// A pixel's noise: what its brightness has, and that or more where it flickers from frame to frame, within
+/// Noise of a pixel: the usual one of its brightness, and its own, which is larger where the pixel flickers, within
 /// [`FLICKER`].
 fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> (f32, f32) {
     steps.clear();
@@ -168,19 +168,19 @@ fn median_color(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3]
     })
 }
 
-/// How often each colour is seen on what passes and on what stays, at pixels where the two are told apart.
+/// Counts of each colour on passing objects and on the background, at pixels whose background is certain.
 ///
-/// It decides the torn pixels: near where an object of one colour starts or ends, its colour and the background's both
-/// stay for a while, and only the rest of the picture knows which is the object's. And it finds doubtful ones: an
-/// object that moves by less than its width never uncovers its middle, but the colour there is that of its moving
-/// edges.
+/// The counts decide ambiguous pixels: near the start or end of an object's path the object's colour and the
+/// background's both return, and only the rest of the picture tells which is which. They also find doubtful pixels:
+/// an object that moves by less than its own width never uncovers its middle, but its moving edges show the same
+/// colour.
 struct Appearance {
     passing: Vec<u32>,
     staying: Vec<u32>,
 }
 
 impl Appearance {
-    /// `known` gives a pixel's background colour and noise where they are certain.
+    /// `known` returns a pixel's background colour and noise where they are certain.
     fn new(
         views: &[View],
         camera: &StaticCamera,
@@ -193,7 +193,7 @@ impl Appearance {
             for pixel in 0..views[*index].width * views[*index].height {
                 let Some((mean, deviation)) = known(pixel) else { continue };
                 let sample = color(&views[*index], pixel);
-                // Five standard deviations, and not its shadow: certainly not the background.
+                // Five standard deviations away and not a shadow: certainly a passing object.
                 let differs = distance2(&sample, &mean) > OTHER * deviation * deviation;
                 let passes = differs && !is_light(&sample, &mean, deviation, noise);
                 let counts = if passes { &mut counts.0 } else { &mut counts.1 };
@@ -211,16 +211,16 @@ impl Appearance {
         Self { passing, staying }
     }
 
-    /// The background's colour of the two.
+    /// Chooses the background's colour among two.
     fn choose(&self, likely: &Cluster, other: &Cluster) -> [f32; 3] {
         let shares = [&self.staying, &self.passing].map(|counts| counts.iter().sum::<u32>().max(1) as f32);
-        // One part in a thousand for colours never seen, so that a ratio of two rare colours says nothing.
+        // One part in a thousand is added, so that the ratio of two rare colours stays near 1.
         let share = |counts: &[u32], total: f32, color: [f32; 3]| counts[bin(color)] as f32 / total + 1e-3;
         let ratio = |color: [f32; 3]| share(&self.staying, shares[0], color) / share(&self.passing, shares[1], color);
         if ratio(other.mean) > OVERTURNS * ratio(likely.mean) { other.mean } else { likely.mean }
     }
 
-    /// Whether a colour of the background is seen on passing things for a good part of the times it is seen.
+    /// Whether a background colour is also a common colour of passing objects.
     fn may_pass(&self, color: [f32; 3]) -> bool {
         self.passing[bin(color)] as f32 > DOUBTFUL * self.staying[bin(color)] as f32
     }

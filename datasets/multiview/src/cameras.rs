@@ -1,14 +1,14 @@
-//! Which views one standing camera took, and which were taken at one time.
+//! Groups of views: by static camera, and by time.
 
 use gs_datasets::{View, mean};
 
-/// Two views are of one standing camera when no place of the scene moves by more than this between them, pixels. Below
-/// it resampling of the same picture is less than the noise on ordinary texture; poses that were estimated frame by
-/// frame for a camera on a tripod usually agree this well.
+/// Two views are of one static camera when no point of the scene moves by more than this between them, pixels. A
+/// smaller shift changes ordinary texture by less than the noise. Poses estimated frame by frame for a camera on a
+/// tripod usually agree this well.
 const SHIFT_MAX: f64 = 0.5;
 
-/// Times are the same when they differ by at most this share of the whole range: room for printed digits, far below
-/// one frame of any video.
+/// Times are equal up to this share of the whole range. It covers printed digits and lies far below a frame of any
+/// video.
 const SAME_TIME: f64 = 1e-6;
 
 /// The views of a camera that does not move.
@@ -16,19 +16,18 @@ const SAME_TIME: f64 = 1e-6;
 pub struct StaticCamera {
     /// Its `camera_id`, or the name of its first view where the data set gives none.
     pub name: String,
-    /// Its views' places in the list that was given, by time (views without a time last, by place).
+    /// Indices of its views, by time; views without a time come last, in their given order.
     pub views: Vec<usize>,
 }
 
-/// Groups views by standing camera: equal pose, intrinsics, size and `camera_id` (where there is one). A camera that
-/// moves becomes one group per pose, so groups of a single view are what it leaves. Groups come in the order of their
-/// first views.
+/// Groups views by static camera: equal pose, intrinsics, size and `camera_id` (where there is one). Groups come in
+/// the order of their first views. A moving camera becomes one group a pose, mostly of one view.
 ///
 /// The pose decides and not the id, because some formats number lenses and not cameras.
 pub fn static_cameras(views: &[View]) -> Vec<StaticCamera> {
     let centres: Vec<_> = views.iter().map(|view| view.c2w.w_axis.truncate()).collect();
-    // How far the scene is, roughly: what turns a shift of the camera into pixels. Zero when all cameras coincide,
-    // and then only exact equality counts.
+    // Rough distance of the scene, which turns a shift of the camera into pixels. It is zero when all cameras
+    // coincide; then only equal poses agree.
     let distance = mean(&centres)
         .map_or(0.0, |middle| centres.iter().map(|centre| centre.distance(middle)).fold(0.0, f64::max))
         .max(f64::MIN_POSITIVE);

@@ -1,38 +1,38 @@
-//! Carving: a place belongs to the object when (nearly) every camera that sees the place has it inside its mask.
+//! Space carving: a position belongs to the object if (nearly) every camera that sees it has it inside its mask.
 //!
-//! A block of places is judged at once by the masks' pixels under it (a table of sums answers that in constant time):
-//! no pixel set means outside, all set means inside, and only blocks in between are divided, down to single voxels.
-//! The work so follows the surface and not the volume.
+//! A block of voxels is judged at once by the mask pixels under it (a summed-area table answers in constant time): no
+//! pixel set means outside, all set means inside, and only blocks in between are divided, down to single voxels. The
+//! work follows the surface and not the volume.
 
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use crate::geometry::Pinhole;
+use crate::pinhole::Pinhole;
 
-/// Edge of the blocks that carving starts from, voxels; a power of two.
+/// Edge of the initial blocks, voxels; a power of two.
 const BLOCK: usize = 8;
 
-/// From this many cameras on one may be wrong about a place, and one more for every [`CAMERAS_PER_MISS`]. With fewer,
+/// From this many cameras on one may be wrong about a position, and one more for every [`CAMERAS_PER_MISS`]. With fewer,
 /// one that may always be wrong would leave nothing certain.
 const FORGIVING: usize = 5;
 
 /// See [`FORGIVING`]. A miss costs shape: the hull of all but k of n cameras is larger than that of all.
 const CAMERAS_PER_MISS: usize = 16;
 
-/// A camera with the mask of what it sees of the object.
+/// A camera with its mask of the object.
 pub(crate) struct Silhouette {
     pub camera: Pinhole,
     /// `[height + 1, width + 1]`: set pixels above and left.
     sums: Vec<u32>,
-    /// Whether what the camera does not see counts as outside of the mask.
+    /// Whether positions out of view count as outside the mask.
     bounds: bool,
 }
 
-/// How a mask covers a piece of the image.
+/// How a mask covers the image of a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cover {
-    /// The camera does not see the place.
-    Unseen,
+    /// Out of view.
+    OutOfView,
     Outside,
     Partly,
     Inside,
@@ -53,37 +53,39 @@ impl Silhouette {
         Self { camera, sums, bounds: false }
     }
 
-    /// Has the camera speak for places it does not see, if its mask keeps off the image's edge: then the picture holds all of
-    /// the object.
+    /// Lets positions out of view count as outside, if the mask keeps off the image's edge: then the image holds all
+    /// of the object.
     pub fn bound(&mut self) {
         let (width, height) = (self.camera.width, self.camera.height);
         let inner = self.count((1, width.max(2) - 1), (1, height.max(2) - 1));
         self.bounds = inner > 0 && inner == self.count((0, width), (0, height));
     }
 
-    /// Takes [`bound`](Self::bound) back.
+    /// Undoes [`bound`](Self::bound).
     pub fn unbound(&mut self) {
         self.bounds = false;
     }
 
-    /// Set pixels in columns `x` and rows `y`.
+    /// Number of set pixels in columns `x` and rows `y`.
     fn count(&self, x: (usize, usize), y: (usize, usize)) -> u32 {
         let at = |x: usize, y: usize| self.sums[y * (self.camera.width + 1) + x];
         at(x.1, y.1) + at(x.0, y.0) - at(x.0, y.1) - at(x.1, y.0)
     }
 
-    /// Whether the mask is set where the camera sees the place; `None` where it neither sees nor [bounds](Self::bound) it.
-    pub fn contains(&self, place: DVec3) -> Option<bool> {
-        let pixel = self.camera.project(place).and_then(|(pixel, _)| self.camera.pixel(pixel));
+    /// Whether the mask is set at the position's projection; `None` out of view, unless the silhouette is
+    /// [bound](Self::bound).
+    pub fn contains(&self, position: DVec3) -> Option<bool> {
+        let pixel = self.camera.project(position).and_then(|(pixel, _)| self.camera.pixel(pixel));
         match pixel {
             Some((x, y)) => Some(self.count((x, x + 1), (y, y + 1)) > 0),
             None => self.bounds.then_some(false),
         }
     }
 
-    /// The largest distance from a place, in its depth, of what the mask shows; `None` if that is nothing.
-    pub fn reach(&self, place: DVec3) -> Option<f64> {
-        let (pixel, depth) = self.camera.project(place)?;
+    /// Largest distance of a mask pixel from a position, measured at its depth, scene units; `None` for an empty
+    /// mask.
+    pub fn reach(&self, position: DVec3) -> Option<f64> {
+        let (pixel, depth) = self.camera.project(position)?;
         let (width, height) = (self.camera.width, self.camera.height);
         let mut farthest: Option<f64> = None;
         for y in (0..height).filter(|y| self.count((0, width), (*y, *y + 1)) > 0) {
@@ -95,13 +97,13 @@ impl Silhouette {
         farthest.map(|pixels| (pixels + 1.0) * depth / self.camera.focal())
     }
 
-    /// How the mask covers a ball.
+    /// Cover of a ball.
     fn cover(&self, centre: DVec3, radius: f64) -> Cover {
         let camera = &self.camera;
         let near = centre.distance(camera.centre) <= 2.0 * radius;
-        let unseen = if self.bounds { Cover::Outside } else { Cover::Unseen };
+        let out_of_view = if self.bounds { Cover::Outside } else { Cover::OutOfView };
         let Some((pixel, depth)) = camera.project(centre).filter(|(_, depth)| *depth > radius) else {
-            return if near { Cover::Partly } else { unseen };
+            return if near { Cover::Partly } else { out_of_view };
         };
         // The image of a ball off the axis is stretched by one over the cosine.
         let k = &camera.intrinsics;
@@ -115,29 +117,29 @@ impl Silhouette {
         let ((x, x_whole), (y, y_whole)) = (span(pixel.x, camera.width), span(pixel.y, camera.height));
         let area = (x.1 - x.0) * (y.1 - y.0);
         if area == 0 {
-            return unseen;
+            return out_of_view;
         }
         let set = self.count(x, y) as usize;
         match (set, x_whole && y_whole) {
             (0, whole) if whole || self.bounds => Cover::Outside,
             (set, true) if set == area => Cover::Inside,
-            // Beyond the image's edge nobody knows.
+            // Beyond the image's edge nothing is known.
             _ => Cover::Partly,
         }
     }
 }
 
-/// How many cameras must agree.
+/// Number of cameras that must agree.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Consensus {
-    /// Cameras that may disagree; `None` chooses by how many see the place.
+    /// Cameras that may disagree; `None` chooses by how many see the position.
     pub misses: Option<usize>,
-    /// Cameras that must see a place, so that what only a corner of the rig sees is not kept for lack of evidence.
+    /// Cameras that must see a position, so that a region seen by a corner of the rig alone is not kept unchecked.
     pub seen_min: usize,
 }
 
 impl Consensus {
-    /// For a number of cameras: half of them, and two at least, must see a place.
+    /// For a number of cameras: half of them, and two at least, must see a position.
     pub fn of(cameras: usize, misses: Option<usize>) -> Self {
         Self { misses, seen_min: cameras.div_ceil(2).max(2) }
     }
@@ -147,13 +149,13 @@ impl Consensus {
         self.misses.unwrap_or(usual).min(seen.saturating_sub(2))
     }
 
-    fn keeps(&self, silhouettes: &[Silhouette], place: DVec3) -> bool {
-        let (hits, seen) = support(silhouettes, place);
+    fn keeps(&self, silhouettes: &[Silhouette], position: DVec3) -> bool {
+        let (hits, seen) = support(silhouettes, position);
         seen >= self.seen_min && seen - hits <= self.allowed(seen)
     }
 
-    /// Whether a part of a ball may be kept. Cameras count that see its middle: where the ball is cut by the image's
-    /// edge they know nothing, and without them whatever is at the edge of all pictures would be kept.
+    /// Whether a part of a ball may be kept. Only cameras that see its middle count: at the image's edge a cut ball
+    /// is unknown, and everything at the edge of all images would be kept otherwise.
     fn may_keep(&self, silhouettes: &[Silhouette], centre: DVec3, radius: f64) -> bool {
         let covers = silhouettes.iter().filter(|one| one.contains(centre).is_some());
         let (hits, seen) = covers.fold((0, 0), |(hits, seen), one| {
@@ -163,27 +165,27 @@ impl Consensus {
     }
 }
 
-/// How many cameras have the place in their masks, and how many see it at all.
-pub(crate) fn support(silhouettes: &[Silhouette], place: DVec3) -> (usize, usize) {
-    let answers = silhouettes.iter().filter_map(|silhouette| silhouette.contains(place));
+/// Number of cameras with the position in their masks, and number of cameras that see it.
+pub(crate) fn support(silhouettes: &[Silhouette], position: DVec3) -> (usize, usize) {
+    let answers = silhouettes.iter().filter_map(|silhouette| silhouette.contains(position));
     answers.fold((0, 0), |(hits, seen), hit| (hits + usize::from(hit), seen + 1))
 }
 
-/// A grid of cubes, those of the object marked.
+/// A grid of voxels, filled where the object is.
 #[derive(Debug, Clone)]
 pub(crate) struct Voxels {
-    /// Corner of the first cube.
+    /// Corner of the first voxel.
     pub low: DVec3,
-    /// Edge of a cube, scene units.
+    /// Edge of a voxel, scene units.
     pub edge: f64,
-    /// Cubes along x, y, z.
+    /// Voxels along x, y, z.
     pub dims: [usize; 3],
     /// `[z, y, x]`.
     pub filled: Vec<bool>,
 }
 
 impl Voxels {
-    /// An empty grid over a box with `resolution` cubes along its longest side.
+    /// An empty grid over a box with `resolution` voxels along its longest side.
     pub fn over(low: DVec3, high: DVec3, resolution: usize) -> Self {
         let size = high - low;
         let edge = size.max_element() / resolution as f64;
@@ -191,8 +193,8 @@ impl Voxels {
         Self { low, edge, dims, filled: vec![false; dims[0] * dims[1] * dims[2]] }
     }
 
-    /// The middle of a cube.
-    pub fn place(&self, cell: UVec3) -> DVec3 {
+    /// Centre of a voxel.
+    pub fn position(&self, cell: UVec3) -> DVec3 {
         self.low + self.edge * (cell.as_dvec3() + 0.5)
     }
 
@@ -205,12 +207,12 @@ impl Voxels {
         UVec3::new((index % nx) as u32, (index / nx % ny) as u32, (index / nx / ny) as u32)
     }
 
-    /// The marked cubes.
+    /// The filled voxels.
     pub fn cells(&self) -> impl Iterator<Item = UVec3> {
         (0..self.filled.len()).filter(|index| self.filled[*index]).map(|index| self.cell(index))
     }
 
-    /// The cubes around one, those over corners too if `corners`.
+    /// Neighbours of a voxel over faces, over edges and corners too if `corners`.
     pub fn around(&self, cell: UVec3, corners: bool) -> impl Iterator<Item = UVec3> {
         let dims = self.dims.map(|n| n as i32);
         let c = cell.as_ivec3();
@@ -223,14 +225,14 @@ impl Voxels {
         })
     }
 
-    /// Marked cubes with a face towards an unmarked one or the end of the grid.
+    /// Filled voxels with a face towards an empty one or the end of the grid.
     pub fn surface(&self) -> Vec<UVec3> {
         let is_inner =
             |cell: &UVec3| self.around(*cell, false).filter(|next| self.filled[self.index(*next)]).count() == 6;
         self.cells().filter(|cell| !is_inner(cell)).collect()
     }
 
-    /// Marks every cube that consensus keeps; `generous` also those that only may contain a part of the object.
+    /// Fills every voxel that `consensus` keeps; with `generous` also voxels that may contain a part of the object.
     pub fn carve(&mut self, silhouettes: &[Silhouette], consensus: Consensus, generous: bool) {
         let blocks: Vec<UVec3> = {
             let [nx, ny, nz] = self.dims.map(|n| n.div_ceil(BLOCK) as u32);
@@ -252,7 +254,7 @@ impl Voxels {
     }
 }
 
-/// What a block is carved by.
+/// Inputs of the recursion over blocks.
 struct Task<'a> {
     grid: &'a Voxels,
     silhouettes: &'a [Silhouette],
@@ -273,7 +275,7 @@ impl Task<'_> {
             let cover = silhouette.cover(centre, half * 3.0_f64.sqrt());
             outside += usize::from(cover == Cover::Outside);
             partly += usize::from(cover == Cover::Partly);
-            seen += usize::from(cover != Cover::Unseen);
+            seen += usize::from(cover != Cover::OutOfView);
         }
         if seen < self.consensus.seen_min || outside > self.consensus.allowed(seen) {
             return;

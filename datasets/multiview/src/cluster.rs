@@ -1,80 +1,80 @@
-//! What one pixel of a standing camera shows over time: colours that stay, and colours that pass.
+//! Colours of one pixel of a static camera over time: recurring ones and passing ones.
 //!
-//! A static surface gives the same colour again and again, up to noise. A passing object gives colours that change as
-//! its texture, shading and edges go by. So the background is a tight *cluster* of the samples, and usually not their
-//! median: an object that moves less than twice its own width covers the middle of its way for more than half of the
-//! time, where a median shows the object and calls the background "moving".
+//! A static surface has the same colour in every frame, up to noise. A passing object has colours that change with
+//! its texture, shading and edges. So the background is a tight *cluster* of the samples. It is usually not their
+//! median: an object that moves less than twice its own width covers the middle of its path for more than half of the
+//! time.
 
-/// Squared distance from the centre of its cluster within which a sample belongs to it, over the noise's variance: 99.7
-/// % of a chi-squared with three degrees of freedom.
+/// A sample belongs to a cluster within this squared distance of its centre, over the variance of the noise: 99.7 %
+/// of a chi-squared distribution with three degrees of freedom.
 pub(crate) const MEMBER: f32 = 14.0;
 
-/// The same between two samples, each with noise of its own (twice the variance, and less strict, because all the
-/// members count and not one pair).
+/// The same between two samples. Both have noise (twice the variance), and the limit is less strict because many
+/// members count and not one pair.
 const PAIR: f32 = 20.0;
 
-/// Share of samples that makes a cluster the background without a second look.
+/// Share of samples that makes a cluster the background without looking for another.
 const MAJORITY: f32 = 0.7;
 
-/// Smallest share of the samples that counts as staying. Fewer come together by chance where a texture turns in place.
+/// Smallest share of the samples in a recurring colour. A texture that turns in place repeats fewer by chance.
 const STAYS: f32 = 0.25;
 
 /// Most samples that are tried as a cluster's centre; bounds the work for long videos.
 const CANDIDATES: usize = 16;
 
-/// A colour with how often and when it was seen.
+/// A recurring colour, its count and its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cluster {
     /// Mean colour, levels of 255.
     pub mean: [f32; 3],
     /// Number of samples.
     pub count: usize,
-    /// First and last sample, by their number in time.
+    /// Indices of the first and last sample, in time order.
     pub first: usize,
     pub last: usize,
 }
 
-/// What a pixel shows over time.
+/// Kind of a pixel by its colours over time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pixel {
-    /// Too few samples to tell.
-    Unseen,
-    /// One colour stays.
-    Settled(Cluster),
-    /// Two colours stay; either may be the background. The likelier one first: the one seen before and after the other,
-    /// because what an object passes over was there all along, else the more frequent one.
-    Torn(Cluster, Cluster),
-    /// No colour stays: something moves here all the time.
-    Restless,
+    /// The views' own masks leave too few samples.
+    Masked,
+    /// One colour returns: the background.
+    Stable(Cluster),
+    /// Two colours return, the likelier background first: the colour seen before and after the other one, because an
+    /// object uncovers again what it passes over; else the more frequent one.
+    Ambiguous(Cluster, Cluster),
+    /// No colour returns: something moves here all the time.
+    Unstable,
 }
 
-/// Which colours stay. `samples` are in time order; `deviation` is the noise, levels of 255. `scratch` is reused
+/// Classifies a pixel by its `samples` in time order. `deviation` is the noise, levels of 255; `scratch` is reused
 /// memory.
 pub(crate) fn classify(samples: &[[u8; 3]], deviation: f32, samples_min: usize, scratch: &mut Vec<bool>) -> Pixel {
     if samples.len() < samples_min.max(1) {
-        return Pixel::Unseen;
+        return Pixel::Masked;
     }
     let variance = deviation * deviation;
     let quick = around(samples, mean_of(samples.iter()), MEMBER * variance, |_| true);
     if let Some(all) = quick.filter(|all| all.count == samples.len()) {
-        return Pixel::Settled(all);
+        return Pixel::Stable(all);
     }
     let enough = ((STAYS * samples.len() as f32).ceil() as usize).max(2);
     scratch.clear();
     scratch.resize(samples.len(), true);
     let Some(first) = densest(samples, variance, scratch).filter(|cluster| cluster.count >= enough) else {
-        return Pixel::Restless;
+        return Pixel::Unstable;
     };
     if first.count as f32 >= MAJORITY * samples.len() as f32 {
-        return Pixel::Settled(first);
+        return Pixel::Stable(first);
     }
     for (free, sample) in scratch.iter_mut().zip(samples) {
         *free = distance2(sample, &first.mean) > MEMBER * variance;
     }
     match densest(samples, variance, scratch).filter(|cluster| cluster.count >= enough) {
-        None => Pixel::Settled(first),
-        Some(second) if second.first < first.first && second.last > first.last => Pixel::Torn(second, first),
-        Some(second) => Pixel::Torn(first, second),
+        None => Pixel::Stable(first),
+        Some(second) if second.first < first.first && second.last > first.last => Pixel::Ambiguous(second, first),
+        Some(second) => Pixel::Ambiguous(first, second),
     }
 }
 

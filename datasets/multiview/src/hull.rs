@@ -1,12 +1,11 @@
-//! The visual hull of what moves at one time, as coloured points.
+//! Visual hull of the moving object at one time, as coloured points.
 //!
-//! First where: the masks' centroids are triangulated and a box is drawn around that place, so that the object may be
-//! small against the scene. Then which views to believe: those whose masks miss the core, the places that most cameras
-//! have in their masks, are left out. Then a coarse carving that keeps whatever may belong to the object tightens the
-//! box, and a fine one inside it finds the surface.
+//! 1. The masks' centroids are triangulated, and a box is placed around that position, so the object may be small against the scene.
+//! 2. Views whose masks miss the core (the positions inside most masks) are left out.
+//! 3. A coarse carving that keeps all possible voxels tightens the box, and a fine one finds the surface.
 //!
-//! The hull contains the object, up to ragged masks, and is larger: hollows that no camera sees through stay filled, a
-//! rig that looks from one side leaves it long in that direction, masks of blurry photos add the path of the exposure.
+//! The hull contains the object, up to ragged masks, and is larger: hollows that no camera sees through stay filled,
+//! a rig on one side leaves it long in that direction, and masks of blurry photos add the path of one exposure.
 
 use glam::{DVec3, UVec3};
 
@@ -14,25 +13,26 @@ use gs_datasets::{PointCloud, Scene, View};
 
 use crate::cameras::{Instant, instants};
 use crate::carve::{Consensus, Silhouette, Voxels, support};
-use crate::geometry::Pinhole;
-use crate::guide::{Spot, locate, mask_of};
+use crate::centres::{Blob, locate, mask_of};
 use crate::median::median;
+use crate::pinhole::Pinhole;
 use crate::regions::fill_holes;
 
-/// Voxels along the box while it is being found. The object fills most of it, so a limb of a tenth of it still counts.
+/// Voxels along the box in the coarse carving. The object fills most of the box, so a limb of a tenth of it still
+/// counts.
 const COARSE: usize = 32;
 
-/// Voxels along the tight box: at least so many that the surface is good to a hundredth of the object, at most so many
-/// that the grid stays in a few megabytes.
+/// Voxels along the tight box: at least enough for a surface accurate to a hundredth of the object, at most a few
+/// megabytes.
 const FINE: (usize, usize) = (56, 176);
 
-/// Fine carvings at most.
+/// Largest number of fine carvings.
 const PASSES: usize = 3;
 
-/// How much larger the first box is than the masks seem.
+/// Margin of the first box around the masks, as a factor.
 const MARGIN: f64 = 1.2;
 
-/// A box that the object touches grows by this, so often.
+/// Growth of a box that the object touches, as a factor, and the largest number of growths.
 const GROWTH: (f64, i32) = (1.6, 5);
 
 /// Share of views whose masks may be too large by far without enlarging the box.
@@ -42,13 +42,13 @@ const OVERSIZED: f64 = 0.25;
 /// half off.
 const BELIEVED: f64 = 0.6;
 
-/// Least share of cameras that must agree on any place at all.
+/// Least share of cameras that must agree on any position at all.
 const AGREEMENT_MIN: f64 = 0.6;
 
 /// Holes in a mask up to this share of the region around them are filled before carving: each would be a tunnel.
 const HOLE: f64 = 0.1;
 
-/// A point is visible when nothing of the hull is nearer by more than this many voxels.
+/// A point is visible if no part of the hull is nearer by more than this many voxels.
 const OCCLUDED: f64 = 2.0;
 
 /// How to make a hull.
@@ -56,7 +56,7 @@ const OCCLUDED: f64 = 2.0;
 pub struct HullOptions {
     /// Points wanted; spread evenly over the surface. Fewer come where the surface has fewer voxels.
     pub points: usize,
-    /// How many cameras may have a place outside of their masks although it belongs to the object. `None`: one from 5
+    /// How many cameras may have a position outside of their masks although it belongs to the object. `None`: one from 5
     /// cameras on and another for every 16.
     pub misses: Option<usize>,
 }
@@ -67,26 +67,26 @@ impl Default for HullOptions {
     }
 }
 
-/// What moves at one time.
+/// Visual hull of the moving object at one time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Hull {
     /// Points on its surface, coloured with the median of the views that see them.
     pub points: PointCloud,
-    /// Mean of its volume; zero when there is none.
+    /// Centroid of its volume; zero if empty.
     pub centre: DVec3,
-    /// Smallest and largest coordinates; both zero when there is none.
+    /// Smallest and largest coordinates; both zero if empty.
     pub bounds: (DVec3, DVec3),
     /// Volume, cubic scene units.
     pub volume: f64,
-    /// Edge of a voxel: how far a point may be off the hull's surface, scene units.
+    /// Edge of a voxel, scene units: the accuracy of a point.
     pub spacing: f64,
-    /// How many views it was carved by.
+    /// Number of views it was carved from.
     pub cameras: usize,
-    /// What was left out and why, in sentences.
+    /// Reasons for left out views or an empty hull, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// The hull of what moves at time `t`, from the views of the nearest time there is. `masks` are one per training view.
+/// Visual hull of all moving pixels at the time of a view nearest to `t`. `masks` holds one mask per training view.
 /// Without enough masks the hull is empty and its notes say why.
 pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOptions) -> Hull {
     let views = &scene.train;
@@ -114,15 +114,18 @@ pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOpti
     let voxels = &solid.voxels;
     let surface = voxels.surface();
     let chosen = spread(&surface, options.points);
-    let positions: Vec<DVec3> = chosen.iter().map(|cell| voxels.place(*cell)).collect();
+    let positions: Vec<DVec3> = chosen.iter().map(|cell| voxels.position(*cell)).collect();
     let colors = colors(views, &solid.views, &solid.silhouettes, voxels, &surface, &positions);
     let count = voxels.cells().count() as f64;
     let edge = voxels.edge;
-    let low = surface.iter().fold(DVec3::INFINITY, |low, cell| low.min(voxels.place(*cell) - 0.5 * edge));
-    let high = surface.iter().fold(DVec3::NEG_INFINITY, |high, cell| high.max(voxels.place(*cell) + 0.5 * edge));
+    let low = surface.iter().fold(DVec3::INFINITY, |low, cell| low.min(voxels.position(*cell) - 0.5 * edge));
+    let high = surface.iter().fold(DVec3::NEG_INFINITY, |high, cell| high.max(voxels.position(*cell) + 0.5 * edge));
     Hull {
-        points: PointCloud { positions: positions.iter().map(|place| place.as_vec3().to_array()).collect(), colors },
-        centre: voxels.cells().map(|cell| voxels.place(cell)).sum::<DVec3>() / count,
+        points: PointCloud {
+            positions: positions.iter().map(|position| position.as_vec3().to_array()).collect(),
+            colors,
+        },
+        centre: voxels.cells().map(|cell| voxels.position(cell)).sum::<DVec3>() / count,
         bounds: (low, high),
         volume: count * edge.powi(3),
         spacing: edge,
@@ -131,12 +134,12 @@ pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOpti
     }
 }
 
-/// What carving leaves, and what by.
+/// Carved voxels and the silhouettes used.
 pub(crate) struct Solid {
-    /// At least one is filled.
+    /// At least one voxel is filled.
     pub voxels: Voxels,
     pub silhouettes: Vec<Silhouette>,
-    /// The view of each silhouette.
+    /// Index of the view of each silhouette.
     pub views: Vec<usize>,
     pub notes: Vec<String>,
 }
@@ -150,18 +153,18 @@ impl Solid {
     ) -> Result<Self, String> {
         let mut used: Vec<usize> =
             instant.views.iter().copied().filter(|index| mask_of(views, masks, *index).is_some()).collect();
-        let spots: Vec<(Spot, &View)> = used
+        let blobs: Vec<(Blob, &View)> = used
             .iter()
-            .filter_map(|index| Some((Spot::of(mask_of(views, masks, *index)?, views[*index].width)?, &views[*index])))
+            .filter_map(|index| Some((Blob::of(mask_of(views, masks, *index)?, views[*index].width)?, &views[*index])))
             .collect();
-        let (middle, ..) = locate(&spots)?;
+        let (middle, ..) = locate(&blobs)?;
         let mut silhouettes: Vec<Silhouette> = used
             .iter()
             .filter_map(|index| mask_of(views, masks, *index).map(|mask| silhouette(&views[*index], mask)))
             .collect();
         let first = reach(&silhouettes, middle).ok_or("the masks have no size around their centre")?;
         let mut notes = Vec::new();
-        let wrong = disbelieved(&silhouettes, middle - first, middle + first)?;
+        let wrong = contradicting(&silhouettes, middle - first, middle + first)?;
         if !wrong.is_empty() {
             let names: Vec<&str> = wrong.iter().map(|i| views[used[*i]].name.as_str()).collect();
             notes.push(format!("masks that contradict the others were left out: {}", names.join(", ")));
@@ -173,11 +176,12 @@ impl Solid {
         let consensus = Consensus::of(silhouettes.len(), options.misses);
         let (mut coarse, mut is_cut) = coarse(&silhouettes, consensus, middle, first)?;
         if is_cut {
-            // What a few cameras see far behind the object, and the others not at all, nobody contradicts.
+            // Far behind the object a position in a few masks, and out of view of the other cameras, is not
+            // contradicted.
             silhouettes.iter_mut().for_each(Silhouette::bound);
             match self::coarse(&silhouettes, consensus, middle, first) {
                 Ok(bounded) => (coarse, is_cut) = bounded,
-                // A mask that holds a part of the object only, whole within the image, would leave nothing of it.
+                // A mask with only a part of the object, whole within the image, would leave nothing of it.
                 Err(_) => silhouettes.iter_mut().for_each(Silhouette::unbound),
             }
         }
@@ -190,10 +194,10 @@ impl Solid {
 }
 
 /// Why there is no hull.
-const NOWHERE: &str = "no place is in enough masks";
+const NOWHERE: &str = "no position is in enough masks";
 
-/// All that may hold a part of the object, in the smallest box around `middle` that it does not touch, of those from half an edge of
-/// `half` on; and whether it touches the largest one too.
+/// Coarse voxels in the smallest box around `middle` that the object does not touch, growing from half an edge of
+/// `half`; and whether it touches the largest one.
 fn coarse(
     silhouettes: &[Silhouette],
     consensus: Consensus,
@@ -214,14 +218,14 @@ fn coarse(
     }
 }
 
-/// Carves ever more closely until the surface has enough voxels: the box tightens with every pass, and how many of them
-/// a surface has shows only when it is there.
+/// Carves at growing resolution until the surface has enough voxels: the box tightens with every pass, and the size
+/// of the surface is only known afterwards.
 fn fine(coarse: Voxels, silhouettes: &[Silhouette], consensus: Consensus, points: usize) -> Option<Voxels> {
     let mut voxels = coarse;
     let mut resolution = FINE.0;
     for pass in 1.. {
         let (first, last) = span(&voxels)?;
-        // What is carved by the cubes' middles may reach half a cube beyond them.
+        // Carving by voxel centres may miss half a voxel beyond them.
         let margin = if pass == 1 { 0.0 } else { 1.0 };
         let low = voxels.low + voxels.edge * (first.as_dvec3() - margin);
         let high = voxels.low + voxels.edge * (last.as_dvec3() + 1.0 + margin);
@@ -233,7 +237,7 @@ fn fine(coarse: Voxels, silhouettes: &[Silhouette], consensus: Consensus, points
         if pass == PASSES || (surface >= points && longest >= FINE.0 * 3 / 4) {
             break;
         }
-        // The surface grows with the square; a little more, so that one pass is enough.
+        // The surface grows with the square of the resolution; 10 % more avoids a third pass.
         let wanted = 1.1 * longest as f64 * (points as f64 / surface.max(1) as f64).sqrt().max(1.0);
         resolution = (wanted.ceil() as usize).clamp(FINE.0, FINE.1);
     }
@@ -246,7 +250,7 @@ fn silhouette(view: &View, mask: &[u8]) -> Silhouette {
     Silhouette::new(Pinhole::new(view), &mask)
 }
 
-/// Half the edge of a box around `middle` that holds what the masks show; `None` if no mask shows anything.
+/// Half the edge of a box around `middle` that holds all mask pixels; `None` if all masks are empty.
 fn reach(silhouettes: &[Silhouette], middle: DVec3) -> Option<f64> {
     let mut reaches: Vec<f64> = silhouettes.iter().filter_map(|silhouette| silhouette.reach(middle)).collect();
     reaches.sort_by(|a, b| b.total_cmp(a));
@@ -254,24 +258,25 @@ fn reach(silhouettes: &[Silhouette], middle: DVec3) -> Option<f64> {
     (reach.is_finite() && reach > 0.0).then_some(MARGIN * reach)
 }
 
-/// The silhouettes, by number, that miss the core: the places in the box that most cameras have in their masks.
-fn disbelieved(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<Vec<usize>, String> {
+/// Indices of the silhouettes that miss the core: the positions in the box that most cameras have in their masks.
+fn contradicting(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<Vec<usize>, String> {
     let grid = Voxels::over(low, high, COARSE);
     let seen_min = Consensus::of(silhouettes.len(), None).seen_min;
     let shares: Vec<(DVec3, f64)> = (0..grid.filled.len())
-        .map(|index| grid.place(grid.cell(index)))
-        .filter_map(|place| {
-            let (hits, seen) = support(silhouettes, place);
-            (seen >= seen_min).then(|| (place, hits as f64 / seen as f64))
+        .map(|index| grid.position(grid.cell(index)))
+        .filter_map(|position| {
+            let (hits, seen) = support(silhouettes, position);
+            (seen >= seen_min).then(|| (position, hits as f64 / seen as f64))
         })
         .collect();
     let best = shares.iter().map(|(_, share)| *share).fold(0.0, f64::max);
     if best < AGREEMENT_MIN {
-        return Err(format!("at most {:.0} % of the cameras that see a place have it in their masks", 100.0 * best));
+        return Err(format!("at most {:.0} % of the cameras that see a position have it in their masks", 100.0 * best));
     }
-    let core: Vec<DVec3> = shares.iter().filter(|(_, share)| *share >= best - 1e-9).map(|(place, _)| *place).collect();
+    let core: Vec<DVec3> =
+        shares.iter().filter(|(_, share)| *share >= best - 1e-9).map(|(position, _)| *position).collect();
     let misses_core = |silhouette: &Silhouette| {
-        let answers: Vec<bool> = core.iter().filter_map(|place| silhouette.contains(*place)).collect();
+        let answers: Vec<bool> = core.iter().filter_map(|position| silhouette.contains(*position)).collect();
         let hits = answers.iter().filter(|hit| **hit).count();
         // A camera that sees nothing of the core does not contradict.
         !answers.is_empty() && (hits as f64) < BELIEVED * answers.len() as f64
@@ -279,12 +284,12 @@ fn disbelieved(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<Ve
     Ok((0..silhouettes.len()).filter(|i| misses_core(&silhouettes[*i])).collect())
 }
 
-/// First and last marked cube along each axis.
+/// First and last filled voxel along each axis.
 fn span(voxels: &Voxels) -> Option<(UVec3, UVec3)> {
     voxels.cells().map(|cell| (cell, cell)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// At most `count` cubes, evenly over the surface: every n-th along a curve that keeps neighbours together.
+/// At most `count` voxels, evenly over the surface: every n-th along a Morton curve, which keeps neighbours together.
 fn spread(surface: &[UVec3], count: usize) -> Vec<UVec3> {
     let mut sorted = surface.to_vec();
     sorted.sort_by_key(|cell| {
@@ -299,7 +304,7 @@ fn spread(surface: &[UVec3], count: usize) -> Vec<UVec3> {
     (0..count).map(|i| sorted[i * sorted.len() / count]).collect()
 }
 
-/// The median over the views that see a place, per channel; of all views that have it in the picture if none sees it.
+/// Median colour over the views that see each position; over all views with it in the image if it is hidden in all.
 fn colors(
     views: &[View],
     used: &[usize],
@@ -308,26 +313,26 @@ fn colors(
     surface: &[UVec3],
     positions: &[DVec3],
 ) -> Vec<[u8; 3]> {
-    let places: Vec<DVec3> = surface.iter().map(|cell| voxels.place(*cell)).collect();
-    let depths: Vec<Vec<f64>> = silhouettes.iter().map(|one| depth_map(one, &places, voxels.edge)).collect();
-    let seen_by = |place: DVec3, slack: f64| -> Vec<[u8; 3]> {
+    let surface: Vec<DVec3> = surface.iter().map(|cell| voxels.position(*cell)).collect();
+    let depths: Vec<Vec<f64>> = silhouettes.iter().map(|one| depth_map(one, &surface, voxels.edge)).collect();
+    let seen_by = |position: DVec3, slack: f64| -> Vec<[u8; 3]> {
         let looks = silhouettes.iter().zip(&depths).zip(used).filter_map(|((one, nearest), index)| {
-            let (pixel, depth) = one.camera.project(place)?;
+            let (pixel, depth) = one.camera.project(position)?;
             let (x, y) = one.camera.pixel(pixel)?;
             let view = &views[*index];
             let at = y * view.width + x;
             let data = view.image.data.get(3 * at..3 * at + 3)?;
-            let visible = depth <= nearest[at] + slack && one.contains(place) == Some(true);
+            let visible = depth <= nearest[at] + slack && one.contains(position) == Some(true);
             visible.then(|| [data[0], data[1], data[2]])
         });
         looks.collect()
     };
     positions
         .iter()
-        .map(|place| {
-            let mut seen = seen_by(*place, OCCLUDED * voxels.edge);
+        .map(|position| {
+            let mut seen = seen_by(*position, OCCLUDED * voxels.edge);
             if seen.is_empty() {
-                seen = seen_by(*place, f64::INFINITY);
+                seen = seen_by(*position, f64::INFINITY);
             }
             [0, 1, 2].map(|c| {
                 let mut values: Vec<u8> = seen.iter().map(|color| color[c]).collect();
@@ -337,12 +342,12 @@ fn colors(
         .collect()
 }
 
-/// Depth of the nearest cube per pixel; infinite where there is none.
-fn depth_map(silhouette: &Silhouette, places: &[DVec3], edge: f64) -> Vec<f64> {
+/// Depth of the nearest voxel at each pixel; infinite without one.
+fn depth_map(silhouette: &Silhouette, positions: &[DVec3], edge: f64) -> Vec<f64> {
     let camera = &silhouette.camera;
     let mut nearest = vec![f64::INFINITY; camera.width * camera.height];
-    for place in places {
-        let Some((pixel, depth)) = camera.project(*place) else { continue };
+    for position in positions {
+        let Some((pixel, depth)) = camera.project(*position) else { continue };
         let half = 0.5 * edge * camera.focal() / depth;
         let span = |at: f64, size: usize| {
             let clip = |value: f64| value.clamp(0.0, size as f64) as usize;

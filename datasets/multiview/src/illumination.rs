@@ -1,4 +1,7 @@
-//! By which factor the light on a surface differs between two colours of it.
+//! Relighting: whether two colours are one surface under different light.
+//!
+//! Light multiplies a linear colour, and the encoding is close to a power, so encoded values differ by a factor too,
+//! nearly the same in all channels.
 
 /// Darkest factor (of encoded values) that is still called shadow. An umbra lit by the sky alone is at about 0.4;
 /// lower than this are black objects.
@@ -16,16 +19,16 @@ pub(crate) const LIT: f32 = 1.0 / DARKEST;
 /// the lamp that does not.
 const TINT: [f32; 2] = [0.03, 0.25];
 
-/// Background darker than this many standard deviations of noise has no factor to speak of.
+/// A background darker than this many standard deviations of noise has no measurable factor.
 const DARK: f32 = 12.0;
 
-/// Whether a colour may be `mean` in another light, darker or brighter, by what one pixel says.
+/// Whether a colour may be `mean` under darker or brighter light, judged by this pixel alone.
 pub(crate) fn is_light(color: &[u8; 3], mean: &[f32; 3], deviation: f32, noise: f32) -> bool {
     (DARKEST..=LIT).contains(&factor(color, mean, deviation, noise))
 }
 
-/// The mean factor of the channels; NaN where they do not agree on it. `noise` is the image's: where shadows come and go, a
-/// pixel's own deviation is none of the sensor.
+/// Mean factor over the channels; NaN if the channels disagree. `noise` is the image's: where shadows come and go, a
+/// pixel's own deviation is not the sensor's.
 pub(crate) fn factor(color: &[u8], mean: &[f32; 3], deviation: f32, noise: f32) -> f32 {
     if mean.iter().any(|value| *value < DARK * noise) {
         return f32::NAN;

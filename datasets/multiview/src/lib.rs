@@ -1,28 +1,49 @@
-//! What moves, where, and how fast, from photos and cameras alone: no tensors, no network, no training.
+//! Classical multi-view vision for posed photos: static cameras, backgrounds, moving masks, centres, paths and hulls of moving objects, and
+//! points by a plane sweep. No tensors, no network, no training.
 //!
-//! | step | file |
+//! Main types: [`MovingMasks`] (one mask per training view), [`Centre`] and [`Trajectory`] (a path through triangulated centres), [`Hull`]
+//! (coloured points on the moving object). Neighbours: `gs-datasets` reads the [`Scene`](gs_datasets::Scene) that every function takes;
+//! the trainer initialises Gaussians from the results. A `Scene` holds what the data set gives, and this crate what is inferred from it: no
+//! function changes a view, and no result belongs into one.
+//!
+//! | step | function |
 //! |---|---|
-//! | views of one camera that stands still; views of one time | [`cameras`](static_cameras) |
-//! | what a standing camera sees when nothing passes | [`background`] |
-//! | pixels that differ from it by more than noise and shadow | [`evidence`] |
-//! | masks given or found, one per training view | [`moving_masks`] |
-//! | the object's centre per time, its velocity (TaylorMoDe-GS, Eq. 17) | [`centres`], [`guide_velocity`] |
-//! | the same for several objects | [`object_centres`] |
-//! | a polynomial through the centres, its order chosen by BIC, with kinks where they were hit | [`Trajectory`] |
-//! | coloured points on the object at a time, by carving | [`hull`] |
-//! | points where photos agree, by a plane sweep | [`sweep`] |
+//! | views of one static camera | [`static_cameras`] |
+//! | picture of a static camera without passing objects | [`background`](fn@background) |
+//! | pixels that differ from it by more than noise and shadow | [`camera_masks`](fn@camera_masks) |
+//! | one mask per training view, given or inferred | [`moving_masks`] |
+//! | centre of the moving object over time, and its velocity (TaylorMoDe-GS, Eq. 17) | [`centres`](fn@centres), [`guide_velocity`] |
+//! | centres of several objects | [`object_centres`] |
+//! | path through the centres: polynomial order and kinks by BIC | [`Trajectory`] |
+//! | coloured points on the object at a time, by space carving | [`hull`](fn@hull) |
+//! | points for data sets without any, by a plane sweep | [`plane_sweep`](fn@plane_sweep) |
 //!
-//! Blurry photos: a mask found here covers everything the object touched while the shutter was open. For an object that
-//! moves steadily this is symmetric about the exposure's centre, so centres and velocities stay unbiased; silhouettes
-//! are longer along the motion by up to the path of one exposure, and hulls with them.
+//! Blurry photos: an inferred mask covers all pixels that the object touched during the exposure. For steady motion it is symmetric about
+//! the exposure's centre, so centres and velocities stay unbiased. Silhouettes, and hulls with them, are longer along the motion by up to
+//! the path of one exposure.
+//!
+//! ```no_run
+//! use gs_datasets::{LoadOptions, load};
+//! use gs_multiview::{HullOptions, MaskSource, Trajectory, centres, hull, moving_masks};
+//!
+//! # fn main() -> Result<(), gs_datasets::DatasetError> {
+//! let scene = load("my-video".as_ref(), &LoadOptions::default())?;
+//! let masks = moving_masks(&scene, MaskSource::Auto).masks;
+//! let centres = centres(&scene, &masks).centres;
+//! if let Some(path) = Trajectory::fit(&centres, 5, 2) {
+//!     println!("order {}, {} kinks, at {}", path.order(), path.kinks.len(), path.position(0.5));
+//! }
+//! println!("{} points on the object", hull(&scene, &masks, 0.5, &HullOptions::default()).points.len());
+//! # Ok(())
+//! # }
+//! ```
 
 mod background;
+mod camera_masks;
 mod cameras;
 mod carve;
+mod centres;
 mod cluster;
-mod evidence;
-mod geometry;
-mod guide;
 mod hull;
 mod illumination;
 mod least_squares;
@@ -30,21 +51,22 @@ mod masks;
 mod median;
 mod noise;
 mod objects;
+mod pinhole;
 mod pixels;
+mod plane_sweep;
 mod regions;
 mod shadow;
-mod sweep;
 mod trajectory;
 mod triangulate;
 
 pub use background::{Background, background};
+pub use camera_masks::{CameraMasks, FRAMES_MIN, camera_masks};
 pub use cameras::{StaticCamera, static_cameras};
-pub use evidence::{Evidence, FRAMES_MIN, evidence};
-pub use geometry::Pinhole;
-pub use guide::{Centre, Centres, centres, guide_velocity};
+pub use centres::{Centre, Centres, centres, guide_velocity};
 pub use hull::{Hull, HullOptions, hull};
 pub use least_squares::{least_squares, weighted_least_squares};
-pub use masks::{MaskOrigin, MaskSource, MovingMasks, changing, moving_masks};
+pub use masks::{MaskOrigin, MaskSource, MovingMasks, inferred_masks, moving_masks};
 pub use objects::object_centres;
-pub use sweep::sweep;
+pub use pinhole::Pinhole;
+pub use plane_sweep::plane_sweep;
 pub use trajectory::{Kink, Trajectory};

@@ -1,97 +1,101 @@
-//! One mask of what moves per training view, given with the data or found in the photos.
+//! One mask of moving pixels per training view: given by the data set or inferred from the photos.
 
 use gs_datasets::{Scene, View, some_names};
 
+use crate::camera_masks::{FRAMES_MIN, camera_masks};
 use crate::cameras::static_cameras;
-use crate::evidence::{FRAMES_MIN, evidence};
 use crate::median::median;
 
-/// When more than this share of the median view moves, something else is going on: a camera that is not fixed, light
-/// that flickers, a mask the wrong way round.
+/// Share of moving pixels in the median view above which the input is suspect: a camera that moves, light that
+/// flickers, an inverted mask.
 const SUSPECT_SHARE: f64 = 0.6;
 
-/// Noise beyond this, levels of 255, is none of a sensor in daylight: it is found where more than half of the picture
-/// changes from frame to frame, and then little of it is called moving.
+/// Noise above this, levels of 255, is no sensor's in daylight. It is estimated where more than half of the picture
+/// changes between frames, and then masks miss most motion.
 const NOISE_MAX: f32 = 12.0;
 
-/// Where masks of moving pixels come from.
+/// Source of the masks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MaskSource {
-    /// Only those of the data set ([`Priors::moving`](gs_datasets::Priors::moving)).
-    Prior,
-    /// Only those found in the photos of standing cameras; see [`evidence`].
-    Evidence,
-    /// The data set's where a view has one, found ones elsewhere.
+    /// Masks of the data set alone ([`Priors::moving`](gs_datasets::Priors::moving)).
+    Given,
+    /// Masks inferred from the photos of static cameras alone; see [`camera_masks`](fn@crate::camera_masks).
+    Inferred,
+    /// The data set's mask where a view has one, an inferred one elsewhere.
     #[default]
     Auto,
 }
 
-/// Where one view's mask came from.
+/// Origin of one view's mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MaskOrigin {
-    /// The data set.
-    Prior,
-    /// The photos.
-    Evidence,
+    /// Given by the data set.
+    Given,
+    /// Inferred from the photos.
+    Inferred,
 }
 
-/// Masks of what moves in the training views.
+/// Masks of moving pixels in the training views.
+///
+/// Inferred masks live here and nowhere else: [`Priors::moving`](gs_datasets::Priors::moving) holds masks that the
+/// data set gave, and nothing may write an inferred one there. Later code could not tell them apart, and an
+/// evaluation would take a guess for the truth.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MovingMasks {
     /// For each training view `[height, width]`: 255 where something moves, 0 elsewhere; `None` when not known.
     pub masks: Vec<Option<Vec<u8>>>,
-    /// For each training view where its mask came from; `None` without one.
-    pub from: Vec<Option<MaskOrigin>>,
-    /// What is missing or suspicious, in sentences.
+    /// Origin of each training view's mask; `None` without one.
+    pub origins: Vec<Option<MaskOrigin>>,
+    /// Warnings about missing or suspicious masks, one sentence each.
     pub warnings: Vec<String>,
 }
 
 impl MovingMasks {
-    /// Nothing known of `count` views.
+    /// No mask for any of `count` views.
     fn unknown(count: usize) -> Self {
-        Self { masks: vec![None; count], from: vec![None; count], warnings: Vec::new() }
+        Self { masks: vec![None; count], origins: vec![None; count], warnings: Vec::new() }
     }
 
-    /// How many views have a mask of this origin.
+    /// Number of views whose mask has this origin.
     pub fn count(&self, origin: MaskOrigin) -> usize {
-        self.from.iter().filter(|from| **from == Some(origin)).count()
+        self.origins.iter().filter(|one| **one == Some(origin)).count()
     }
 }
 
-/// Masks of what moves, one per training view where there is a way to know. Never fails: what is missing is `None` and
-/// a warning.
+/// One mask per training view. Never fails: a view without a mask has `None`, and a warning says so. The scene is not
+/// changed.
 pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
     let views = &scene.train;
     let mut found = MovingMasks::unknown(views.len());
-    if source != MaskSource::Evidence {
-        take_priors(views, &mut found);
+    if source != MaskSource::Inferred {
+        take_given(views, &mut found);
     }
     let missing = found.masks.iter().any(Option::is_none);
-    if source == MaskSource::Prior && missing {
+    if source == MaskSource::Given && missing {
         let count = found.masks.iter().filter(|mask| mask.is_none()).count();
         found.warnings.push(format!("{count} of {} training views have no mask of moving objects", views.len()));
-    } else if source != MaskSource::Prior && missing {
-        take_evidence(views, &mut found);
+    } else if source != MaskSource::Given && missing {
+        infer(views, &mut found);
     }
     check_shares(&mut found);
     found
 }
 
-/// Masks of what changes in front of each camera that stands still, from the photos of `views` alone; `None` where that
-/// cannot be told.
-pub fn changing(views: &[View]) -> Vec<Option<Vec<u8>>> {
+/// Inferred masks of `views`, for each static camera among them, from their photos alone; `None` for a view whose
+/// camera moves or has too few views. For held-out views: the result says where photos change, it is no truth.
+pub fn inferred_masks(views: &[View]) -> Vec<Option<Vec<u8>>> {
     let mut found = MovingMasks::unknown(views.len());
-    take_evidence(views, &mut found);
+    infer(views, &mut found);
     found.masks
 }
 
-fn take_priors(views: &[View], found: &mut MovingMasks) {
+fn take_given(views: &[View], found: &mut MovingMasks) {
     let mut misfits = 0;
     for (index, view) in views.iter().enumerate() {
         match &view.priors.moving {
             Some(mask) if mask.len() == view.width * view.height => {
                 found.masks[index] = Some(mask.clone());
-                found.from[index] = Some(MaskOrigin::Prior);
+                found.origins[index] = Some(MaskOrigin::Given);
             }
             Some(_) => misfits += 1,
             None => {}
@@ -102,45 +106,45 @@ fn take_priors(views: &[View], found: &mut MovingMasks) {
     }
 }
 
-fn take_evidence(views: &[View], found: &mut MovingMasks) {
-    let (mut without, mut restless) = (Vec::new(), Vec::new());
+fn infer(views: &[View], found: &mut MovingMasks) {
+    let (mut without, mut noisy) = (Vec::new(), Vec::new());
     for camera in static_cameras(views) {
         if camera.views.iter().all(|index| found.masks[*index].is_some()) {
             continue;
         }
-        let Some(evidence) = evidence(views, &camera) else {
+        let Some(inferred) = camera_masks(views, &camera) else {
             without.extend(camera.views.iter().filter(|index| found.masks[**index].is_none()).copied());
             continue;
         };
-        if evidence.noise > NOISE_MAX {
-            restless.push(camera.name);
+        if inferred.noise > NOISE_MAX {
+            noisy.push(camera.name);
         }
-        for (index, mask) in camera.views.iter().zip(evidence.masks) {
+        for (index, mask) in camera.views.iter().zip(inferred.masks) {
             if found.masks[*index].is_none() {
                 found.masks[*index] = Some(mask);
-                found.from[*index] = Some(MaskOrigin::Evidence);
+                found.origins[*index] = Some(MaskOrigin::Inferred);
             }
         }
     }
-    if !restless.is_empty() {
+    if !noisy.is_empty() {
         found.warnings.push(format!(
-            "more than half of the picture changes from frame to frame in {} cameras ({}), so little can be told about \
-             what moves: are the cameras fixed, is the light steady?",
-            restless.len(),
-            some_names(&restless)
+            "more than half of the picture changes from frame to frame in {} cameras ({}), so masks miss most \
+             motion: are the cameras fixed, is the light steady?",
+            noisy.len(),
+            some_names(&noisy)
         ));
     }
     if !without.is_empty() {
         found.warnings.push(format!(
-            "{} of {} training views have no mask of moving objects and none was found: it takes at least \
-             {FRAMES_MIN} photos of one size from a camera that stands still",
+            "{} of {} training views have no mask of moving objects and none could be inferred: that takes at \
+             least {FRAMES_MIN} photos of one size from a static camera",
             without.len(),
             views.len()
         ));
     }
 }
 
-/// Warns of masks in which nothing moves, or nearly everything.
+/// Warns of masks without a moving pixel and of masks of nearly the whole image.
 fn check_shares(found: &mut MovingMasks) {
     let mut shares: Vec<f64> = found
         .masks

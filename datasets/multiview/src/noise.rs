@@ -1,22 +1,22 @@
-//! How much a standing camera's pixels differ from frame to frame when nothing happens.
+//! Noise of a static camera's pixels between frames.
 
 use gs_datasets::View;
 
 use crate::cameras::StaticCamera;
 
-/// Least noise that is assumed, levels of 255. Rounding to 8 bits alone has 0.29, but light that a passing object
-/// throws back on its surroundings and the rings of compressed video around it change a few levels too, and with them
-/// a halo would be called moving. With this a change of 3 levels in every channel is seen.
+/// Smallest noise assumed, levels of 255. Rounding to 8 bits alone has 0.29, but light that an object reflects on its
+/// surroundings and ringing of compressed video change pixels by a few levels and would give the object a halo. A
+/// change of 3 levels in every channel is still seen.
 const NOISE_MIN: f32 = 1.5;
 
-/// Ranges of brightness with a noise of their own: light has noise that grows with it, and encoding bends that.
+/// Ranges of brightness, each with its own noise: shot noise grows with brightness, and the encoding bends it.
 const LEVELS: usize = 8;
 
 /// A range of brightness with fewer differences than this takes the noise of the whole image.
 const DIFFERENCES_MIN: u32 = 2000;
 
-/// Most noise of a range of brightness over that of the whole image: where a brightness is seen only on what moves,
-/// its differences are motion and not noise.
+/// Largest ratio of a range's noise to the whole image's. Where only moving objects have a brightness, its
+/// differences are motion.
 const LEVEL_MAX: f32 = 2.0;
 
 /// The median of |a - b| over the standard deviation of a and b, for normal noise: 0.6745 sqrt(2).
@@ -26,13 +26,13 @@ const MEDIAN_DIFFERENCE: f32 = 0.953_9;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Noise {
     by_level: [f32; LEVELS],
-    /// Of the whole image.
+    /// Noise of the whole image.
     pub overall: f32,
 }
 
 impl Noise {
-    /// From the differences of consecutive frames. The median ignores what moves, as long as that is less than half of
-    /// the image.
+    /// Estimates noise by the median difference of consecutive frames, which ignores motion in less than half of the
+    /// image.
     pub fn of(views: &[View], camera: &StaticCamera) -> Self {
         let mut counts = [[0_u32; 256]; LEVELS];
         for pair in camera.views.windows(2) {

@@ -1,8 +1,8 @@
 //! Centres of several objects that move apart from each other.
 //!
-//! Which spot of one camera is which of another is decided in space: the hull of all masks falls into pieces, each
-//! piece is an object, and every region of a mask belongs to the piece that projects into it. Where two pieces share a
-//! region (one passes in front of the other) that camera says nothing about either.
+//! Regions of different cameras are matched in space: the hull of all masks has connected components, each component
+//! is an object, and every region of a mask belongs to the component that projects into it. Where two components
+//! share a region (one passes in front of the other) that camera does not count for either.
 
 use glam::{DVec3, UVec3};
 
@@ -10,43 +10,44 @@ use gs_datasets::{Scene, View};
 
 use crate::cameras::instants;
 use crate::carve::Voxels;
-use crate::guide::{Centre, Spot, centres, locate, mask_of};
+use crate::centres::{Blob, Centre, centres, locate, mask_of};
 use crate::hull::{HullOptions, Solid};
 use crate::regions::{NOWHERE, regions};
 
-/// Points asked of the hull: they choose its resolution, and pieces need not be finer than this.
+/// Points of the hull. They set its resolution, and components need not be finer.
 const DETAIL: HullOptions = HullOptions { points: 3000, misses: None };
 
-/// A piece smaller than this share of the largest is none: where several objects' cones cross, hulls have phantoms.
+/// A component smaller than this share of the largest is none: where several objects' cones cross, hulls have phantoms.
 const PHANTOM: f64 = 0.05;
 
-/// A region belongs to a piece when this share of the voxels that project into it are of the piece.
+/// A region belongs to a component when this share of the voxels that project into it are of the component.
 const OWNED: f64 = 0.95;
 
-/// A camera speaks for a piece when this share of the piece projects into regions of its own.
+/// A camera speaks for a component when this share of the component projects into regions of its own.
 const SHOWN: f64 = 0.9;
 
 /// A track is kept when it has a centre at this share of the times.
 const KEPT: f64 = 0.5;
 
-/// Times after which a track is no chance piece any more, and may contest another's.
+/// Times after which a track is no chance component any more, and may contest another's.
 const STEADY: usize = 3;
 
-/// One piece of a hull.
-struct Piece {
+/// One connected component of a hull.
+struct Component {
     centre: Centre,
     /// Edge of a cube with its volume, scene units.
     size: f64,
 }
 
-/// Centres over time of each object that moves apart from the others, the one with most centres first; one list with
-/// the centre of everything where they cannot be told apart. Empty without enough masks; [`centres`] says why.
+/// Centres over time of each object that moves on its own, the object with most centres first. One list with the
+/// centre of all moving pixels if objects cannot be told apart. Empty without enough masks; the notes of
+/// [`centres`](fn@crate::centres) say why.
 pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<Vec<Centre>> {
     let views = &scene.train;
     let instants = instants(views);
     let found = instants.iter().filter_map(|instant| {
         let solid = Solid::of(views, masks, instant, &DETAIL).ok()?;
-        Some(pieces(views, masks, &solid, instant.t))
+        Some(components(views, masks, &solid, instant.t))
     });
     let mut tracks = linked(found.collect());
     tracks.retain(|track| track.len() as f64 >= KEPT * instants.len() as f64);
@@ -55,40 +56,40 @@ pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<Vec<Centr
         let all = centres(scene, masks).centres;
         return if all.is_empty() { Vec::new() } else { vec![all] };
     }
-    tracks.into_iter().map(|track| track.into_iter().map(|piece| piece.centre).collect()).collect()
+    tracks.into_iter().map(|track| track.into_iter().map(|component| component.centre).collect()).collect()
 }
 
-/// The tracks through the pieces of all times, from the time with most pieces back and on: where two objects touch they are one
-/// piece, which would lead a track that began with it astray.
-fn linked(mut found: Vec<Vec<Piece>>) -> Vec<Vec<Piece>> {
+/// Links components into tracks, from the time with most components backwards and forwards: two objects that touch
+/// are one component, and a track that began there would be wrong.
+fn linked(mut found: Vec<Vec<Component>>) -> Vec<Vec<Component>> {
     let most = found.iter().map(Vec::len).max().unwrap_or(0);
     let middle = found.len() / 2;
     let fullest = (0..found.len()).filter(|i| found[*i].len() == most);
     let Some(start) = fullest.min_by_key(|i| i.abs_diff(middle)) else { return Vec::new() };
     let later = found.split_off(start + 1);
-    let mut tracks: Vec<Vec<Piece>> = Vec::new();
-    found.into_iter().rev().for_each(|pieces| link(&mut tracks, pieces));
+    let mut tracks: Vec<Vec<Component>> = Vec::new();
+    found.into_iter().rev().for_each(|components| link(&mut tracks, components));
     tracks.iter_mut().for_each(|track| track.reverse());
-    later.into_iter().for_each(|pieces| link(&mut tracks, pieces));
+    later.into_iter().for_each(|components| link(&mut tracks, components));
     tracks.iter_mut().for_each(|track| track.sort_by(|a, b| a.centre.t.total_cmp(&b.centre.t)));
     tracks
 }
 
-/// Adds each piece to the track that leads nearest to it, or begins a new one. A piece in which a second track ends up too is
-/// both objects at once, and no one's.
-fn link(tracks: &mut Vec<Vec<Piece>>, pieces: Vec<Piece>) {
+/// Adds each component to the nearest predicted track, or starts a new one. A component that two established tracks
+/// predict is both objects merged and joins neither.
+fn link(tracks: &mut Vec<Vec<Component>>, components: Vec<Component>) {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
-        for (j, piece) in pieces.iter().enumerate() {
-            let distance = expected(track, piece.centre.t).distance(piece.centre.position);
-            // An object is found again when it is off its way by no more than its own size.
-            if distance <= track.last().map_or(0.0, |last| last.size.max(piece.size)) {
+        for (j, component) in components.iter().enumerate() {
+            let distance = expected(track, component.centre.t).distance(component.centre.position);
+            // A track continues when the component is off the prediction by at most its own size.
+            if distance <= track.last().map_or(0.0, |last| last.size.max(component.size)) {
                 pairs.push((distance, i, j));
             }
         }
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut takers: Vec<Option<usize>> = vec![None; pieces.len()];
+    let mut takers: Vec<Option<usize>> = vec![None; components.len()];
     let mut taken = vec![false; tracks.len()];
     for (_, i, j) in &pairs {
         if !taken[*i] && takers[*j].is_none() {
@@ -96,18 +97,18 @@ fn link(tracks: &mut Vec<Vec<Piece>>, pieces: Vec<Piece>) {
         }
     }
     let is_both = |j: usize| pairs.iter().any(|(_, i, at)| *at == j && !taken[*i] && tracks[*i].len() >= STEADY);
-    let both: Vec<bool> = (0..pieces.len()).map(is_both).collect();
-    for (j, piece) in pieces.into_iter().enumerate() {
+    let both: Vec<bool> = (0..components.len()).map(is_both).collect();
+    for (j, component) in components.into_iter().enumerate() {
         match takers[j] {
             Some(_) if both[j] => {}
-            Some(i) => tracks[i].push(piece),
-            None => tracks.push(vec![piece]),
+            Some(i) => tracks[i].push(component),
+            None => tracks.push(vec![component]),
         }
     }
 }
 
-/// Where a track goes on straight to at a time.
-fn expected(track: &[Piece], t: f64) -> DVec3 {
+/// Linear prediction of a track at a time.
+fn expected(track: &[Component], t: f64) -> DVec3 {
     match track {
         [] => DVec3::NAN,
         [only] => only.centre.position,
@@ -118,65 +119,65 @@ fn expected(track: &[Piece], t: f64) -> DVec3 {
     }
 }
 
-/// The objects of one time.
-fn pieces(views: &[View], masks: &[Option<Vec<u8>>], solid: &Solid, t: f64) -> Vec<Piece> {
+/// Components of one time with their centres.
+fn components(views: &[View], masks: &[Option<Vec<u8>>], solid: &Solid, t: f64) -> Vec<Component> {
     let voxels = &solid.voxels;
     let (labels, counts) = label(voxels);
     let largest = counts.iter().copied().max().unwrap_or(0) as f64;
     let real: Vec<usize> = (0..counts.len()).filter(|i| counts[*i] as f64 >= PHANTOM * largest).collect();
-    let mut spots: Vec<Vec<(Spot, &View)>> = counts.iter().map(|_| Vec::new()).collect();
+    let mut blobs: Vec<Vec<(Blob, &View)>> = counts.iter().map(|_| Vec::new()).collect();
     for (silhouette, index) in solid.silhouettes.iter().zip(&solid.views) {
         let Some(mask) = mask_of(views, masks, *index) else { continue };
         let view = &views[*index];
         let size = (view.width, view.height);
         let found = regions(size, true, |pixel| mask[pixel] != 0);
-        // Per region and piece, how many voxels project there.
+        // For each region and component, the number of voxels that project there.
         let mut hits = vec![vec![0_usize; counts.len()]; found.list.len()];
         for cell in voxels.cells() {
-            let piece = labels[voxels.index(cell)] as usize;
-            let seen = silhouette.camera.sees(voxels.place(cell));
+            let component = labels[voxels.index(cell)] as usize;
+            let seen = silhouette.camera.sees(voxels.position(cell));
             let region = seen.map_or(NOWHERE, |(pixel, _)| found.labels[pixel]);
             if region != NOWHERE {
-                hits[region as usize][piece] += 1;
+                hits[region as usize][component] += 1;
             }
         }
-        for piece in &real {
+        for component in &real {
             let own: Vec<bool> = hits
                 .iter()
-                .map(|row| row[*piece] > 0 && row[*piece] as f64 >= OWNED * row.iter().sum::<usize>() as f64)
+                .map(|row| row[*component] > 0 && row[*component] as f64 >= OWNED * row.iter().sum::<usize>() as f64)
                 .collect();
-            let shown: usize = hits.iter().zip(&own).filter(|(_, own)| **own).map(|(row, _)| row[*piece]).sum();
-            if (shown as f64) < SHOWN * counts[*piece] as f64 {
+            let shown: usize = hits.iter().zip(&own).filter(|(_, own)| **own).map(|(row, _)| row[*component]).sum();
+            if (shown as f64) < SHOWN * counts[*component] as f64 {
                 continue;
             }
             let pixels =
                 (0..mask.len()).filter(|pixel| found.labels[*pixel] != NOWHERE && own[found.labels[*pixel] as usize]);
-            if let Some(spot) = Spot::of_pixels(pixels, size.0, size.1) {
-                spots[*piece].push((spot, view));
+            if let Some(blob) = Blob::of_pixels(pixels, size.0, size.1) {
+                blobs[*component].push((blob, view));
             }
         }
     }
     let middles = middles(voxels, &labels, counts.len());
     real.iter()
-        .map(|piece| {
-            let size = voxels.edge * (counts[*piece] as f64).cbrt();
-            let centre = match locate(&spots[*piece]) {
+        .map(|component| {
+            let size = voxels.edge * (counts[*component] as f64).cbrt();
+            let centre = match locate(&blobs[*component]) {
                 Ok((position, residual_px, cameras)) => Centre { t, position, residual_px, cameras },
-                // Too few cameras show it alone: the middle of its piece of the hull, good to about a voxel.
+                // Too few cameras see it alone: the centroid of the component, accurate to about a voxel.
                 Err(_) => {
-                    let position = middles[*piece];
+                    let position = middles[*component];
                     let voxel = solid.silhouettes.iter().filter_map(|one| {
                         one.camera.project(position).map(|(_, depth)| voxels.edge * one.camera.focal() / depth)
                     });
                     Centre { t, position, residual_px: voxel.fold(0.0, f64::max), cameras: solid.silhouettes.len() }
                 }
             };
-            Piece { centre, size }
+            Component { centre, size }
         })
         .collect()
 }
 
-/// For each cube the number of its piece, [`NOWHERE`] if not filled, and how many cubes each piece has.
+/// Index of each voxel's component, [`NOWHERE`] if empty, and the number of voxels of each component.
 fn label(voxels: &Voxels) -> (Vec<u32>, Vec<usize>) {
     let mut labels = vec![NOWHERE; voxels.filled.len()];
     let mut counts = Vec::new();
@@ -185,16 +186,16 @@ fn label(voxels: &Voxels) -> (Vec<u32>, Vec<usize>) {
         if labels[voxels.index(start)] != NOWHERE {
             continue;
         }
-        let piece = counts.len() as u32;
+        let component = counts.len() as u32;
         counts.push(0);
-        labels[voxels.index(start)] = piece;
+        labels[voxels.index(start)] = component;
         stack.push(start);
         while let Some(cell) = stack.pop() {
-            counts[piece as usize] += 1;
+            counts[component as usize] += 1;
             for next in voxels.around(cell, true) {
                 let index = voxels.index(next);
                 if voxels.filled[index] && labels[index] == NOWHERE {
-                    labels[index] = piece;
+                    labels[index] = component;
                     stack.push(next);
                 }
             }
@@ -203,11 +204,11 @@ fn label(voxels: &Voxels) -> (Vec<u32>, Vec<usize>) {
     (labels, counts)
 }
 
-fn middles(voxels: &Voxels, labels: &[u32], pieces: usize) -> Vec<DVec3> {
-    let mut sums = vec![(DVec3::ZERO, 0.0); pieces];
+fn middles(voxels: &Voxels, labels: &[u32], components: usize) -> Vec<DVec3> {
+    let mut sums = vec![(DVec3::ZERO, 0.0); components];
     for cell in voxels.cells() {
         let sum = &mut sums[labels[voxels.index(cell)] as usize];
-        sum.0 += voxels.place(cell);
+        sum.0 += voxels.position(cell);
         sum.1 += 1.0;
     }
     sums.into_iter().map(|(sum, count)| sum / count).collect()

@@ -1,10 +1,10 @@
-//! Connected regions of a mask: finding them, dropping specks, filling holes, growing into doubtful pixels.
+//! Connected regions of a mask: finding, dropping small ones, filling holes, growing, joining.
 
 /// A connected set of pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Region {
     pub area: usize,
-    /// A pixel of it; the first in reading order.
+    /// Its first pixel in reading order.
     pub first: usize,
     /// Whether it touches the image's edge.
     pub at_border: bool,

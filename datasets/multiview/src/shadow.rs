@@ -1,13 +1,13 @@
-//! Shadows: darker than the background (or brighter, where that was in shadow) by a smooth factor that is nearly the
-//! same in all channels.
+//! Shadows: pixels darker than the background (or brighter, where the background was in shadow) by a spatially smooth
+//! factor.
 //!
-//! A shadow moves with its object but lies on static surfaces. Left in the masks it pulls the object's centre to the
-//! floor and adds a flat patch to its hull. It multiplies the light of a surface, and the encoding is close to a power,
-//! so encoded values fall by a factor too: smooth over the image, whatever the texture below.
+//! A shadow moves with its object but lies on static surfaces. In the masks it would pull the object's centre to the
+//! floor and add a flat patch to the hull. Its factor is smooth over the image whatever the texture below, which
+//! tells it from an object.
 
 use gs_datasets::View;
 
-use crate::background::Plate;
+use crate::background::BackgroundModel;
 use crate::illumination::{BRIGHTEST, DARKEST, LIT, factor};
 use crate::pixels::{color, counts};
 
@@ -15,25 +15,25 @@ use crate::pixels::{color, counts};
 /// this scale, texture is not.
 const BEND: f32 = 0.035;
 
-/// One frame beside another of the same camera: where does it show the same in another light?
+/// A pair of frames of one camera, compared for changes of light.
 pub(crate) struct Light<'a> {
-    plate: &'a Plate,
+    model: &'a BackgroundModel,
     view: &'a View,
     other: &'a View,
 }
 
 impl<'a> Light<'a> {
-    /// Of `view` over `other`, both of the plate's size.
-    pub fn new(plate: &'a Plate, view: &'a View, other: &'a View) -> Self {
-        Self { plate, view, other }
+    /// Compares `view` with `other`, both of the model's size.
+    pub fn new(model: &'a BackgroundModel, view: &'a View, other: &'a View) -> Self {
+        Self { model, view, other }
     }
 
-    /// Whether a pixel is that of the other frame in a shadow, or in a little more light.
+    /// Whether a pixel shows the other frame's surface in shadow, or in slightly brighter light.
     pub fn is_shadow(&self, pixel: usize) -> bool {
         self.is_light(pixel, BRIGHTEST)
     }
 
-    /// Whether it is that of the other frame in another light, brighter too.
+    /// Whether a pixel shows the other frame's surface in any other light, much brighter included.
     pub fn is_other(&self, pixel: usize) -> bool {
         self.is_light(pixel, LIT)
     }
@@ -48,17 +48,19 @@ impl<'a> Light<'a> {
             return f32::NAN;
         }
         let mean = color(self.other, pixel).map(f32::from);
-        factor(&color(self.view, pixel), &mean, self.plate.deviation[pixel], self.plate.noise)
+        factor(&color(self.view, pixel), &mean, self.model.deviation[pixel], self.model.noise)
     }
 
     fn is_smooth(&self, pixel: usize, factor: f32) -> bool {
-        let (width, height) = self.plate.size;
+        let (width, height) = self.model.size;
         let level = color(self.other, pixel).map(f32::from).iter().sum::<f32>() / 3.0;
-        // Of two means of three channels, and of a second difference of their ratio (1 + 2/4 times the variance).
-        let noise = 2.0 * self.plate.deviation[pixel] / level;
+        // Noise of the mean of three channels, of two frames, and of a second difference of their ratio (1 + 2/4
+        // times the variance).
+        let noise = 2.0 * self.model.deviation[pixel] / level;
         let (x, y) = (pixel % width, pixel / width);
         let (across, down) = (x > 0 && x + 1 < width, y > 0 && y + 1 < height);
-        // NaN neighbours fail the comparison: an edge of the shadow's object is near. At the image's edge fewer are asked.
+        // A NaN neighbour fails the comparison: an edge of the object is near. At the image's edge fewer neighbours
+        // exist.
         [(1, across), (width, down), (width - 1, across && down), (width + 1, across && down)]
             .into_iter()
             .filter(|(_, inside)| *inside)

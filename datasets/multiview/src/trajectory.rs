@@ -1,23 +1,21 @@
-//! An object's path through its centres over time: a polynomial of the order that the data support, and kinks where it was
-//! hit.
+//! Path of an object through its centres over time: a polynomial of the order that the data support, with kinks at impacts.
 //!
 //! ```text
 //! x(s) = sum_k c_k s^k + sum_j a_j r_j(s),   s = (t - t0) / half  in [-1, 1] over the fitted times
 //! BIC(p, J) = N ln(RSS / N) + (3 (p + 1) + 5 J) ln N,   N = 3 n coordinates of n centres
 //! ```
 //!
-//! `r_j` is a ramp: 0 before a contact, a straight line of slope 1 after it, a parabola while it lasts ([`Kink`]): what an
-//! even force adds to a flight. A kink has three numbers for the change of velocity and two for when it begins and ends. The
-//! order `p` and the kinks are those of the least BIC; a kink must also lower it by [`EVIDENCE`], since its place was
-//! searched for.
+//! `r_j` is a ramp: 0 before a contact, a line of slope 1 after it, a parabola during it ([`Kink`]), as a constant force during the contact
+//! adds to a free path. A kink has three numbers for the change of velocity and two for its begin and end. Order `p` and kinks are the
+//! choice with the least BIC; a kink must also lower BIC by [`EVIDENCE`], because its time was searched for.
 
 use glam::DVec3;
 
-use crate::guide::Centre;
+use crate::centres::Centre;
 use crate::least_squares::{combined, least_squares, weighted_least_squares};
 use crate::median::median;
 
-/// Centres this many robust standard deviations off the highest order's curve are mistakes and do not count.
+/// Centres farther than this many robust standard deviations from the curve of the highest order are outliers.
 const OUTLIER: f64 = 6.0;
 
 /// Rounds of reweighting towards least absolute distances.
@@ -26,48 +24,48 @@ const ROUNDS: usize = 30;
 /// The median of |x| over the standard deviation, for normal x.
 const MEDIAN_ABSOLUTE: f64 = 0.6745;
 
-/// Least standard deviation of a coordinate that BIC believes in, as a share of the path's extent. Without it a path
-/// free of noise would buy orders to explain rounding.
+/// Smallest standard deviation of a coordinate in BIC, as a share of the path's extent. Without it a path free of
+/// noise would gain orders that explain rounding.
 const DEVIATION_MIN: f64 = 1e-4;
 
-/// Centres beyond the coefficients' number that a fit needs, so that there is a residual to judge it by.
+/// Centres that a fit needs beyond the number of coefficients, so that a residual remains.
 const SPARE: usize = 1;
 
-/// How far a kink must lower BIC: very strong evidence (Kass and Raftery 1995).
+/// Amount by which a kink must lower BIC: very strong evidence (Kass and Raftery 1995).
 const EVIDENCE: f64 = 10.0;
 
-/// Centres that must lie on each side of a kink: fewer would be a line through one of them.
+/// Centres required on each side of a kink. With two, a line would pass through both.
 const SIDE: usize = 3;
 
-/// Places tried for a kink in one frame interval.
-const PLACES: usize = 4;
+/// Times tried for a kink in one frame interval.
+const POSITIONS: usize = 4;
 
-/// Lengths tried for a contact, frame intervals. Shorter ones cannot be told from the first.
+/// Durations tried for a contact, frame intervals. Shorter ones cannot be told from the first.
 const CONTACTS: [f64; 3] = [0.25, 0.5, 1.0];
 
-/// Rounds in which a kink's begin and end are refined, each by 0.7 times the step before: to a hundredth of a contact.
+/// Rounds of refining a kink's begin and end, each with 0.7 of the step before: to a hundredth of a contact.
 const REFINEMENTS: usize = 14;
 
-/// A hit: the velocity changes evenly from `begin` to `end`.
+/// A kink of the path at an impact: the velocity changes evenly from `begin` to `end`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kink {
-    /// When it begins, the data set's unit of time.
+    /// Begin of the contact, the data set's unit of time.
     pub begin: f64,
-    /// When it ends.
+    /// End of the contact, the data set's unit of time.
     pub end: f64,
-    /// By how much the velocity changes, scene units per unit of time.
+    /// Change of the velocity, scene units per unit of time.
     pub jump: DVec3,
 }
 
 impl Kink {
-    /// By how long a unit of jump has brought the path ahead, the data set's unit of time, and its derivative.
+    /// Displacement per unit of `jump`, the data set's unit of time, and its derivative.
     fn ramp(begin: f64, end: f64, t: f64) -> (f64, f64) {
         let share = ((t - begin) / (end - begin)).clamp(0.0, 1.0);
         (0.5 * share * share * (end - begin) + (t - end).max(0.0), share)
     }
 }
 
-/// A centre's path over time.
+/// Path of a centre over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     /// Middle of the fitted times.
@@ -76,18 +74,18 @@ pub struct Trajectory {
     pub half: f64,
     /// `[order + 1]` coefficients of s^0, s^1, ..., scene units.
     pub coefficients: Vec<DVec3>,
-    /// Hits, in the order of time.
+    /// Kinks, earliest first.
     pub kinks: Vec<Kink>,
     /// Root mean square distance of the centres from the curve, scene units.
     pub residual: f64,
-    /// Centres that were left out as mistakes.
+    /// Number of centres left out as outliers.
     pub outliers: usize,
 }
 
-/// Centres at their times, and the curves that are tried on them.
+/// Centres to be fitted, with the normalisation of time.
 struct Data {
     times: Vec<f64>,
-    places: Vec<DVec3>,
+    positions: Vec<DVec3>,
     t0: f64,
     half: f64,
 }
@@ -101,20 +99,21 @@ struct Fit {
 }
 
 impl Trajectory {
-    /// Fits orders 0 to `max_order` (as far as the number of centres allows) with up to `max_kinks` kinks and keeps what has
-    /// the least BIC; three kinks can make a spike of any one mistaken centre. `None` without two centres at different finite times.
+    /// Fits orders 0 to `max_order` (as far as the number of centres allows) with up to `max_kinks` kinks and keeps
+    /// the fit with the least BIC. With three kinks or more a single outlier can become a spike. `None` without two
+    /// centres at different finite times.
     pub fn fit(centres: &[Centre], max_order: usize, max_kinks: usize) -> Option<Self> {
         let used = centres.iter().filter(|centre| centre.t.is_finite() && centre.position.is_finite());
-        let (times, places): (Vec<f64>, Vec<DVec3>) = used.map(|centre| (centre.t, centre.position)).unzip();
+        let (times, positions): (Vec<f64>, Vec<DVec3>) = used.map(|centre| (centre.t, centre.position)).unzip();
         let low = times.iter().copied().fold(f64::INFINITY, f64::min);
         let high = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (t0, half) = (0.5 * (low + high), 0.5 * (high - low));
         if times.len() < 2 || half.is_nan() || half <= 0.0 {
             return None;
         }
-        let mut data = Data { times, places, t0, half };
+        let mut data = Data { times, positions, t0, half };
         let before = data.times.len();
-        // A bounce seen by few centres must not be taken for mistakes: judged with the kink that suits them best.
+        // A bounce seen by few centres must not count as outliers: they are judged with the one kink that fits best.
         let score = |data: &Data, kinks: &[[f64; 2]]| Some(data.distances(max_order, kinks)?.iter().sum::<f64>());
         let suspect = if max_kinks > 0 { data.best_kink(&[], score) } else { None };
         data.drop_outliers(max_order, suspect.as_slice());
@@ -145,17 +144,17 @@ impl Trajectory {
         })
     }
 
-    /// The chosen order; 0 is an object that does not move, unless it is hit.
+    /// The chosen order; 0 is a static object, apart from kinks.
     pub fn order(&self) -> usize {
         self.coefficients.len() - 1
     }
 
-    /// Whether no hit lasts into the time from `begin` to `end`.
+    /// Whether no contact overlaps the time from `begin` to `end`.
     pub fn is_undisturbed(&self, begin: f64, end: f64) -> bool {
         self.kinks.iter().all(|kink| end <= kink.begin || begin >= kink.end)
     }
 
-    /// Place at a time. Outside the fitted times the path goes on straight: a polynomial would run away.
+    /// Position at a time. Outside the fitted times the path continues straight: a polynomial would diverge.
     pub fn position(&self, t: f64) -> DVec3 {
         let s = (t - self.t0) / self.half;
         let inside = s.clamp(-1.0, 1.0);
@@ -163,7 +162,7 @@ impl Trajectory {
         evaluate(&self.coefficients, inside) + (s - inside) * evaluate(&derivative(&self.coefficients), inside) + hits
     }
 
-    /// Velocity at a time, scene units per unit of time; outside the fitted times that at their end.
+    /// Velocity at a time, scene units per unit of time; constant outside the fitted times.
     pub fn velocity(&self, t: f64) -> DVec3 {
         let s = ((t - self.t0) / self.half).clamp(-1.0, 1.0);
         let hits: DVec3 = self.kinks.iter().map(|kink| Kink::ramp(kink.begin, kink.end, t).1 * kink.jump).sum();
@@ -181,27 +180,28 @@ impl Data {
         powers.chain(ramps).collect()
     }
 
-    /// The highest order that leaves something to judge it by; `None` where the kinks alone leave nothing.
+    /// Highest order that leaves a residual; `None` if the kinks alone leave none.
     fn highest(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<usize> {
-        // A kink takes up two centres: its jump and its times are five numbers, a centre has three.
+        // A kink uses up two centres: it has five numbers, a centre has three.
         match self.times.len().checked_sub(1 + SPARE + 2 * kinks.len()) {
             Some(room) => Some(max_order.min(room)),
             None => kinks.is_empty().then_some(0),
         }
     }
 
-    /// The order mistakes are judged by. A kink does what two orders did; with both, a curve can reach for a mistake near the end.
+    /// Order by which outliers are judged. A kink does the work of two orders; with both, a curve could reach an
+    /// outlier near the end.
     fn judge(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<usize> {
         self.highest(max_order.saturating_sub(2 * kinks.len()), kinks)
     }
 
-    /// The order with the least BIC beside given kinks.
+    /// The fit with the least BIC, for given kinks.
     fn best_order(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<Fit> {
         let floor = self.extent() * DEVIATION_MIN;
         let count = 3.0 * self.times.len() as f64;
         let fits = (0..=self.highest(max_order, kinks)?).map(|order| {
             let columns = self.columns(order, kinks);
-            let coefficients = least_squares(&columns, &self.places);
+            let coefficients = least_squares(&columns, &self.positions);
             let squares = self.misses(&columns, &coefficients).iter().map(|miss| miss * miss).sum::<f64>();
             let variance = (squares / count).max(floor * floor).max(f64::MIN_POSITIVE);
             let numbers = 3.0 * (order as f64 + 1.0) + 5.0 * kinks.len() as f64;
@@ -210,7 +210,7 @@ impl Data {
         fits.reduce(|best, fit| if fit.bic < best.bic { fit } else { best })
     }
 
-    /// The one kink more, of all tried places and lengths, that makes `score` least; as begin and end.
+    /// One more kink, as begin and end: the one of all times and durations tried with the least `score`.
     fn best_kink(&self, kinks: &[[f64; 2]], score: impl Fn(&Self, &[[f64; 2]]) -> Option<f64>) -> Option<[f64; 2]> {
         let mut sorted = self.times.clone();
         sorted.sort_by(f64::total_cmp);
@@ -220,9 +220,9 @@ impl Data {
         }
         let interval = (sorted[sorted.len() - 1] - sorted[0]) / (sorted.len() - 1) as f64;
         let (first, last) = (sorted[SIDE - 1], sorted[sorted.len() - SIDE]);
-        let places = ((last - first) / interval * PLACES as f64).round() as usize;
-        let tried = (0..=places).flat_map(|i| {
-            let middle = first + (last - first) * i as f64 / places.max(1) as f64;
+        let positions = ((last - first) / interval * POSITIONS as f64).round() as usize;
+        let tried = (0..=positions).flat_map(|i| {
+            let middle = first + (last - first) * i as f64 / positions.max(1) as f64;
             CONTACTS.map(|length| [middle - 0.5 * length * interval, middle + 0.5 * length * interval])
         });
         let apart = |new: &[f64; 2]| kinks.iter().all(|old| new[1] <= old[0] || old[1] <= new[0]);
@@ -233,15 +233,15 @@ impl Data {
         scored.reduce(|best, new| if new.0 < best.0 { new } else { best }).map(|(_, kink)| kink)
     }
 
-    /// The time of the `n`-th centre in the order of time.
+    /// Time of the `n`-th centre, in time order.
     fn nth(&self, n: usize) -> f64 {
         let mut sorted = self.times.clone();
         sorted.sort_by(f64::total_cmp);
         sorted[n]
     }
 
-    /// The kink shifted and stretched to the least BIC, beside others: a place off by a fraction of a frame would ask for
-    /// another kink to mend it.
+    /// Shifts and stretches a kink to the least BIC, beside others. A kink off by a fraction of a frame would need a
+    /// second one to correct it.
     fn refined(&self, kink: [f64; 2], others: &[[f64; 2]], max_order: usize) -> [f64; 2] {
         let score = |kink: [f64; 2]| {
             let with: Vec<[f64; 2]> = others.iter().copied().chain([kink]).collect();
@@ -266,21 +266,22 @@ impl Data {
         best
     }
 
-    /// Distances from the curve of least absolute distances: a curve of least squares bends towards mistakes and hides them.
+    /// Distances from the curve of least absolute distances: a least squares curve bends towards outliers and hides
+    /// them.
     fn distances(&self, max_order: usize, kinks: &[[f64; 2]]) -> Option<Vec<f64>> {
         let columns = self.columns(self.judge(max_order, kinks)?, kinks);
         let floor = (self.extent() * DEVIATION_MIN).max(f64::MIN_POSITIVE);
         let mut weights = vec![1.0; self.times.len()];
         let mut distances = Vec::new();
         for _ in 0..ROUNDS {
-            distances = self.misses(&columns, &weighted_least_squares(&columns, &self.places, &weights));
+            distances = self.misses(&columns, &weighted_least_squares(&columns, &self.positions, &weights));
             weights.iter_mut().zip(&distances).for_each(|(weight, distance)| *weight = 1.0 / distance.max(floor));
         }
         Some(distances)
     }
 
-    /// Removes centres far off the curve of the highest order. Judged by that one, because against a lower order the ends of
-    /// a bent path are far off too. At most a fifth goes, so that the curve cannot be bent to a few.
+    /// Removes outliers of the highest order's curve; against a lower order the ends of a bent path would look like
+    /// outliers. At most a fifth goes, so that the curve cannot be bent to a few.
     fn drop_outliers(&mut self, max_order: usize, kinks: &[[f64; 2]]) {
         let (Some(order), Some(distances)) = (self.judge(max_order, kinks), self.distances(max_order, kinks)) else {
             return;
@@ -288,7 +289,8 @@ impl Data {
         let floor = (self.extent() * DEVIATION_MIN).max(f64::MIN_POSITIVE);
         let mut sorted = distances.clone();
         sorted.sort_by(f64::total_cmp);
-        // The curve passes through as many centres as it has coefficients; they say nothing about the noise.
+        // The curve passes through as many centres as it has coefficients; their distances say nothing about the
+        // noise.
         let most_far = sorted[sorted.len() - 1 - sorted.len() / 5];
         let free = &mut sorted[(order + 1 + kinks.len()).min(distances.len() - 1)..];
         let typical = median(free, f64::total_cmp).expect("at least the farthest is left");
@@ -297,18 +299,22 @@ impl Data {
         let mut kept = keeps.iter();
         self.times.retain(|_| *kept.next().expect("one for each"));
         let mut kept = keeps.iter();
-        self.places.retain(|_| *kept.next().expect("one for each"));
+        self.positions.retain(|_| *kept.next().expect("one for each"));
     }
 
     fn misses(&self, columns: &[Vec<f64>], coefficients: &[DVec3]) -> Vec<f64> {
-        self.places.iter().enumerate().map(|(i, place)| combined(columns, coefficients, i).distance(*place)).collect()
+        self.positions
+            .iter()
+            .enumerate()
+            .map(|(i, position)| combined(columns, coefficients, i).distance(*position))
+            .collect()
     }
 
-    /// The diagonal of the box around the places.
+    /// Diagonal of the bounding box of the positions.
     fn extent(&self) -> f64 {
-        let low = self.places.iter().fold(DVec3::INFINITY, |low, x| low.min(*x));
-        let high = self.places.iter().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x));
-        if self.places.is_empty() { 0.0 } else { low.distance(high) }
+        let low = self.positions.iter().fold(DVec3::INFINITY, |low, x| low.min(*x));
+        let high = self.positions.iter().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x));
+        if self.positions.is_empty() { 0.0 } else { low.distance(high) }
     }
 }
 

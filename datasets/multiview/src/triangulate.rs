@@ -1,72 +1,72 @@
-//! One place from where several cameras see it, when some of them may be wrong.
+//! Robust triangulation: one position from several cameras, some of which may be wrong.
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::geometry::Pinhole;
+use crate::pinhole::Pinhole;
 
-/// Least sine of the angle between two rays that fix a place (about one degree): at less, half a pixel moves it by
+/// Smallest sine of the angle between two rays (about one degree). Below it, half a pixel moves the intersection by
 /// its whole distance at usual focal lengths.
 const SINE_MIN: f64 = 0.02;
 
-/// Most pairs of rays that are tried; bounds the work with many cameras.
+/// Largest number of pairs of rays tried; bounds the work with many cameras.
 const PAIRS_MAX: usize = 1000;
 
-/// Steps of Gauss-Newton. Three reach rounding from a pair's midpoint.
+/// Steps of Gauss-Newton. Three reach rounding error from a pair's midpoint.
 const STEPS: usize = 8;
 
-/// Where one camera sees something.
+/// Ray of one camera through a pixel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Sight {
+pub(crate) struct Ray {
     pub camera: Pinhole,
     /// Pixel coordinate.
     pub pixel: DVec2,
-    /// How far off it may be and still mean the same place, pixels.
-    pub slack: f64,
+    /// Largest distance from the projection of the same point, pixels.
+    pub tolerance: f64,
 }
 
-/// A place and how well the sights agree with it.
+/// Triangulated position with its inliers.
 #[derive(Debug, Clone)]
-pub(crate) struct Place {
+pub(crate) struct Triangulated {
     pub position: DVec3,
-    /// Root mean square distance of the inliers from its projections, pixels.
+    /// Root mean square distance of the inliers' pixels from its projections, pixels.
     pub residual: f64,
-    /// The sights that agree, by number.
+    /// Indices of the rays that agree.
     pub inliers: Vec<usize>,
 }
 
-/// The place that most sights agree on, refined over them by least squares in pixels. An error says why there is none.
-pub(crate) fn triangulate(sights: &[Sight]) -> Result<Place, &'static str> {
-    if sights.len() < 2 {
+/// Position on which most rays agree, refined over them by least squares in pixels. The error is the reason why there
+/// is none.
+pub(crate) fn triangulate(rays: &[Ray]) -> Result<Triangulated, &'static str> {
+    if rays.len() < 2 {
         return Err("fewer than two cameras see it");
     }
-    let pairs: Vec<(usize, usize)> =
-        (0..sights.len()).flat_map(|a| (a + 1..sights.len()).map(move |b| (a, b))).collect();
+    let pairs: Vec<(usize, usize)> = (0..rays.len()).flat_map(|a| (a + 1..rays.len()).map(move |b| (a, b))).collect();
     let best = pairs
         .iter()
         .step_by(pairs.len().div_ceil(PAIRS_MAX))
-        .filter_map(|(a, b)| meeting(&sights[*a], &sights[*b]))
-        .map(|position| (cost(sights, position), position))
+        .filter_map(|(a, b)| meeting(&rays[*a], &rays[*b]))
+        .map(|position| (cost(rays, position), position))
         .min_by(|a, b| a.0.total_cmp(&b.0));
     let Some((_, mut position)) = best else {
         return Err("the cameras see it from the same direction");
     };
-    let mut inliers = agreeing(sights, position);
+    let mut inliers = agreeing(rays, position);
     for _ in 0..2 {
-        if inliers.len() < 2 || 2 * inliers.len() < sights.len() {
-            return Err("the cameras do not agree on one place");
+        if inliers.len() < 2 || 2 * inliers.len() < rays.len() {
+            return Err("the cameras do not agree on one position");
         }
-        position = refine(sights, &inliers, position);
-        inliers = agreeing(sights, position);
+        position = refine(rays, &inliers, position);
+        inliers = agreeing(rays, position);
     }
     if inliers.len() < 2 {
-        return Err("the cameras do not agree on one place");
+        return Err("the cameras do not agree on one position");
     }
-    let sum: f64 = inliers.iter().map(|i| distance(&sights[*i], position).powi(2)).sum();
-    Ok(Place { position, residual: (sum / inliers.len() as f64).sqrt(), inliers })
+    let sum: f64 = inliers.iter().map(|i| distance(&rays[*i], position).powi(2)).sum();
+    Ok(Triangulated { position, residual: (sum / inliers.len() as f64).sqrt(), inliers })
 }
 
-/// The midpoint of where two rays come closest; `None` when they are nearly parallel or it lies behind a camera.
-fn meeting(a: &Sight, b: &Sight) -> Option<DVec3> {
+/// Midpoint between the closest points of two rays; `None` if they are nearly parallel or it lies behind a camera.
+fn meeting(a: &Ray, b: &Ray) -> Option<DVec3> {
     let (d, e) = (a.camera.direction(a.pixel), b.camera.direction(b.pixel));
     let across = d.cross(e);
     let sine2 = across.length_squared();
@@ -78,33 +78,33 @@ fn meeting(a: &Sight, b: &Sight) -> Option<DVec3> {
     let along_b = between.cross(d).dot(across) / sine2;
     (along_a > 0.0 && along_b > 0.0)
         .then(|| 0.5 * (a.camera.centre + along_a * d + b.camera.centre + along_b * e))
-        .filter(|place| place.is_finite())
+        .filter(|position| position.is_finite())
 }
 
-/// Distance in pixels of a sight from a place's projection; infinite behind the camera.
-fn distance(sight: &Sight, place: DVec3) -> f64 {
-    sight.camera.project(place).map_or(f64::INFINITY, |(pixel, _)| pixel.distance(sight.pixel))
+/// Distance of a ray's pixel from the projected position, pixels; infinite behind the camera.
+fn distance(ray: &Ray, position: DVec3) -> f64 {
+    ray.camera.project(position).map_or(f64::INFINITY, |(pixel, _)| pixel.distance(ray.pixel))
 }
 
-/// Squared distances over the slack, each at most 1, so that wrong sights cost the same however wrong they are.
-fn cost(sights: &[Sight], place: DVec3) -> f64 {
-    sights.iter().map(|sight| (distance(sight, place) / sight.slack).powi(2).min(1.0)).sum()
+/// Squared distances over the tolerance, each at most 1, so that all outliers cost the same.
+fn cost(rays: &[Ray], position: DVec3) -> f64 {
+    rays.iter().map(|ray| (distance(ray, position) / ray.tolerance).powi(2).min(1.0)).sum()
 }
 
-fn agreeing(sights: &[Sight], place: DVec3) -> Vec<usize> {
-    (0..sights.len()).filter(|i| distance(&sights[*i], place) <= sights[*i].slack).collect()
+fn agreeing(rays: &[Ray], position: DVec3) -> Vec<usize> {
+    (0..rays.len()).filter(|i| distance(&rays[*i], position) <= rays[*i].tolerance).collect()
 }
 
-/// Gauss-Newton on the squared pixel distances of the inliers; stays where it is when a step cannot be taken.
-fn refine(sights: &[Sight], inliers: &[usize], start: DVec3) -> DVec3 {
-    let mut place = start;
+/// Gauss-Newton on the squared pixel distances of the inliers; returns `start` if a step is singular.
+fn refine(rays: &[Ray], inliers: &[usize], start: DVec3) -> DVec3 {
+    let mut position = start;
     for _ in 0..STEPS {
         let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
-        for sight in inliers.iter().map(|i| &sights[*i]) {
-            let (Some((pixel, _)), Some(rows)) = (sight.camera.project(place), sight.camera.jacobian(place)) else {
+        for ray in inliers.iter().map(|i| &rays[*i]) {
+            let (Some((pixel, _)), Some(rows)) = (ray.camera.project(position), ray.camera.jacobian(position)) else {
                 return start;
             };
-            let off = sight.pixel - pixel;
+            let off = ray.pixel - pixel;
             for (row, off) in rows.iter().zip([off.x, off.y]) {
                 normal += DMat3::from_cols(*row * row.x, *row * row.y, *row * row.z);
                 right += *row * off;
@@ -114,7 +114,7 @@ fn refine(sights: &[Sight], inliers: &[usize], start: DVec3) -> DVec3 {
         if !step.is_finite() {
             return start;
         }
-        place += step;
+        position += step;
     }
-    if place.is_finite() { place } else { start }
+    if position.is_finite() { position } else { start }
 }

@@ -112,8 +112,8 @@ impl World {
             (root > 0.0 && -b - root.sqrt() > 0.0).then(|| (-b - root.sqrt(), ball))
         });
         if let Some((distance, ball)) = hits.min_by(|a, b| a.0.total_cmp(&b.0)) {
-            let place = eye + distance * direction - (ball.path)(t);
-            let wave = (ball.texture * (DMat3::from_rotation_z(ball.spin * t) * place)).to_array().map(f64::sin);
+            let position = eye + distance * direction - (ball.path)(t);
+            let wave = (ball.texture * (DMat3::from_rotation_z(ball.spin * t) * position)).to_array().map(f64::sin);
             let pattern = wave[0] * wave[1] + wave[2] * wave[0] * 0.7;
             return (DVec3::new(0.7, 0.35, 0.2) + 0.2 * pattern * DVec3::new(1.0, 0.8, -0.6), true);
         }

@@ -79,7 +79,7 @@ fn no_times() {
     says(&run(&scene, &masks), "no training view has a time");
     scene.train.iter_mut().for_each(|view| view.time = Some(f64::NAN));
     says(&run(&scene, &masks), "no training view has a time");
-    // All at one time: a place, no path.
+    // All at one time: a position, no path.
     scene.train.iter_mut().for_each(|view| view.time = Some(3.0));
     run(&scene, &masks);
     scene.train.clear();

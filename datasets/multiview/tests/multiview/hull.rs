@@ -41,7 +41,7 @@ fn the_hull_is_the_ball() {
 fn hulls_of_found_masks_are_slightly_large() {
     for exposure in [0.0, 0.9] {
         let scene = World { exposure, ..World::of(straight) }.scene();
-        let masks = moving_masks(&scene, MaskSource::Evidence).masks;
+        let masks = moving_masks(&scene, MaskSource::Inferred).masks;
         let t = 6.0 / 11.0;
         let hull = hull(&scene, &masks, t, &HullOptions::default());
         let size = hull.bounds.1 - hull.bounds.0;
@@ -100,7 +100,7 @@ fn small_objects_are_found() {
     assert_eq!(hull.points.len(), 500);
 }
 
-/// Two cameras side by side do not bound the ball's depth; a third one turned away, with a spot in its mask, bounds it to nothing.
+/// Two cameras side by side do not bound the ball's depth; a third one turned away, with a blob in its mask, bounds it to nothing.
 /// The hull of the two is kept, and said to be cut.
 #[test]
 fn a_camera_turned_away_takes_nothing() {
@@ -116,9 +116,9 @@ fn a_camera_turned_away_takes_nothing() {
     for (view, c2w) in scene.train.iter_mut().zip([eye, beside, away]) {
         view.c2w = c2w;
     }
-    let spot = |pixel: usize| (pixel % WIDTH).abs_diff(WIDTH / 2) < 4 && (pixel / WIDTH).abs_diff(HEIGHT / 2) < 4;
-    let spots = (0..WIDTH * HEIGHT).map(|pixel| if spot(pixel) { 255 } else { 0 }).collect();
-    let masks = [masks[0].clone(), masks[0].clone(), Some(spots)];
+    let blob = |pixel: usize| (pixel % WIDTH).abs_diff(WIDTH / 2) < 4 && (pixel / WIDTH).abs_diff(HEIGHT / 2) < 4;
+    let blobs = (0..WIDTH * HEIGHT).map(|pixel| if blob(pixel) { 255 } else { 0 }).collect();
+    let masks = [masks[0].clone(), masks[0].clone(), Some(blobs)];
     let hull = hull(&scene, &masks, 0.0, &HullOptions::default());
     assert!(hull.notes.iter().any(|note| note.contains("cut")), "{:?}", hull.notes);
     assert!(!hull.points.is_empty());

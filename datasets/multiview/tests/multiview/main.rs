@@ -1,11 +1,11 @@
-//! What moves, in a small analytic world: standing cameras on an arc look at textured spheres over a textured floor.
+//! What moves, in a small analytic world: static cameras on an arc look at textured spheres over a textured floor.
 
-mod evidence;
+mod camera_masks;
+mod centres;
 mod fixture;
-mod guide;
 mod hostile;
 mod hull;
 mod pinned;
+mod plane_sweep;
 mod shadows;
-mod sweep;
 mod trajectory;

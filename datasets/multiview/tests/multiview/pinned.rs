@@ -83,7 +83,7 @@ fn masks_and_background_at_256_pixels() {
         warnings: Vec::new(),
         time_range: Some((0.0, FRAMES as f64 - 1.0)),
     };
-    let masks = moving_masks(&scene, MaskSource::Evidence).masks;
+    let masks = moving_masks(&scene, MaskSource::Inferred).masks;
     let masks: Vec<Vec<u8>> = masks.into_iter().map(|mask| mask.expect("a mask")).collect();
     let counts: Vec<usize> = masks.iter().map(|mask| mask.iter().filter(|value| **value > 0).count()).collect();
     assert_eq!(counts, [2380, 2202, 2022, 1841, 1682, 1737, 1928, 2113, 2295, 2474]);

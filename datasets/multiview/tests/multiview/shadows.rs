@@ -27,7 +27,7 @@ const BOX: (f64, DVec3) = (0.34, DVec3::new(-0.055, 0.029, 0.773));
 #[test]
 fn masks_and_hull_are_of_the_body() {
     let scene = shadowed();
-    let found = moving_masks(&scene, MaskSource::Evidence).masks;
+    let found = moving_masks(&scene, MaskSource::Inferred).masks;
     let (mut both, mut either) = (0, 0);
     for (view, mask) in scene.train.iter().zip(&found) {
         let truth = view.truth.moving_union.as_ref().expect("the truth");
@@ -43,7 +43,7 @@ fn masks_and_hull_are_of_the_body() {
     let t = 7.0 / 15.0;
     let Hull { centre, bounds: (low, high), notes, .. } = hull(&scene, &found, t, &HullOptions::default());
     assert!(notes.is_empty(), "{notes:?}");
-    // From a third of a circle a hull is drawn out along the line of sight, to a box's width on either side; on the floor beyond the
+    // From a third of a circle a hull is drawn out along the line of ray, to a box's width on either side; on the floor beyond the
     // shadow it would be three.
     let reach = (low - BOX.1).abs().max((high - BOX.1).abs()).max_element();
     assert!(reach < 4.0 * BOX.0, "the hull reaches {reach} from the box's centre");

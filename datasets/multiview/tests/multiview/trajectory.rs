@@ -100,7 +100,7 @@ fn a_bounce_has_a_kink() {
             }
             let fit = Trajectory::fit(&data, 6, 2).expect("a fit");
             let [kink] = fit.kinks[..] else { panic!("noise {noise}, broken {broken}: kinks {:?}", fit.kinks) };
-            // Frames are 0.2 apart, places are tried every 0.05.
+            // Frames are 0.2 apart, positions are tried every 0.05.
             assert!((0.5 * (kink.begin + kink.end) - 11.475).abs() < 0.06, "{kink:?}, noise {noise}, broken {broken}");
             assert!(kink.jump.distance(DVec3::new(0.0, 0.0, 4.5)) < 0.3, "{kink:?}, noise {noise}, broken {broken}");
             assert_eq!(fit.outliers, if broken { 2 } else { 0 }, "noise {noise}");

@@ -22,7 +22,7 @@ fn the_guide_is_the_velocity() {
     for (exposure, tolerance) in [(0.0, 0.07), (0.9, 0.10)] {
         let mut offs = Vec::new();
         let scene = World { exposure, ..World::of(thrown) }.scene();
-        let masks = moving_masks(&scene, MaskSource::Evidence).masks;
+        let masks = moving_masks(&scene, MaskSource::Inferred).masks;
         let found = centres(&scene, &masks);
         assert_eq!(found.notes, Vec::<String>::new());
         assert_eq!(found.centres.len(), 12);
@@ -102,7 +102,7 @@ fn back(t: f64) -> DVec3 {
     DVec3::new(0.15, 0.45 - 0.9 * t, 0.45)
 }
 
-/// Two balls pass so close that their hull is one piece in between: neither track takes that piece's centre for its own.
+/// Two balls pass so close that their hull is one component in between: neither track takes that component's centre for its own.
 #[test]
 fn balls_that_pass_keep_their_paths() {
     let ball = |path| Ball { radius: 0.2, path, texture: 14.0, spin: 0.0 };

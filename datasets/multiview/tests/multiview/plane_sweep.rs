@@ -2,7 +2,7 @@
 
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
-use gs_multiview::sweep;
+use gs_multiview::plane_sweep;
 
 use crate::fixture::written;
 
@@ -24,17 +24,17 @@ fn still_world() -> Scene {
 #[test]
 fn points_lie_on_surfaces() {
     let scene = still_world();
-    let points = sweep(&scene.train, 1.0, 12.0, 800, 3);
+    let points = plane_sweep(&scene.train, 1.0, 12.0, 800, 3);
     assert!(points.len() > 400, "{} points", points.len());
-    assert_eq!(points, sweep(&scene.train, 1.0, 12.0, 800, 3), "the same seed gives the same points");
+    assert_eq!(points, plane_sweep(&scene.train, 1.0, 12.0, 800, 3), "the same seed gives the same points");
     let view = &scene.test[0];
     let depth = view.truth.depth.as_ref().expect("the true depth");
     let (mut seen, mut near, mut floating) = (0, 0, Vec::new());
     for position in &points.positions {
-        let place = view.c2w.inverse().transform_point3(glam::Vec3::from(*position).as_dvec3());
+        let position = view.c2w.inverse().transform_point3(glam::Vec3::from(*position).as_dvec3());
         let k = &view.intrinsics;
-        let (x, y) = (k.fx * place.x / place.z + k.cx, k.fy * place.y / place.z + k.cy);
-        if place.z <= 0.0 || x < 1.0 || y < 1.0 || x >= view.width as f64 - 1.0 || y >= view.height as f64 - 1.0 {
+        let (x, y) = (k.fx * position.x / position.z + k.cx, k.fy * position.y / position.z + k.cy);
+        if position.z <= 0.0 || x < 1.0 || y < 1.0 || x >= view.width as f64 - 1.0 || y >= view.height as f64 - 1.0 {
             continue;
         }
         seen += 1;
@@ -42,10 +42,10 @@ fn points_lie_on_surfaces() {
         let around = (-1..=1).flat_map(|v| (-1..=1).map(move |u| (u, v)));
         let mut ratios = around.map(|(u, v): (i32, i32)| {
             let pixel = (y as i32 + v) as usize * view.width + (x as i32 + u) as usize;
-            place.z / f64::from(depth[pixel])
+            position.z / f64::from(depth[pixel])
         });
         near += usize::from(ratios.any(|ratio| ratio > 0.95));
-        floating.push(place.z / f64::from(depth[y as usize * view.width + x as usize]));
+        floating.push(position.z / f64::from(depth[y as usize * view.width + x as usize]));
     }
     assert!(seen > 300 && near as f64 > 0.9 * f64::from(seen), "{near} of {seen} points lie on or behind what is seen");
     floating.sort_by(f64::total_cmp);
@@ -56,13 +56,13 @@ fn points_lie_on_surfaces() {
 #[test]
 fn nothing_to_agree_on_gives_nothing() {
     let mut scene = still_world();
-    assert_eq!(sweep(&scene.train[..2], 1.0, 12.0, 100, 0).len(), 0, "two photos");
+    assert_eq!(plane_sweep(&scene.train[..2], 1.0, 12.0, 100, 0).len(), 0, "two photos");
     for [near, far] in [[0.0, 1.0], [2.0, 1.0], [1.0, f64::INFINITY], [f64::NAN, 1.0]] {
-        assert_eq!(sweep(&scene.train, near, far, 100, 0).len(), 0, "depths from {near} to {far}");
+        assert_eq!(plane_sweep(&scene.train, near, far, 100, 0).len(), 0, "depths from {near} to {far}");
     }
-    assert_eq!(sweep(&scene.train, 1.0, 12.0, 0, 0).len(), 0);
+    assert_eq!(plane_sweep(&scene.train, 1.0, 12.0, 0, 0).len(), 0);
     for view in &mut scene.train {
         view.image.data.fill(90);
     }
-    assert_eq!(sweep(&scene.train, 1.0, 12.0, 100, 0).len(), 0, "one colour");
+    assert_eq!(plane_sweep(&scene.train, 1.0, 12.0, 100, 0).len(), 0, "one colour");
 }

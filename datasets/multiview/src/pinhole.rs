@@ -1,18 +1,18 @@
-//! A view's camera as a map between places and pixels, in f64.
+//! Camera of a view: projection of positions to pixels and back, in f64.
 
 use glam::{DMat3, DMat4, DVec2, DVec3};
 
 use gs_datasets::{Intrinsics, View};
 
-/// Least depth that is projected, scene units. It only keeps a division finite: what is nearer has no image.
+/// Smallest depth that is projected, scene units. It keeps the division finite.
 const NEAR: f64 = 1e-9;
 
-/// A pinhole camera (OpenCV axes) with its inverse pose at hand.
+/// A pinhole camera (OpenCV axes).
 #[derive(Debug, Clone, Copy)]
 pub struct Pinhole {
     /// World to camera rotation.
     rotation: DMat3,
-    /// The camera's place in the world.
+    /// The camera's position in the world.
     pub centre: DVec3,
     /// Focal lengths and centre, pixels.
     pub intrinsics: Intrinsics,
@@ -34,21 +34,21 @@ impl Pinhole {
         Self { rotation, centre: c2w.w_axis.truncate(), intrinsics, width, height }
     }
 
-    /// Pixel coordinates and depth (camera z) of a place; `None` behind the camera or when not finite.
-    pub fn project(&self, place: DVec3) -> Option<(DVec2, f64)> {
-        let p = self.rotation * (place - self.centre);
+    /// Pixel coordinates and depth (camera z) of a position; `None` behind the camera or when not finite.
+    pub fn project(&self, position: DVec3) -> Option<(DVec2, f64)> {
+        let p = self.rotation * (position - self.centre);
         let pixel = self.intrinsics.project(p);
         (p.z > NEAR && pixel.is_finite()).then_some((pixel, p.z))
     }
 
-    /// The unit direction, in the world, of what is seen at a pixel coordinate.
+    /// Unit direction, in the world, of the ray through a pixel coordinate.
     pub fn direction(&self, pixel: DVec2) -> DVec3 {
         (self.rotation.transpose() * self.intrinsics.ray(pixel.x, pixel.y)).normalize_or_zero()
     }
 
-    /// Rows of the derivative of the pixel by the place, `[du/dX, dv/dX]`; `None` behind the camera.
-    pub fn jacobian(&self, place: DVec3) -> Option<[DVec3; 2]> {
-        let p = self.rotation * (place - self.centre);
+    /// Rows of the derivative of the pixel by the position, `[du/dX, dv/dX]`; `None` behind the camera.
+    pub fn jacobian(&self, position: DVec3) -> Option<[DVec3; 2]> {
+        let p = self.rotation * (position - self.centre);
         if p.z.is_nan() || p.z <= NEAR {
             return None;
         }
@@ -70,9 +70,10 @@ impl Pinhole {
         inside.then_some((at.x as usize, at.y as usize))
     }
 
-    /// The number of the pixel that shows a place, row by row from the top left, and the place's depth; `None` where none does.
-    pub fn sees(&self, place: DVec3) -> Option<(usize, f64)> {
-        let (at, depth) = self.project(place)?;
+    /// Index of the pixel that shows a position, row by row from the top left, and the depth of the position; `None`
+    /// outside the image.
+    pub fn sees(&self, position: DVec3) -> Option<(usize, f64)> {
+        let (at, depth) = self.project(position)?;
         let (x, y) = self.pixel(at)?;
         Some((y * self.width + x, depth))
     }

@@ -1,8 +1,8 @@
-//! Masks found in the photos of standing cameras.
+//! Masks found in the photos of static cameras.
 
 use glam::DVec3;
 use gs_datasets::{RgbImage8, Scene};
-use gs_multiview::{MaskOrigin, MaskSource, background, evidence, moving_masks, static_cameras};
+use gs_multiview::{MaskOrigin, MaskSource, background, camera_masks, moving_masks, static_cameras};
 
 use crate::fixture::{HEIGHT, WIDTH, World, share, straight, true_masks};
 
@@ -18,9 +18,9 @@ fn iou(found: &[Option<Vec<u8>>], truth: &[Option<Vec<u8>>]) -> f64 {
 }
 
 fn found(scene: &Scene) -> Vec<Option<Vec<u8>>> {
-    let masks = moving_masks(scene, MaskSource::Evidence);
+    let masks = moving_masks(scene, MaskSource::Inferred);
     assert_eq!(masks.warnings, Vec::<String>::new());
-    assert_eq!(masks.count(MaskOrigin::Evidence), scene.train.len());
+    assert_eq!(masks.count(MaskOrigin::Inferred), scene.train.len());
     masks.masks
 }
 
@@ -44,7 +44,7 @@ fn a_slow_ball_leaves_no_ghost() {
 }
 
 /// One colour, covering the middle of its way for more than half of the time: only its colour tells its first and last
-/// place from the background, and what it never uncovers from a thing that stands there.
+/// position from the background, and what it never uncovers from a thing that stands there.
 #[test]
 fn a_plain_ball_leaves_no_ghost() {
     let mut world = World::of(|t| DVec3::new(0.1, 0.8 * t - 0.4, 0.45));
@@ -62,7 +62,7 @@ fn from_the_side(mut scene: Scene) -> Scene {
     scene
 }
 
-/// It turns in place by 4 radians: nothing but its texture changes, and no pixel of it ever shows the background. A
+/// It turns in position by 4 radians: nothing but its texture changes, and no pixel of it ever shows the background. A
 /// texture that is level along the turn, near the poles, does not change either.
 #[test]
 fn a_turning_ball_moves() {
@@ -86,7 +86,7 @@ fn blur_gives_the_union_over_the_exposure() {
 fn noise_alone_moves_nothing() {
     for noise in [0.0, 0.4, 2.0, 6.0] {
         let scene = World { noise, balls: Vec::new(), ..World::of(straight) }.scene();
-        let masks = moving_masks(&scene, MaskSource::Evidence);
+        let masks = moving_masks(&scene, MaskSource::Inferred);
         let worst = masks.masks.iter().flatten().map(|mask| share(mask)).fold(0.0, f64::max);
         assert!(worst < 1e-3, "noise {noise}: {worst}");
         assert!(masks.warnings.iter().any(|text| text.contains("nothing moves")), "{:?}", masks.warnings);
@@ -119,7 +119,7 @@ fn the_background_is_what_the_ball_hides() {
     let scene = from_the_side(World::of(straight).scene());
     let empty = from_the_side(World { balls: Vec::new(), noise: 0.0, ..World::of(straight) }.scene());
     for camera in static_cameras(&scene.train) {
-        let found = background(&scene.train, &camera).expect("a standing camera");
+        let found = background(&scene.train, &camera).expect("a static camera");
         let truth: &RgbImage8 = &empty.train[camera.views[0]].image;
         let right = found.image.data.iter().zip(&truth.data).filter(|(a, b)| a.abs_diff(**b) <= 2).count();
         assert!(right as f64 > 0.99 * truth.data.len() as f64, "{} of {}", right, truth.data.len());
@@ -131,7 +131,7 @@ fn the_background_is_what_the_ball_hides() {
 fn cameras_are_told_by_pose() {
     let mut scene = World { cameras: 3, frames: 4, ..World::of(straight) }.scene();
     scene.train.iter_mut().for_each(|view| view.camera_id = None);
-    // Two views trade places: order is by time and not by place.
+    // Two views trade positions: order is by time and not by position.
     scene.train.swap(0, 2);
     let groups = static_cameras(&scene.train);
     assert_eq!(groups.len(), 3);
@@ -142,7 +142,7 @@ fn cameras_are_told_by_pose() {
     }
     let groups = static_cameras(&scene.train);
     assert_eq!(groups.len(), 12);
-    assert!(groups.iter().all(|group| evidence(&scene.train, group).is_none()));
+    assert!(groups.iter().all(|group| camera_masks(&scene.train, group).is_none()));
 }
 
 #[test]
@@ -152,9 +152,9 @@ fn masks_of_the_data_set_come_first() {
         view.priors.moving = view.truth.moving_union.clone();
     }
     let masks = moving_masks(&scene, MaskSource::Auto);
-    assert_eq!((masks.count(MaskOrigin::Prior), masks.count(MaskOrigin::Evidence)), (5, 5));
+    assert_eq!((masks.count(MaskOrigin::Given), masks.count(MaskOrigin::Inferred)), (5, 5));
     assert_eq!(masks.masks[0], scene.train[0].truth.moving_union);
-    let masks = moving_masks(&scene, MaskSource::Prior);
-    assert_eq!(masks.count(MaskOrigin::Prior), 5);
+    let masks = moving_masks(&scene, MaskSource::Given);
+    assert_eq!(masks.count(MaskOrigin::Given), 5);
     assert!(masks.warnings[0].contains("5 of 10"), "{:?}", masks.warnings);
 }

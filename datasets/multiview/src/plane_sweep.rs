@@ -1,9 +1,10 @@
-//! Points where photos agree: a sparse plane sweep, for data sets that come without points.
+//! Points by a sparse plane sweep, for data sets without points.
 //!
-//! A random pixel of a random photo is looked for in a few photos from beside it, at depths along its ray: the depth counts at
-//! which the patches around it correlate best (zero-mean normalised cross-correlation, which brightness does not change), if
-//! they correlate well there and clearly better than anywhere else. What has no texture, is hidden from the others or repeats
-//! gives no point. A start for training, not a reconstruction: positions are good to a step of depth.
+//! A random pixel of a random photo is searched in a few neighbouring photos at depths along its ray. The best depth
+//! is where the patches correlate best (zero-mean normalised cross-correlation, which brightness does not change). It
+//! counts if the correlation is high and clearly higher than at any other depth, so surfaces without texture, hidden
+//! from the others or repetitive give no point. Positions are accurate to one step of depth: a start for training,
+//! not a reconstruction.
 
 use glam::{DVec2, Vec3};
 use rand::{Rng, SeedableRng};
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 
 use gs_datasets::{Intrinsics, PointCloud, View};
 
-/// Photos are reduced to about this width: patches then span enough of the scene to be told apart.
+/// Photos are reduced to about this width, so that patches span enough of the scene to be distinctive.
 const WIDTH: usize = 320;
 
 /// Depths tried along a ray, evenly in their logarithm: over a factor of ten a step is 2.4 %.
@@ -21,44 +22,43 @@ const DEPTHS: usize = 96;
 /// Half the patch, pixels: 7 x 7.
 const RADIUS: i32 = 3;
 
-/// Photos that a pixel is looked for in, and how many of them must agree. Those that agree best count: the others may have
-/// something in between.
+/// Photos searched, and how many of them must agree. The best ones count: in the others something may be in between.
 const OTHERS: (usize, usize) = (5, 3);
 
-/// The best distance between two cameras, in distances to the subject: nearer ones do not tell depths apart, farther ones show
-/// another side. Photos nearest to it (by ratio) are taken.
+/// Preferred baseline of two cameras, in distances to the subject: shorter ones do not resolve depth, longer ones
+/// show another side. The photos nearest to it (by ratio) are searched.
 const BASELINE: f64 = 0.25;
 
 /// Largest angle between two cameras' axes, as a cosine.
 const FACING: f64 = 0.6;
 
-/// Least mean correlation of a point's patches, and how far it must be above that at any other depth (farther than
-/// [`APART`] steps).
+/// Smallest mean correlation of a point's patches, and its smallest lead over any other depth (more than [`APART`]
+/// steps away).
 const CORRELATION: (f64, f64) = (0.8, 0.1);
 
 /// Steps within which correlations belong to one peak.
 const APART: usize = 4;
 
-/// Least standard deviation of a patch, 0 to 1. Below it there is nothing to correlate but noise.
+/// Smallest standard deviation of a patch, 0 to 1. Below it the correlation is of noise.
 const TEXTURE: f64 = 0.02;
 
 /// Rays tried for each point asked for.
 const TRIES: usize = 6;
 
-/// A photo in grey, reduced.
+/// A reduced grey photo.
 struct Grey {
     width: usize,
     height: usize,
     values: Vec<f32>,
     intrinsics: Intrinsics,
     viewmat: glam::DMat4,
-    /// Original pixels along a reduced one.
+    /// Original pixels along a side of a reduced one.
     step: usize,
 }
 
-/// Up to `count` points at depths from `near` to `far` (scene units, positive) where photos of what stands still agree, with the
-/// colours of the pixels they were found at. The same for the same seed and any number of threads.
-pub fn sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64) -> PointCloud {
+/// Up to `count` points at depths from `near` to `far` (scene units, positive) on which photos of a static scene
+/// agree, in the colours of their pixels. The result depends on the seed alone, not on the number of threads.
+pub fn plane_sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64) -> PointCloud {
     let mut points = PointCloud::default();
     let usable = near > 0.0 && far > near && far.is_finite();
     if views.len() < 3 || !usable || count == 0 {
@@ -121,9 +121,9 @@ impl Grey {
         }
     }
 
-    /// The value at a place in pixels, bilinear; `None` outside.
-    fn at(&self, place: DVec2) -> Option<f32> {
-        let (x, y) = (place.x - 0.5, place.y - 0.5);
+    /// The value at a position in pixels, bilinear; `None` outside.
+    fn at(&self, position: DVec2) -> Option<f32> {
+        let (x, y) = (position.x - 0.5, position.y - 0.5);
         if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
             return None;
         }
@@ -134,12 +134,12 @@ impl Grey {
         Some((a[0] * (1.0 - u) + a[1] * u) * (1.0 - v) + (b[0] * (1.0 - u) + b[1] * u) * v)
     }
 
-    /// The patch around a place, its pixels `spacing` apart.
-    fn patch(&self, place: DVec2, spacing: f64) -> Option<Patch> {
+    /// The patch around a position, its pixels `spacing` apart.
+    fn patch(&self, position: DVec2, spacing: f64) -> Option<Patch> {
         let mut values = [0.0; PATCH];
         let offsets = (-RADIUS..=RADIUS).flat_map(|y| (-RADIUS..=RADIUS).map(move |x| DVec2::new(x.into(), y.into())));
         for (value, offset) in values.iter_mut().zip(offsets) {
-            *value = self.at(place + spacing * offset)?;
+            *value = self.at(position + spacing * offset)?;
         }
         Some(Patch::normalised(values))
     }
@@ -148,7 +148,7 @@ impl Grey {
 /// Pixels of a patch.
 const PATCH: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
 
-/// A patch less its mean, of length 1 (or 0, if it is even), and the standard deviation it had.
+/// A patch minus its mean, of length 1 (or 0, if it is even), and its former standard deviation.
 struct Patch {
     values: [f32; PATCH],
     deviation: f64,
@@ -169,7 +169,7 @@ impl Patch {
     }
 }
 
-/// For each view, the others to look in: facing the same way, from beside it.
+/// For each view the views to search: similar direction, preferred baseline.
 fn neighbours(views: &[View], subject: f64) -> Vec<Vec<usize>> {
     let of = |view: &View| {
         let fitness = |other: &View| {
@@ -186,12 +186,12 @@ fn neighbours(views: &[View], subject: f64) -> Vec<Vec<usize>> {
     views.iter().map(of).collect()
 }
 
-/// The depth at which a pixel's patch is found again; `None` where it is not clear.
+/// Depth at which a pixel's patch is found again; `None` if ambiguous.
 fn depth_at(photos: &[Grey], from: usize, beside: &[usize], pixel: [usize; 2], [near, far]: [f64; 2]) -> Option<f64> {
     let photo = &photos[from];
-    let place = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
-    let patch = photo.patch(place, 1.0).filter(|patch| patch.deviation >= TEXTURE)?;
-    let ray = photo.intrinsics.ray(place.x, place.y);
+    let position = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
+    let patch = photo.patch(position, 1.0).filter(|patch| patch.deviation >= TEXTURE)?;
+    let ray = photo.intrinsics.ray(position.x, position.y);
     let to_world = photo.viewmat.inverse();
     let depths: Vec<f64> = (0..DEPTHS).map(|i| near * (far / near).powf(i as f64 / (DEPTHS - 1) as f64)).collect();
     let scores: Vec<f64> = depths
@@ -206,7 +206,7 @@ fn depth_at(photos: &[Grey], from: usize, beside: &[usize], pixel: [usize; 2], [
                 }
                 let k = &other.intrinsics;
                 let at = k.project(seen);
-                // A pixel's width at that depth, as the other camera sees it.
+                // Size of a pixel at that depth in the other camera.
                 let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
                 Some(patch.correlation(&other.patch(at, spacing)?))
             };

@@ -1,54 +1,55 @@
-//! The moving object's centre per time and its velocity: the guide of TaylorMoDe-GS, Eq. 17.
+//! Centre of the moving object over time, and its velocity: the guide of TaylorMoDe-GS, Eq. 17.
 //!
 //! ```text
 //! L_vel = || M_dyn * (v_cam - v_guide) ||_1                                                              (17)
 //! v_guide(t_i) = (c(t_{i+1}) - c(t_{i-1})) / (t_{i+1} - t_{i-1}),   c(t): triangulated centre of the masks at t
 //! ```
 //!
-//! The paper says "object center displacement" and no more. Here the centre is the place that projects to the masks'
-//! centroids in as many cameras as possible, so that an occluded or wrong mask does not pull it. The centroid of a
-//! silhouette is not the projection of the object's centroid, but for a rigid object that does not turn the difference
-//! is nearly constant and cancels in the velocity. `v_guide` is in world axes; the caller turns it into each camera.
+//! The paper says "object center displacement" and no more. Here the centre is the position whose projections meet the masks'
+//! centroids in as many cameras as possible, so that an occluded or wrong mask does not pull it. The centroid of a silhouette is not the
+//! projection of the object's centroid, but for a rigid object without rotation the difference is nearly constant and cancels in the
+//! velocity. `v_guide` is in world axes; the caller rotates it into each camera.
 
 use glam::{DVec2, DVec3};
 
 use gs_datasets::{Scene, View};
 
 use crate::cameras::instants;
-use crate::geometry::Pinhole;
-use crate::triangulate::{Sight, triangulate};
+use crate::pinhole::Pinhole;
+use crate::triangulate::{Ray, triangulate};
 
-/// Fewest pixels of a mask that have a centroid worth having.
+/// Smallest number of mask pixels with a usable centroid.
 const AREA_MIN: usize = 4;
 
-/// How far from the place's projection a centroid may lie, pixels, and as a share of the mask's own spread (root mean
-/// square radius): half of it hidden behind something moves it by about that much.
-const SLACK: (f64, f64) = (2.0, 0.5);
+/// Largest distance of a centroid from the projected position: pixels (a mask's edge is off by one or two at any
+/// resolution), and a share of the mask's root mean square radius (half of it occluded moves the centroid by about
+/// that much).
+const TOLERANCE: (f64, f64) = (2.0, 0.5);
 
-/// Where the moving object is at one time.
+/// Centre of the moving object at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Centre {
     /// Time, as [`View::time`].
     pub t: f64,
-    /// Place in the world of [`View::c2w`], scene units.
+    /// Position in the world of [`View::c2w`], scene units.
     pub position: DVec3,
     /// Root mean square distance of its projections from the masks' centroids, pixels.
     pub residual_px: f64,
-    /// How many cameras agree on it.
+    /// Number of cameras that agree on it.
     pub cameras: usize,
 }
 
-/// Centres over time, and why some times have none.
+/// Centres over time, and the reasons for missing ones.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Centres {
     /// By time, earliest first.
     pub centres: Vec<Centre>,
-    /// What is missing, in sentences.
+    /// Reasons for times without a centre, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// The centre of everything that moves, per time with masks in at least two cameras that agree. `masks` are one per
-/// training view, as [`moving_masks`](crate::moving_masks) gives them; ones of a wrong size are ignored.
+/// Centre of all moving pixels at each time at which masks of at least two cameras agree. `masks` holds one mask per
+/// training view, as [`moving_masks`](crate::moving_masks) returns them; masks of a wrong size are ignored.
 pub fn centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Centres {
     let views = &scene.train;
     let mut found = Centres::default();
@@ -59,12 +60,12 @@ pub fn centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Centres {
     }
     let mut reasons: Vec<(&'static str, usize)> = Vec::new();
     for instant in &instants {
-        let spots: Vec<(Spot, &View)> = instant
+        let blobs: Vec<(Blob, &View)> = instant
             .views
             .iter()
-            .filter_map(|index| Some((Spot::of(mask_of(views, masks, *index)?, views[*index].width)?, &views[*index])))
+            .filter_map(|index| Some((Blob::of(mask_of(views, masks, *index)?, views[*index].width)?, &views[*index])))
             .collect();
-        match locate(&spots) {
+        match locate(&blobs) {
             Ok((position, residual_px, cameras)) => {
                 found.centres.push(Centre { t: instant.t, position, residual_px, cameras });
             }
@@ -80,9 +81,9 @@ pub fn centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Centres {
     found
 }
 
-/// The velocity of the centre at a time, scene units per unit of time: the derivative of the parabola through the three
-/// centres around it (at an inner centre of even spacing the central difference), or the difference of two.
-/// `None` with fewer than two centres, or outside their times by more than their mean distance.
+/// Velocity of the centre at a time, scene units per unit of time: the derivative of the parabola through the three
+/// nearest centres (the central difference, at an inner centre of even spacing), or the difference of two. `None`
+/// with fewer than two centres, or farther outside their times than their mean spacing.
 pub fn guide_velocity(centres: &[Centre], t: f64) -> Option<DVec3> {
     let (first, last) = (centres.first()?, centres.last()?);
     let gap = (last.t - first.t) / (centres.len() as f64 - 1.0);
@@ -103,31 +104,31 @@ pub fn guide_velocity(centres: &[Centre], t: f64) -> Option<DVec3> {
     velocity.is_finite().then_some(velocity)
 }
 
-/// A view's mask, if it has one of its size.
+/// Mask of a view, if it has the view's size.
 pub(crate) fn mask_of<'a>(views: &[View], masks: &'a [Option<Vec<u8>>], index: usize) -> Option<&'a [u8]> {
     let mask = masks.get(index)?.as_deref()?;
     (mask.len() == views[index].width * views[index].height).then_some(mask)
 }
 
-/// A mask as one spot in the image.
+/// Centroid and spread of a set of pixels.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Spot {
-    /// Mean of its pixels' centres.
+pub(crate) struct Blob {
+    /// Mean of the pixels' centres.
     pub centroid: DVec2,
     /// Root mean square distance from the centroid, pixels.
     pub spread: f64,
-    /// Whether it reaches the image's edge, so that a part is probably missing.
+    /// Whether it touches the image's edge, so that a part is probably missing.
     pub is_cut: bool,
 }
 
-impl Spot {
-    /// `None` for masks without pixels to speak of. `width` is the image's.
+impl Blob {
+    /// `None` with fewer than [`AREA_MIN`] pixels set. `width` is the image's.
     pub fn of(mask: &[u8], width: usize) -> Option<Self> {
         let set = mask.iter().enumerate().filter(|(_, value)| **value != 0).map(|(pixel, _)| pixel);
         Self::of_pixels(set, width, mask.len().checked_div(width)?)
     }
 
-    /// The same from pixel numbers.
+    /// The same from pixel indices.
     pub fn of_pixels(pixels: impl Iterator<Item = usize>, width: usize, height: usize) -> Option<Self> {
         let (mut count, mut sum, mut squares, mut is_cut) = (0_usize, DVec2::ZERO, 0.0, false);
         for pixel in pixels {
@@ -147,20 +148,20 @@ impl Spot {
     }
 }
 
-/// Position, residual (pixels) and number of agreeing cameras of one object's spots at one time.
-pub(crate) fn locate(spots: &[(Spot, &View)]) -> Result<(DVec3, f64, usize), &'static str> {
-    let sights = |with_cut: bool| -> Vec<Sight> {
-        spots
+/// Position, residual (pixels) and number of agreeing cameras of one object at one time.
+pub(crate) fn locate(blobs: &[(Blob, &View)]) -> Result<(DVec3, f64, usize), &'static str> {
+    let rays = |with_cut: bool| -> Vec<Ray> {
+        blobs
             .iter()
-            .filter(|(spot, _)| with_cut || !spot.is_cut)
-            .map(|(spot, view)| Sight {
+            .filter(|(blob, _)| with_cut || !blob.is_cut)
+            .map(|(blob, view)| Ray {
                 camera: Pinhole::new(view),
-                pixel: spot.centroid,
-                slack: SLACK.0 + SLACK.1 * spot.spread,
+                pixel: blob.centroid,
+                tolerance: TOLERANCE.0 + TOLERANCE.1 * blob.spread,
             })
             .collect()
     };
-    // A spot at the image's edge has its centroid in the wrong place, so such views only help out.
-    let place = triangulate(&sights(false)).or_else(|_| triangulate(&sights(true)))?;
-    Ok((place.position, place.residual, place.inliers.len()))
+    // A blob at the image's edge has a biased centroid, so it counts only if the others are too few.
+    let position = triangulate(&rays(false)).or_else(|_| triangulate(&rays(true)))?;
+    Ok((position.position, position.residual, position.inliers.len()))
 }
