@@ -6,9 +6,10 @@ use gs_datasets::{RgbImage8, View};
 
 use crate::cameras::StaticCamera;
 use crate::cluster::{Cluster, Pixel, classify, distance2};
-use crate::illumination::is_light;
+use crate::illumination::LightLimits;
 use crate::median::median;
 use crate::noise::Noise;
+use crate::options::MaskOptions;
 use crate::pixels::{color, counts};
 
 /// Two colours differ from this squared distance on, over the variance of the noise: five standard deviations.
@@ -24,15 +25,6 @@ const FLICKER: f32 = 3.0;
 /// The median over time of the channels' mean |difference|, over the noise's standard deviation: sqrt(4 / pi).
 const MEAN_DIFFERENCE: f32 = 1.128;
 
-/// Bits of each channel by which colours are counted as alike in [`Appearance`].
-const COLOR_BITS: u32 = 4;
-
-/// How many times likelier a colour must be to overturn the order in which a torn pixel's colours come.
-const OVERTURNS: f32 = 4.0;
-
-/// A colour is doubtful when it is seen on what passes this often for each time it is seen on what stays.
-const DOUBTFUL: f32 = 0.3;
-
 /// The picture of a static camera without passing objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Background {
@@ -47,8 +39,8 @@ pub struct Background {
 /// The background of a pixel is the colour that returns most often, not the median (see `cluster.rs`): a textured
 /// object may cover a pixel most of the time without harm. A background that shows for less than a fifth of the time
 /// is not found. An object of one colour that rests for most of the time is taken for background.
-pub fn background(views: &[View], camera: &StaticCamera) -> Option<Background> {
-    let model = BackgroundModel::new(views, camera)?;
+pub fn background(views: &[View], camera: &StaticCamera, options: &MaskOptions) -> Option<Background> {
+    let model = BackgroundModel::new(views, camera, options)?;
     let (width, height) = model.size;
     let mut data = Vec::with_capacity(3 * width * height);
     for (pixel, mean) in model.mean.iter().enumerate() {
@@ -82,11 +74,13 @@ pub(crate) struct BackgroundModel {
     pub doubtful: Vec<bool>,
     /// Standard deviation of the noise over the whole image, levels of 255.
     pub noise: f32,
+    /// Limits of light on the background.
+    pub light: LightLimits,
 }
 
 impl BackgroundModel {
     /// `None` with fewer than [`SAMPLES_MIN`] views or with buffers of another size than the view states.
-    pub fn new(views: &[View], camera: &StaticCamera) -> Option<Self> {
+    pub fn new(views: &[View], camera: &StaticCamera, options: &MaskOptions) -> Option<Self> {
         let first = views.get(*camera.views.first()?)?;
         let size = (first.width, first.height);
         let fits = |index: &usize| {
@@ -108,7 +102,7 @@ impl BackgroundModel {
             (Pixel::Stable(cluster), deviation) => Some((cluster.mean, *deviation)),
             _ => None,
         };
-        let appearance = Appearance::new(views, camera, noise.overall, stable);
+        let appearance = Appearance::new(views, camera, noise.overall, options, stable);
         let (mut mean, mut state) = (Vec::with_capacity(pixels.len()), Vec::with_capacity(pixels.len()));
         for (pixel, _) in &pixels {
             let (color, known) = match pixel {
@@ -122,9 +116,17 @@ impl BackgroundModel {
         }
         let deviation: Vec<f32> = pixels.iter().map(|(_, deviation)| *deviation).collect();
         let known = |pixel: usize| (state[pixel] == State::Stable).then(|| (mean[pixel], deviation[pixel]));
-        let appearance = Appearance::new(views, camera, noise.overall, known);
+        let appearance = Appearance::new(views, camera, noise.overall, options, known);
         let doubtful = (0..mean.len()).map(|i| state[i] == State::Stable && appearance.may_pass(mean[i])).collect();
-        Some(Self { size, mean, state, deviation, doubtful, noise: noise.overall })
+        Some(Self {
+            size,
+            mean,
+            state,
+            deviation,
+            doubtful,
+            noise: noise.overall,
+            light: LightLimits::scaled(options.shadow),
+        })
     }
 }
 
@@ -177,6 +179,7 @@ fn median_color(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3]
 struct Appearance {
     passing: Vec<u32>,
     staying: Vec<u32>,
+    options: MaskOptions,
 }
 
 impl Appearance {
@@ -185,9 +188,12 @@ impl Appearance {
         views: &[View],
         camera: &StaticCamera,
         noise: f32,
+        options: &MaskOptions,
         known: impl Fn(usize) -> Option<([f32; 3], f32)> + Sync,
     ) -> Self {
-        let bins = 1 << (3 * COLOR_BITS);
+        let bits = options.color_bits;
+        let bins = 1 << (3 * bits);
+        let light = LightLimits::scaled(options.shadow);
         let count = |index: &usize| {
             let mut counts = (vec![0; bins], vec![0; bins]);
             for pixel in 0..views[*index].width * views[*index].height {
@@ -195,9 +201,9 @@ impl Appearance {
                 let sample = color(&views[*index], pixel);
                 // Five standard deviations away and not a shadow: certainly a passing object.
                 let differs = distance2(&sample, &mean) > OTHER * deviation * deviation;
-                let passes = differs && !is_light(&sample, &mean, deviation, noise);
+                let passes = differs && !light.is_light(&sample, &mean, deviation, noise);
                 let counts = if passes { &mut counts.0 } else { &mut counts.1 };
-                counts[bin(sample.map(f32::from))] += 1;
+                counts[bin(sample.map(f32::from), bits)] += 1;
             }
             counts
         };
@@ -208,24 +214,28 @@ impl Appearance {
             a
         };
         let (passing, staying) = camera.views.par_iter().map(count).reduce(none, add);
-        Self { passing, staying }
+        Self { passing, staying, options: *options }
     }
 
     /// Chooses the background's colour among two.
     fn choose(&self, likely: &Cluster, other: &Cluster) -> [f32; 3] {
         let shares = [&self.staying, &self.passing].map(|counts| counts.iter().sum::<u32>().max(1) as f32);
         // One part in a thousand is added, so that the ratio of two rare colours stays near 1.
-        let share = |counts: &[u32], total: f32, color: [f32; 3]| counts[bin(color)] as f32 / total + 1e-3;
+        let share = |counts: &[u32], total: f32, color: [f32; 3]| {
+            counts[bin(color, self.options.color_bits)] as f32 / total + 1e-3
+        };
         let ratio = |color: [f32; 3]| share(&self.staying, shares[0], color) / share(&self.passing, shares[1], color);
-        if ratio(other.mean) > OVERTURNS * ratio(likely.mean) { other.mean } else { likely.mean }
+        if ratio(other.mean) > self.options.overturn as f32 * ratio(likely.mean) { other.mean } else { likely.mean }
     }
 
     /// Whether a background colour is also a common colour of passing objects.
     fn may_pass(&self, color: [f32; 3]) -> bool {
-        self.passing[bin(color)] as f32 > DOUBTFUL * self.staying[bin(color)] as f32
+        let bin = bin(color, self.options.color_bits);
+        self.passing[bin] as f32 > self.options.doubtful as f32 * self.staying[bin] as f32
     }
 }
 
-fn bin(color: [f32; 3]) -> usize {
-    color.iter().fold(0, |bin, value| (bin << COLOR_BITS) | (value.clamp(0.0, 255.0) as usize >> (8 - COLOR_BITS)))
+/// Index of a colour among those of `bits` a channel.
+fn bin(color: [f32; 3], bits: u32) -> usize {
+    color.iter().fold(0, |bin, value| (bin << bits) | (value.clamp(0.0, 255.0) as usize >> (8 - bits)))
 }

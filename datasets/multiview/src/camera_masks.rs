@@ -8,6 +8,7 @@ use gs_datasets::View;
 use crate::background::{BackgroundModel, SAMPLES_MIN, State};
 use crate::cameras::StaticCamera;
 use crate::cluster::{MEMBER, distance2};
+use crate::options::MaskOptions;
 use crate::pixels::{color, counts};
 use crate::regions::{close_gaps, drop_specks, fill_holes, grow, join};
 use crate::shadow::Light;
@@ -32,21 +33,8 @@ const SCORE_WEAK: f32 = 7.0;
 /// by a pixel all around.
 const SCORE_ALONE: f32 = 9.0;
 
-/// Smallest region that is kept, as a share of the image and in pixels. A 10 x 10 ball in 640 x 360 has 80.
-const SPECK: (f64, usize) = (1e-4, 8);
-
-/// Holes up to this share of the region around them are filled: an object's inside may have the background's colour or
-/// none that changes. Larger ones may be those of a ring.
-const HOLE: f64 = 0.25;
-
-/// Share of its outline that a region in an object's colour must have in common with what moves in order to join it.
-/// The middle that an object never uncovers lies within its moving edges, apart from where it lies on the outline
-/// itself; static things of the same colour touch it here and there.
-const CONTACT: f64 = 0.4;
-
-/// The same for what passes for a shadow: a shirt of the wall's colour lies between head, arms and trousers, a shadow on the
-/// floor touches its object on one side.
-const ENCLOSED: f64 = 0.5;
+/// Smallest region at any resolution, pixels: about the 3 x 3 neighbourhood of a score, so that one chance score is none.
+const SPECK_MIN: usize = 8;
 
 /// Masks inferred from the photos of one static camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,11 +52,12 @@ pub struct CameraMasks {
 /// of the exposure that drowns in the noise. The part of an object that never uncovers its background is found by its
 /// texture, or by its colour where that is rare in the background. A surface that darkens and has no texture passes
 /// for a shadow unless moving pixels enclose it.
-pub fn camera_masks(views: &[View], camera: &StaticCamera) -> Option<CameraMasks> {
-    let model = BackgroundModel::new(views, camera)?;
+pub fn camera_masks(views: &[View], camera: &StaticCamera, options: &MaskOptions) -> Option<CameraMasks> {
+    let model = BackgroundModel::new(views, camera, options)?;
     let frames: Vec<&View> = camera.views.iter().map(|index| &views[*index]).collect();
     let shown: Vec<Shown> = (0..model.mean.len()).into_par_iter().map(|pixel| shown(&model, &frames, pixel)).collect();
-    let masks = (0..frames.len()).into_par_iter().map(|frame| moving(&model, &frames, &shown, frame)).collect();
+    let masks =
+        (0..frames.len()).into_par_iter().map(|frame| moving(&model, &frames, &shown, frame, options)).collect();
     Some(CameraMasks { masks, noise: model.noise })
 }
 
@@ -84,7 +73,7 @@ fn shown(model: &BackgroundModel, frames: &[&View], pixel: usize) -> Shown {
 }
 
 /// The mask of one frame.
-fn moving(model: &BackgroundModel, frames: &[&View], shown: &[Shown], frame: usize) -> Vec<u8> {
+fn moving(model: &BackgroundModel, frames: &[&View], shown: &[Shown], frame: usize, options: &MaskOptions) -> Vec<u8> {
     let (width, height) = model.size;
     let view = frames[frame];
     let score = scores(model, frames, shown, frame);
@@ -93,12 +82,14 @@ fn moving(model: &BackgroundModel, frames: &[&View], shown: &[Shown], frame: usi
     grow(&mut mask, model.size, |pixel| vote[pixel] >= SCORE_WEAK && score[pixel] >= SCORE_ALONE);
     // The middle that an object never uncovers joins its moving edges.
     let unsure = |pixel: usize| model.doubtful[pixel] || model.state[pixel] == State::Unstable;
-    join(&mut mask, model.size, CONTACT, |pixel| unsure(pixel) && score[pixel] < SCORE_ALONE);
+    join(&mut mask, model.size, options.contact, |pixel| unsure(pixel) && score[pixel] < SCORE_ALONE);
     // Apparent shadow that moving pixels enclose joins them too.
-    join(&mut mask, model.size, ENCLOSED, |pixel| counts(view, pixel) && differs(model, view, pixel) >= SCORE_ALONE);
+    join(&mut mask, model.size, options.enclosed, |pixel| {
+        counts(view, pixel) && differs(model, view, pixel) >= SCORE_ALONE
+    });
     close_gaps(&mut mask, model.size);
-    fill_holes(&mut mask, model.size, HOLE);
-    let area_min = SPECK.1.max((SPECK.0 * (width * height) as f64).round() as usize);
+    fill_holes(&mut mask, model.size, options.hole);
+    let area_min = SPECK_MIN.max((options.speck * (width * height) as f64).round() as usize);
     drop_specks(&mut mask, model.size, area_min);
     mask.iter().enumerate().map(|(pixel, moves)| if *moves && counts(view, pixel) { 255 } else { 0 }).collect()
 }

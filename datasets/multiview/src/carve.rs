@@ -7,17 +7,11 @@
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
+use crate::options::HullOptions;
 use crate::pinhole::Pinhole;
 
 /// Edge of the initial blocks, voxels; a power of two.
 const BLOCK: usize = 8;
-
-/// From this many cameras on one may be wrong about a position, and one more for every [`CAMERAS_PER_MISS`]. With fewer,
-/// one that may always be wrong would leave nothing certain.
-const FORGIVING: usize = 5;
-
-/// See [`FORGIVING`]. A miss costs shape: the hull of all but k of n cameras is larger than that of all.
-const CAMERAS_PER_MISS: usize = 16;
 
 /// A camera with its mask of the object.
 pub(crate) struct Silhouette {
@@ -132,21 +126,22 @@ impl Silhouette {
 /// Number of cameras that must agree.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Consensus {
-    /// Cameras that may disagree; `None` chooses by how many see the position.
-    pub misses: Option<usize>,
+    /// Cameras that may disagree, by how many see the position.
+    options: HullOptions,
     /// Cameras that must see a position, so that a region seen by a corner of the rig alone is not kept unchecked.
     pub seen_min: usize,
 }
 
 impl Consensus {
     /// For a number of cameras: half of them, and two at least, must see a position.
-    pub fn of(cameras: usize, misses: Option<usize>) -> Self {
-        Self { misses, seen_min: cameras.div_ceil(2).max(2) }
+    pub fn of(cameras: usize, options: &HullOptions) -> Self {
+        Self { options: *options, seen_min: cameras.div_ceil(2).max(2) }
     }
 
     fn allowed(&self, seen: usize) -> usize {
-        let usual = if seen < FORGIVING { 0 } else { 1 + seen / CAMERAS_PER_MISS };
-        self.misses.unwrap_or(usual).min(seen.saturating_sub(2))
+        let HullOptions { misses, forgiving_from, cameras_per_miss, .. } = self.options;
+        let usual = if seen < forgiving_from { 0 } else { 1 + seen / cameras_per_miss.max(1) };
+        misses.unwrap_or(usual).min(seen.saturating_sub(2))
     }
 
     fn keeps(&self, silhouettes: &[Silhouette], position: DVec3) -> bool {

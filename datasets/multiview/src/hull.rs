@@ -15,6 +15,7 @@ use crate::cameras::{Instant, instants};
 use crate::carve::{Consensus, Silhouette, Voxels, support};
 use crate::centres::{Blob, locate, mask_of};
 use crate::median::median;
+use crate::options::HullOptions;
 use crate::pinhole::Pinhole;
 use crate::regions::fill_holes;
 
@@ -35,37 +36,11 @@ const MARGIN: f64 = 1.2;
 /// Growth of a box that the object touches, as a factor, and the largest number of growths.
 const GROWTH: (f64, i32) = (1.6, 5);
 
-/// Share of views whose masks may be too large by far without enlarging the box.
-const OVERSIZED: f64 = 0.25;
-
-/// Share of the core that a view's mask must contain to be believed. A mask of half of the object would cut the other
-/// half off.
-const BELIEVED: f64 = 0.6;
-
-/// Least share of cameras that must agree on any position at all.
-const AGREEMENT_MIN: f64 = 0.6;
-
 /// Holes in a mask up to this share of the region around them are filled before carving: each would be a tunnel.
 const HOLE: f64 = 0.1;
 
 /// A point is visible if no part of the hull is nearer by more than this many voxels.
 const OCCLUDED: f64 = 2.0;
-
-/// How to make a hull.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HullOptions {
-    /// Points wanted; spread evenly over the surface. Fewer come where the surface has fewer voxels.
-    pub points: usize,
-    /// How many cameras may have a position outside of their masks although it belongs to the object. `None`: one from 5
-    /// cameras on and another for every 16.
-    pub misses: Option<usize>,
-}
-
-impl Default for HullOptions {
-    fn default() -> Self {
-        Self { points: 4000, misses: None }
-    }
-}
 
 /// Visual hull of the moving object at one time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -162,9 +137,10 @@ impl Solid {
             .iter()
             .filter_map(|index| mask_of(views, masks, *index).map(|mask| silhouette(&views[*index], mask)))
             .collect();
-        let first = reach(&silhouettes, middle).ok_or("the masks have no size around their centre")?;
+        let first =
+            reach(&silhouettes, middle, options.oversized).ok_or("the masks have no size around their centre")?;
         let mut notes = Vec::new();
-        let wrong = contradicting(&silhouettes, middle - first, middle + first)?;
+        let wrong = contradicting(&silhouettes, middle - first, middle + first, options)?;
         if !wrong.is_empty() {
             let names: Vec<&str> = wrong.iter().map(|i| views[used[*i]].name.as_str()).collect();
             notes.push(format!("masks that contradict the others were left out: {}", names.join(", ")));
@@ -173,7 +149,7 @@ impl Solid {
                 used.remove(i);
             }
         }
-        let consensus = Consensus::of(silhouettes.len(), options.misses);
+        let consensus = Consensus::of(silhouettes.len(), options);
         let (mut coarse, mut is_cut) = coarse(&silhouettes, consensus, middle, first)?;
         if is_cut {
             // Far behind the object a position in a few masks, and out of view of the other cameras, is not
@@ -251,17 +227,22 @@ fn silhouette(view: &View, mask: &[u8]) -> Silhouette {
 }
 
 /// Half the edge of a box around `middle` that holds all mask pixels; `None` if all masks are empty.
-fn reach(silhouettes: &[Silhouette], middle: DVec3) -> Option<f64> {
+fn reach(silhouettes: &[Silhouette], middle: DVec3, oversized: f64) -> Option<f64> {
     let mut reaches: Vec<f64> = silhouettes.iter().filter_map(|silhouette| silhouette.reach(middle)).collect();
     reaches.sort_by(|a, b| b.total_cmp(a));
-    let reach = *reaches.get((OVERSIZED * reaches.len() as f64) as usize)?;
+    let reach = *reaches.get((oversized * reaches.len() as f64) as usize)?;
     (reach.is_finite() && reach > 0.0).then_some(MARGIN * reach)
 }
 
 /// Indices of the silhouettes that miss the core: the positions in the box that most cameras have in their masks.
-fn contradicting(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<Vec<usize>, String> {
+fn contradicting(
+    silhouettes: &[Silhouette],
+    low: DVec3,
+    high: DVec3,
+    options: &HullOptions,
+) -> Result<Vec<usize>, String> {
     let grid = Voxels::over(low, high, COARSE);
-    let seen_min = Consensus::of(silhouettes.len(), None).seen_min;
+    let seen_min = Consensus::of(silhouettes.len(), options).seen_min;
     let shares: Vec<(DVec3, f64)> = (0..grid.filled.len())
         .map(|index| grid.position(grid.cell(index)))
         .filter_map(|position| {
@@ -270,7 +251,7 @@ fn contradicting(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<
         })
         .collect();
     let best = shares.iter().map(|(_, share)| *share).fold(0.0, f64::max);
-    if best < AGREEMENT_MIN {
+    if best < options.agreement {
         return Err(format!("at most {:.0} % of the cameras that see a position have it in their masks", 100.0 * best));
     }
     let core: Vec<DVec3> =
@@ -279,7 +260,7 @@ fn contradicting(silhouettes: &[Silhouette], low: DVec3, high: DVec3) -> Result<
         let answers: Vec<bool> = core.iter().filter_map(|position| silhouette.contains(*position)).collect();
         let hits = answers.iter().filter(|hit| **hit).count();
         // A camera that sees nothing of the core does not contradict.
-        !answers.is_empty() && (hits as f64) < BELIEVED * answers.len() as f64
+        !answers.is_empty() && (hits as f64) < options.believed * answers.len() as f64
     };
     Ok((0..silhouettes.len()).filter(|i| misses_core(&silhouettes[*i])).collect())
 }

@@ -2,7 +2,7 @@
 //! points by a plane sweep. No tensors, no network, no training.
 //!
 //! Main types: [`MovingMasks`] (one mask per training view), [`Centre`] and [`Trajectory`] (a path through triangulated centres), [`Hull`]
-//! (coloured points on the moving object). Neighbours: `gs-datasets` reads the [`Scene`](gs_datasets::Scene) that every function takes;
+//! (coloured points on the moving object), [`CueOptions`] (every heuristic). Neighbours: `gs-datasets` reads the [`Scene`](gs_datasets::Scene) that every function takes;
 //! the trainer initialises Gaussians from the results. A `Scene` holds what the data set gives, and this crate what is inferred from it: no
 //! function changes a view, and no result belongs into one.
 //!
@@ -14,9 +14,12 @@
 //! | one mask per training view, given or inferred | [`moving_masks`] |
 //! | centre of the moving object over time, and its velocity (TaylorMoDe-GS, Eq. 17) | [`centres`](fn@centres), [`guide_velocity`] |
 //! | centres of several objects | [`object_centres`] |
+//! | objects that move apart, each with its path | [`tracks`](fn@tracks) |
 //! | path through the centres: polynomial order and kinks by BIC | [`Trajectory`] |
 //! | coloured points on the object at a time, by space carving | [`hull`](fn@hull) |
 //! | points for data sets without any, by a plane sweep | [`plane_sweep`](fn@plane_sweep) |
+//!
+//! Heuristics are fields of [`CueOptions`]; constants that follow from statistics are not.
 //!
 //! Blurry photos: an inferred mask covers all pixels that the object touched during the exposure. For steady motion it is symmetric about
 //! the exposure's centre, so centres and velocities stay unbiased. Silhouettes, and hulls with them, are longer along the motion by up to
@@ -24,16 +27,17 @@
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};
-//! use gs_multiview::{HullOptions, MaskSource, Trajectory, centres, hull, moving_masks};
+//! use gs_multiview::{CueOptions, MaskSource, Trajectory, centres, hull, moving_masks};
 //!
 //! # fn main() -> Result<(), gs_datasets::DatasetError> {
 //! let scene = load("my-video".as_ref(), &LoadOptions::default())?;
-//! let masks = moving_masks(&scene, MaskSource::Auto).masks;
+//! let options = CueOptions::default();
+//! let masks = moving_masks(&scene, MaskSource::Auto, &options.masks).masks;
 //! let centres = centres(&scene, &masks).centres;
 //! if let Some(path) = Trajectory::fit(&centres, 5, 2) {
 //!     println!("order {}, {} kinks, at {}", path.order(), path.kinks.len(), path.position(0.5));
 //! }
-//! println!("{} points on the object", hull(&scene, &masks, 0.5, &HullOptions::default()).points.len());
+//! println!("{} points on the object", hull(&scene, &masks, 0.5, &options.hull).points.len());
 //! # Ok(())
 //! # }
 //! ```
@@ -51,11 +55,13 @@ mod masks;
 mod median;
 mod noise;
 mod objects;
+mod options;
 mod pinhole;
 mod pixels;
 mod plane_sweep;
 mod regions;
 mod shadow;
+mod tracks;
 mod trajectory;
 mod triangulate;
 
@@ -63,10 +69,12 @@ pub use background::{Background, background};
 pub use camera_masks::{CameraMasks, FRAMES_MIN, camera_masks};
 pub use cameras::{StaticCamera, static_cameras};
 pub use centres::{Centre, Centres, centres, guide_velocity};
-pub use hull::{Hull, HullOptions, hull};
+pub use hull::{Hull, hull};
 pub use least_squares::{least_squares, weighted_least_squares};
 pub use masks::{MaskOrigin, MaskSource, MovingMasks, inferred_masks, moving_masks};
 pub use objects::object_centres;
+pub use options::{CueOptions, HullOptions, MaskOptions, ObjectOptions, OptionError, REFERENCE_WIDTH};
 pub use pinhole::Pinhole;
 pub use plane_sweep::plane_sweep;
+pub use tracks::{ImageScale, Track, tracks};
 pub use trajectory::{Kink, Trajectory};

@@ -5,6 +5,7 @@ use gs_datasets::{Scene, View, some_names};
 use crate::camera_masks::{FRAMES_MIN, camera_masks};
 use crate::cameras::static_cameras;
 use crate::median::median;
+use crate::options::MaskOptions;
 
 /// Share of moving pixels in the median view above which the input is suspect: a camera that moves, light that
 /// flickers, an inverted mask.
@@ -64,7 +65,7 @@ impl MovingMasks {
 
 /// One mask per training view. Never fails: a view without a mask has `None`, and a warning says so. The scene is not
 /// changed.
-pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
+pub fn moving_masks(scene: &Scene, source: MaskSource, options: &MaskOptions) -> MovingMasks {
     let views = &scene.train;
     let mut found = MovingMasks::unknown(views.len());
     if source != MaskSource::Inferred {
@@ -75,7 +76,7 @@ pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
         let count = found.masks.iter().filter(|mask| mask.is_none()).count();
         found.warnings.push(format!("{count} of {} training views have no mask of moving objects", views.len()));
     } else if source != MaskSource::Given && missing {
-        infer(views, &mut found);
+        infer(views, options, &mut found);
     }
     check_shares(&mut found);
     found
@@ -83,9 +84,9 @@ pub fn moving_masks(scene: &Scene, source: MaskSource) -> MovingMasks {
 
 /// Inferred masks of `views`, for each static camera among them, from their photos alone; `None` for a view whose
 /// camera moves or has too few views. For held-out views: the result says where photos change, it is no truth.
-pub fn inferred_masks(views: &[View]) -> Vec<Option<Vec<u8>>> {
+pub fn inferred_masks(views: &[View], options: &MaskOptions) -> Vec<Option<Vec<u8>>> {
     let mut found = MovingMasks::unknown(views.len());
-    infer(views, &mut found);
+    infer(views, options, &mut found);
     found.masks
 }
 
@@ -106,13 +107,13 @@ fn take_given(views: &[View], found: &mut MovingMasks) {
     }
 }
 
-fn infer(views: &[View], found: &mut MovingMasks) {
+fn infer(views: &[View], options: &MaskOptions, found: &mut MovingMasks) {
     let (mut without, mut noisy) = (Vec::new(), Vec::new());
     for camera in static_cameras(views) {
         if camera.views.iter().all(|index| found.masks[*index].is_some()) {
             continue;
         }
-        let Some(inferred) = camera_masks(views, &camera) else {
+        let Some(inferred) = camera_masks(views, &camera, options) else {
             without.extend(camera.views.iter().filter(|index| found.masks[**index].is_none()).copied());
             continue;
         };

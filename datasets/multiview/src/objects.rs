@@ -11,26 +11,12 @@ use gs_datasets::{Scene, View};
 use crate::cameras::instants;
 use crate::carve::Voxels;
 use crate::centres::{Blob, Centre, centres, locate, mask_of};
-use crate::hull::{HullOptions, Solid};
+use crate::hull::Solid;
+use crate::options::{CueOptions, HullOptions, ObjectOptions};
 use crate::regions::{NOWHERE, regions};
 
 /// Points of the hull. They set its resolution, and components need not be finer.
-const DETAIL: HullOptions = HullOptions { points: 3000, misses: None };
-
-/// A component smaller than this share of the largest is none: where several objects' cones cross, hulls have phantoms.
-const PHANTOM: f64 = 0.05;
-
-/// A region belongs to a component when this share of the voxels that project into it are of the component.
-const OWNED: f64 = 0.95;
-
-/// A camera speaks for a component when this share of the component projects into regions of its own.
-const SHOWN: f64 = 0.9;
-
-/// A track is kept when it has a centre at this share of the times.
-const KEPT: f64 = 0.5;
-
-/// Times after which a track is no chance component any more, and may contest another's.
-const STEADY: usize = 3;
+const POINTS: usize = 3000;
 
 /// One connected component of a hull.
 struct Component {
@@ -42,15 +28,16 @@ struct Component {
 /// Centres over time of each object that moves on its own, the object with most centres first. One list with the
 /// centre of all moving pixels if objects cannot be told apart. Empty without enough masks; the notes of
 /// [`centres`](fn@crate::centres) say why.
-pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<Vec<Centre>> {
+pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>], options: &CueOptions) -> Vec<Vec<Centre>> {
     let views = &scene.train;
     let instants = instants(views);
+    let (detail, options) = (HullOptions { points: POINTS, ..options.hull }, &options.objects);
     let found = instants.iter().filter_map(|instant| {
-        let solid = Solid::of(views, masks, instant, &DETAIL).ok()?;
-        Some(components(views, masks, &solid, instant.t))
+        let solid = Solid::of(views, masks, instant, &detail).ok()?;
+        Some(components(views, masks, &solid, instant.t, options))
     });
-    let mut tracks = linked(found.collect());
-    tracks.retain(|track| track.len() as f64 >= KEPT * instants.len() as f64);
+    let mut tracks = linked(found.collect(), options.steady);
+    tracks.retain(|track| track.len() as f64 >= options.kept * instants.len() as f64);
     tracks.sort_by_key(|track| std::cmp::Reverse(track.len()));
     if tracks.len() < 2 {
         let all = centres(scene, masks).centres;
@@ -61,23 +48,23 @@ pub fn object_centres(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<Vec<Centr
 
 /// Links components into tracks, from the time with most components backwards and forwards: two objects that touch
 /// are one component, and a track that began there would be wrong.
-fn linked(mut found: Vec<Vec<Component>>) -> Vec<Vec<Component>> {
+fn linked(mut found: Vec<Vec<Component>>, steady: usize) -> Vec<Vec<Component>> {
     let most = found.iter().map(Vec::len).max().unwrap_or(0);
     let middle = found.len() / 2;
     let fullest = (0..found.len()).filter(|i| found[*i].len() == most);
     let Some(start) = fullest.min_by_key(|i| i.abs_diff(middle)) else { return Vec::new() };
     let later = found.split_off(start + 1);
     let mut tracks: Vec<Vec<Component>> = Vec::new();
-    found.into_iter().rev().for_each(|components| link(&mut tracks, components));
+    found.into_iter().rev().for_each(|components| link(&mut tracks, components, steady));
     tracks.iter_mut().for_each(|track| track.reverse());
-    later.into_iter().for_each(|components| link(&mut tracks, components));
+    later.into_iter().for_each(|components| link(&mut tracks, components, steady));
     tracks.iter_mut().for_each(|track| track.sort_by(|a, b| a.centre.t.total_cmp(&b.centre.t)));
     tracks
 }
 
 /// Adds each component to the nearest predicted track, or starts a new one. A component that two established tracks
 /// predict is both objects merged and joins neither.
-fn link(tracks: &mut Vec<Vec<Component>>, components: Vec<Component>) {
+fn link(tracks: &mut Vec<Vec<Component>>, components: Vec<Component>, steady: usize) {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
         for (j, component) in components.iter().enumerate() {
@@ -96,7 +83,7 @@ fn link(tracks: &mut Vec<Vec<Component>>, components: Vec<Component>) {
             (taken[*i], takers[*j]) = (true, Some(*i));
         }
     }
-    let is_both = |j: usize| pairs.iter().any(|(_, i, at)| *at == j && !taken[*i] && tracks[*i].len() >= STEADY);
+    let is_both = |j: usize| pairs.iter().any(|(_, i, at)| *at == j && !taken[*i] && tracks[*i].len() >= steady);
     let both: Vec<bool> = (0..components.len()).map(is_both).collect();
     for (j, component) in components.into_iter().enumerate() {
         match takers[j] {
@@ -120,11 +107,17 @@ fn expected(track: &[Component], t: f64) -> DVec3 {
 }
 
 /// Components of one time with their centres.
-fn components(views: &[View], masks: &[Option<Vec<u8>>], solid: &Solid, t: f64) -> Vec<Component> {
+fn components(
+    views: &[View],
+    masks: &[Option<Vec<u8>>],
+    solid: &Solid,
+    t: f64,
+    options: &ObjectOptions,
+) -> Vec<Component> {
     let voxels = &solid.voxels;
     let (labels, counts) = label(voxels);
     let largest = counts.iter().copied().max().unwrap_or(0) as f64;
-    let real: Vec<usize> = (0..counts.len()).filter(|i| counts[*i] as f64 >= PHANTOM * largest).collect();
+    let real: Vec<usize> = (0..counts.len()).filter(|i| counts[*i] as f64 >= options.phantom * largest).collect();
     let mut blobs: Vec<Vec<(Blob, &View)>> = counts.iter().map(|_| Vec::new()).collect();
     for (silhouette, index) in solid.silhouettes.iter().zip(&solid.views) {
         let Some(mask) = mask_of(views, masks, *index) else { continue };
@@ -144,10 +137,12 @@ fn components(views: &[View], masks: &[Option<Vec<u8>>], solid: &Solid, t: f64) 
         for component in &real {
             let own: Vec<bool> = hits
                 .iter()
-                .map(|row| row[*component] > 0 && row[*component] as f64 >= OWNED * row.iter().sum::<usize>() as f64)
+                .map(|row| {
+                    row[*component] > 0 && row[*component] as f64 >= options.owned * row.iter().sum::<usize>() as f64
+                })
                 .collect();
             let shown: usize = hits.iter().zip(&own).filter(|(_, own)| **own).map(|(row, _)| row[*component]).sum();
-            if (shown as f64) < SHOWN * counts[*component] as f64 {
+            if (shown as f64) < options.shown * counts[*component] as f64 {
                 continue;
             }
             let pixels =

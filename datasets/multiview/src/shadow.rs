@@ -8,12 +8,7 @@
 use gs_datasets::View;
 
 use crate::background::BackgroundModel;
-use crate::illumination::{BRIGHTEST, DARKEST, LIT, factor};
 use crate::pixels::{color, counts};
-
-/// Most that a factor may differ from the mean of two opposite neighbours. The edge of a soft shadow is straight on
-/// this scale, texture is not.
-const BEND: f32 = 0.035;
 
 /// A pair of frames of one camera, compared for changes of light.
 pub(crate) struct Light<'a> {
@@ -30,17 +25,17 @@ impl<'a> Light<'a> {
 
     /// Whether a pixel shows the other frame's surface in shadow, or in slightly brighter light.
     pub fn is_shadow(&self, pixel: usize) -> bool {
-        self.is_light(pixel, BRIGHTEST)
+        self.is_light(pixel, self.model.light.brightest)
     }
 
     /// Whether a pixel shows the other frame's surface in any other light, much brighter included.
     pub fn is_other(&self, pixel: usize) -> bool {
-        self.is_light(pixel, LIT)
+        self.is_light(pixel, self.model.light.lit)
     }
 
     fn is_light(&self, pixel: usize, brightest: f32) -> bool {
         let factor = self.factor(pixel);
-        (DARKEST..=brightest).contains(&factor) && self.is_smooth(pixel, factor)
+        (self.model.light.darkest..=brightest).contains(&factor) && self.is_smooth(pixel, factor)
     }
 
     fn factor(&self, pixel: usize) -> f32 {
@@ -48,7 +43,7 @@ impl<'a> Light<'a> {
             return f32::NAN;
         }
         let mean = color(self.other, pixel).map(f32::from);
-        factor(&color(self.view, pixel), &mean, self.model.deviation[pixel], self.model.noise)
+        self.model.light.factor(&color(self.view, pixel), &mean, self.model.deviation[pixel], self.model.noise)
     }
 
     fn is_smooth(&self, pixel: usize, factor: f32) -> bool {
@@ -66,7 +61,7 @@ impl<'a> Light<'a> {
             .filter(|(_, inside)| *inside)
             .all(|(step, _)| {
                 let mean = 0.5 * (self.factor(pixel - step) + self.factor(pixel + step));
-                (factor - mean).abs() <= (BEND + noise) * factor.max(1.0)
+                (factor - mean).abs() <= (self.model.light.bend + noise) * factor.max(1.0)
             })
     }
 }

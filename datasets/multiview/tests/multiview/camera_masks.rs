@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use gs_datasets::{RgbImage8, Scene};
-use gs_multiview::{MaskOrigin, MaskSource, background, camera_masks, moving_masks, static_cameras};
+use gs_multiview::{MaskOptions, MaskOrigin, MaskSource, background, camera_masks, moving_masks, static_cameras};
 
 use crate::fixture::{HEIGHT, WIDTH, World, share, straight, true_masks};
 
@@ -18,7 +18,7 @@ fn iou(found: &[Option<Vec<u8>>], truth: &[Option<Vec<u8>>]) -> f64 {
 }
 
 fn found(scene: &Scene) -> Vec<Option<Vec<u8>>> {
-    let masks = moving_masks(scene, MaskSource::Inferred);
+    let masks = moving_masks(scene, MaskSource::Inferred, &MaskOptions::default());
     assert_eq!(masks.warnings, Vec::<String>::new());
     assert_eq!(masks.count(MaskOrigin::Inferred), scene.train.len());
     masks.masks
@@ -86,7 +86,7 @@ fn blur_gives_the_union_over_the_exposure() {
 fn noise_alone_moves_nothing() {
     for noise in [0.0, 0.4, 2.0, 6.0] {
         let scene = World { noise, balls: Vec::new(), ..World::of(straight) }.scene();
-        let masks = moving_masks(&scene, MaskSource::Inferred);
+        let masks = moving_masks(&scene, MaskSource::Inferred, &MaskOptions::default());
         let worst = masks.masks.iter().flatten().map(|mask| share(mask)).fold(0.0, f64::max);
         assert!(worst < 1e-3, "noise {noise}: {worst}");
         assert!(masks.warnings.iter().any(|text| text.contains("nothing moves")), "{:?}", masks.warnings);
@@ -119,7 +119,7 @@ fn the_background_is_what_the_ball_hides() {
     let scene = from_the_side(World::of(straight).scene());
     let empty = from_the_side(World { balls: Vec::new(), noise: 0.0, ..World::of(straight) }.scene());
     for camera in static_cameras(&scene.train) {
-        let found = background(&scene.train, &camera).expect("a static camera");
+        let found = background(&scene.train, &camera, &MaskOptions::default()).expect("a static camera");
         let truth: &RgbImage8 = &empty.train[camera.views[0]].image;
         let right = found.image.data.iter().zip(&truth.data).filter(|(a, b)| a.abs_diff(**b) <= 2).count();
         assert!(right as f64 > 0.99 * truth.data.len() as f64, "{} of {}", right, truth.data.len());
@@ -142,7 +142,7 @@ fn cameras_are_told_by_pose() {
     }
     let groups = static_cameras(&scene.train);
     assert_eq!(groups.len(), 12);
-    assert!(groups.iter().all(|group| camera_masks(&scene.train, group).is_none()));
+    assert!(groups.iter().all(|group| camera_masks(&scene.train, group, &MaskOptions::default()).is_none()));
 }
 
 #[test]
@@ -151,10 +151,10 @@ fn masks_of_the_data_set_come_first() {
     for view in scene.train.iter_mut().take(5) {
         view.priors.moving = view.truth.moving_union.clone();
     }
-    let masks = moving_masks(&scene, MaskSource::Auto);
+    let masks = moving_masks(&scene, MaskSource::Auto, &MaskOptions::default());
     assert_eq!((masks.count(MaskOrigin::Given), masks.count(MaskOrigin::Inferred)), (5, 5));
     assert_eq!(masks.masks[0], scene.train[0].truth.moving_union);
-    let masks = moving_masks(&scene, MaskSource::Given);
+    let masks = moving_masks(&scene, MaskSource::Given, &MaskOptions::default());
     assert_eq!(masks.count(MaskOrigin::Given), 5);
     assert!(masks.warnings[0].contains("5 of 10"), "{:?}", masks.warnings);
 }

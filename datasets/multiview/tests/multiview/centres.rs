@@ -1,7 +1,7 @@
 //! Centres and velocities against the path of the ball.
 
 use glam::DVec3;
-use gs_multiview::{MaskSource, centres, guide_velocity, moving_masks, object_centres};
+use gs_multiview::{CueOptions, MaskOptions, MaskSource, centres, guide_velocity, moving_masks, object_centres};
 
 use crate::fixture::{Ball, World, straight, true_masks};
 
@@ -22,7 +22,7 @@ fn the_guide_is_the_velocity() {
     for (exposure, tolerance) in [(0.0, 0.07), (0.9, 0.10)] {
         let mut offs = Vec::new();
         let scene = World { exposure, ..World::of(thrown) }.scene();
-        let masks = moving_masks(&scene, MaskSource::Inferred).masks;
+        let masks = moving_masks(&scene, MaskSource::Inferred, &MaskOptions::default()).masks;
         let found = centres(&scene, &masks);
         assert_eq!(found.notes, Vec::<String>::new());
         assert_eq!(found.centres.len(), 12);
@@ -75,7 +75,7 @@ fn right(t: f64) -> DVec3 {
 fn two_objects_have_two_tracks() {
     let ball = |path| Ball { radius: 0.22, path, texture: 14.0, spin: 0.0 };
     let scene = World { balls: vec![ball(left), ball(right)], ..World::of(straight) }.scene();
-    let tracks = object_centres(&scene, &true_masks(&scene));
+    let tracks = object_centres(&scene, &true_masks(&scene), &CueOptions::default());
     assert_eq!(tracks.len(), 2);
     for path in [left, right] {
         let near = |track: &&Vec<_>| {
@@ -91,7 +91,7 @@ fn two_objects_have_two_tracks() {
     // One object, one track: the same centres as without telling apart.
     let scene = World { frames: 5, ..World::of(thrown) }.scene();
     let masks = true_masks(&scene);
-    assert_eq!(object_centres(&scene, &masks), [centres(&scene, &masks).centres]);
+    assert_eq!(object_centres(&scene, &masks, &CueOptions::default()), [centres(&scene, &masks).centres]);
 }
 
 fn ahead(t: f64) -> DVec3 {
@@ -107,7 +107,7 @@ fn back(t: f64) -> DVec3 {
 fn balls_that_pass_keep_their_paths() {
     let ball = |path| Ball { radius: 0.2, path, texture: 14.0, spin: 0.0 };
     let scene = World { balls: vec![ball(ahead), ball(back)], frames: 15, ..World::of(straight) }.scene();
-    let tracks = object_centres(&scene, &true_masks(&scene));
+    let tracks = object_centres(&scene, &true_masks(&scene), &CueOptions::default());
     assert_eq!(tracks.len(), 2);
     for path in [ahead, back] {
         let track = tracks.iter().find(|track| track[0].position.distance(path(track[0].t)) < 0.1).expect("a track");

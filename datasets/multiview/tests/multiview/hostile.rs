@@ -3,20 +3,20 @@
 use glam::DVec3;
 use gs_datasets::Scene;
 use gs_multiview::{
-    HullOptions, MaskSource, MovingMasks, background, centres, guide_velocity, hull, moving_masks, object_centres,
-    static_cameras,
+    CueOptions, HullOptions, MaskOptions, MaskSource, MovingMasks, background, centres, guide_velocity, hull,
+    moving_masks, object_centres, static_cameras,
 };
 
 use crate::fixture::{HEIGHT, WIDTH, World, straight, true_masks};
 
 /// Runs everything; returns all that was said about what is missing.
 fn run(scene: &Scene, masks: &[Option<Vec<u8>>]) -> Vec<String> {
-    let MovingMasks { mut warnings, .. } = moving_masks(scene, MaskSource::Auto);
+    let MovingMasks { mut warnings, .. } = moving_masks(scene, MaskSource::Auto, &MaskOptions::default());
     let found = centres(scene, masks);
     guide_velocity(&found.centres, 0.5);
-    object_centres(scene, masks);
+    object_centres(scene, masks, &CueOptions::default());
     for camera in static_cameras(&scene.train) {
-        background(&scene.train, &camera);
+        background(&scene.train, &camera, &MaskOptions::default());
     }
     let hull = hull(scene, masks, 0.5, &HullOptions::default());
     assert_eq!(hull.points.len(), hull.points.colors.len());
@@ -111,7 +111,8 @@ fn broken_views() {
 #[test]
 fn nothing_near() {
     let scene = small();
-    let hull = hull(&scene, &true_masks(&scene), 40.0, &HullOptions { points: 0, misses: Some(9) });
+    let hull =
+        hull(&scene, &true_masks(&scene), 40.0, &HullOptions { points: 0, misses: Some(9), ..HullOptions::default() });
     says(&hull.notes, "no view was taken near time 40");
     assert!(hull.points.is_empty());
     assert!(hull.centre.distance(DVec3::ZERO) < 3.0);

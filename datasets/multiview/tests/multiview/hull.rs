@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DMat4, DVec3, Vec3};
-use gs_multiview::{HullOptions, MaskSource, hull, moving_masks};
+use gs_multiview::{HullOptions, MaskOptions, MaskSource, hull, moving_masks};
 
 use crate::fixture::{Ball, HEIGHT, WIDTH, World, grown, straight, true_masks};
 
@@ -41,7 +41,7 @@ fn the_hull_is_the_ball() {
 fn hulls_of_found_masks_are_slightly_large() {
     for exposure in [0.0, 0.9] {
         let scene = World { exposure, ..World::of(straight) }.scene();
-        let masks = moving_masks(&scene, MaskSource::Inferred).masks;
+        let masks = moving_masks(&scene, MaskSource::Inferred, &MaskOptions::default()).masks;
         let t = 6.0 / 11.0;
         let hull = hull(&scene, &masks, t, &HullOptions::default());
         let size = hull.bounds.1 - hull.bounds.0;
@@ -94,7 +94,7 @@ fn colours_are_the_balls() {
 fn small_objects_are_found() {
     let ball = Ball { radius: 0.06, path: straight, texture: 40.0, spin: 0.0 };
     let scene = World { balls: vec![ball], scale: 2, cameras: 6, frames: 3, ..World::of(straight) }.scene();
-    let hull = hull(&scene, &true_masks(&scene), 0.5, &HullOptions { points: 500, misses: None });
+    let hull = hull(&scene, &true_masks(&scene), 0.5, &HullOptions { points: 500, ..HullOptions::default() });
     assert!(hull.centre.distance(straight(0.5)) < 0.012, "{}", hull.centre);
     assert!((0.7..2.0).contains(&(hull.volume / (4.0 / 3.0 * PI * 0.06_f64.powi(3)))), "{}", hull.volume);
     assert_eq!(hull.points.len(), 500);

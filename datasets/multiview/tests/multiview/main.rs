@@ -8,4 +8,5 @@ mod hull;
 mod pinned;
 mod plane_sweep;
 mod shadows;
+mod tracks;
 mod trajectory;

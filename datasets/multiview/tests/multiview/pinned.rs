@@ -5,7 +5,7 @@
 
 use glam::DMat4;
 use gs_datasets::{Intrinsics, Priors, RgbImage8, Scene, SceneFormat, Truth, View};
-use gs_multiview::{MaskSource, background, moving_masks, static_cameras};
+use gs_multiview::{MaskOptions, MaskSource, background, moving_masks, static_cameras};
 
 const WIDTH: usize = 256;
 const HEIGHT: usize = 192;
@@ -72,9 +72,8 @@ fn fnv<'a>(bytes: impl Iterator<Item = &'a u8>) -> u64 {
     bytes.fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x100_0000_01B3))
 }
 
-#[test]
-fn masks_and_background_at_256_pixels() {
-    let scene = Scene {
+fn scene() -> Scene {
+    Scene {
         train: (0..FRAMES).map(view).collect(),
         test: Vec::new(),
         points: None,
@@ -82,15 +81,50 @@ fn masks_and_background_at_256_pixels() {
         format: SceneFormat::Transforms,
         warnings: Vec::new(),
         time_range: Some((0.0, FRAMES as f64 - 1.0)),
-    };
-    let masks = moving_masks(&scene, MaskSource::Inferred).masks;
-    let masks: Vec<Vec<u8>> = masks.into_iter().map(|mask| mask.expect("a mask")).collect();
+    }
+}
+
+fn masks(scene: &Scene, options: &MaskOptions) -> Vec<Vec<u8>> {
+    let masks = moving_masks(scene, MaskSource::Inferred, options).masks;
+    masks.into_iter().map(|mask| mask.expect("a mask")).collect()
+}
+
+fn moving(masks: &[Vec<u8>]) -> usize {
+    masks.iter().flatten().filter(|value| **value > 0).count()
+}
+
+#[test]
+fn masks_and_background_at_256_pixels() {
+    let scene = scene();
+    let masks = masks(&scene, &MaskOptions::default());
     let counts: Vec<usize> = masks.iter().map(|mask| mask.iter().filter(|value| **value > 0).count()).collect();
     assert_eq!(counts, [2380, 2202, 2022, 1841, 1682, 1737, 1928, 2113, 2295, 2474]);
     let camera = &static_cameras(&scene.train)[0];
-    let background = background(&scene.train, camera).expect("a background");
+    let background = background(&scene.train, camera, &MaskOptions::default()).expect("a background");
     assert_eq!(
         [fnv(masks.iter().flatten()), fnv(background.image.data.iter())],
         [14_349_288_528_572_314_047, 6_818_621_504_075_734_124]
     );
+}
+
+/// The shade counts as moving where no shadow is accepted; specks stay or go by their size.
+#[test]
+fn options_do_what_they_say() {
+    let scene = scene();
+    let usual = moving(&masks(&scene, &MaskOptions::default()));
+    let dark = moving(&masks(&scene, &MaskOptions { shadow: 0.0, ..MaskOptions::default() }));
+    // Two thirds of a disc of radius 26 are darker than the noise, in ten frames.
+    assert!(dark > usual + 10_000, "{dark} of {usual}");
+    let coarse = moving(&masks(&scene, &MaskOptions { speck: 4e-4, ..MaskOptions::default() }));
+    assert!(coarse < usual && coarse > usual - 10 * 20, "{coarse} of {usual}");
+}
+
+/// Nothing inferred enters the scene.
+#[test]
+fn a_scene_keeps_what_it_was_given() {
+    let scene = scene();
+    let before = scene.clone();
+    masks(&scene, &MaskOptions::default());
+    assert_eq!(scene, before);
+    assert!(scene.train.iter().all(|view| view.priors.moving.is_none()));
 }

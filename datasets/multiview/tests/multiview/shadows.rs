@@ -3,7 +3,7 @@
 use glam::DVec3;
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
-use gs_multiview::{Hull, HullOptions, MaskSource, centres, hull, moving_masks};
+use gs_multiview::{Hull, HullOptions, MaskOptions, MaskSource, centres, hull, moving_masks};
 
 use crate::fixture::written;
 
@@ -27,7 +27,7 @@ const BOX: (f64, DVec3) = (0.34, DVec3::new(-0.055, 0.029, 0.773));
 #[test]
 fn masks_and_hull_are_of_the_body() {
     let scene = shadowed();
-    let found = moving_masks(&scene, MaskSource::Inferred).masks;
+    let found = moving_masks(&scene, MaskSource::Inferred, &MaskOptions::default()).masks;
     let (mut both, mut either) = (0, 0);
     for (view, mask) in scene.train.iter().zip(&found) {
         let truth = view.truth.moving_union.as_ref().expect("the truth");
