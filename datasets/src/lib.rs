@@ -14,7 +14,7 @@
 //! # fn main() -> Result<(), gs_datasets::DatasetError> {
 //! let options = LoadOptions { max_width: Some(480), ..LoadOptions::default() };
 //! let scene = load("my-photos".as_ref(), &options)?;
-//! println!("{} views to learn from, {} held out", scene.train.len(), scene.test.len());
+//! println!("{} views to learn from, {} held out", scene.train.len(), scene.held_out_views().count());
 //! # Ok(())
 //! # }
 //! ```
@@ -49,7 +49,7 @@ pub use consistency::frame_interval;
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
-pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE};
+pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SplitUse};
 pub use raw::some_names;
-pub use scene::{PointCloud, Scene, SceneFormat, mean};
+pub use scene::{PointCloud, Scene, SceneFormat, Split, mean};
 pub use subject::{nearest_to_axes, subject};

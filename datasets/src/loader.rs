@@ -18,8 +18,8 @@ use crate::priors::attach::{self, attach};
 use crate::priors::summary::{self, Noted};
 use crate::raw::{Findings, RawFrame, RawPoints, some_names};
 use crate::resize::{AreaResampler, target_size};
-use crate::scene::{PointCloud, Scene, mean};
-use crate::split::{Split, split};
+use crate::scene::{PointCloud, Scene, Split, mean};
+use crate::split;
 use crate::undistort::{Undistortion, sample};
 
 /// A new pixel counts when at least this share of the area it covers does. All of it, up to rounding: otherwise colours
@@ -43,17 +43,21 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let mut findings = Findings::default();
     let raw = formats::read(path, options, &mut findings)?;
     let frames = sort_and_name(raw.frames, &mut findings);
-    let frames = consistency::settle(frames, path, options, &mut findings);
+    let mut frames = consistency::settle(frames, path, options, &mut findings);
     let origin = origin(&frames, options);
     let behind = behind(&frames, options);
-    let Split { mut train, test, rule } = split(frames, &options.holdout, path)?;
-    if !test.is_empty() && !options.training_truth {
-        train.iter_mut().for_each(|frame| frame.sides.files.retain(|file| file.kind.is_prior()));
+    let plan = split::plan(&frames, &options.holdout, options.splits, path)?;
+    if !plan.held_out.is_empty() && !options.training_truth {
+        for index in &plan.train {
+            frames[*index].sides.files.retain(|file| file.kind.is_prior());
+        }
     }
-    let parting = consistency::compare_parts(&train, &test, path);
+    let train: Vec<&RawFrame> = plan.train.iter().map(|index| &frames[*index]).collect();
+    let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
+    let parting = consistency::compare_parts(&train, &held_out, path);
     let (mut train, mut notes) = load_views(&train, options, behind, origin)?;
-    let (mut test, more) = load_views(&test, options, behind, origin)?;
-    tracing::info!("{}: {} training views, {} held out ({rule})", path.display(), train.len(), test.len());
+    let (mut views, more) = load_views(&held_out, options, behind, origin)?;
+    tracing::info!("{}: {} training views, held out: {} ({})", path.display(), train.len(), plan.counts(), plan.rule);
     let trains = notes.len();
     notes.extend(more);
     summarise(path, &notes, &mut findings);
@@ -65,19 +69,25 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     summary::warn(path, &noted, &mut findings);
     findings.warnings.extend(parting);
     if summary::no_mask_marks_anything(&noted) {
-        train.iter_mut().chain(&mut test).for_each(|view| view.priors.moving = None);
+        train.iter_mut().chain(&mut views).for_each(|view| view.priors.moving = None);
     }
     for fact in &findings.facts {
         tracing::info!("{fact}");
     }
-    test.iter_mut().for_each(compare_with_sharp);
-    let time_range = consistency::range(train.iter().chain(&test).filter_map(|view| view.time));
+    views.iter_mut().for_each(compare_with_sharp);
+    let time_range = consistency::range(train.iter().chain(&views).filter_map(|view| view.time));
     for warning in &findings.warnings {
         tracing::warn!("{warning}");
     }
+    let mut views = views.into_iter();
+    let held_out = plan
+        .held_out
+        .into_iter()
+        .map(|(name, list)| Split { name, views: views.by_ref().take(list.len()).collect() })
+        .collect();
     Ok(Scene {
         train,
-        test,
+        held_out,
         points: raw.points.map(|points| point_cloud(&points, origin)).filter(|points| !points.is_empty()),
         origin,
         format: raw.format,
@@ -122,6 +132,7 @@ pub(crate) fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) 
         let same = later.image_path == first.image_path && later.time == first.time;
         if same {
             repeated.push(later.name.clone());
+            first.part = std::cmp::min(first.part.take(), later.part.take());
         }
         same
     });
@@ -170,7 +181,7 @@ struct Note {
 }
 
 fn load_views(
-    frames: &[RawFrame],
+    frames: &[&RawFrame],
     options: &LoadOptions,
     behind: Behind,
     origin: DVec3,

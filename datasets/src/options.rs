@@ -2,18 +2,31 @@
 
 use std::path::PathBuf;
 
-/// Which views are held out of training.
+/// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as [`Split::TEST`](crate::Split::TEST).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Holdout {
     /// Every n-th of all views sorted by name, beginning with the first (index % n == 0).
     Every(usize),
-    /// The data set's own split where it has one (transforms_test.json, else transforms_val.json; nerfstudio's
-    /// `test_filenames`, else `val_filenames`), otherwise one camera in 8 of standing ones that film, or every 8th view.
+    /// The data set's own split where it has one, otherwise one camera in 8 of static cameras that film, or every 8th view.
+    ///
+    /// A split of its own is transforms_test.json and transforms_val.json, or the lists `test_filenames` and `val_filenames` of
+    /// nerfstudio. Beside `train_filenames` any other list `NAME_filenames` holds its frames out under its name.
     Dataset,
     /// These views, by file stem ("0012") or whole name ("images/0012"); each must exist.
     Names(Vec<String>),
     /// None: all views train.
     None,
+}
+
+/// Which held-out splits are loaded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SplitUse {
+    /// All of them.
+    All,
+    /// The one that figures are quoted on ([`Scene::reported`](crate::Scene::reported)). Views of other lists are left out, as if
+    /// the data set did not have them. A D-NeRF set has 20 validation and 20 test views beside 50 to 200 training views, and a
+    /// view of 800 x 800 pixels is 2 MB.
+    Reported,
 }
 
 /// The literature's held-out share for photo sets without a split of their own (Mip-NeRF 360 and everything after it).
@@ -77,6 +90,8 @@ pub struct LoadOptions {
     pub background: [f32; 3],
     /// Which views are held out. Default [`Holdout::Dataset`].
     pub holdout: Holdout,
+    /// Which of the held-out splits are loaded. Default [`SplitUse::All`].
+    pub splits: SplitUse,
     /// The image folder of a COLMAP model, where it is not one of the usual ones; absolute, or relative to the scene.
     pub images: Option<PathBuf>,
     /// Whether a scene far from its world's origin is moved to the origin. See [`RECENTRE_DISTANCE`]. Default yes.
@@ -106,6 +121,7 @@ impl Default for LoadOptions {
             max_width: None,
             background: [0.0; 3],
             holdout: Holdout::Dataset,
+            splits: SplitUse::All,
             images: None,
             recentre: true,
             masks: MaskUse::Auto,

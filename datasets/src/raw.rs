@@ -1,26 +1,40 @@
 //! What a format reader hands to the loader: frames that are described but not yet loaded.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
 use crate::error::DatasetError;
 use crate::lens::Lens;
 use crate::priors::SideFiles;
-use crate::scene::SceneFormat;
+use crate::scene::{SceneFormat, Split};
 
-/// Which list of the data set's own split a frame is in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+/// Which list of the data set's own split a frame is in. A frame in several lists is in the least of them: training on it cannot
+/// be undone, and figures are quoted on the test list before any other.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum Part {
     Train,
-    Val,
     Test,
+    Validation,
+    /// A list of the data set's own, by its name, which can name a file.
+    Other(Arc<str>),
 }
 
 impl Part {
+    /// The name that the split has in a [`Scene`](crate::Scene).
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Train => Split::TRAIN,
+            Self::Test => Split::TEST,
+            Self::Validation => Split::VALIDATION,
+            Self::Other(name) => name,
+        }
+    }
+
     /// Whether a frame is learned from unless a rule of the user's holds it out: frames without a list are.
-    pub fn trains(part: Option<Self>) -> bool {
-        !matches!(part, Some(Self::Val | Self::Test))
+    pub fn trains(part: Option<&Self>) -> bool {
+        part.is_none_or(|part| *part == Self::Train)
     }
 }
 

@@ -56,13 +56,31 @@ impl PointCloud {
     }
 }
 
-/// A posed photo set, undistorted, resized and split, in memory.
+/// Views that are held out of training under one name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Split {
+    /// [`Split::TEST`], [`Split::VALIDATION`], or the name of the data set's own list. It can name a file.
+    pub name: String,
+    /// Sorted by name; not empty after [`load`](crate::load).
+    pub views: Vec<View>,
+}
+
+impl Split {
+    /// The views to learn from, [`Scene::train`].
+    pub const TRAIN: &'static str = "train";
+    /// The data set's test list, and all views that a rule of the user's holds out.
+    pub const TEST: &'static str = "test";
+    /// The data set's validation list.
+    pub const VALIDATION: &'static str = "validation";
+}
+
+/// A posed photo set, undistorted, resized and split, in memory. No view is in two splits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// Views to learn from, sorted by name; never empty after [`load`](crate::load).
     pub train: Vec<View>,
-    /// Views held out, sorted by name.
-    pub test: Vec<View>,
+    /// Views held out: test views first, then validation views, then other lists by name.
+    pub held_out: Vec<Split>,
     /// Points to start from, where the data set has them.
     pub points: Option<PointCloud>,
     /// What was subtracted from every position, in the file's world; add it to go back.
@@ -71,11 +89,29 @@ pub struct Scene {
     pub format: SceneFormat,
     /// What was repaired or left out, in sentences. They are also logged.
     pub warnings: Vec<String>,
-    /// Smallest and largest [`View::time`] over train and test; `None` in a static scene.
+    /// Smallest and largest [`View::time`] over training and held-out views; `None` in a static scene.
     pub time_range: Option<(f64, f64)>,
 }
 
 impl Scene {
+    /// The views of a split by its name ([`Split::TRAIN`] among them); `None` where the scene has no such split.
+    pub fn split(&self, name: &str) -> Option<&[View]> {
+        if name == Split::TRAIN {
+            return Some(&self.train);
+        }
+        self.held_out.iter().find(|split| split.name == name).map(|split| &split.views[..])
+    }
+
+    /// The held-out split that figures are quoted on: test, else validation, else the first. `None` where nothing is held out.
+    pub fn reported(&self) -> Option<&Split> {
+        self.held_out.get(reported(self.held_out.iter().map(|split| split.name.as_str()))?)
+    }
+
+    /// All held-out views, split by split.
+    pub fn held_out_views(&self) -> impl Iterator<Item = &View> {
+        self.held_out.iter().flat_map(|split| &split.views)
+    }
+
     /// The scene's size as 3D Gaussian Splatting measures it: 1.1 times the largest distance of a training camera from
     /// the mean of all training cameras, scene units. Learning rates and density thresholds are relative to it.
     /// 0 when there is one camera only.
@@ -90,6 +126,13 @@ impl Scene {
     pub fn subject_distance(&self) -> Option<f64> {
         consistency::subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
     }
+}
+
+/// The place in a list of held-out splits of the one that figures are quoted on, see [`Scene::reported`].
+pub(crate) fn reported<'a>(names: impl Iterator<Item = &'a str>) -> Option<usize> {
+    let rank = |name: &str| [Split::TEST, Split::VALIDATION].iter().position(|first| *first == name).unwrap_or(2);
+    // Of equals the first is the least.
+    names.enumerate().min_by_key(|(_, name)| rank(name)).map(|(index, _)| index)
 }
 
 /// The mean of points; `None` if there are none.

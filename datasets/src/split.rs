@@ -1,35 +1,75 @@
-//! Which views train and which are held out.
+//! Which frames train and which are held out, and under which name.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::consistency;
 use crate::error::DatasetError;
-use crate::options::{DEFAULT_HOLDOUT, Holdout};
+use crate::options::{DEFAULT_HOLDOUT, Holdout, SplitUse};
 use crate::raw::{Part, RawFrame};
+use crate::scene::{self, Split};
 
-/// Frames by purpose, each in the order given.
-pub(crate) struct Split {
-    pub train: Vec<RawFrame>,
-    pub test: Vec<RawFrame>,
+/// Frames by purpose, as indices in the order given.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SplitPlan {
+    /// Never empty.
+    pub train: Vec<usize>,
+    /// Lists of held-out frames with their names. None of them is empty, and no frame is in two.
+    pub held_out: Vec<(String, Vec<usize>)>,
     /// How the split was made, in words.
     pub rule: String,
 }
 
+impl SplitPlan {
+    fn of(train: Vec<usize>, test: Vec<usize>, rule: String) -> Self {
+        let held_out = if test.is_empty() { Vec::new() } else { vec![(Split::TEST.to_string(), test)] };
+        Self { train, held_out, rule }
+    }
+
+    /// The indices of all held-out frames, list by list.
+    pub fn held_out_frames(&self) -> impl Iterator<Item = usize> {
+        self.held_out.iter().flat_map(|(_, list)| list.iter().copied())
+    }
+
+    /// "3 test, 4 validation"; "none" without any.
+    pub fn counts(&self) -> String {
+        let counts: Vec<String> = self.held_out.iter().map(|(name, list)| format!("{} {name}", list.len())).collect();
+        if counts.is_empty() { "none".to_string() } else { counts.join(", ") }
+    }
+
+    fn keep_reported(&mut self) {
+        let kept = scene::reported(self.held_out.iter().map(|(name, _)| name.as_str()));
+        let mut index = 0;
+        self.held_out.retain(|(name, list)| {
+            let is_kept = Some(index) == kept;
+            index += 1;
+            if !is_kept {
+                self.rule = format!("{}; {} {name} views left out", self.rule, list.len());
+            }
+            is_kept
+        });
+    }
+}
+
 /// Splits frames that are sorted by name.
-pub(crate) fn split(frames: Vec<RawFrame>, holdout: &Holdout, scene: &Path) -> Result<Split, DatasetError> {
+pub(crate) fn plan(
+    frames: &[RawFrame],
+    holdout: &Holdout,
+    splits: SplitUse,
+    scene: &Path,
+) -> Result<SplitPlan, DatasetError> {
     let bad = |expected: &str, found: String| DatasetError::Option {
         path: scene.to_path_buf(),
         option: "holdout",
         expected: expected.to_string(),
         found,
     };
-    let split = match holdout {
-        Holdout::None => Split { train: frames, test: Vec::new(), rule: "all views train".to_string() },
+    let mut plan = match holdout {
+        Holdout::None => SplitPlan::of((0..frames.len()).collect(), Vec::new(), "all views train".to_string()),
         Holdout::Every(0) => return Err(bad("every n-th view with n of at least 1", "0".to_string())),
         Holdout::Every(n) => every(frames, *n),
         Holdout::Dataset if frames.iter().any(|frame| frame.part.is_some()) => own(frames),
-        Holdout::Dataset => match held_out_cameras(&frames) {
+        Holdout::Dataset => match held_out_cameras(frames) {
             Some(cameras) => without_cameras(frames, &cameras),
             None => every(frames, DEFAULT_HOLDOUT),
         },
@@ -39,26 +79,26 @@ pub(crate) fn split(frames: Vec<RawFrame>, holdout: &Holdout, scene: &Path) -> R
                     return Err(bad("names of views in the scene", format!("{name:?}, which no view has")));
                 }
             }
-            let rule = format!("{} views held out by name", names.len());
-            let (test, train) = frames.into_iter().partition(|frame| names.iter().any(|name| is_named(frame, name)));
-            Split { train, test, rule }
+            let is_held = |index: &usize| names.iter().any(|name| is_named(&frames[*index], name));
+            let (test, train) = (0..frames.len()).partition(is_held);
+            SplitPlan::of(train, test, format!("{} views held out by name", names.len()))
         }
     };
-    if split.train.is_empty() {
+    if plan.train.is_empty() {
         return Err(DatasetError::NoTrainingViews {
             path: scene.to_path_buf(),
-            found: format!("{} held-out views ({})", split.test.len(), split.rule),
+            found: format!("{} held-out views ({})", plan.held_out_frames().count(), plan.rule),
         });
     }
-    Ok(split)
+    if splits == SplitUse::Reported {
+        plan.keep_reported();
+    }
+    Ok(plan)
 }
 
-fn every(frames: Vec<RawFrame>, n: usize) -> Split {
-    let mut split = Split { train: Vec::new(), test: Vec::new(), rule: format!("one in {n} held out, by name") };
-    for (index, frame) in frames.into_iter().enumerate() {
-        if index % n == 0 { split.test.push(frame) } else { split.train.push(frame) }
-    }
-    split
+fn every(frames: &[RawFrame], n: usize) -> SplitPlan {
+    let (test, train) = (0..frames.len()).partition(|index| index % n == 0);
+    SplitPlan::of(train, test, format!("one in {n} held out, by name"))
 }
 
 /// Fewest cameras of which one can be spared.
@@ -70,7 +110,7 @@ pub(crate) fn is_held_out(index: usize, count: usize) -> bool {
     count >= CAMERAS_MIN && index % DEFAULT_HOLDOUT == (DEFAULT_HOLDOUT / 2).min(count / 2)
 }
 
-/// Of video from several standing cameras whole cameras are held out: a frame of a camera that trains is seen a moment before and
+/// Of video from several static cameras whole cameras are held out: a frame of a camera that trains is seen a moment before and
 /// after. `None` of any other set.
 fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
     let (several, still) = consistency::standing(frames)?;
@@ -86,33 +126,25 @@ fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
     (!held.is_empty()).then_some(held)
 }
 
-fn without_cameras(frames: Vec<RawFrame>, held: &[String]) -> Split {
-    let rule = format!("all frames of camera {} held out", held.join(", "));
-    let is_held = |frame: &RawFrame| frame.camera_id.as_ref().is_some_and(|id| held.contains(id));
-    let (test, train) = frames.into_iter().partition(is_held);
-    Split { train, test, rule }
+fn without_cameras(frames: &[RawFrame], held: &[String]) -> SplitPlan {
+    let is_held = |index: &usize| frames[*index].camera_id.as_ref().is_some_and(|id| held.contains(id));
+    let (test, train) = (0..frames.len()).partition(is_held);
+    SplitPlan::of(train, test, format!("all frames of camera {} held out", held.join(", ")))
 }
 
-/// The data set's own split. Validation views stand in where there are no test views and are left out otherwise:
-/// training on them would make numbers incomparable with everyone else's.
-fn own(frames: Vec<RawFrame>) -> Split {
-    let parts: HashSet<Part> = frames.iter().filter_map(|frame| frame.part).collect();
-    let held = if parts.contains(&Part::Test) { Part::Test } else { Part::Val };
-    let unused = frames.iter().filter(|frame| frame.part == Some(Part::Val)).count();
-    let rule = match held {
-        Part::Test if unused > 0 => format!("the data set's own test views, {unused} validation views left out"),
-        Part::Test => "the data set's own test views".to_string(),
-        _ => "the data set's own validation views".to_string(),
-    };
-    let mut split = Split { train: Vec::new(), test: Vec::new(), rule };
-    for frame in frames {
-        match frame.part {
-            Some(Part::Train) | None => split.train.push(frame),
-            Some(part) if part == held => split.test.push(frame),
-            Some(_) => {}
+/// The data set's own split. Nothing but its training list trains: figures of a scene that learned from validation views could not
+/// be compared with anyone else's.
+fn own(frames: &[RawFrame]) -> SplitPlan {
+    let mut train = Vec::new();
+    let mut lists: BTreeMap<&Part, Vec<usize>> = BTreeMap::new();
+    for (index, frame) in frames.iter().enumerate() {
+        match &frame.part {
+            Some(Part::Train) | None => train.push(index),
+            Some(part) => lists.entry(part).or_default().push(index),
         }
     }
-    split
+    let held_out = lists.into_iter().map(|(part, list)| (part.name().to_string(), list)).collect();
+    SplitPlan { train, held_out, rule: "the data set's own split".to_string() }
 }
 
 fn is_named(frame: &RawFrame, name: &str) -> bool {

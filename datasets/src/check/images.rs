@@ -116,7 +116,11 @@ pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut 
     let noted: Vec<Noted> = names
         .iter()
         .zip(&decoded)
-        .map(|(frame, value)| Noted { name: &frame.name, trains: Part::trains(frame.part), notes: &value.sides })
+        .map(|(frame, value)| Noted {
+            name: &frame.name,
+            trains: Part::trains(frame.part.as_ref()),
+            notes: &value.sides,
+        })
         .collect();
     report.facts.extend(summary::facts(&noted));
     summary::warn(&report.path, &noted, findings);

@@ -14,7 +14,7 @@ use crate::loader;
 use crate::options::LoadOptions;
 use crate::raw::{Findings, RawFrame, RawScene, some_names};
 use crate::scene;
-use crate::split::split;
+use crate::split;
 
 pub use self::report::CheckReport;
 
@@ -85,15 +85,21 @@ fn fill(
         report.facts.push(format!("The scene is far from its world's origin and will be moved by {:.1}.", -origin));
     }
     describe_times(&frames, report);
-    let split = split(frames, &options.holdout, path)?;
-    (report.train, report.test) = (split.train.len(), split.test.len());
-    report.facts.push(format!("{} views train, {} are held out: {}.", report.train, report.test, split.rule));
-    findings.warnings.extend(consistency::compare_parts(&split.train, &split.test, path));
-    report.timed = split.train.iter().filter(|frame| frame.time.is_some()).count();
-    report.without_time = consistency::without_time(&split.train, &split.test).len();
-    let poses: Vec<glam::DMat4> = split.train.iter().map(|frame| frame.c2w).collect();
+    let plan = split::plan(&frames, &options.holdout, options.splits, path)?;
+    let train: Vec<&RawFrame> = plan.train.iter().map(|index| &frames[*index]).collect();
+    let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
+    report.train = train.len();
+    report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), list.len())).collect();
+    report.facts.push(match held_out.len() {
+        0 => format!("{} views train, none is held out: {}.", report.train, plan.rule),
+        count => format!("{} views train, {count} are held out ({}): {}.", report.train, plan.counts(), plan.rule),
+    });
+    findings.warnings.extend(consistency::compare_parts(&train, &held_out, path));
+    report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
+    report.without_time = consistency::without_time(&train, &held_out).len();
+    let poses: Vec<glam::DMat4> = train.iter().map(|frame| frame.c2w).collect();
     report.subject_distance = consistency::subject_distance(&poses);
-    let centres: Vec<glam::DVec3> = split.train.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
+    let centres: Vec<glam::DVec3> = train.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
     if let Some(mean) = scene::mean(&centres)
         && centres.len() > 1
         && centres.iter().all(|centre| centre.distance(mean) < 1e-9)

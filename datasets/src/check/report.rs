@@ -16,8 +16,8 @@ pub struct CheckReport {
     pub train: usize,
     /// Views in which no pixel counts, by their masks.
     pub blank: usize,
-    /// Views that would be held out.
-    pub test: usize,
+    /// Name and number of views of each split that would be held out.
+    pub held_out: Vec<(String, usize)>,
     /// Views that would train and have a time.
     pub timed: usize,
     /// Views of both kinds that have no time although others do.
@@ -38,6 +38,11 @@ pub struct CheckReport {
 }
 
 impl CheckReport {
+    /// Views that would be loaded.
+    pub fn views(&self) -> usize {
+        self.train + self.held_out.iter().map(|(_, count)| count).sum::<usize>()
+    }
+
     /// Whether the data set would load.
     pub fn is_ok(&self) -> bool {
         self.errors.is_empty()

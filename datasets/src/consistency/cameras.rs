@@ -109,7 +109,7 @@ const STRAY: f64 = 50.0;
 
 /// Warns about training cameras far from all others: learning rates follow the rig's size, and one wrong pose makes it huge.
 pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    let frames = frames.iter().filter(|frame| Part::trains(frame.part));
+    let frames = frames.iter().filter(|frame| Part::trains(frame.part.as_ref()));
     let (names, places): (Vec<&str>, Vec<DVec3>) =
         frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
     let along = |axis: fn(&DVec3) -> f64| timing::median(places.iter().map(axis).collect());
@@ -137,7 +137,7 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     let (mut moved, mut disagree, mut zoomed) = (Vec::new(), Vec::new(), Vec::new());
     for (camera, group) in by_camera(frames) {
         let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
-            group.into_iter().partition(|frame| Part::trains(frame.part));
+            group.into_iter().partition(|frame| Part::trains(frame.part.as_ref()));
         let still = |group: &[&RawFrame]| group.iter().all(|frame| same_pose(group[0], frame, spread));
         let one_lens = |group: &[&RawFrame]| group.iter().all(|frame| same_lens(&group[0].lens, &frame.lens));
         if !still(&train) || !still(&test) {
@@ -185,7 +185,8 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
 
 /// Differences between the training and the test set as wholes.
 fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) = frames.iter().partition(|frame| Part::trains(frame.part));
+    let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
+        frames.iter().partition(|frame| Part::trains(frame.part.as_ref()));
     let (Some(first_train), Some(first_test)) = (train.first(), test.first()) else { return };
     let uniform = |set: &[&RawFrame]| set.iter().all(|frame| same_lens(&set[0].lens, &frame.lens));
     let shared_id = test.iter().any(|frame| frame.camera_id.is_some() && frame.camera_id == first_train.camera_id);

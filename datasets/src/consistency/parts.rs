@@ -14,39 +14,44 @@ const SAME_EXPOSURE: f64 = 0.01;
 const REACH: f64 = 1.5;
 
 /// What training on some views and measuring on others would stumble over, in sentences.
-pub(crate) fn compare_parts(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Vec<String> {
-    [timeless(train, test), outside(train, test, scene), differing_exposures(train, scene), blurry_truth(test, scene)]
-        .into_iter()
-        .flatten()
-        .collect()
+pub(crate) fn compare_parts(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Vec<String> {
+    [
+        timeless(train, held_out),
+        outside(train, held_out, scene),
+        differing_exposures(train, scene),
+        blurry_truth(held_out, scene),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// Views without a time among others that have one.
-pub(crate) fn without_time<'a>(train: &'a [RawFrame], test: &'a [RawFrame]) -> Vec<&'a str> {
-    let views = || train.iter().chain(test);
+pub(crate) fn without_time<'a>(train: &[&'a RawFrame], held_out: &[&'a RawFrame]) -> Vec<&'a str> {
+    let views = || train.iter().chain(held_out);
     if views().all(|frame| frame.time.is_none()) {
         return Vec::new();
     }
     views().filter(|frame| frame.time.is_none()).map(|frame| frame.name.as_str()).collect()
 }
 
-fn timeless(train: &[RawFrame], test: &[RawFrame]) -> Option<String> {
-    let names = without_time(train, test);
+fn timeless(train: &[&RawFrame], held_out: &[&RawFrame]) -> Option<String> {
+    let names = without_time(train, held_out);
     (!names.is_empty())
         .then(|| format!("{} views have no time although others do ({})", names.len(), some_names(&names)))
 }
 
 /// Paths are fitted to training times; away from them they go anywhere.
-fn outside(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Option<String> {
+fn outside(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Option<String> {
     let (low, high) = range(train.iter().filter_map(|frame| frame.time))?;
-    let reach = REACH * interval_of(train).unwrap_or(0.0);
+    let reach = REACH * interval_of(train.iter().copied()).unwrap_or(0.0);
     let is_outside = |time: f64| time < low - reach || time > high + reach;
     let names: Vec<&str> =
-        test.iter().filter(|frame| frame.time.is_some_and(is_outside)).map(|frame| frame.name.as_str()).collect();
+        held_out.iter().filter(|frame| frame.time.is_some_and(is_outside)).map(|frame| frame.name.as_str()).collect();
     if names.is_empty() {
         return None;
     }
-    let (first, last) = range(test.iter().filter_map(|frame| frame.time))?;
+    let (first, last) = range(held_out.iter().filter_map(|frame| frame.time))?;
     Some(format!(
         "{}: {} held-out views were taken outside the times of the training views ({}; held out from {first} to {last}, \
          training from {low} to {high}); what moves is not known there, and figures on them will be low",
@@ -57,11 +62,13 @@ fn outside(train: &[RawFrame], test: &[RawFrame], scene: &Path) -> Option<String
 }
 
 /// A set without held-out photos of its own lends some that are as blurry as those that train.
-fn blurry_truth(test: &[RawFrame], scene: &Path) -> Option<String> {
-    let is_blurry = |frame: &&RawFrame| {
-        Part::trains(frame.part) && frame.exposure.is_some_and(|e| e > 0.0) && !frame.sides.lists(Kind::TrueSharp)
+fn blurry_truth(held_out: &[&RawFrame], scene: &Path) -> Option<String> {
+    let is_blurry = |frame: &&&RawFrame| {
+        Part::trains(frame.part.as_ref())
+            && frame.exposure.is_some_and(|e| e > 0.0)
+            && !frame.sides.lists(Kind::TrueSharp)
     };
-    let count = test.iter().filter(is_blurry).count();
+    let count = held_out.iter().filter(is_blurry).count();
     (count > 0).then(|| {
         format!(
             "{}: {count} held-out photos are as blurry as those that train, and no sharp image of them is there; figures on them say \
@@ -72,7 +79,7 @@ fn blurry_truth(test: &[RawFrame], scene: &Path) -> Option<String> {
 }
 
 /// One exposure is learned for all photos, beginning with the median.
-fn differing_exposures(train: &[RawFrame], scene: &Path) -> Option<String> {
+fn differing_exposures(train: &[&RawFrame], scene: &Path) -> Option<String> {
     let mut values: Vec<f64> = train.iter().filter_map(|frame| frame.exposure).collect();
     let (low, high) = range(values.iter().copied())?;
     if high <= low * (1.0 + SAME_EXPOSURE) {

@@ -27,9 +27,9 @@ pub fn frame_interval<'a>(frames: impl IntoIterator<Item = (Option<&'a str>, f64
     median(by_camera.into_values().flat_map(gaps).collect()).or_else(|| median(gaps(all)))
 }
 
-/// [`frame_interval`] of what a reader found.
-pub(crate) fn interval_of(frames: &[RawFrame]) -> Option<f64> {
-    frame_interval(frames.iter().filter_map(|frame| Some((frame.camera_id.as_deref(), frame.time?))))
+/// [`frame_interval`] of described frames.
+pub(crate) fn interval_of<'a>(frames: impl IntoIterator<Item = &'a RawFrame>) -> Option<f64> {
+    frame_interval(frames.into_iter().filter_map(|frame| Some((frame.camera_id.as_deref(), frame.time?))))
 }
 
 /// The distances between different times.
@@ -47,13 +47,13 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
 /// Leaves out later photos of the same camera, pose, time and part of the split: two photos of one moment can only
 /// agree, or contradict each other.
 pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &mut Findings) {
-    let mut first: HashMap<(String, Option<Part>, u64), usize> = HashMap::new();
+    let mut first: HashMap<(&str, Option<&Part>, u64), usize> = HashMap::new();
     let (mut drop, mut pairs) = (vec![false; frames.len()], Vec::new());
     let spread = spread(frames);
     for (i, frame) in frames.iter().enumerate() {
         let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
         // + 0.0 makes one zero of the two.
-        let earlier = *first.entry((camera.clone(), frame.part, (time + 0.0).to_bits())).or_insert(i);
+        let earlier = *first.entry((camera, frame.part.as_ref(), (time + 0.0).to_bits())).or_insert(i);
         if earlier != i && same_pose(&frames[earlier], frame, spread) {
             drop[i] = true;
             pairs.push(format!("{} after {}", frame.name, frames[earlier].name));
@@ -74,12 +74,12 @@ pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &
 
 /// Warns where a camera's times fall while its file names rise. Frames without a camera are in no order to speak of.
 pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    type Track<'a> = (&'a str, Option<Part>, &'a str);
+    type Track<'a> = (&'a str, Option<&'a Part>, &'a str);
     let mut tracks: HashMap<Track, Vec<(&str, f64)>> = HashMap::new();
     for frame in frames {
         let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
         let folder = frame.name.rsplit_once('/').map_or("", |(folder, _)| folder);
-        tracks.entry((camera.as_str(), frame.part, folder)).or_default().push((frame.name.as_str(), time));
+        tracks.entry((camera.as_str(), frame.part.as_ref(), folder)).or_default().push((frame.name.as_str(), time));
     }
     let mut places = Vec::new();
     for track in tracks.values_mut() {
@@ -104,7 +104,7 @@ pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Fi
 /// Puts the user's exposure in place of the data set's, or leaves out exposures that cannot be: 0, and more than one
 /// frame interval, in which the shutter would have to be open twice. The user's own is believed, with a warning.
 pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &LoadOptions, findings: &mut Findings) {
-    let interval = interval_of(frames);
+    let interval = interval_of(&*frames);
     let limit = interval.map_or(f64::INFINITY, |interval| interval * (1.0 + INTERVAL_SLACK));
     if let Some(exposure) = options.exposure {
         frames.iter_mut().filter(|frame| frame.time.is_some()).for_each(|frame| frame.exposure = Some(exposure));

@@ -97,7 +97,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
                 masks: Vec::new(),
                 exposure: None,
                 sides: SideFiles { files: Vec::new(), depth },
-                part: photo.part,
+                part: photo.part.clone(),
                 file: poses.path.clone(),
             });
         }

@@ -94,7 +94,7 @@ pub(crate) fn read(
                     masks,
                     exposure: None,
                     sides,
-                    part: (files.files.len() > 1).then_some(*part),
+                    part: (files.files.len() > 1).then(|| part.clone()),
                     file: file.clone(),
                 });
             }

@@ -238,10 +238,10 @@ mod tests {
         let options = DemoOptions { train_views: 6, test_views: 1, width: 320, height: 240, ..DemoOptions::default() };
         demo_scene(folder.path(), &options).expect("written");
         let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
-        assert_eq!((scene.train.len(), scene.test.len()), (6, 1));
+        assert_eq!((scene.train.len(), scene.held_out_views().count()), (6, 1));
         assert_eq!(scene.points.as_ref().map(|points| points.len()), Some(2000));
         let mut whole = 0;
-        for view in scene.train.iter().chain(&scene.test) {
+        for view in scene.train.iter().chain(scene.held_out_views()) {
             let (centre, area) = outline(view);
             let (seen_centre, seen_area) = red_pixels(view);
             if (seen_area / area - 1.0).abs() < 0.06 {

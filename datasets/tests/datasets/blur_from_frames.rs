@@ -5,7 +5,7 @@ use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
 use gs_datasets::{LoadOptions, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, ring};
+use crate::fixtures::{Folder, held_out, ring};
 
 /// Grey of frame `frame` of camera `camera` at column `x`: a bright bar over a dark ground, one pixel on per frame.
 fn grey(camera: usize, frame: usize, x: usize) -> u8 {
@@ -85,14 +85,14 @@ fn what_is_written_is_read_with_the_source_cameras() {
         load(source.path(), &LoadOptions { max_width: Some(6), ..LoadOptions::default() }).expect("the source"),
         load(out.path(), &LoadOptions::default()).expect("the blurred set"),
     );
-    assert_eq!((after.train.len(), after.test.len()), (4, 2));
-    for (old, new) in [(&before.train[7], &after.train[2]), (&before.test[1], &after.test[0])] {
+    assert_eq!((after.train.len(), held_out(&after).len()), (4, 2));
+    for (old, new) in [(&before.train[7], &after.train[2]), (&held_out(&before)[1], &held_out(&after)[0])] {
         assert_eq!((new.width, new.height, &new.camera_id), (6, 5, &old.camera_id));
         assert!(new.c2w.abs_diff_eq(old.c2w, 1e-12) && new.time == old.time, "{} is {}", new.name, old.name);
         assert!((new.intrinsics.fx - old.intrinsics.fx).abs() < 1e-9);
     }
     // Held-out photos are sharp: the bar is one of two pixels that a new one covers, not one of six.
-    assert_eq!(after.test[0].image.data, bytes(&out, "test/cam01/0000.png"));
+    assert_eq!(held_out(&after)[0].image.data, bytes(&out, "test/cam01/0000.png"));
     assert!(bytes(&out, "truth/blurry/test/cam01/0000.png") != bytes(&out, "test/cam01/0000.png"));
 }
 

@@ -12,12 +12,12 @@ fn a_sound_scene_is_described() {
     folder.write_json("transforms.json", &top);
     let report = check(folder.path(), &LoadOptions { max_width: Some(16), ..LoadOptions::default() });
     assert!(report.is_ok() && report.warnings.is_empty(), "{report}");
-    assert_eq!((report.format, report.train, report.test), (Some(SceneFormat::Transforms), 7, 2));
+    assert_eq!((report.format, report.train, report.views()), (Some(SceneFormat::Transforms), 7, 9));
     let text = report.to_string();
     for part in [
         "9 images are 32 x 24 pixels, loaded at 16 x 12",
         "30.00 by 31.00",
-        "7 views train, 2 are held out",
+        "7 views train, 2 are held out (2 test): one in 8",
         "Good to load.",
     ] {
         assert!(text.contains(part), "{part:?} is not in\n{text}");

@@ -3,7 +3,7 @@
 use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, rig, ring, ring_scene};
+use crate::fixtures::{Folder, held_out, rig, ring, ring_scene};
 
 /// Two training cameras and a held-out one at four times, 0.1 apart.
 fn set() -> (Folder, Value, Value) {
@@ -95,7 +95,7 @@ fn the_users_exposure_is_believed() {
     assert!(scene.warnings.is_empty() && scene.train.iter().all(|view| view.exposure == Some(0.05)));
     let scene = read_with(&folder, &train, &test, &with(0.3));
     only_warning(&scene, &["0.3 is longer than one frame interval", "used as given"]);
-    assert!(scene.test.iter().all(|view| view.exposure == Some(0.3)));
+    assert!(held_out(&scene).iter().all(|view| view.exposure == Some(0.3)));
 }
 
 #[test]

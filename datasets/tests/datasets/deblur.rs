@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::fixtures::{Folder, written};
+use crate::fixtures::{Folder, held_out, written};
 
 /// Small and quick: three cameras, the middle one held out.
 fn small(world: World) -> DeblurOptions {
@@ -322,12 +322,12 @@ fn error(a: &[u8], b: &[u8]) -> f64 {
 fn the_reader_reads_it() {
     let folder = written(&small(World::Sphere));
     let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
-    assert_eq!((scene.train.len(), scene.test.len()), (6, 3));
+    assert_eq!((scene.train.len(), held_out(&scene).len()), (6, 3));
     assert_eq!(scene.time_range, Some((0.0, 1.0)));
     assert_eq!(scene.points.as_ref().map(|points| points.len()), Some(200));
-    let cameras: Vec<&str> = scene.test.iter().filter_map(|view| view.camera_id.as_deref()).collect();
+    let cameras: Vec<&str> = held_out(&scene).iter().filter_map(|view| view.camera_id.as_deref()).collect();
     assert_eq!(cameras, ["cam02"; 3]);
-    assert_eq!(scene.test[1].image.data, bytes(&folder.file("test/cam02/0001.png")));
+    assert_eq!(held_out(&scene)[1].image.data, bytes(&folder.file("test/cam02/0001.png")));
     // A surface point is inside the room but for its noise and 1 % of outliers.
     let points = scene.points.expect("points").positions;
     let inside = points.iter().filter(|p| p[2] > -0.05 && p[1] < 2.35 && p[0].abs() < 3.05).count();

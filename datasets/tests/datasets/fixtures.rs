@@ -141,3 +141,8 @@ pub fn rig(folder: &Folder, part: &str, first: usize, cameras: usize, times: usi
     }
     json!({ "camera_angle_x": 0.8, "w": 8, "h": 6, "frames": frames })
 }
+
+/// The views that figures are quoted on; none where none is held out.
+pub fn held_out(scene: &gs_datasets::Scene) -> &[gs_datasets::View] {
+    scene.reported().map_or(&[], |split| &split.views)
+}

@@ -3,7 +3,7 @@
 use gs_datasets::{Holdout, LoadOptions, MaskUse, SceneFormat, View, check, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, npy, rig, ring};
+use crate::fixtures::{Folder, held_out, npy, rig, ring};
 
 const CAMERAS: usize = 3;
 const TIMES: usize = 4;
@@ -83,12 +83,12 @@ fn panoptic_cameras_masks_and_split() {
     write_meta(&folder, "test_meta.json", 2..3, TIMES);
     let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-    assert_eq!((scene.format, scene.train.len(), scene.test.len()), (SceneFormat::Panoptic, 8, 4));
+    assert_eq!((scene.format, scene.train.len(), held_out(&scene).len()), (SceneFormat::Panoptic, 8, 4));
     let first = &scene.train[0];
     assert_eq!((first.name.as_str(), first.camera_id.as_deref(), &first.mask), ("ims/0/000000", Some("0"), &None));
     assert_eq!(first.priors.moving.as_ref().expect("a mask")[..3], [255, 0, 0]);
     assert_eq!(scene.train[4].priors.moving.as_ref().expect("a mask")[..3], [0, 255, 0]);
-    let both: Vec<View> = scene.train.into_iter().chain(scene.test).collect();
+    let both: Vec<View> = scene.train.iter().chain(scene.held_out_views()).cloned().collect();
     assert_same_cameras(&both, 1e-12);
     // Masks as in any reconstruction, and given by file.
     let options = LoadOptions { masks: MaskUse::KeepBlack, ..LoadOptions::default() };
@@ -168,9 +168,9 @@ fn llff_poses_with_frames_of_cameras() {
         }
     }
     let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
-    assert_eq!((scene.format, scene.train.len(), scene.test.len()), (SceneFormat::Llff, 8, 4));
-    assert!(scene.test.iter().all(|view| view.camera_id.as_deref() == Some("cam00")));
-    let mut both: Vec<View> = scene.test.into_iter().chain(scene.train).collect();
+    assert_eq!((scene.format, scene.train.len(), held_out(&scene).len()), (SceneFormat::Llff, 8, 4));
+    assert!(held_out(&scene).iter().all(|view| view.camera_id.as_deref() == Some("cam00")));
+    let mut both: Vec<View> = scene.held_out_views().chain(&scene.train).cloned().collect();
     both.sort_by(|a, b| a.camera_id.cmp(&b.camera_id).then_with(|| a.time.partial_cmp(&b.time).expect("times")));
     assert_same_cameras(&both, 1e-9);
     assert!(both[0].priors.moving.is_some());

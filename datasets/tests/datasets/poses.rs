@@ -80,9 +80,9 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
     folder.write_json("transforms.json", &top);
     let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
     assert!(scene.origin.distance(glam::DVec3::from_array(far)) < 5.0);
-    let point = glam::Vec3::from_array(scene.points.expect("points").positions[0]).as_dvec3() + scene.origin;
+    let point = glam::Vec3::from_array(scene.points.as_ref().expect("points").positions[0]).as_dvec3() + scene.origin;
     assert!((point.x - far[0] - 0.001).abs() < 1e-6, "{point}");
-    for view in scene.train.iter().chain(&scene.test) {
+    for view in scene.train.iter().chain(scene.held_out_views()) {
         let centre = view.c2w.w_axis.truncate();
         assert!(centre.length() < 10.0);
     }

@@ -6,7 +6,7 @@ use gs_datasets::{
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, npy, npy_f32, rig};
+use crate::fixtures::{Folder, held_out, npy, npy_f32, rig};
 
 /// 8 x 6 values 1, 2, 3 and on.
 fn ramp() -> Vec<f32> {
@@ -294,7 +294,7 @@ fn held_out_views_are_their_sharp_truth() {
     test["frames"][0]["truth"] = json!({ "sharp_path": "truth.png" });
     folder.write_json("transforms_test.json", &test);
     let found = load(folder.path(), &LoadOptions::default()).expect("loaded");
-    let view = &found.test[0];
+    let view = &held_out(&found)[0];
     assert_eq!(view.image.data[3..6], [1, 7, 9]);
     assert!(view.truth.blurry.as_ref().is_some_and(|photo| photo.data != view.image.data));
 }

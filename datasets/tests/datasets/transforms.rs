@@ -1,15 +1,16 @@
 //! The transforms.json family: layouts, intrinsics, transparency, times, points, camera files.
 
 use glam::{DVec2, DVec3};
-use gs_datasets::{Holdout, LoadOptions, SceneFormat, View, load, load_cameras};
+use gs_datasets::{Holdout, LoadOptions, SceneFormat, SplitUse, View, load, load_cameras};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, look_at, names, ring, ring_scene};
+use crate::fixtures::{Folder, held_out, look_at, names, ring, ring_scene};
 
 const ALL: LoadOptions = LoadOptions {
     max_width: None,
     background: [0.0; 3],
     holdout: Holdout::None,
+    splits: SplitUse::All,
     images: None,
     recentre: true,
     masks: gs_datasets::MaskUse::Auto,
@@ -103,11 +104,11 @@ fn flat_and_nested_with_and_without_extension_are_one_scene() {
         })
         .collect();
     for scene in &scenes {
-        assert_eq!((scene.train.len(), scene.test.len()), (12, 3));
+        assert_eq!((scene.train.len(), held_out(scene).len()), (12, 3));
         assert_eq!(scene.format, SceneFormat::Transforms);
         assert_eq!(scene.time_range, Some((0.0, 1.0)), "test times lie beyond the training times");
         assert_eq!(scene.warnings, Vec::<String>::new());
-        scene.train.iter().chain(&scene.test).for_each(ball_is_where_the_camera_says);
+        scene.train.iter().chain(scene.held_out_views()).for_each(ball_is_where_the_camera_says);
         for (view, other) in scene.train.iter().zip(&scenes[0].train) {
             assert_eq!((&view.name, view.c2w, &view.image), (&other.name, other.c2w, &other.image));
         }

@@ -165,7 +165,7 @@ fn held_out(path: &Path, device: &Device) -> Camera {
     } else {
         let options = gs_datasets::LoadOptions { max_width: Some(WIDTH), ..gs_datasets::LoadOptions::default() };
         let scene = gs_datasets::load(path, &options).unwrap_or_else(|error| panic!("GS_BENCH_CAMERAS: {error}"));
-        let first = scene.test.first().or(scene.train.first()).expect("a scene that loads has views");
+        let first = scene.held_out_views().next().or(scene.train.first()).expect("a scene that loads has views");
         // A PLY file is in the data set's world, views are where training is.
         let c2w = glam::DMat4::from_translation(scene.origin) * first.c2w;
         (c2w, first.intrinsics, first.width, first.height)

@@ -49,7 +49,7 @@ impl World {
             .collect();
         Scene {
             train,
-            test: Vec::new(),
+            held_out: Vec::new(),
             points: None,
             origin: DVec3::ZERO,
             format: SceneFormat::Transforms,

@@ -75,7 +75,7 @@ fn fnv<'a>(bytes: impl Iterator<Item = &'a u8>) -> u64 {
 fn scene() -> Scene {
     Scene {
         train: (0..FRAMES).map(view).collect(),
-        test: Vec::new(),
+        held_out: Vec::new(),
         points: None,
         origin: glam::DVec3::ZERO,
         format: SceneFormat::Transforms,

@@ -27,7 +27,7 @@ fn points_lie_on_surfaces() {
     let points = plane_sweep(&scene.train, 1.0, 12.0, 800, 3);
     assert!(points.len() > 400, "{} points", points.len());
     assert_eq!(points, plane_sweep(&scene.train, 1.0, 12.0, 800, 3), "the same seed gives the same points");
-    let view = &scene.test[0];
+    let view = &scene.held_out[0].views[0];
     let depth = view.truth.depth.as_ref().expect("the true depth");
     let (mut seen, mut near, mut floating) = (0, 0, Vec::new());
     for position in &points.positions {

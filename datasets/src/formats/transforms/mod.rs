@@ -5,7 +5,7 @@ mod attach;
 mod frames;
 mod lens;
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
@@ -16,8 +16,8 @@ use crate::formats::json::{self, Keys};
 use crate::frame::CameraPose;
 use crate::names;
 use crate::options::LoadOptions;
-use crate::raw::{Findings, Part, RawFrame, RawPoints, RawScene};
-use crate::scene::SceneFormat;
+use crate::raw::{Findings, Part, RawFrame, RawPoints, RawScene, some_names};
+use crate::scene::{SceneFormat, Split};
 use crate::{pixels, ply};
 
 /// The JSON files of a scene, each with the part of the split it stands for.
@@ -29,7 +29,7 @@ pub(crate) struct Sources {
 /// The JSON files at `path`: the file itself, or in a folder transforms_{train,val,test}.json, else transforms.json.
 pub(crate) fn find(path: &Path, is_folder: bool) -> Option<Sources> {
     let files = if is_folder {
-        let parts = [("train", Part::Train), ("val", Part::Val), ("test", Part::Test)];
+        let parts = [("train", Part::Train), ("val", Part::Validation), ("test", Part::Test)];
         let split: Vec<(PathBuf, Option<Part>)> = parts
             .into_iter()
             .map(|(name, part)| (path.join(format!("transforms_{name}.json")), Some(part)))
@@ -65,7 +65,7 @@ pub(crate) fn read(
         let Some(entries) = findings.take(parsed)? else { continue };
         listed += entries.len();
         let found = attach::images(entries, &top, root, file, options, findings)?;
-        let found = assign_parts(found, &top, file, part.filter(|_| splits), findings)?;
+        let found = assign_parts(found, &top, file, part.clone().filter(|_| splits), findings)?;
         scene.frames.extend(found);
         if scene.points.is_none() {
             let points = read_points(&top, root, file);
@@ -144,7 +144,7 @@ fn folder_of(file: &Path) -> &Path {
     }
 }
 
-/// Marks frames by the file they are in, or by nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`.
+/// Marks frames by the file they are in, or by nerfstudio's lists.
 fn assign_parts(
     mut found: Vec<RawFrame>,
     top: &Map<String, Value>,
@@ -153,26 +153,29 @@ fn assign_parts(
     findings: &mut Findings,
 ) -> Result<Vec<RawFrame>, DatasetError> {
     if part.is_some() {
-        found.iter_mut().for_each(|frame| frame.part = part);
+        found.iter_mut().for_each(|frame| frame.part = part.clone());
         return Ok(found);
     }
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
     let root = folder_of(file);
-    let mut lists = Vec::new();
-    for (key, part) in [("train_filenames", Part::Train), ("val_filenames", Part::Val), ("test_filenames", Part::Test)]
-    {
-        if let Some(list) = keys.texts(key)? {
-            let list: HashSet<String> = list.into_iter().map(|path| names::view_name(root, path)).collect();
-            lists.push((list, part));
-        }
-    }
+    let lists = split_lists(&keys, root, &found)?;
     if lists.is_empty() {
         return Ok(found);
     }
-    let train_listed = lists.iter().any(|(_, part)| *part == Part::Train);
+    let train_listed = lists.contains_key(&Part::Train);
+    let mut twice = Vec::new();
     for frame in &mut found {
-        let listed = lists.iter().find(|(list, _)| list.contains(&frame.name)).map(|(_, part)| *part);
-        frame.part = listed.or((!train_listed).then_some(Part::Train));
+        let mut listed = lists.iter().filter(|(_, list)| list.contains(&frame.name)).map(|(part, _)| part);
+        frame.part = listed.next().cloned().or((!train_listed).then_some(Part::Train));
+        twice.extend(listed.next().map(|_| frame.name.clone()));
+    }
+    if !twice.is_empty() {
+        findings.facts.push(format!(
+            "{}: {} frames are in several of the split's lists; each counts once, as training before test before other lists ({}).",
+            file.display(),
+            twice.len(),
+            some_names(&twice)
+        ));
     }
     let before = found.len();
     found.retain(|frame| frame.part.is_some());
@@ -185,6 +188,38 @@ fn assign_parts(
         findings.warn(format!("{}: {left_out} frames are in none of the split's lists and left out", file.display()));
     }
     Ok(found)
+}
+
+/// The names of frames in nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`. Beside `train_filenames` other keys
+/// `NAME_filenames` are lists of a split too, if they list frames: alone they may be lists of anything.
+fn split_lists(keys: &Keys, root: &Path, found: &[RawFrame]) -> Result<BTreeMap<Part, HashSet<String>>, DatasetError> {
+    const ENDING: &str = "_filenames";
+    let named = |list: Vec<&str>| -> HashSet<String> { list.iter().map(|path| names::view_name(root, path)).collect() };
+    let mut lists = BTreeMap::new();
+    for (name, part) in [("train", Part::Train), ("val", Part::Validation), ("test", Part::Test)] {
+        if let Some(list) = keys.texts(&format!("{name}{ENDING}"))? {
+            lists.insert(part, named(list));
+        }
+    }
+    if !lists.contains_key(&Part::Train) {
+        return Ok(lists);
+    }
+    let written = keys.objects.iter().flat_map(|object| object.keys());
+    for key in written.filter(|key| !["train_filenames", "val_filenames", "test_filenames"].contains(&key.as_str())) {
+        let Some(name) = key.strip_suffix(ENDING) else { continue };
+        let Ok(Some(list)) = keys.texts(key) else { continue };
+        let list = named(list);
+        if found.iter().any(|frame| list.contains(&frame.name)) {
+            let part = match names::view_name(Path::new(""), name).replace('/', "_").as_str() {
+                Split::TRAIN => Part::Train,
+                Split::TEST => Part::Test,
+                Split::VALIDATION => Part::Validation,
+                other => Part::Other(other.into()),
+            };
+            lists.entry(part).or_insert_with(HashSet::new).extend(list);
+        }
+    }
+    Ok(lists)
 }
 
 /// The points of `ply_file_path`. They are in the saved world, as the poses are; `applied_transform` concerns neither.
