@@ -78,6 +78,37 @@ pub struct View {
     pub truth: Truth,
 }
 
+impl View {
+    /// A photo and its camera, with nothing else known: no name, time, camera, mask, exposure, prior or truth. Width and height are the
+    /// image's. Further fields are set by struct update, `View { time: Some(0.5), ..View::new(..) }`.
+    pub fn new(c2w: glam::DMat4, intrinsics: Intrinsics, image: RgbImage8) -> Self {
+        Self {
+            name: String::new(),
+            image_path: PathBuf::new(),
+            c2w,
+            intrinsics,
+            width: image.width,
+            height: image.height,
+            time: None,
+            camera_id: None,
+            image,
+            mask: None,
+            exposure: None,
+            priors: Priors::default(),
+            truth: Truth::default(),
+        }
+    }
+
+    /// A black photo by a camera at the world's origin that looks along z, with a focal length of one image width and its principal
+    /// point in the middle; for tests.
+    pub fn blank(width: usize, height: usize) -> Self {
+        let (w, h) = (width as f64, height as f64);
+        let intrinsics = Intrinsics { fx: w, fy: w, cx: 0.5 * w, cy: 0.5 * h };
+        let data = vec![0; 3 * width * height];
+        Self::new(glam::DMat4::IDENTITY, intrinsics, RgbImage8 { width, height, data })
+    }
+}
+
 /// Guesses about a photo that were computed beforehand, at the size of [`View::image`]. Each is optional.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Priors {
@@ -143,4 +174,18 @@ pub struct CameraPose {
     pub height: usize,
     /// Time as the file gives it.
     pub time: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blank_view_is_a_black_photo_of_what_is_before_the_origin() {
+        let view = View { time: Some(0.5), ..View::blank(6, 4) };
+        assert_eq!((view.width, view.height, view.image.data.len()), (6, 4, 72));
+        assert_eq!(view.intrinsics.project(glam::DVec3::new(0.0, 0.0, 2.0)), glam::DVec2::new(3.0, 2.0));
+        assert_eq!(view.intrinsics.project(glam::DVec3::new(1.0, 0.0, 2.0)).x, 6.0, "half a focal length to the right");
+        assert_eq!((view.time, view.mask, view.priors), (Some(0.5), None, Priors::default()));
+    }
 }

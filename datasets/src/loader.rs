@@ -209,23 +209,20 @@ fn load_view(
     let (scale_x, scale_y) = (target.0 as f64 / size.0 as f64, target.1 as f64 / size.1 as f64);
     let mut c2w = frame.c2w;
     c2w.w_axis -= origin.extend(0.0);
+    let image = RgbImage8 { width: target.0, height: target.1, data };
     let photo = attach::Photo { size, target, undistorted: undistortion.is_some(), behind };
     let sides = attach(&frame.sides, &photo);
     let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
     let view = View {
         name: frame.name.clone(),
         image_path: frame.image_path.clone(),
-        c2w,
-        intrinsics: resolved.intrinsics.scaled(scale_x, scale_y),
-        width: target.0,
-        height: target.1,
         time: frame.time,
         camera_id: frame.camera_id.clone(),
-        image: RgbImage8 { width: target.0, height: target.1, data },
         mask,
         exposure: frame.exposure,
         priors: sides.priors,
         truth: sides.truth,
+        ..View::new(c2w, resolved.intrinsics.scaled(scale_x, scale_y), image)
     };
     let rescaled = resolved.rescaled_from.map(|declared| (declared, size));
     Ok((
