@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::DatasetError;
 use crate::frame::Intrinsics;
-use crate::raw::some_names;
+use crate::names::some_names;
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.

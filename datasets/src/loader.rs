@@ -7,24 +7,23 @@ use rayon::prelude::*;
 
 use crate::consistency;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{CameraPose, RgbImage8, View};
 use crate::lens::off_photo_warning;
 use crate::mask::{self, Mask};
-use crate::names;
+use crate::names::{self, some_names};
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
-use crate::pixels::{self, Behind, Photo};
+use crate::pixels::{self, Behind};
 use crate::priors::attach::{self, attach};
 use crate::priors::summary::{self, Noted};
-use crate::raw::{Findings, RawFrame, RawPoints, some_names};
-use crate::resize::{AreaResampler, target_size};
-use crate::scene::{PointCloud, Scene, Split, mean};
+use crate::raw::{RawFrame, RawPoints};
+use crate::resample::resample;
+use crate::resize::target_size;
+use crate::scene::{PointCloud, Scene, Split};
 use crate::split;
-use crate::undistort::{Undistortion, sample};
-
-/// A new pixel counts when at least this share of the area it covers does. All of it, up to rounding: otherwise colours
-/// from masked or undefined pixels would be mixed into ones that are learned from.
-const COVERAGE_MIN: f32 = 0.999;
+use crate::statistics::{mean, range};
+use crate::undistort::Undistortion;
 
 /// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, a folder with a
 /// COLMAP model and its images, with train_meta.json (Panoptic), or with poses_bounds.npy (LLFF, N3DV).
@@ -75,7 +74,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
         tracing::info!("{fact}");
     }
     views.iter_mut().for_each(compare_with_sharp);
-    let time_range = consistency::range(train.iter().chain(&views).filter_map(|view| view.time));
+    let time_range = range(train.iter().chain(&views).filter_map(|view| view.time));
     for warning in &findings.warnings {
         tracing::warn!("{warning}");
     }
@@ -243,61 +242,6 @@ fn compare_with_sharp(view: &mut View) {
     if let Some(sharp) = view.truth.sharp.take() {
         let blurry = std::mem::replace(&mut view.image, sharp);
         view.truth.blurry.get_or_insert(blurry);
-    }
-}
-
-/// Undistorts, masks and downscales row by row: beside the decoded photo only one row is held in floats.
-pub(crate) fn resample(
-    photo: Photo,
-    masks: &[Mask],
-    undistortion: Option<&Undistortion>,
-    target: (usize, usize),
-) -> (Vec<u8>, Option<Vec<u8>>) {
-    let size = photo.size();
-    let plain = masks.is_empty() && undistortion.is_none();
-    let photo = match photo {
-        Photo::Rgb8(image) if plain && size == target => return (image.into_raw(), None),
-        other => other,
-    };
-    let mut colors = AreaResampler::<3>::new(size, target);
-    let mut coverage = (!plain).then(|| AreaResampler::<1>::new(size, target));
-    let (mut row, mut row_coverage) = (vec![0.0; 3 * size.0], vec![1.0; size.0]);
-    for y in 0..size.1 {
-        match undistortion {
-            Some(undistortion) => undistort_row(&photo, undistortion, y, &mut row, &mut row_coverage),
-            None => photo.copy_row(y, &mut row),
-        }
-        colors.push_row(&row);
-        if let Some(coverage) = &mut coverage {
-            mask_row(masks, undistortion, y, size, &mut row_coverage);
-            coverage.push_row(&row_coverage);
-        }
-    }
-    let data = colors.finish().into_iter().map(|value| value.round().clamp(0.0, 255.0) as u8).collect();
-    let mask = coverage.map(|coverage| {
-        coverage.finish().into_iter().map(|share| if share >= COVERAGE_MIN { 255 } else { 0 }).collect::<Vec<u8>>()
-    });
-    (data, mask.filter(|mask| mask.contains(&0)))
-}
-
-fn undistort_row(photo: &Photo, undistortion: &Undistortion, y: usize, row: &mut [f32], coverage: &mut [f32]) {
-    for (x, (color, cover)) in row.chunks_exact_mut(3).zip(coverage).enumerate() {
-        let place = undistortion.observed(x as f64 + 0.5, y as f64 + 0.5);
-        color.copy_from_slice(&place.map_or([0.0; 3], |(u, v)| sample(photo, u, v)));
-        *cover = if place.is_some() { 1.0 } else { 0.0 };
-    }
-}
-
-/// Takes what mask files ignore out of a row's coverage.
-fn mask_row(masks: &[Mask], undistortion: Option<&Undistortion>, y: usize, size: (usize, usize), coverage: &mut [f32]) {
-    if masks.is_empty() {
-        return;
-    }
-    for (x, cover) in coverage.iter_mut().enumerate() {
-        let ideal = (x as f64 + 0.5, y as f64 + 0.5);
-        let place = undistortion.map_or(Some(ideal), |undistortion| undistortion.observed(ideal.0, ideal.1));
-        let counts = place.is_some_and(|(u, v)| masks.iter().all(|mask| mask.keeps(u, v, size)));
-        *cover = if counts { 1.0 } else { 0.0 };
     }
 }
 

@@ -1,18 +1,31 @@
 //! Mask files: which pixels of a photo count.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageFormat};
 
 use crate::error::DatasetError;
 use crate::pixels;
-use crate::raw::{MaskFile, White};
 
 /// Below this a pixel of a lossy file counts as black: JPEG rings around edges, so "not black" cannot mean "not 0".
 const JPEG_BLACK: u8 = 128;
 
 /// When masks take more than this share of the median view, their polarity is probably the other one.
 pub(crate) const SUSPECT_SHARE: f64 = 0.6;
+
+/// What white (any pixel that is not black) means in a mask file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum White {
+    Keep,
+    Ignore,
+}
+
+/// A mask file that exists or is at least named by the data set.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct MaskFile {
+    pub path: PathBuf,
+    pub white: White,
+}
 
 /// Which pixels of a photo count, at a size of its own; lookups scale to the nearest pixel.
 pub(crate) struct Mask {

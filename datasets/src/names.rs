@@ -1,4 +1,4 @@
-//! Paths as data sets write them, and the view names made from them.
+//! Paths as data sets write them, the view names made from them, and lists of names in messages.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -63,6 +63,13 @@ pub(crate) fn make_unique<'a>(names: impl Iterator<Item = &'a mut String>) {
             }
         }
     }
+}
+
+/// "a, b, c, ...": at most three names, for sentences about many.
+pub fn some_names<S: AsRef<str>>(names: &[S]) -> String {
+    let shown: Vec<&str> = names.iter().take(3).map(AsRef::as_ref).collect();
+    let more = if names.len() > shown.len() { ", ..." } else { "" };
+    format!("{}{more}", shown.join(", "))
 }
 
 #[cfg(test)]

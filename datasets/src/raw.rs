@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
-use crate::error::DatasetError;
 use crate::lens::Lens;
-use crate::priors::SideFiles;
+use crate::mask::MaskFile;
+pub(crate) use crate::names::some_names;
 use crate::scene::{SceneFormat, Split};
+use crate::side_files::SideFiles;
 
 /// Which list of the data set's own split a frame is in. A frame in several lists is in the least of them: training on it cannot
 /// be undone, and figures are quoted on the test list before any other.
@@ -36,20 +37,6 @@ impl Part {
     pub fn trains(part: Option<&Self>) -> bool {
         part.is_none_or(|part| *part == Self::Train)
     }
-}
-
-/// What white (any pixel that is not black) means in a mask file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum White {
-    Keep,
-    Ignore,
-}
-
-/// A mask file that exists or is at least named by the data set.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct MaskFile {
-    pub path: PathBuf,
-    pub white: White,
 }
 
 /// One frame as its file describes it.
@@ -88,41 +75,4 @@ pub(crate) struct RawScene {
     pub format: SceneFormat,
     pub frames: Vec<RawFrame>,
     pub points: Option<RawPoints>,
-}
-
-/// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
-#[derive(Debug, Default)]
-pub(crate) struct Findings {
-    /// Keep reading after an error.
-    pub lenient: bool,
-    /// What was found, where that is worth a sentence.
-    pub facts: Vec<String>,
-    pub warnings: Vec<String>,
-    pub errors: Vec<DatasetError>,
-}
-
-impl Findings {
-    /// Notes something that was repaired or left out.
-    pub fn warn(&mut self, text: impl Into<String>) {
-        self.warnings.push(text.into());
-    }
-
-    /// Passes a value on. An error is returned, or noted and turned into `None` when reading goes on.
-    pub fn take<T>(&mut self, result: Result<T, DatasetError>) -> Result<Option<T>, DatasetError> {
-        match result {
-            Ok(value) => Ok(Some(value)),
-            Err(error) if self.lenient => {
-                self.errors.push(error);
-                Ok(None)
-            }
-            Err(error) => Err(error),
-        }
-    }
-}
-
-/// At most three names, "a, b, c, ...", for a warning about many.
-pub fn some_names<S: AsRef<str>>(names: &[S]) -> String {
-    let shown: Vec<&str> = names.iter().take(3).map(AsRef::as_ref).collect();
-    let more = if names.len() > shown.len() { ", ..." } else { "" };
-    format!("{}{more}", shown.join(", "))
 }

@@ -4,8 +4,9 @@ use std::fmt;
 
 use glam::{DMat4, DVec3};
 
-use crate::consistency;
 use crate::frame::View;
+pub(crate) use crate::statistics::mean;
+use crate::subject::subject_distance;
 
 /// Where a scene's description came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,7 +125,7 @@ impl Scene {
     /// The median distance of the training cameras from what they all look at, scene units; `None` where they look at no
     /// one thing.
     pub fn subject_distance(&self) -> Option<f64> {
-        consistency::subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
+        subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
     }
 }
 
@@ -133,9 +134,4 @@ pub(crate) fn reported<'a>(names: impl Iterator<Item = &'a str>) -> Option<usize
     let rank = |name: &str| [Split::TEST, Split::VALIDATION].iter().position(|first| *first == name).unwrap_or(2);
     // Of equals the first is the least.
     names.enumerate().min_by_key(|(_, name)| rank(name)).map(|(index, _)| index)
-}
-
-/// The mean of points; `None` if there are none.
-pub fn mean(points: &[DVec3]) -> Option<DVec3> {
-    (!points.is_empty()).then(|| points.iter().sum::<DVec3>() / points.len() as f64)
 }

@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
+use crate::statistics::median;
+
 /// Cameras look at one thing when the point nearest to all their axes lies within this angle of each, radians.
 const LOOKING_AT: f64 = 0.5;
 
@@ -35,4 +37,11 @@ pub fn subject(poses: &[DMat4]) -> Option<DVec3> {
         to.length() > 0.0 && to.angle_between(c2w.z_axis.truncate()) < LOOKING_AT
     };
     poses.iter().all(sees).then_some(subject)
+}
+
+/// The median distance of cameras (camera to world, OpenCV axes) from what they all look at, scene units; `None` where
+/// their axes do not meet before each of them (parallel axes, a walk through rooms, one camera).
+pub(crate) fn subject_distance(poses: &[DMat4]) -> Option<f64> {
+    let target = subject(poses)?;
+    median(poses.iter().map(|c2w| c2w.w_axis.truncate().distance(target)).collect())
 }

@@ -10,7 +10,7 @@ use crate::formats::colmap::model::Model;
 use crate::lens::Lens;
 use crate::pose;
 use crate::raw::{RawFrame, RawPoints};
-use crate::scene::mean;
+use crate::statistics::mean;
 
 /// Distances between where points are seen and where they project, pixels of the distorted image.
 pub(super) struct Reprojection {

@@ -1,7 +1,7 @@
 //! One mistake of a whole data set is found in every frame: it is said once.
 
 use crate::error::DatasetError;
-use crate::raw::some_names;
+use crate::names::some_names;
 
 /// The errors in the order found; those that differ only in the frame or image they are about are one sentence.
 pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::CheckReport;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::frame::Intrinsics;
 use crate::lens::off_photo_warning;
 use crate::loader;
@@ -12,7 +13,7 @@ use crate::options::LoadOptions;
 use crate::pixels::{self, Behind};
 use crate::priors::attach::{Notes, Photo, attach};
 use crate::priors::summary::{self, Noted};
-use crate::raw::{Findings, Part, RawFrame};
+use crate::raw::{Part, RawFrame};
 use crate::resize::target_size;
 
 /// What decoding one frame's files gave.

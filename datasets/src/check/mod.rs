@@ -9,12 +9,15 @@ use std::path::Path;
 
 use crate::consistency;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
 use crate::loader;
+use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::raw::{Findings, RawFrame, RawScene, some_names};
-use crate::scene;
+use crate::raw::{RawFrame, RawScene};
 use crate::split;
+use crate::statistics::mean;
+use crate::subject::subject_distance;
 
 pub use self::report::CheckReport;
 
@@ -98,9 +101,9 @@ fn fill(
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
     report.without_time = consistency::without_time(&train, &held_out).len();
     let poses: Vec<glam::DMat4> = train.iter().map(|frame| frame.c2w).collect();
-    report.subject_distance = consistency::subject_distance(&poses);
+    report.subject_distance = subject_distance(&poses);
     let centres: Vec<glam::DVec3> = train.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
-    if let Some(mean) = scene::mean(&centres)
+    if let Some(mean) = mean(&centres)
         && centres.len() > 1
         && centres.iter().all(|centre| centre.distance(mean) < 1e-9)
     {

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use glam::{DMat3, DMat4, DVec3};
 
+use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
-use crate::raw::{Findings, Part, RawFrame, some_names};
-use crate::scene::mean;
+use crate::names::some_names;
+use crate::raw::{Part, RawFrame};
+use crate::statistics::{mean, median};
 use crate::subject::subject;
-
-use super::timing;
 
 /// Rotations closer than this are the same, radians: half a pixel at a focal length of 500.
 const SAME_ANGLE: f64 = 1e-3;
@@ -79,9 +79,7 @@ fn angle(a: &RawFrame, b: &RawFrame) -> f64 {
 pub(super) fn spread(frames: &[RawFrame]) -> f64 {
     let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
     let middle = mean(&centres).unwrap_or_default();
-    let mut distances: Vec<f64> = centres.iter().map(|centre| centre.distance(middle)).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.get(distances.len() / 2).copied().unwrap_or(0.0)
+    median(centres.iter().map(|centre| centre.distance(middle)).collect()).unwrap_or(0.0)
 }
 
 /// Cameras with several times, and how many of them keep their pose over all of these.
@@ -112,11 +110,11 @@ pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Find
     let frames = frames.iter().filter(|frame| Part::trains(frame.part.as_ref()));
     let (names, places): (Vec<&str>, Vec<DVec3>) =
         frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
-    let along = |axis: fn(&DVec3) -> f64| timing::median(places.iter().map(axis).collect());
+    let along = |axis: fn(&DVec3) -> f64| median(places.iter().map(axis).collect());
     // By axis, since a mean goes where the stray is.
     let (Some(x), Some(y), Some(z)) = (along(|p| p.x), along(|p| p.y), along(|p| p.z)) else { return };
     let middle = DVec3::new(x, y, z);
-    let usual = timing::median(places.iter().map(|place| place.distance(middle)).collect()).unwrap_or(0.0);
+    let usual = median(places.iter().map(|place| place.distance(middle)).collect()).unwrap_or(0.0);
     let is_stray = |place: &DVec3| usual > 0.0 && place.distance(middle) > STRAY * usual;
     let strays: Vec<&str> =
         names.into_iter().zip(&places).filter(|(_, place)| is_stray(place)).map(|(name, _)| name).collect();

@@ -2,21 +2,17 @@
 //! loading; what contradicts itself is repaired or left out, and said.
 
 mod cameras;
-mod order;
 mod parts;
 mod timing;
 
 use std::path::Path;
 
-use glam::DMat4;
-
+use crate::findings::Findings;
 use crate::options::LoadOptions;
-use crate::raw::{Findings, RawFrame};
-use crate::subject::subject;
+use crate::raw::RawFrame;
 
 pub(crate) use self::cameras::standing;
-pub(crate) use self::order::natural;
-pub(crate) use self::parts::{compare_parts, range, without_time};
+pub(crate) use self::parts::{compare_parts, without_time};
 pub use self::timing::frame_interval;
 pub(crate) use self::timing::interval_of;
 
@@ -35,11 +31,4 @@ pub(crate) fn settle(
     cameras::find_strays(&frames, scene, findings);
     cameras::compare(&frames, scene, findings);
     frames
-}
-
-/// The median distance of cameras (camera to world, OpenCV axes) from what they all look at, scene units; `None` where
-/// their axes do not meet before each of them (parallel axes, a walk through rooms, one camera).
-pub(crate) fn subject_distance(poses: &[DMat4]) -> Option<f64> {
-    let target = subject(poses)?;
-    timing::median(poses.iter().map(|c2w| c2w.w_axis.truncate().distance(target)).collect())
 }

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use super::timing::{interval_of, median};
-use crate::priors::Kind;
-use crate::raw::{Part, RawFrame, some_names};
+use super::timing::interval_of;
+use crate::names::some_names;
+use crate::raw::{Part, RawFrame};
+use crate::side_files::Kind;
+use crate::statistics::{median, range};
 
 /// Exposures within this share of each other are one: the ends of a blur of 50 pixels then differ by half a pixel.
 const SAME_EXPOSURE: f64 = 0.01;
@@ -94,12 +96,4 @@ fn differing_exposures(train: &[&RawFrame], scene: &Path) -> Option<String> {
         scene.display(),
         values.len()
     ))
-}
-
-/// The smallest and the largest; `None` of nothing.
-pub(crate) fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
-    values.fold(None, |range, value| match range {
-        Some((low, high)) => Some((value.min(low), value.max(high))),
-        None => Some((value, value)),
-    })
 }

@@ -4,9 +4,12 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::cameras::{same_pose, spread};
-use super::order::natural;
+use crate::findings::Findings;
+use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::raw::{Findings, Part, RawFrame, some_names};
+use crate::order::natural;
+use crate::raw::{Part, RawFrame};
+use crate::statistics::median;
 
 /// An exposure may exceed the frame interval by this share before it is taken for a mistake: intervals are measured on
 /// rounded times.
@@ -37,11 +40,6 @@ fn gaps(mut times: Vec<f64>) -> Vec<f64> {
     times.sort_by(f64::total_cmp);
     let span = times.last().copied().unwrap_or(0.0) - times.first().copied().unwrap_or(0.0);
     times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > SAME_TIME * span).collect()
-}
-
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// Leaves out later photos of the same camera, pose, time and part of the split: two photos of one moment can only

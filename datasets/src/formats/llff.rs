@@ -14,13 +14,15 @@ use std::path::{Path, PathBuf};
 
 use glam::DMat4;
 
-use crate::consistency::natural;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::lens::{Distortion, Focal, Lens};
-use crate::options::LoadOptions;
-use crate::priors::{DepthMeaning, Kind, SideFiles, npy, sources};
-use crate::raw::{Findings, Part, RawFrame, RawScene};
+use crate::options::{LoadOptions, MaskUse};
+use crate::order::natural;
+use crate::priors::{npy, sources};
+use crate::raw::{Part, RawFrame, RawScene};
 use crate::scene::SceneFormat;
+use crate::side_files::{DepthMeaning, Kind, SideFiles};
 use crate::{names, pose};
 
 const POSE_FILE: &str = "poses_bounds.npy";
@@ -108,7 +110,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
     }
     // Which masks a folder holds is not said anywhere; in a set of frames over time they mark what moves.
     let mut kinds = vec![Kind::Depth, Kind::Sharp];
-    if matches!(options.masks, crate::MaskUse::Auto | crate::MaskUse::Moving) {
+    if matches!(options.masks, MaskUse::Auto | MaskUse::Moving) {
         kinds.push(Kind::Moving);
     }
     if poses.has_cameras() {

@@ -9,8 +9,9 @@ pub(crate) mod transforms;
 use std::path::Path;
 
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::options::LoadOptions;
-use crate::raw::{Findings, RawScene};
+use crate::raw::RawScene;
 
 /// What a path was recognised as.
 pub(crate) enum Layout {

@@ -13,12 +13,16 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::lens::{Distortion, Focal, Lens};
+use crate::mask::{MaskFile, White};
+use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
-use crate::priors::{DepthMeaning, Kind, SideFile, SideFiles, sources};
-use crate::raw::{Findings, MaskFile, Part, RawFrame, RawScene, White, some_names};
+use crate::priors::sources;
+use crate::raw::{Part, RawFrame, RawScene};
 use crate::scene::SceneFormat;
+use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
 use crate::{names, pose};
 
 /// The file that makes a folder a Panoptic set.

@@ -2,11 +2,14 @@
 
 use std::path::Path;
 
+use super::depth;
 use super::map::{Map, same_shape};
-use super::{DepthMeaning, Kind, SideFile, SideFiles, depth};
 use crate::error::DatasetError;
 use crate::frame::{DepthPrior, DepthSpace, Priors, RgbImage8, Truth};
-use crate::{loader, pixels};
+use crate::options::DepthKind;
+use crate::pixels;
+use crate::resample::resample;
+use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
 
 /// The photo that the files belong to.
 #[derive(Debug, Clone, Copy)]
@@ -95,7 +98,7 @@ fn load(file: &SideFile, meaning: DepthMeaning, photo: &Photo, into: &mut Attach
         Kind::TrueSharp => truth.sharp = Some(picture(path, photo)?),
         Kind::TrueBlurry => truth.blurry = Some(picture(path, photo)?),
         Kind::TrueDepth => {
-            let exact = DepthMeaning { kind: Some(crate::options::DepthKind::MetricZ), ..meaning };
+            let exact = DepthMeaning { kind: Some(DepthKind::MetricZ), ..meaning };
             let map = depth::depth(path, exact).map_err(broken)?.map;
             truth.depth = Some(fit(map, file.kind, photo, &mut into.notes)?);
         }
@@ -147,7 +150,7 @@ fn picture(path: &Path, photo: &Photo) -> Result<RgbImage8, Reason> {
     if !same_shape(size, photo.size) || size.0 < width || size.1 < height {
         return Err(wrong_size(size, photo.size));
     }
-    let (data, _) = loader::resample(image, &[], None, photo.target);
+    let (data, _) = resample(image, &[], None, photo.target);
     Ok(RgbImage8 { width, height, data })
 }
 

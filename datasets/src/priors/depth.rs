@@ -5,12 +5,13 @@ use std::path::Path;
 use image::DynamicImage;
 
 use super::map::Map;
-use super::{DepthMeaning, exr, npy};
+use super::{exr, npy};
 use crate::error::DatasetError;
 use crate::frame::DepthSpace;
 use crate::mask;
 use crate::options::DepthKind;
 use crate::pixels;
+use crate::side_files::DepthMeaning;
 
 /// From here on a depth is a renderer's word for "nothing there" (Blender and Infinigen write 1e10 for the sky), and one
 /// such value would decide any fit of scale and shift.

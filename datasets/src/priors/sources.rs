@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Kind, SideFile};
+use crate::findings::Findings;
 use crate::names;
 use crate::options::PriorUse;
-use crate::raw::{Findings, RawFrame};
+use crate::raw::RawFrame;
+use crate::side_files::{Kind, SideFile};
 
 /// Keys of a frame. Masks are not among them: what `mask_path` means is for `mask_meaning` to say.
 pub(crate) const FRAME_KEYS: &[(&str, Kind)] =

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::Kind;
 use super::attach::{Notes, Reason};
+use crate::findings::Findings;
 use crate::frame::DepthSpace;
 use crate::mask::SUSPECT_SHARE;
-use crate::raw::{Findings, some_names};
+use crate::names::some_names;
+use crate::side_files::Kind;
 
 /// What is said about one view's files.
 pub(crate) struct Noted<'a> {

@@ -10,11 +10,14 @@ use std::path::{Path, PathBuf};
 
 use self::model::Model;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::lens::Lens;
+use crate::mask::{MaskFile, White};
+use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
-use crate::priors::{Kind, SideFile, SideFiles};
-use crate::raw::{Findings, MaskFile, RawFrame, RawPoints, RawScene, White, some_names};
+use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
+use crate::side_files::{Kind, SideFile, SideFiles};
 use crate::{names, pose};
 
 /// Where models lie below a scene's folder; the last is for a path that is the model itself.

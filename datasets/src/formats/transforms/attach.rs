@@ -6,12 +6,16 @@ use serde_json::{Map, Value};
 
 use super::frames::Entry;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats::json::Keys;
 use crate::formats::panoptic;
+use crate::mask::{MaskFile, White};
 use crate::names;
+use crate::names::some_names;
 use crate::options::{DepthKind, LoadOptions, MaskUse};
-use crate::priors::{DepthMeaning, Kind, SideFile, SideFiles, sources};
-use crate::raw::{Findings, MaskFile, RawFrame, White, some_names};
+use crate::priors::sources;
+use crate::raw::RawFrame;
+use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
 
 /// What `mask_path` files are for.
 #[derive(Clone, Copy, PartialEq)]

@@ -7,12 +7,12 @@ use serde_json::{Map, Value};
 
 use super::lens;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
 use crate::pose;
-use crate::priors::Kind;
 use crate::priors::sources::{FRAME_KEYS, TRUTH_KEYS};
-use crate::raw::Findings;
+use crate::side_files::Kind;
 
 /// One frame as written, checked but without its image.
 pub(super) struct Entry {

@@ -12,11 +12,13 @@ use serde_json::{Map, Value};
 
 use self::frames::Entry;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::frame::CameraPose;
 use crate::names;
+use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::raw::{Findings, Part, RawFrame, RawPoints, RawScene, some_names};
+use crate::raw::{Part, RawFrame, RawPoints, RawScene};
 use crate::scene::{SceneFormat, Split};
 use crate::{pixels, ply};
 

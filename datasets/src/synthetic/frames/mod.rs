@@ -14,10 +14,12 @@ use serde_json::{Value, json};
 use self::camera::{Still, cameras};
 use self::window::blur_camera;
 use crate::error::DatasetError;
+use crate::findings::Findings;
 use crate::formats;
 use crate::image_io::write_atomic;
+use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
-use crate::raw::{Findings, RawPoints, some_names};
+use crate::raw::RawPoints;
 
 /// How [`blur_from_frames`] blurs.
 #[derive(Debug, Clone, PartialEq, Eq)]

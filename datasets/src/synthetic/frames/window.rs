@@ -12,9 +12,10 @@ use crate::frame::Intrinsics;
 use crate::image_io::write_png;
 use crate::light::{linear_of_bytes, to_byte, to_linear};
 use crate::mask::Mask;
+use crate::mask::{MaskFile, White};
 use crate::pixels::{self, Behind, Photo};
 use crate::pose::opencv_from_opengl;
-use crate::raw::{MaskFile, RawFrame, White};
+use crate::raw::RawFrame;
 use crate::resize::{AreaResampler, target_size};
 
 /// Behind transparent pixels of the frames, which are averaged as light.
