@@ -7,7 +7,6 @@ use glam::{DMat4, DVec3};
 
 use crate::lens::Lens;
 use crate::mask::MaskFile;
-pub(crate) use crate::names::some_names;
 use crate::scene::{SceneFormat, Split};
 use crate::side_files::SideFiles;
 
