@@ -2,15 +2,15 @@
 //!
 //! `cargo run --release -p gs-burn --example fit_image [device]` prints the loss and writes `fit_image.ply`.
 
-use burn::module::Param;
-use burn::tensor::{Device, Distribution, Gradients, Tensor};
-use gs_burn::ops::adam::{AdamConfig, adam_step};
+use burn::tensor::{Device, Distribution, Tensor};
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, glam::DMat4, ply, render};
+use gs_burn::{
+    Adam, AdamRate, Camera, Gaussians, Intrinsics, NamedGradients, RenderOptions, device, glam::DMat4, ply, render,
+};
 
 const SIZE: usize = 128;
 const COUNT: usize = 1000;
-const STEPS: u64 = 300;
+const STEPS: usize = 300;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let name = std::env::args().nth(1).unwrap_or("auto".into());
@@ -21,12 +21,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let target = picture(&device);
 
     let mut scene = scatter(&device);
-    let mut moments = Moments::default();
+    let mut adam = Adam::new();
     for step in 1..=STEPS {
         let rendering = render(&scene, &camera, &RenderOptions::default());
         let loss = photometric_loss(rendering.color, target.clone(), 0.2);
-        let gradients = loss.backward();
-        scene = moments.update(scene, &gradients, step);
+        let gradients = NamedGradients::take(&scene, &mut loss.backward());
+        scene = adam.step(scene, gradients, rate);
         if step % 50 == 0 {
             println!("step {step}: loss {:.4}", loss.into_scalar::<f32>());
         }
@@ -57,39 +57,13 @@ fn scatter(device: &Device) -> Gaussians {
     )
 }
 
-/// Adam's memory of each parameter.
-#[derive(Default)]
-struct Moments {
-    means: Option<[Tensor<2>; 2]>,
-    quats: Option<[Tensor<2>; 2]>,
-    log_scales: Option<[Tensor<2>; 2]>,
-    opacity_logits: Option<[Tensor<1>; 2]>,
-    sh: Option<[Tensor<3>; 2]>,
-}
-
-impl Moments {
-    fn update(&mut self, scene: Gaussians, gradients: &Gradients, step: u64) -> Gaussians {
-        let config = |lr| AdamConfig { lr, beta1: 0.9, beta2: 0.999, eps: 1e-15, step };
-        let Gaussians { means, quats, log_scales, opacity_logits, sh } = scene;
-        Gaussians::from_tensors(
-            updated(means, gradients, &mut self.means, config(2e-3)),
-            updated(quats, gradients, &mut self.quats, config(1e-2)),
-            updated(log_scales, gradients, &mut self.log_scales, config(1e-2)),
-            updated(opacity_logits, gradients, &mut self.opacity_logits, config(5e-2)),
-            updated(sh, gradients, &mut self.sh, config(2e-2)),
-        )
-    }
-}
-
-fn updated<const D: usize>(
-    param: Param<Tensor<D>>,
-    gradients: &Gradients,
-    moments: &mut Option<[Tensor<D>; 2]>,
-    config: AdamConfig,
-) -> Tensor<D> {
-    let gradient = param.grad(gradients).expect("every parameter takes part in the image");
-    let [m, v] = moments.take().unwrap_or_else(|| [gradient.zeros_like(), gradient.zeros_like()]);
-    let (param, m, v) = adam_step(param.into_value(), gradient, m, v, &config);
-    *moments = Some([m, v]);
-    param.autodiff()
+/// Learning rates, a step.
+fn rate(path: &str) -> Option<AdamRate> {
+    let lr = match path {
+        "means" => 2e-3,
+        "opacity_logits" => 5e-2,
+        "sh" => 2e-2,
+        _ => 1e-2,
+    };
+    Some(AdamRate::new(lr))
 }

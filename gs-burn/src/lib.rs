@@ -39,6 +39,7 @@
 #[doc = include_str!("../../README.md")]
 struct Readme;
 
+pub mod adam;
 pub mod camera;
 #[cfg(feature = "cube")]
 mod cube;
@@ -46,19 +47,24 @@ pub mod device;
 mod exact;
 pub mod exposure;
 pub mod gaussians;
+pub mod named_parameters;
 pub mod ops;
 pub mod ply;
 pub mod profile;
 pub mod render;
+pub mod row_map;
 
 mod slices;
 #[cfg(test)]
 mod testing;
 
+pub use adam::{Adam, AdamRate};
 pub use camera::{Camera, Intrinsics};
 pub use exact::exact_matmul;
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;
 pub use gs_kernels::{constants, limits};
+pub use named_parameters::{NamedGradients, NamedParameter, map_parameters, named_parameters, try_map_parameters};
 pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
+pub use row_map::RowMap;

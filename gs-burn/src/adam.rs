@@ -1,0 +1,183 @@
+//! Adam (Kingma and Ba 2015) for any module, with a rate for each path and moments that follow rows.
+//!
+//! Burn's own optimisers keep moments by parameter id and tensor shape. Gaussians are copied and removed while they are
+//! trained, and an optimiser that cannot follow would begin anew each time; so the moments lie here, by path, where
+//! [`Adam::follow`] moves them along. The update itself is [`adam_step`], which works in place.
+//!
+//! ```
+//! use burn::module::Module;
+//! use gs_burn::adam::{Adam, AdamRate};
+//! use gs_burn::NamedGradients;
+//! # use burn::tensor::Tensor;
+//! # fn one_step<M: Module>(module: M, mut adam: Adam, loss: impl Fn(&M) -> Tensor<1>) -> (M, Adam) {
+//! // The module lives outside autodiff; its parameters are leaves of one step's graph.
+//! let tracked = module.clone().train();
+//! let mut gradients = loss(&tracked).backward();
+//! let gradients = NamedGradients::take(&tracked, &mut gradients);
+//! // Nobody else may hold a tensor that is to be updated in place.
+//! drop(tracked);
+//! let module = adam.step(module, gradients, |path| match path {
+//!     "gaussians.means" => Some(AdamRate::new(1.6e-4)),
+//!     path if path.starts_with("gaussians.") => Some(AdamRate::new(1e-3)),
+//!     _ => None,
+//! });
+//! # (module, adam) }
+//! ```
+
+use std::collections::BTreeMap;
+
+use burn::module::Module;
+use burn::tensor::{Tensor, s};
+
+use crate::named_parameters::{NamedGradients, map_parameters};
+use crate::ops::adam::{AdamConfig, adam_step};
+use crate::row_map::RowMap;
+
+/// How one parameter is updated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AdamRate {
+    /// Learning rate, in the parameter's unit a step. With 0 the moments go on without a change of the parameter.
+    pub lr: f64,
+    /// Decay of the first moment, 0 to 1.
+    pub beta1: f64,
+    /// Decay of the second moment, 0 to 1.
+    pub beta2: f64,
+    /// Added to the root of the second moment; keeps a parameter without gradients where it is.
+    pub eps: f64,
+    /// The first columns of the parameter's table at a rate of their own: how many, and their rate. One tensor of SH
+    /// coefficients needs two rates, for the base colour and for the rest.
+    pub first_columns: Option<(usize, f64)>,
+}
+
+impl AdamRate {
+    /// `lr` with the values of 3DGS: 0.9, 0.999 and 1e-15. Gradients of a mean over a million pixels are tiny, so a usual `eps`
+    /// of 1e-8 would swallow them.
+    pub fn new(lr: f64) -> Self {
+        Self { lr, beta1: 0.9, beta2: 0.999, eps: 1e-15, first_columns: None }
+    }
+
+    fn config(&self, step: u64) -> AdamConfig {
+        AdamConfig { lr: self.lr, beta1: self.beta1, beta2: self.beta2, eps: self.eps, step }
+    }
+}
+
+/// The moments of one parameter, tables `[rows, columns]` as in [`NamedParameter`](crate::NamedParameter).
+#[derive(Debug, Clone)]
+pub struct Moments {
+    /// Running mean of the gradient.
+    pub first: Tensor<2>,
+    /// Running mean of the squared gradient.
+    pub second: Tensor<2>,
+}
+
+/// The optimiser's state. A checkpoint stores both fields.
+#[derive(Debug, Clone, Default)]
+pub struct Adam {
+    /// Moments by path; a parameter that was never updated has none, which means zero.
+    pub moments: BTreeMap<String, Moments>,
+    /// Updates so far. One count serves all paths: the bias correction of a parameter whose moments begin late, or anew,
+    /// is that of the others.
+    pub updates: u64,
+}
+
+impl Adam {
+    /// No updates yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// One update of each parameter of `module` that has a gradient and a rate; all others, and their moments, stay.
+    ///
+    /// # Panics
+    /// When a gradient or the moments have another shape than the parameter.
+    pub fn step<M: Module>(
+        &mut self,
+        module: M,
+        mut gradients: NamedGradients,
+        rate: impl Fn(&str) -> Option<AdamRate>,
+    ) -> M {
+        self.updates += 1;
+        map_parameters(module, |path, table| {
+            let Some((gradient, rate)) = gradients.remove(path).zip(rate(path)) else { return table };
+            if table.dims().contains(&0) {
+                return table;
+            }
+            self.update(path, table, gradient, &rate)
+        })
+    }
+
+    fn update(&mut self, path: &str, table: Tensor<2>, gradient: Tensor<2>, rate: &AdamRate) -> Tensor<2> {
+        let shape = table.dims();
+        assert_eq!(gradient.dims(), shape, "shape of the gradient of {path}");
+        // Taken out of its place, so that each buffer has one owner and is updated in place.
+        let Moments { first, second } = self
+            .moments
+            .remove(path)
+            .unwrap_or_else(|| Moments { first: table.zeros_like(), second: table.zeros_like() });
+        assert_eq!(first.dims(), shape, "shape of the moments of {path}: they did not follow its rows");
+        let config = rate.config(self.updates);
+        let (mut table, first, second) = adam_step(table, gradient, first, second, &config);
+        if let Some((columns, lr)) = rate.first_columns {
+            table = catch_up(table, &first, &second, columns.min(shape[1]), lr - rate.lr, &config);
+        }
+        self.moments.insert(path.into(), Moments { first, second });
+        table
+    }
+
+    /// Moments of the parameter `path`, or of all parameters under it, follow their rows.
+    pub fn follow(&mut self, path: &str, rows: &RowMap) {
+        for moments in self.under(path) {
+            for table in [&mut moments.first, &mut moments.second] {
+                *table = rows.select_moments(table.clone());
+            }
+        }
+    }
+
+    /// Moments of the parameter `path` get zero columns up to `columns`.
+    pub fn widen(&mut self, path: &str, columns: usize) {
+        for moments in self.under(path) {
+            for table in [&mut moments.first, &mut moments.second] {
+                let [rows, present] = table.dims();
+                if present < columns {
+                    let options = (&table.device(), table.dtype());
+                    *table = Tensor::cat(vec![table.clone(), Tensor::zeros([rows, columns - present], options)], 1);
+                }
+            }
+        }
+    }
+
+    /// Moments of the parameter `path`, or of all under it, become zero.
+    pub fn forget(&mut self, path: &str) {
+        self.moments.retain(|found, _| !is_under(found, path));
+    }
+
+    fn under<'a>(&'a mut self, path: &'a str) -> impl Iterator<Item = &'a mut Moments> {
+        self.moments.iter_mut().filter(move |(found, _)| is_under(found, path)).map(|(_, moments)| moments)
+    }
+}
+
+/// Whether `found` is `path` or lies under it.
+fn is_under(found: &str, path: &str) -> bool {
+    found.strip_prefix(path).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
+/// Moves the first `columns` columns by `missing_lr` more. Adam's step is proportional to the rate and its moments do not
+/// depend on it, so they get the rest from the moments just written, and the tensor stays in one piece.
+fn catch_up(
+    table: Tensor<2>,
+    first: &Tensor<2>,
+    second: &Tensor<2>,
+    columns: usize,
+    missing_lr: f64,
+    config: &AdamConfig,
+) -> Tensor<2> {
+    let part = s![.., 0..columns];
+    let updates = i32::try_from(config.step).unwrap_or(i32::MAX);
+    let mean = first.clone().slice(part) / (1.0 - config.beta1.powi(updates));
+    let spread = (second.clone().slice(part) / (1.0 - config.beta2.powi(updates))).sqrt() + config.eps;
+    let moved = table.clone().slice(part) - mean / spread * missing_lr;
+    table.slice_assign(part, moved)
+}
+
+#[cfg(test)]
+mod tests;

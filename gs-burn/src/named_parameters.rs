@@ -1,0 +1,383 @@
+//! The learned tensors of any module, by path.
+//!
+//! A module's learned tensors are its float `Param`s; plain tensors and numbers in it are constants. The path of a
+//! parameter joins the fields that lead to it, such as `method.motion.position` or `mlp.layers.0.weight`; an `Option`
+//! adds nothing to it. The optimiser, checkpoints, byte counts and the check for NaN all walk a module this way, so a
+//! new network adds no line to any of them.
+//!
+//! Parameters have different ranks. A list of them holds each as a table `[rows, columns]`: the first axis, and all
+//! others together. Reshaping to and from a table copies nothing.
+
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
+use burn::tensor::{Gradients, Tensor};
+
+/// A learned tensor and where it is in its module.
+#[derive(Debug, Clone)]
+pub struct NamedParameter {
+    /// Names of the fields that lead to it, joined by dots.
+    pub path: String,
+    /// Its own shape.
+    pub shape: Vec<usize>,
+    /// Its values as a table `[shape[0], product of the rest]`, outside autodiff.
+    pub table: Tensor<2>,
+}
+
+impl NamedParameter {
+    fn new<const D: usize>(path: String, tensor: Tensor<D>) -> Self {
+        Self { path, shape: tensor.dims().to_vec(), table: to_table(tensor.inner()) }
+    }
+
+    /// Bytes of its values.
+    pub fn bytes(&self) -> usize {
+        self.shape.iter().product::<usize>() * self.table.dtype().size()
+    }
+}
+
+/// The learned tensors of `module`, in the order of its fields.
+pub fn named_parameters<M: Module>(module: &M) -> Vec<NamedParameter> {
+    struct Visitor {
+        path: Path,
+        found: Vec<NamedParameter>,
+    }
+    impl ModuleVisitor for Visitor {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            self.found.push(NamedParameter::new(self.path.joined(), param.val()));
+        }
+        fn enter_module(&mut self, name: &str, _container_type: &str) {
+            self.path.enter(name);
+        }
+        fn exit_module(&mut self, _name: &str, _container_type: &str) {
+            self.path.exit();
+        }
+    }
+    let mut visitor = Visitor { path: Path::default(), found: Vec::new() };
+    module.visit(&mut visitor);
+    visitor.found
+}
+
+/// Bytes of all learned tensors of `module`.
+pub fn parameter_bytes<M: Module>(module: &M) -> usize {
+    named_parameters(module).iter().map(NamedParameter::bytes).sum()
+}
+
+/// The module with `f(path, table)` in place of each learned tensor.
+///
+/// `f` receives and returns values outside autodiff; a parameter on an autodiff device becomes a leaf of a new graph, which
+/// requires a gradient if it did before. The module is consumed so that `f` is the only owner of a tensor that nobody else
+/// holds, and can change it in place. The first axis may change its length; of the others, the second takes up what the
+/// number of columns changes (a table of SH coefficients grows by whole coefficients).
+///
+/// # Panics
+/// When the columns of a returned table do not fit the parameter's other axes.
+pub fn map_parameters<M: Module>(module: M, mut f: impl FnMut(&str, Tensor<2>) -> Tensor<2>) -> M {
+    let mapped = try_map_parameters(module, |parameter| {
+        let NamedParameter { path, table, .. } = parameter;
+        Ok::<_, Infallible>(f(&path, table))
+    });
+    match mapped {
+        Ok(module) => module,
+        Err(never) => match never {},
+    }
+}
+
+/// [`map_parameters`] with an `f` that may fail, such as one that reads a file; it also learns the parameter's shape.
+///
+/// # Errors
+/// The first error of `f`, which is not called again after it.
+///
+/// # Panics
+/// As [`map_parameters`].
+pub fn try_map_parameters<M: Module, E>(
+    module: M,
+    f: impl FnMut(NamedParameter) -> Result<Tensor<2>, E>,
+) -> Result<M, E> {
+    struct Mapper<F, E> {
+        path: Path,
+        f: F,
+        error: Option<E>,
+    }
+    impl<F: FnMut(NamedParameter) -> Result<Tensor<2>, E>, E> ModuleMapper for Mapper<F, E> {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            if self.error.is_some() {
+                return param;
+            }
+            let (id, tensor, mapper): (ParamId, Tensor<D>, _) = param.consume();
+            let (shape, is_autodiff, is_leaf) = (tensor.dims(), tensor.is_autodiff(), tensor.is_require_grad());
+            let device = tensor.device();
+            let path = self.path.joined();
+            match (self.f)(NamedParameter::new(path.clone(), tensor)) {
+                Ok(table) => {
+                    let mut tensor = from_table(table.inner(), shape, &path);
+                    if is_autodiff {
+                        tensor = tensor.autodiff();
+                    }
+                    if is_leaf {
+                        tensor = tensor.require_grad();
+                    }
+                    Param::from_mapped_value(id, tensor, mapper)
+                }
+                Err(error) => {
+                    self.error = Some(error);
+                    // The module is dropped; this only has to be some tensor.
+                    Param::from_mapped_value(id, Tensor::empty(shape, &device), mapper)
+                }
+            }
+        }
+        fn enter_module(&mut self, name: &str, _container_type: &str) {
+            self.path.enter(name);
+        }
+        fn exit_module(&mut self, _name: &str, _container_type: &str) {
+            self.path.exit();
+        }
+    }
+    let mut mapper = Mapper { path: Path::default(), f, error: None };
+    let module = module.map(&mut mapper);
+    mapper.error.map_or(Ok(module), Err)
+}
+
+/// Gradients of a module's learned tensors by path, each a table as in [`NamedParameter`], outside autodiff.
+#[derive(Debug, Default)]
+pub struct NamedGradients {
+    tables: BTreeMap<String, Tensor<2>>,
+}
+
+impl NamedGradients {
+    /// Takes the gradients of `module`'s leaves out of a finished backward pass. A leaf that the loss does not reach has
+    /// gradient zero; a parameter outside autodiff, or one that is frozen, has none.
+    pub fn take<M: Module>(module: &M, gradients: &mut Gradients) -> Self {
+        struct Visitor<'a> {
+            path: Path,
+            gradients: &'a mut Gradients,
+            tables: BTreeMap<String, Tensor<2>>,
+        }
+        impl ModuleVisitor for Visitor<'_> {
+            fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+                let leaf = param.val();
+                if !leaf.is_require_grad() {
+                    return;
+                }
+                let gradient = leaf.grad_remove(self.gradients).unwrap_or_else(|| leaf.inner().zeros_like());
+                self.tables.insert(self.path.joined(), to_table(gradient));
+            }
+            fn enter_module(&mut self, name: &str, _container_type: &str) {
+                self.path.enter(name);
+            }
+            fn exit_module(&mut self, _name: &str, _container_type: &str) {
+                self.path.exit();
+            }
+        }
+        let mut visitor = Visitor { path: Path::default(), gradients, tables: BTreeMap::new() };
+        module.visit(&mut visitor);
+        Self { tables: visitor.tables }
+    }
+
+    /// The gradient of one parameter.
+    pub fn get(&self, path: &str) -> Option<&Tensor<2>> {
+        self.tables.get(path)
+    }
+
+    /// Puts a gradient in place of the present one, or beside the others: one that comes from elsewhere than the graph.
+    pub fn insert(&mut self, path: impl Into<String>, table: Tensor<2>) {
+        self.tables.insert(path.into(), table);
+    }
+
+    /// Takes one out: its parameter stays as it is in the next update.
+    pub fn remove(&mut self, path: &str) -> Option<Tensor<2>> {
+        self.tables.remove(path)
+    }
+
+    /// All of them, by path.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Tensor<2>)> {
+        self.tables.iter().map(|(path, table)| (path.as_str(), table))
+    }
+
+    /// Whether every gradient is finite; see [`all_finite`].
+    pub fn all_finite(&self) -> bool {
+        all_finite(self.tables.values().cloned())
+    }
+}
+
+/// Whether every number of `tables` is finite, with one read from the device for all of them.
+///
+/// Sums carry NaN and infinity along. Finite numbers whose sum overflows count as not finite: a gradient of that size is
+/// of no use either.
+pub fn all_finite(tables: impl IntoIterator<Item = Tensor<2>>) -> bool {
+    finiteness(tables).is_none_or(|sum| sum.into_data().iter::<f64>().all(f64::is_finite))
+}
+
+/// One number `[1]` that is finite only if all numbers of `tables` are, still on the device; `None` without numbers.
+pub fn finiteness(tables: impl IntoIterator<Item = Tensor<2>>) -> Option<Tensor<1>> {
+    let filled = tables.into_iter().filter(|table| !table.dims().contains(&0));
+    filled.map(Tensor::sum).reduce(|a, b| a + b)
+}
+
+/// The fields that lead to where a walk is.
+#[derive(Default)]
+struct Path(Vec<String>);
+
+impl Path {
+    fn enter(&mut self, name: &str) {
+        self.0.push(name.into());
+    }
+
+    fn exit(&mut self) {
+        self.0.pop();
+    }
+
+    fn joined(&self) -> String {
+        self.0.join(".")
+    }
+}
+
+/// `[shape[0], product of the rest]`.
+fn to_table<const D: usize>(tensor: Tensor<D>) -> Tensor<2> {
+    let shape = tensor.dims();
+    let table = [shape[0], shape[1..].iter().product()];
+    // To Burn's `reshape` a 0 means "as before".
+    if shape.contains(&0) { Tensor::zeros(table, (&tensor.device(), tensor.dtype())) } else { tensor.reshape(table) }
+}
+
+fn from_table<const D: usize>(table: Tensor<2>, mut shape: [usize; D], path: &str) -> Tensor<D> {
+    let [rows, columns] = table.dims();
+    shape[0] = rows;
+    if D > 1 {
+        let others: usize = shape[2..].iter().product();
+        shape[1] = columns / others.max(1);
+    }
+    let fits = shape[1..].iter().product::<usize>() == columns;
+    assert!(fits, "{columns} columns do not fit the axes of {path}, {shape:?}");
+    if shape.contains(&0) { Tensor::zeros(shape, (&table.device(), table.dtype())) } else { table.reshape(shape) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, Scene, values};
+    use crate::{Gaussians, RowMap};
+
+    #[derive(Module, Debug)]
+    struct Inner {
+        weights: Vec<Param<Tensor<2>>>,
+        constant: Tensor<1>,
+        unit: f64,
+    }
+
+    #[derive(Module, Debug)]
+    struct Model {
+        gaussians: Gaussians,
+        inner: Option<Inner>,
+        none: Option<Inner>,
+    }
+
+    /// Three Gaussians and two matrices, outside autodiff.
+    fn model() -> Model {
+        let mut random = Random(5);
+        let mut weight = |shape| Param::from_tensor(random.tensor(shape, -1.0, 1.0).inner());
+        let weights = vec![weight([2, 4]), weight([4, 1])];
+        let inner = Inner { weights, constant: Tensor::ones([2], &crate::testing::device()), unit: 2.0 };
+        Model { gaussians: Scene::random(3, 1, 4).gaussians().valid(), inner: Some(inner), none: None }
+    }
+
+    const PATHS: [&str; 7] = [
+        "gaussians.means",
+        "gaussians.quats",
+        "gaussians.log_scales",
+        "gaussians.opacity_logits",
+        "gaussians.sh",
+        "inner.weights.0",
+        "inner.weights.1",
+    ];
+
+    #[test]
+    fn parameters_have_a_path_a_shape_and_bytes() {
+        let model = model();
+        let found = named_parameters(&model);
+        assert_eq!(found.iter().map(|parameter| parameter.path.as_str()).collect::<Vec<_>>(), PATHS);
+        let shapes: Vec<&[usize]> = found.iter().map(|parameter| parameter.shape.as_slice()).collect();
+        let expected: [&[usize]; 7] = [&[3, 3], &[3, 4], &[3, 3], &[3], &[3, 4, 3], &[2, 4], &[4, 1]];
+        assert_eq!(shapes, expected);
+        assert_eq!(found[3].table.dims(), [3, 1]);
+        assert_eq!(found[4].table.dims(), [3, 12]);
+        assert_eq!(values(&found[4].table), values(&model.gaussians.sh.val()));
+        // 9 + 12 + 9 + 3 + 36 + 8 + 4 numbers of 8 bytes.
+        assert_eq!(parameter_bytes(&model), 8 * 81);
+    }
+
+    #[test]
+    fn replacing_keeps_ids_ranks_and_constants() {
+        let model = model();
+        let id = model.gaussians.sh.id;
+        let doubled = map_parameters(model.clone(), |_, table| table * 2.0);
+        assert_eq!(doubled.gaussians.sh.id, id);
+        assert_eq!(doubled.gaussians.sh.dims(), [3, 4, 3]);
+        assert_eq!(values(&doubled.gaussians.sh.val()), values(&(model.gaussians.sh.val() * 2.0)));
+        let inner = doubled.inner.expect("present before");
+        assert_eq!((values(&inner.constant), inner.unit), (vec![1.0; 2], 2.0));
+
+        let wider = map_parameters(model, |path, table| match path {
+            "gaussians.sh" => Tensor::cat(vec![table.clone(), table.zeros_like(), table.narrow(1, 0, 3)], 1),
+            _ => table,
+        });
+        assert_eq!(wider.gaussians.sh.dims(), [3, 9, 3]);
+    }
+
+    #[test]
+    #[should_panic(expected = "13 columns do not fit the axes of gaussians.sh")]
+    fn columns_that_fit_no_axis_are_refused() {
+        map_parameters(model(), |path, table| match path {
+            "gaussians.sh" => Tensor::cat(vec![table.clone(), table.narrow(1, 0, 1)], 1),
+            _ => table,
+        });
+    }
+
+    #[test]
+    fn leaves_stay_leaves_and_plain_tensors_plain() {
+        let plain = map_parameters(model(), |_, table| table);
+        assert!(!plain.gaussians.means.is_autodiff());
+        // Marked as learned all the same: `train` makes leaves of them.
+        let tracked = map_parameters(plain.train(), |_, table| table + 1.0);
+        assert!(tracked.gaussians.sh.is_require_grad());
+        let loss = tracked.gaussians.sh.val().sum();
+        let gradients = NamedGradients::take(&tracked, &mut loss.backward());
+        assert_eq!(values(gradients.get("gaussians.sh").expect("a leaf")), [1.0; 36]);
+        assert_eq!(values(gradients.get("inner.weights.0").expect("zero, not absent")), [0.0; 8]);
+        assert_eq!(gradients.iter().count(), PATHS.len());
+    }
+
+    #[test]
+    fn the_first_error_ends_the_walk() {
+        let mut calls = 0;
+        let answer = try_map_parameters(model(), |parameter| {
+            calls += 1;
+            if parameter.shape == [3, 4] { Err(parameter.path) } else { Ok(parameter.table) }
+        });
+        assert_eq!((answer.err().as_deref(), calls), (Some("gaussians.quats"), 2));
+    }
+
+    #[test]
+    fn one_number_tells_whether_all_are_finite() {
+        let tables = || named_parameters(&model()).into_iter().map(|parameter| parameter.table);
+        assert!(all_finite(tables()));
+        assert!(all_finite([]));
+        for bad in [f64::NAN, f64::INFINITY] {
+            let broken = tables().enumerate().map(|(i, table)| if i == 4 { table * bad } else { table });
+            assert!(!all_finite(broken));
+        }
+    }
+
+    #[test]
+    fn no_gaussians_are_no_special_case() {
+        let none = RowMap { from: Vec::new(), reset: Vec::new() };
+        let model = map_parameters(model(), |path, table| match path {
+            path if path.starts_with("gaussians.") => none.select(table),
+            _ => table,
+        });
+        assert_eq!(model.gaussians.sh.dims(), [0, 4, 3]);
+        assert_eq!(model.gaussians.opacity_logits.dims(), [0]);
+        assert_eq!(named_parameters(&model)[4].table.dims(), [0, 12]);
+        assert_eq!(parameter_bytes(&model), 8 * 12);
+    }
+}
