@@ -8,7 +8,7 @@
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::{Intrinsics, exact_matmul, profile};
 
-use super::pixels::Pixels;
+use crate::pixels::Pixels;
 
 /// Points are kept at least this far before the camera, scene units: the renderer's default near plane. A pixel whose
 /// depth is less shows nothing, and is taken not to move.

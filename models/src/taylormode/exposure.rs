@@ -1,8 +1,9 @@
 //! When light is gathered: the exposure's samples (Eq. 7), with a duration that can be learned.
 
+use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::taylor_motion::Instant;
+use super::paths::Instant;
 
 /// Where in the exposure the samples lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,10 +36,10 @@ impl Samples {
 }
 
 /// How long the shutter is open, learned as a logarithm so that it stays positive.
-#[derive(Debug, Clone)]
+#[derive(Module, Debug)]
 pub struct Exposure {
-    /// `[1, 1]`, natural logarithm of `tau`, the data set's unit of time.
-    pub log_tau: Tensor<2>,
+    /// `[1]`, natural logarithm of `tau`, the data set's unit of time.
+    pub log_tau: Param<Tensor<1>>,
 }
 
 impl Exposure {
@@ -48,12 +49,12 @@ impl Exposure {
     /// When `tau` is not positive: such an exposure has no blur to model.
     pub fn new(tau: f64, device: &Device) -> Self {
         assert!(tau > 0.0 && tau.is_finite(), "an exposure must be positive, it is {tau}");
-        Self { log_tau: Tensor::from_data(TensorData::new(vec![tau.ln()], [1, 1]), device) }
+        Self { log_tau: Param::from_tensor(Tensor::from_data(TensorData::new(vec![tau.ln()], [1]), device)) }
     }
 
     /// `tau`, `[1]`.
     pub fn tau(&self) -> Tensor<1> {
-        self.log_tau.clone().exp().reshape([1])
+        self.log_tau.val().exp()
     }
 
     /// `tau` on the host; reads it back from the device.
@@ -70,7 +71,7 @@ impl Exposure {
 
     /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, so is
     /// each moment's [`shift`](Instant::shift), and the exposure is learned through where the Gaussians are; exact,
-    /// because the derivative of a place by time is its velocity. Reads `tau` back from the device.
+    /// because the derivative of a position by time is its velocity. Reads `tau` back from the device.
     pub fn instants(&self, t: f64, samples: Samples, count: usize) -> Vec<Instant> {
         let tau = self.tau_on_host();
         let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
@@ -79,15 +80,5 @@ impl Exposure {
             shift: change.clone().filter(|_| offset != 0.0).map(|change| change * offset),
         };
         samples.offsets(count).into_iter().map(instant).collect()
-    }
-
-    /// The learned tensor.
-    pub fn tensors(&self) -> Vec<Tensor<2>> {
-        vec![self.log_tau.clone()]
-    }
-
-    /// With `f` of the learned tensor.
-    pub fn map(&self, mut f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
-        Self { log_tau: f(self.log_tau.clone()) }
     }
 }

@@ -8,16 +8,20 @@
 //! When something is hit all of it is, at one time; so the contacts' times are found once for the scene, and the Gaussians learn
 //! only by how much their own velocity jumps.
 
+use burn::module::{Module, Param, ParamId};
 use burn::tensor::Tensor;
+use serde::{Deserialize, Serialize};
 
 use super::window::{Sample, TimeWindow, best_line, continued};
 
 /// When a contact begins and ends, in window units; both on the same side of 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
     /// The end nearer to `t0`.
+    #[serde(with = "crate::bits")]
     pub near: f64,
     /// The end farther from it, not equal.
+    #[serde(with = "crate::bits")]
     pub far: f64,
 }
 
@@ -53,16 +57,29 @@ impl Contact {
     }
 }
 
-/// Kinks of moving Gaussians, at all times.
-#[derive(Debug, Clone)]
+/// Kinks of `M` moving Gaussians, at all times.
+#[derive(Module, Debug)]
 pub struct Kinks {
-    /// `J` contacts.
-    pub contacts: Vec<Contact>,
     /// `[M, 3 J]`, a block of three per contact: the change of velocity, scene units per window unit of time.
-    pub jumps: Tensor<2>,
+    pub jumps: Param<Tensor<2>>,
+    /// `J` contacts, the same for all Gaussians.
+    #[module(skip)]
+    pub contacts: Vec<Contact>,
 }
 
 impl Kinks {
+    /// Kinks at `contacts`; `jumps` as at the field.
+    ///
+    /// # Panics
+    /// When `jumps` has not three columns a contact.
+    pub fn new(contacts: Vec<Contact>, jumps: Tensor<2>) -> Self {
+        assert_eq!(jumps.dims()[1], 3 * contacts.len(), "a jump has three columns a contact");
+        // A tensor that is already in a graph stays in it.
+        let jumps =
+            if jumps.is_tracked() { Param::initialized(ParamId::new(), jumps) } else { Param::from_tensor(jumps) };
+        Self { jumps, contacts }
+    }
+
     /// The ramps at `s` (window units), one per block of [`jumps`](Self::jumps).
     pub fn functions(&self, s: f64) -> Vec<Sample> {
         self.contacts.iter().map(|contact| contact.ramp(s)).collect()

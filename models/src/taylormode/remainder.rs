@@ -1,7 +1,7 @@
-//! The remainder `R_n(t)` of Eq. 2 in three dimensions: what the polynomial of a Gaussian leaves over.
+//! The remainder `R_n(t)` of Eq. 2 in three dimensions: the part of a Gaussian's motion that its polynomial misses.
 //!
 //! `R(s) = s^(n+1) sum_j w_j phi_j(s)`, `phi = 1, cos(pi s), sin(pi s), cos(2 pi s), sin(2 pi s)`, with the vectors `w_j`
-//! from one small network shared by all Gaussians, asked at the Gaussian's place at `t0`. The factor `s^(n+1)` makes it a
+//! from one small network shared by all Gaussians, asked at the Gaussian's position at `t0`. The factor `s^(n+1)` makes it a
 //! Peano remainder by construction: it vanishes faster than `|t - t0|^n` whatever the network says. Time enters through
 //! fixed functions, so the velocity is analytic and exact, and the network runs once a step, not once a time.
 //!
@@ -10,10 +10,13 @@
 
 use std::f64::consts::PI;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use serde::{Deserialize, Serialize};
 
+use super::velocity_map::row;
 use super::window::{Sample, best_line, continued};
-use crate::network::Mlp;
+use crate::mlp::{Mlp, MlpConfig};
 
 /// Oscillations in half a window that the time functions reach. More resolve shorter shocks and fit more noise.
 const OCTAVES: usize = 2;
@@ -22,43 +25,49 @@ const FUNCTIONS: usize = 1 + 2 * OCTAVES;
 /// Units of the two hidden layers.
 const HIDDEN: usize = 32;
 
-/// The learned part: place at `t0` to the weights of the time functions.
-#[derive(Debug, Clone)]
-pub struct RemainderNetwork {
-    /// `[M, 3]` to `[M, 3 * 5]`.
-    pub mlp: Mlp,
-    /// `[1, 3]`, subtracted from places, scene units.
-    pub centre: Tensor<2>,
-    /// Places are divided by this, answers multiplied, scene units: about the size of what moves. A step of Adam
-    /// changes each weight by its rate, so 1e-4 moves no Gaussian by more than a hundredth of it.
+/// All of a [`RemainderNetwork`] that is not learned; as JSON to the bit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RemainderFrame {
+    /// Centre of the moving Gaussians, scene units.
+    #[serde(with = "crate::bits")]
+    pub centre: [f64; 3],
+    /// Their extent, scene units, positive. Positions are divided by it and answers multiplied: a step of Adam changes each
+    /// weight by its rate, so a rate of 1e-4 moves no Gaussian by more than a hundredth of the extent.
+    #[serde(with = "crate::bits")]
     pub scale: f64,
-    /// `n`, the highest power of the polynomial that this completes.
+    /// `n`, the highest power of the polynomial that the remainder completes.
     pub order: usize,
 }
 
+impl RemainderFrame {
+    /// A remainder that is zero until it is trained.
+    pub fn init(self, seed: u64, device: &Device) -> RemainderNetwork {
+        let sizes = vec![3, HIDDEN, HIDDEN, 3 * FUNCTIONS];
+        let mlp = MlpConfig::new(sizes).with_seed(seed).with_zero_last(true).init(device);
+        RemainderNetwork { mlp, frame: self }
+    }
+}
+
+/// The learned part: position at `t0` to the weights of the time functions.
+#[derive(Module, Debug)]
+pub struct RemainderNetwork {
+    /// `[M, 3]` to `[M, 3 * 5]`.
+    pub mlp: Mlp,
+    /// Where positions are measured from, and in what unit.
+    #[module(skip)]
+    pub frame: RemainderFrame,
+}
+
 impl RemainderNetwork {
-    /// A remainder that is zero until it is trained; `centre` and `scale` (scene units, positive) of what moves.
-    pub fn new(order: usize, centre: [f64; 3], scale: f64, seed: u64, device: &Device) -> Self {
-        Self {
-            mlp: Mlp::new(&[3, HIDDEN, HIDDEN, 3 * FUNCTIONS], seed, true, device),
-            centre: Tensor::from_data(TensorData::new(centre.to_vec(), [1, 3]), device),
-            scale,
-            order,
-        }
-    }
-
-    /// The weights at `places` `[M, 3]`, the moving centres at `t0`. No gradient reaches the places: a Gaussian is not
+    /// The weights at `positions` `[M, 3]`, the moving centres at `t0`. No gradient reaches the positions: a Gaussian is not
     /// pulled to where the network happens to give a better answer.
-    pub fn evaluate(&self, places: Tensor<2>) -> Remainder {
-        let centre = self.centre.clone().cast(places.dtype());
-        let input = (places.inner() - centre) * (1.0 / self.scale);
-        let weights = self.mlp.forward(input) * (self.scale / FUNCTIONS as f64);
-        Remainder { weights, order: self.order }
-    }
-
-    /// With `f` of every learned tensor.
-    pub fn map(&self, f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
-        Self { mlp: self.mlp.map(f), ..self.clone() }
+    pub fn evaluate(&self, positions: Tensor<2>) -> Remainder {
+        let RemainderFrame { centre, scale, order } = self.frame;
+        let positions = positions.inner();
+        let centre = row(centre, &positions);
+        let input = (positions - centre) * (1.0 / scale);
+        let weights = self.mlp.forward(input) * (scale / FUNCTIONS as f64);
+        Remainder { weights, order }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Less motion than asked for: group shrinkage of the Taylor coefficients, in pixels.
+//! Sparse motion: group shrinkage of the Taylor coefficients, in pixels.
 //!
 //! Every block `c_k` of a Gaussian is pulled towards zero by the proximal step of the group lasso (Yuan and Lin 2006):
 //! `c_k <- max(0, 1 - threshold / n_k) c_k`, with `n_k` the block's motion over half the window as the nearest camera sees
@@ -8,9 +8,9 @@
 
 use gs_burn::glam::{DMat4, DVec3};
 
-/// What decides how large a camera sees a displacement: where it is and its focal length.
+/// A camera's pose and focal length, which decide how many pixels a displacement spans.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sight {
+pub struct ViewScale {
     /// World to camera.
     pub viewmat: DMat4,
     /// The larger focal length, pixels.
@@ -32,12 +32,12 @@ pub fn shrink(path: &mut [f32], pixels_per_unit: f64, pixels: f64) {
 ///
 /// Whether it is inside the image does not count, because it may be at another time. One that no camera has in front of it
 /// gets infinity: nothing speaks against its motion, so it keeps it.
-pub fn pixels_per_unit(means: &[f32], rows: &[u32], cameras: &[Sight]) -> Vec<f64> {
+pub fn pixels_per_unit(means: &[f32], rows: &[u32], cameras: &[ViewScale]) -> Vec<f64> {
     let one = |row: &u32| {
         let mean = &means[3 * *row as usize..][..3];
-        let place = DVec3::from([0, 1, 2].map(|axis| f64::from(mean[axis])));
+        let position = DVec3::from([0, 1, 2].map(|axis| f64::from(mean[axis])));
         let seen = cameras.iter().filter_map(|camera| {
-            let depth = camera.viewmat.transform_point3(place).z;
+            let depth = camera.viewmat.transform_point3(position).z;
             (depth > 0.0).then(|| camera.focal / depth)
         });
         let largest = seen.fold(0.0, f64::max);

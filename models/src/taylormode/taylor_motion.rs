@@ -1,232 +1,246 @@
-//! Motion as a Taylor series: Eq. 2, and its velocity, Eq. 3.
+//! The learned part of Eq. 2, as a Burn module: coefficients of position and rotation, kinks, and the remainder's network.
 //!
-//! `mu(t) = mu_0 + sum_{k=1..K} c_k s^k + R(s)`, `s = (t - t0) / half`, `c_k = f^(k) half^k / k!` `[3]`;
-//! `v(t) = (sum_k k c_k s^(k-1) + R'(s)) / half`. Coefficients are stored as the displacement they make at the window's
-//! edge, so all orders have one scale, whatever the unit of time, and one learning rate suits them all. Rotation has a
-//! series of its own, of the rotation vector ([`rotation`](super::rotation)). Only the rows listed move; the others cost
-//! nothing. Outside the window see [`window`](super::window).
+//! [`TaylorMotion`] holds it, [`MotionFrame`] everything beside it (which rows move, of which order, in which window of
+//! time), and [`Paths`] are both, ready to be asked at any time.
 
-use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData, assert_shape};
-use gs_burn::{Gaussians, exact_matmul, profile};
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use gs_burn::{Gaussians, RowMap};
+use serde::{Deserialize, Serialize};
 
-use super::kinks::Kinks;
-use super::remainder::Remainder;
-use super::rotation::turn;
-use super::window::{Sample, TimeWindow, powers};
-use crate::Motion;
+use super::kinks::{Contact, Kinks};
+use super::paths::Paths;
+use super::remainder::{RemainderFrame, RemainderNetwork};
+use super::window::TimeWindow;
+use crate::DynamicScene;
 
-/// How `M` of a scene's `N` Gaussians move.
-#[derive(Debug, Clone)]
-pub struct TaylorMotion {
-    /// `[M]`, which Gaussians move; each at most once.
-    pub rows: Tensor<1, Int>,
-    /// `[M, 3 K]`, blocks `c_1 .. c_K` of three, scene units: displacement at `|s| = 1`.
-    pub position: Tensor<2>,
-    /// `[M, 3 Kr]`, likewise for the rotation vector, radians, world axes.
-    pub rotation: Tensor<2>,
-    /// The window.
+/// All of a [`TaylorMotion`] that is not learned: its configuration, and beside its tensors all that a checkpoint needs. As
+/// JSON to the bit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MotionFrame {
+    /// The time of the expansion, and the stretch of time around it.
     pub window: TimeWindow,
-    /// What the polynomial leaves over, of the same `M` rows.
-    pub remainder: Option<Remainder>,
-    /// What a hit leaves over, of the same `M` rows.
-    pub kinks: Option<Kinks>,
+    /// First and last time of the recording, the data set's unit. The window need not be centred on it.
+    #[serde(with = "crate::bits")]
+    pub recording: [f64; 2],
+    /// Room for orders of the position, `K`, the same for all; may be 0.
+    pub order: usize,
+    /// Room for orders of the rotation, `Kr`; may be 0.
+    pub rotation_order: usize,
+    /// Rows of the `M` moving Gaussians in the scene, each at most once.
+    pub rows: Vec<u32>,
+    /// `[M]`, the highest order that each position still has, at most `K`.
+    pub orders: Vec<u8>,
+    /// `[M]`, the highest order that each rotation still has, at most `Kr`.
+    pub rotation_orders: Vec<u8>,
+    /// `J` contacts of the whole scene.
+    pub contacts: Vec<Contact>,
+    /// Of the remainder's network, where there is one.
+    pub remainder: Option<RemainderFrame>,
 }
 
-/// A time at which to move the Gaussians, through which a gradient may reach the time itself.
-#[derive(Debug, Clone)]
-pub struct Instant {
-    /// The data set's unit.
-    pub t: f64,
-    /// `[1]`, zero in value: its gradient is the loss's derivative by `t`. See
-    /// [`Exposure::instants`](super::Exposure::instants).
-    pub shift: Option<Tensor<1>>,
-}
+impl MotionFrame {
+    /// `rows` that may move at full `order` and `rotation_order` over `window`, without kinks or remainder. The recording is
+    /// the window.
+    pub fn new(rows: Vec<u32>, order: usize, rotation_order: usize, window: TimeWindow) -> Self {
+        Self {
+            window,
+            recording: [window.t0 - window.half, window.t0 + window.half],
+            order,
+            rotation_order,
+            orders: vec![order as u8; rows.len()],
+            rotation_orders: vec![rotation_order as u8; rows.len()],
+            rows,
+            contacts: Vec::new(),
+            remainder: None,
+        }
+    }
 
-impl From<f64> for Instant {
-    fn from(t: f64) -> Self {
-        Self { t, shift: None }
+    /// A motion that stands still: all coefficients and jumps are zero, and so is the remainder, whose network is drawn from
+    /// `seed`. A record or a checkpoint's tensors fill it.
+    ///
+    /// # Panics
+    /// When there is not one order a row.
+    pub fn init(&self, seed: u64, device: &Device) -> TaylorMotion {
+        let count = self.rows.len();
+        assert_eq!([self.orders.len(), self.rotation_orders.len()], [count; 2], "one order a moving row");
+        let zeros = |blocks: usize| Tensor::zeros([count, 3 * blocks], device);
+        let kinks = || Kinks::new(self.contacts.clone(), zeros(self.contacts.len()));
+        TaylorMotion {
+            position: Param::from_tensor(zeros(self.order)),
+            rotation: Param::from_tensor(zeros(self.rotation_order)),
+            kinks: (!self.contacts.is_empty()).then(kinks),
+            remainder: self.remainder.map(|frame| frame.init(seed, device)),
+            window: self.window,
+            recording: self.recording,
+            rows: self.rows.clone(),
+            orders: self.orders.clone(),
+            rotation_orders: self.rotation_orders.clone(),
+        }
     }
 }
 
+/// How `M` of a scene's Gaussians move, as it is learned. The formula is in [`paths`](super::paths).
+#[derive(Module, Debug)]
+pub struct TaylorMotion {
+    /// `[M, 3 K]`, blocks `c_1 .. c_K` of three, scene units: displacement at `|s| = 1`.
+    pub position: Param<Tensor<2>>,
+    /// `[M, 3 Kr]`, likewise for the rotation vector, radians, world axes.
+    pub rotation: Param<Tensor<2>>,
+    /// Sudden changes of velocity; `None` without contacts.
+    pub kinks: Option<Kinks>,
+    /// The network for the rest of the motion, where one is learned.
+    pub remainder: Option<RemainderNetwork>,
+    /// See [`MotionFrame`], as all that follows.
+    #[module(skip)]
+    pub window: TimeWindow,
+    /// First and last time of the recording.
+    #[module(skip)]
+    pub recording: [f64; 2],
+    /// `[M]`, rows of the moving Gaussians.
+    #[module(skip)]
+    pub rows: Vec<u32>,
+    /// `[M]`, highest order of each position.
+    #[module(skip)]
+    pub orders: Vec<u8>,
+    /// `[M]`, highest order of each rotation.
+    #[module(skip)]
+    pub rotation_orders: Vec<u8>,
+}
+
 impl TaylorMotion {
-    /// Gaussians `rows` that may move and do not yet: all coefficients zero, `order` of them for the position and
-    /// `rotation_order` for the rotation (either may be 0).
-    pub fn still(rows: &[u32], order: usize, rotation_order: usize, window: TimeWindow, device: &Device) -> Self {
-        let count = rows.len();
-        let rows: Vec<i32> = rows.iter().map(|row| *row as i32).collect();
-        Self {
-            rows: Tensor::from_data(TensorData::new(rows, [count]), device),
-            position: Tensor::zeros([count, 3 * order], device),
-            rotation: Tensor::zeros([count, 3 * rotation_order], device),
-            window,
-            remainder: None,
-            kinks: None,
+    /// Paths, below the motion's own, of the parameters with one row per moving Gaussian; the others are of the network.
+    pub const ROW_PARAMETERS: [&str; 3] = ["position", "rotation", "kinks.jumps"];
+
+    /// All that is not learned.
+    pub fn frame(&self) -> MotionFrame {
+        MotionFrame {
+            window: self.window,
+            recording: self.recording,
+            order: self.order(),
+            rotation_order: self.rotation_order(),
+            rows: self.rows.clone(),
+            orders: self.orders.clone(),
+            rotation_orders: self.rotation_orders.clone(),
+            contacts: self.contacts().to_vec(),
+            remainder: self.remainder.as_ref().map(|network| network.frame),
         }
     }
 
     /// `M`, how many Gaussians move.
     pub fn len(&self) -> usize {
-        self.rows.dims()[0]
+        self.rows.len()
     }
 
     /// Whether none moves.
     pub fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.rows.is_empty()
     }
 
-    /// `K`, the order of the position.
+    /// `K`, the highest order that positions have room for.
     pub fn order(&self) -> usize {
         self.position.dims()[1] / 3
     }
 
-    /// `Kr`, the order of the rotation.
+    /// `Kr`, the highest order that rotations have room for.
     pub fn rotation_order(&self) -> usize {
         self.rotation.dims()[1] / 3
     }
 
-    /// Moving centres less those of `t0`, `[M, 3]`, scene units. Eq. 2.
-    pub fn displacement(&self, t: f64) -> Tensor<2> {
-        self.position_sum(t, |sample| sample.value)
+    /// `J` contacts of the whole scene.
+    pub fn contacts(&self) -> &[Contact] {
+        self.kinks.as_ref().map_or(&[], |kinks| &kinks.contacts)
     }
 
-    /// Velocity of the moving centres, `[M, 3]`, scene units per unit of `t`: the exact derivative of
-    /// [`displacement`](Self::displacement), remainder included. Eq. 3.
-    pub fn velocity(&self, t: f64) -> Tensor<2> {
-        let half = self.window.half;
-        self.position_sum(t, |sample| sample.slope / half)
+    /// The moving rows as a tensor `[M]`.
+    pub fn row_tensor(&self) -> Tensor<1, Int> {
+        let rows: Vec<i32> = self.rows.iter().map(|row| *row as i32).collect();
+        Tensor::from_data(TensorData::new(rows, [self.len()]), &self.position.device())
     }
 
-    /// The turn since `t0` as a rotation vector, `[M, 3]`, radians, world axes.
-    pub fn rotation_vector(&self, t: f64) -> Tensor<2> {
-        self.rotation_sum(t, |sample| sample.value)
+    /// The paths of Gaussians whose centres at `t0` are `means` `[N, 3]`. Runs the remainder's network.
+    pub fn paths(&self, means: &Tensor<2>) -> Paths {
+        let rows = self.row_tensor();
+        let remainder = self.remainder.as_ref().filter(|_| !self.is_empty());
+        let remainder = remainder.map(|network| network.evaluate(means.clone().select(0, rows.clone())));
+        let (position, rotation) = (self.position.val(), self.rotation.val());
+        Paths { rows, position, rotation, window: self.window, remainder, kinks: self.kinks.clone() }
     }
 
-    fn position_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
-        let s = self.window.normalised(t);
-        let mut sum = series(&self.position, powers(s, self.order()).map(&part).collect());
-        if let Some(rest) = &self.remainder {
-            sum = sum + series(&rest.weights, rest.functions(s).into_iter().map(&part).collect());
+    /// Follows the scene through a change of its rows; a copy of a moving Gaussian moves like it. The second answer is the change
+    /// of the motion's own rows, for the moments of [`ROW_PARAMETERS`](Self::ROW_PARAMETERS).
+    pub fn follow(mut self, scene: &RowMap) -> (Self, RowMap) {
+        let mut index_of = vec![None; scene.from.iter().map(|row| *row as usize + 1).max().unwrap_or(0)];
+        for (index, row) in self.rows.iter().enumerate() {
+            if let Some(slot) = index_of.get_mut(*row as usize) {
+                *slot = Some(index as u32);
+            }
         }
-        if let Some(kinks) = &self.kinks {
-            sum = sum + series(&kinks.jumps, kinks.functions(s).into_iter().map(&part).collect());
+        let (mut rows, mut own) = (Vec::new(), RowMap::default());
+        for (row, (from, reset)) in scene.from.iter().zip(&scene.reset).enumerate() {
+            if let Some(index) = index_of[*from as usize] {
+                rows.push(row as u32);
+                own.from.push(index);
+                own.reset.push(*reset);
+            }
         }
-        sum
+        self.rows = rows;
+        (self.gather(&own), own)
     }
 
-    fn rotation_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
-        let s = self.window.normalised(t);
-        series(&self.rotation, powers(s, self.rotation_order()).map(part).collect())
+    /// Keeps the moving Gaussians `kept` (indices into [`rows`](Self::rows), ascending) and lets the others stand still. The
+    /// second answer as in [`follow`](Self::follow).
+    pub fn retain(mut self, kept: &[u32]) -> (Self, RowMap) {
+        self.rows = kept.iter().map(|index| self.rows[*index as usize]).collect();
+        let own = RowMap::keep(kept.to_vec());
+        (self.gather(&own), own)
     }
 
-    /// Displacement and rotation vector, with the gradient by the time where the instant asks for it.
-    fn moved_by(&self, instant: &Instant) -> (Tensor<2>, Tensor<2>) {
-        let (displacement, rotation) = (self.displacement(instant.t), self.rotation_vector(instant.t));
-        let Some(shift) = &instant.shift else { return (displacement, rotation) };
-        let shift = shift.clone().unsqueeze::<2>().cast(displacement.dtype());
-        let half = self.window.half;
-        let velocity = self.velocity(instant.t).detach();
-        let turning = self.rotation_sum(instant.t, |sample| sample.slope / half).detach();
-        (displacement + velocity * shift.clone(), rotation + turning * shift)
-    }
-
-    /// All centres at `t`: `means` `[N, 3]` of `t0` with the moving rows moved.
-    pub fn means_at(&self, means: Tensor<2>, t: f64) -> Tensor<2> {
-        // Exactly the stored ones at t0, to the sign of a zero.
-        if self.is_empty() || t == self.window.t0 {
-            return means;
+    fn gather(self, own: &RowMap) -> Self {
+        let orders = |orders: &[u8]| own.from.iter().map(|index| orders[*index as usize]).collect();
+        let kinks = self.kinks.map(|kinks| Kinks { jumps: own.apply(kinks.jumps), ..kinks });
+        Self {
+            orders: orders(&self.orders),
+            rotation_orders: orders(&self.rotation_orders),
+            position: own.apply(self.position),
+            rotation: own.apply(self.rotation),
+            kinks,
+            ..self
         }
-        means.select_assign(0, self.rows.clone(), self.displacement(t), IndexingUpdateOp::Add)
     }
 
-    /// All orientations at `t`: `quats` `[N, 4]` of `t0` (any norm, kept) with the moving rows turned.
-    pub fn quats_at(&self, quats: Tensor<2>, t: f64) -> Tensor<2> {
-        if self.is_empty() || self.rotation_order() == 0 || t == self.window.t0 {
-            return quats;
-        }
-        let added = turn(quats.clone().select(0, self.rows.clone()), self.rotation_vector(t));
-        quats.select_assign(0, self.rows.clone(), added, IndexingUpdateOp::Add)
-    }
-
-    /// Velocities of all `n` Gaussians at `t`, `[n, 3]`, scene units per unit of `t`; zero for those that do not move.
-    pub fn velocities(&self, n: usize, t: f64) -> Tensor<2> {
-        let _stage = profile::stage("motion samples");
-        let zeros = Tensor::zeros([n, 3], (&self.position.device(), self.position.dtype()));
-        if self.is_empty() {
-            return zeros;
-        }
-        zeros.select_assign(0, self.rows.clone(), self.velocity(t), IndexingUpdateOp::Add)
-    }
-
-    /// The scene at `t`. At `t0` itself these are the stored Gaussians, and no coefficient is in their graph.
-    pub fn moved(&self, gaussians: &Gaussians, t: f64) -> Gaussians {
-        let _stage = profile::stage("motion samples");
-        Gaussians::from_tensors(
-            self.means_at(gaussians.means.val(), t),
-            self.quats_at(gaussians.quats.val(), t),
-            gaussians.log_scales.val(),
-            gaussians.opacity_logits.val(),
-            gaussians.sh.val(),
-        )
-    }
-
-    /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, out of those of all rows at `t0`
-    /// (`[N, 3]`, `[N, 4]`).
-    pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, at: impl Into<Instant>) -> (Tensor<2>, Tensor<2>) {
-        self.samples(means, quats, &[at.into()]).remove(0)
-    }
-
-    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure. The rows are picked out once, and
-    /// their gradients put back once.
-    pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &[Instant]) -> Vec<(Tensor<2>, Tensor<2>)> {
-        let _stage = profile::stage("motion samples");
-        if self.is_empty() {
-            let none = |columns| Tensor::zeros([0, columns], (&means.device(), means.dtype()));
-            return instants.iter().map(|_| (none(3), none(4))).collect();
-        }
-        let means = means.clone().select(0, self.rows.clone());
-        let quats = quats.clone().select(0, self.rows.clone());
-        let sample = |instant: &Instant| {
-            let (displacement, rotation) = self.moved_by(instant);
-            let turns = self.rotation_order() > 0;
-            let turned = if turns { quats.clone() + turn(quats.clone(), rotation) } else { quats.clone() };
-            (means.clone() + displacement, turned)
+    /// For each of `position` and `rotation`, 1 in the blocks up to each Gaussian's order and 0 above, of the parameter's shape;
+    /// `None` where every Gaussian has all orders. Adam's first moment needs the factor too: it would push the blocks on.
+    pub fn order_masks(&self) -> [(&'static str, Option<Tensor<2>>); 2] {
+        let mask = |parameter: &Param<Tensor<2>>, orders: &[u8]| {
+            let columns = parameter.dims()[1];
+            if columns == 0 || orders.iter().all(|order| usize::from(*order) >= columns / 3) {
+                return None;
+            }
+            let one = |order: &u8| {
+                let order = usize::from(*order);
+                (0..columns).map(move |column| f32::from(u8::from(column / 3 < order)))
+            };
+            let values: Vec<f32> = orders.iter().flat_map(one).collect();
+            let options = (&parameter.device(), parameter.dtype());
+            Some(Tensor::from_data(TensorData::new(values, [orders.len(), columns]), options))
         };
-        instants.iter().map(sample).collect()
+        [("position", mask(&self.position, &self.orders)), ("rotation", mask(&self.rotation, &self.rotation_orders))]
     }
 
-    /// The learned tensors: position and rotation coefficients, and the kinks' jumps where there are kinks. The remainder's belong
-    /// to its network.
-    pub fn tensors(&self) -> Vec<Tensor<2>> {
-        let jumps = self.kinks.iter().map(|kinks| kinks.jumps.clone());
-        [self.position.clone(), self.rotation.clone()].into_iter().chain(jumps).collect()
+    /// Blocks above each Gaussian's order are zero.
+    pub fn hold_orders(self) -> Self {
+        let [(_, position), (_, rotation)] = self.order_masks();
+        let held = |parameter: Param<Tensor<2>>, mask: Option<Tensor<2>>| match mask {
+            Some(mask) => parameter.map(|tensor| tensor * mask),
+            None => parameter,
+        };
+        Self { position: held(self.position, position), rotation: held(self.rotation, rotation), ..self }
     }
-
-    /// With `f` of each tensor of [`tensors`](Self::tensors), in that order.
-    pub fn map(&self, mut f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
-        let (position, rotation) = (f(self.position.clone()), f(self.rotation.clone()));
-        let kinks = self.kinks.clone().map(|kinks| Kinks { jumps: f(kinks.jumps), ..kinks });
-        Self { position, rotation, kinks, ..self.clone() }
-    }
-}
-
-/// `sum_k factors[k] block_k` of `coefficients` `[M, 3 K]`, `[M, 3]`.
-fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
-    let [rows, columns] = coefficients.dims();
-    assert_shape!(coefficients, [rows, 3 * factors.len()]);
-    let options = (&coefficients.device(), coefficients.dtype());
-    if rows == 0 || columns == 0 {
-        return Tensor::zeros([rows, 3], options);
-    }
-    // One product with [f_1 I; f_2 I; ...] instead of K slices, products and sums.
-    let mut matrix = vec![0.0; 9 * factors.len()];
-    for (k, factor) in factors.into_iter().enumerate() {
-        (0..3).for_each(|axis| matrix[9 * k + 4 * axis] = factor);
-    }
-    exact_matmul(coefficients.clone(), Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
 }
 
 /// A scene some of whose Gaussians move.
-#[derive(Debug, Clone)]
+#[derive(Module, Debug)]
 pub struct TaylorScene {
     /// All Gaussians, as they are at `t0`.
     pub gaussians: Gaussians,
@@ -234,12 +248,28 @@ pub struct TaylorScene {
     pub motion: TaylorMotion,
 }
 
-impl Motion for TaylorScene {
+impl TaylorScene {
+    /// The paths of the moving Gaussians, for many questions.
+    pub fn paths(&self) -> Paths {
+        self.motion.paths(&self.gaussians.means.val())
+    }
+}
+
+impl DynamicScene for TaylorScene {
     fn at(&self, t: f64) -> Gaussians {
-        self.motion.moved(&self.gaussians, t)
+        self.paths().moved(&self.gaussians, t)
     }
 
     fn velocity(&self, t: f64) -> Tensor<2> {
-        self.motion.velocities(self.gaussians.len(), t)
+        self.paths().velocities(self.gaussians.len(), t)
+    }
+
+    fn span(&self) -> Option<[f64; 2]> {
+        (!self.motion.is_empty()).then_some(self.motion.recording)
+    }
+
+    fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
+        let paths = self.paths();
+        times.iter().map(|t| paths.moved(&self.gaussians, *t)).collect()
     }
 }

@@ -1,7 +1,7 @@
-//! What becomes of the splatted velocity map: the paper's remainder network (Eq. 5), and its ablation.
+//! Networks on the velocity map: the paper's remainder (Eq. 5), which corrects it, and the ablation that predicts it.
 //!
 //! The map itself (Eq. 4), `V_render(u) = sum_i T_i alpha_i v_i`, is three more channels of the rasterizer's one pass, fed
-//! with [`TaylorMotion::velocities`](super::TaylorMotion::velocities).
+//! with [`Paths::velocities`](super::Paths::velocities).
 //!
 //! `V_final = V_render + F_p(V_render, gamma(t))`. The network sees and gives velocities in a unit of about the fastest
 //! motion, so that its numbers are of order 1 whatever the scene's. Its last layer starts at zero: at first, and
@@ -9,9 +9,11 @@
 
 use std::f64::consts::PI;
 
+use burn::config::Config;
+use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use crate::network::Mlp;
+use crate::mlp::{Mlp, MlpConfig};
 
 /// Octaves of `gamma`: the finest has 8 half-waves in half the window. More separate neighbouring frames better, and
 /// let the network learn each frame by heart.
@@ -29,67 +31,93 @@ pub fn time_embedding(s: f64, like: &Tensor<2>) -> Tensor<2> {
     Tensor::from_data(TensorData::new(values, [1, 2 * OCTAVES]), (&like.device(), like.dtype()))
 }
 
+/// `[P, 3 + 8]` to `[P, 3]`, zero at first.
+fn network(seed: u64, device: &Device) -> Mlp {
+    let sizes = vec![3 + 2 * OCTAVES, HIDDEN, HIDDEN, 3];
+    MlpConfig::new(sizes).with_seed(seed).with_zero_last(true).init(device)
+}
+
+/// Configuration of the Peano remainder network on the velocity map.
+#[derive(Config, Debug)]
+pub struct PeanoMapConfig {
+    /// The unit of velocity, scene units per unit of time, positive: about the fastest motion.
+    pub unit: f64,
+    /// Seed of the weights.
+    #[config(default = 0)]
+    pub seed: u64,
+}
+
+impl PeanoMapConfig {
+    /// A network that adds nothing yet.
+    pub fn init(&self, device: &Device) -> PeanoMap {
+        PeanoMap { mlp: network(self.seed, device), unit: self.unit }
+    }
+}
+
 /// The Peano remainder network `F_p` on the velocity map, Eq. 5.
-#[derive(Debug, Clone)]
+#[derive(Module, Debug)]
 pub struct PeanoMap {
     /// `[P, 3 + 8]` to `[P, 3]`.
     pub mlp: Mlp,
-    /// The unit of velocity, scene units per unit of time.
+    /// See [`PeanoMapConfig`].
     pub unit: f64,
 }
 
 impl PeanoMap {
-    /// A network that adds nothing yet; `unit` is about the fastest motion, positive, scene units per unit of time.
-    pub fn new(unit: f64, seed: u64, device: &Device) -> Self {
-        Self { mlp: Mlp::new(&[3 + 2 * OCTAVES, HIDDEN, HIDDEN, 3], seed, true, device), unit }
-    }
-
     /// `V_final` of `V_render`, both `[P, 3]`, scene units per unit of time, world axes; `s` in window units.
     pub fn forward(&self, rendered: Tensor<2>, s: f64) -> Tensor<2> {
         let embedding = time_embedding(s, &rendered);
         rendered.clone() + self.mlp.forward_shared(rendered / self.unit, embedding) * self.unit
     }
+}
 
-    /// With `f` of every learned tensor.
-    pub fn map(&self, f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
-        Self { mlp: self.mlp.map(f), ..self.clone() }
+/// Configuration of the network that predicts velocities.
+#[derive(Config, Debug)]
+pub struct DirectVelocityConfig {
+    /// Centre of the scene, subtracted from positions, scene units.
+    pub centre: [f64; 3],
+    /// Positions are divided by this, scene units, positive: about the scene's size.
+    pub scale: f64,
+    /// The unit of velocity, scene units per unit of time, positive.
+    pub unit: f64,
+    /// Seed of the weights.
+    #[config(default = 0)]
+    pub seed: u64,
+}
+
+impl DirectVelocityConfig {
+    /// A network that says nothing moves, to be trained.
+    pub fn init(&self, device: &Device) -> DirectVelocity {
+        let Self { centre, scale, unit, seed } = *self;
+        DirectVelocity { mlp: network(seed, device), centre, scale, unit }
     }
 }
 
-/// Velocity from place and time by a network alone: the ablation "w/o Taylor expansion" of Table 2.
-#[derive(Debug, Clone)]
+/// Velocity from position and time by a network alone: the ablation "w/o Taylor expansion" of Table 2.
+#[derive(Module, Debug)]
 pub struct DirectVelocity {
     /// `[P, 3 + 8]` to `[P, 3]`.
     pub mlp: Mlp,
-    /// `[1, 3]`, subtracted from places, scene units.
-    pub centre: Tensor<2>,
-    /// Places are divided by this, scene units: about the scene's size.
+    /// See [`DirectVelocityConfig`].
+    #[module(skip)]
+    pub centre: [f64; 3],
+    /// See [`DirectVelocityConfig`].
     pub scale: f64,
-    /// The unit of velocity, scene units per unit of time.
+    /// See [`DirectVelocityConfig`].
     pub unit: f64,
 }
 
 impl DirectVelocity {
-    /// A network that says nothing moves, yet; see the fields.
-    pub fn new(centre: [f64; 3], scale: f64, unit: f64, seed: u64, device: &Device) -> Self {
-        Self {
-            mlp: Mlp::new(&[3 + 2 * OCTAVES, HIDDEN, HIDDEN, 3], seed, true, device),
-            centre: Tensor::from_data(TensorData::new(centre.to_vec(), [1, 3]), device),
-            scale,
-            unit,
-        }
-    }
-
-    /// Velocity `[P, 3]` (scene units per unit of time, world axes) of what is seen at `places` `[P, 3]` (world); `s` in
+    /// Velocity `[P, 3]` (scene units per unit of time, world axes) of the surface at `positions` `[P, 3]` (world); `s` in
     /// window units.
-    pub fn forward(&self, places: Tensor<2>, s: f64) -> Tensor<2> {
-        let embedding = time_embedding(s, &places);
-        let centre = self.centre.clone().cast(places.dtype());
-        self.mlp.forward_shared((places - centre) / self.scale, embedding) * self.unit
+    pub fn forward(&self, positions: Tensor<2>, s: f64) -> Tensor<2> {
+        let embedding = time_embedding(s, &positions);
+        let centre = row(self.centre, &positions);
+        self.mlp.forward_shared((positions - centre) / self.scale, embedding) * self.unit
     }
+}
 
-    /// With `f` of every learned tensor.
-    pub fn map(&self, f: impl FnMut(Tensor<2>) -> Tensor<2>) -> Self {
-        Self { mlp: self.mlp.map(f), ..self.clone() }
-    }
+/// `[1, 3]`, where and in the float type that `like` is.
+pub(super) fn row(values: [f64; 3], like: &Tensor<2>) -> Tensor<2> {
+    Tensor::from_data(TensorData::new(values.to_vec(), [1, 3]), (&like.device(), like.dtype()))
 }

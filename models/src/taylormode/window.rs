@@ -1,4 +1,4 @@
-//! The stretch of time a Taylor series is meant for, and what becomes of it outside.
+//! The stretch of time a Taylor series is meant for, and how it continues outside.
 //!
 //! All times become `s = (t - t0) / half`: -1 to 1 inside the window. Outside, a polynomial of order `n` runs away as
 //! `|s|^n`, and one that fits the window best extrapolates worst. So past the edge each basis function returns, within
@@ -6,18 +6,22 @@
 //! 1 would have learned there, and then goes on at constant velocity. Position and velocity stay continuous, order 1 is
 //! not changed at all, and no order can extrapolate much worse than order 1.
 
+use serde::{Deserialize, Serialize};
+
 /// Over which stretch of `s` past the edge a function returns to its straight line; the same for all, so that what
 /// cancels between the powers at the edge keeps cancelling. Shorter, and the velocity jerks at the edge; longer, and a
 /// steep edge carries the Gaussian away before it turns: a slope `d` at the edge, relative to the line, adds at most
 /// `4/27 FADE d`. With 0.5 orders 2 to 5 fitted to a bounce extrapolate up to 21 % worse than order 1, with 0.25 up to 5 %.
 pub const FADE: f64 = 0.25;
 
-/// A window of time `[t0 - half, t0 + half]`, in the data set's unit.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A window of time `[t0 - half, t0 + half]`, in the data set's unit; as JSON to the bit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TimeWindow {
     /// The time of the expansion: the stored Gaussians are those of `t0`.
+    #[serde(with = "crate::bits")]
     pub t0: f64,
     /// Half the window's length, positive.
+    #[serde(with = "crate::bits")]
     pub half: f64,
 }
 

@@ -1,7 +1,7 @@
 //! The proximal step in pixels, and how many pixels a scene unit is.
 
 use gs_burn::glam::{DMat4, DVec3};
-use gs_models::taylormode::shrinkage::{Sight, pixels_per_unit, shrink};
+use gs_models::taylormode::shrinkage::{ViewScale, pixels_per_unit, shrink};
 use gs_tests::tolerance::assert_near;
 
 fn numbers(path: &[f32]) -> Vec<f64> {
@@ -28,7 +28,7 @@ fn blocks_lose_pixels_and_never_turn_round() {
 
 #[test]
 fn the_nearest_camera_that_has_it_in_front_counts() {
-    let camera = |z: f64| Sight { viewmat: DMat4::from_translation(DVec3::new(0.0, 0.0, -z)), focal: 100.0 };
+    let camera = |z: f64| ViewScale { viewmat: DMat4::from_translation(DVec3::new(0.0, 0.0, -z)), focal: 100.0 };
     // Straight ahead of both, between them, behind both, far to the side of both.
     let means = [0.0, 0.0, 4.0, 0.0, 0.0, 1.0, 0.0, 0.0, -9.0, 50.0, 0.0, 4.0];
     let cameras = [camera(0.0), camera(2.0)];

@@ -1,10 +1,10 @@
 //! Kinks: nothing around t0, an even force met exactly, velocities that are derivatives, no faster outside than inside.
 
-use gs_models::taylormode::{Contact, Kinks, TaylorMotion};
+use gs_models::taylormode::{Contact, Kinks, Paths};
 use gs_tests::devices::{everywhere, reference};
 use gs_tests::tolerance::{largest, values};
 
-use crate::WINDOW;
+use crate::{WINDOW, standing};
 
 fn at(s: f64) -> f64 {
     WINDOW.t0 + s * WINDOW.half
@@ -46,12 +46,10 @@ fn a_bounce_is_met_exactly() {
         let share = ((s - 0.25) / 0.1).clamp(0.0, 1.0);
         -2.0 * s * s + 3.0 * (0.05 * share * share + (s - 0.35).max(0.0))
     };
-    let moving = |place: &gs_tests::devices::Place| {
-        let motion = TaylorMotion::still(&[0], 2, 0, WINDOW, &place.device);
-        let mut motion = motion.map(|tensor| tensor.cast(place.dtype));
-        motion.position = place.tensor(&[0.0, 0.0, 0.0, 0.0, 0.0, -2.0], [1, 6]);
-        motion.kinks = Some(Kinks { contacts: vec![contact], jumps: place.tensor(&[0.0, 0.0, 3.0], [1, 3]) });
-        motion
+    let moving = |place: &gs_tests::devices::Place| Paths {
+        position: place.tensor(&[0.0, 0.0, 0.0, 0.0, 0.0, -2.0], [1, 6]),
+        kinks: Some(Kinks::new(vec![contact], place.tensor(&[0.0, 0.0, 3.0], [1, 3]))),
+        ..standing(place, &[0])
     };
     for place in everywhere() {
         let name = &place.name;

@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 use gs_burn::Intrinsics;
 use gs_burn::glam::{DMat3, DQuat, DVec3};
-use gs_models::taylormode::Pixels;
+use gs_models::Pixels;
 use gs_models::taylormode::blur_path::{NEAREST, back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_tests::devices::{Place, doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivative;

@@ -1,10 +1,14 @@
-//! A depth prior in scene units: one scale and one shift per photo, in the prior's own space (for Eq. 6 and 16).
+//! Depth priors beside photos: one scale and one shift per photo, in the prior's own space, and the losses against them.
 //!
 //! Networks give depth, or inverse depth, up to an affine map that differs from photo to photo; one pair for all photos,
 //! or one fitted in the other space, bends the prior. The fit is against depths that are already in scene units (rendered,
 //! or of triangulated points), and holds out against a fifth of them being wrong: it starts from medians, then twice
-//! rejects what is off and fits the rest by weighted least squares. It runs on the host and has no gradient.
+//! rejects outliers and fits the rest by weighted least squares. The fit runs on the host and has no gradient.
+//!
+//! Two losses compare rendered depth with a prior: [`depth_loss`] (TaylorMoDe-GS, Eq. 16) after such a fit, and
+//! [`depth_correlation_loss`] without one.
 
+use burn::tensor::Tensor;
 use gs_burn::profile;
 
 /// In which space a prior is an affine image of the truth.
@@ -29,6 +33,11 @@ const REJECT: f64 = 3.0;
 const DEVIATION: f64 = 1.4826;
 /// A perfect prior has no deviation; residuals of this share of the median value are rounding in `f32`.
 const ROUNDING: f64 = 1e-5;
+
+/// `epsilon` of [`depth_loss`], scene units. Below it depths are the same to the loss; the renderer shows nothing nearer.
+pub const DEPTH_EPSILON: f64 = 0.01;
+/// Standard deviation below which a depth map is flat, in the map's unit.
+const RELIEF: f64 = 1e-6;
 
 /// `scale * prior + shift` is depth, or inverse depth, in scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,6 +109,47 @@ impl Alignment {
         };
         prior.iter().map(one).collect()
     }
+}
+
+/// TaylorMoDe-GS, Eq. 16, between rendered and aligned prior depth `[H, W, 1]`, camera z in scene units. Pixels where either is unknown
+/// (0) are left out of the sum; the prior gets no gradient.
+pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
+    let _stage = profile::stage("depth loss");
+    let prior = prior.detach();
+    let pixels = prior.shape().num_elements();
+    let known = prior.clone().greater_scalar(0.0).bool_and(rendered.clone().greater_scalar(0.0));
+    let known = known.float().cast(rendered.dtype());
+    // The floor keeps the logarithm, and its gradient, finite where the factor takes the pixel out.
+    let log = |depth: Tensor<3>| (depth.clamp_min(0.0) + DEPTH_EPSILON).log();
+    let difference = (log(rendered) - log(prior)).abs() * known;
+    difference.sum() / pixels as f64
+}
+
+/// One less the correlation (Pearson's) of rendered depth `[H, W, 1]` (camera z, scene units) with a prior, over the pixels where
+/// both are known: 0 for a prior that is any scale and shift of the truth in its own `space`, 2 for its mirror image. Not part
+/// of the paper: the loss of those who do not fit scale and shift. The prior gets no gradient; zero where either has no relief.
+pub fn depth_correlation_loss(rendered: Tensor<3>, prior: Tensor<3>, space: DepthSpace) -> Tensor<1> {
+    let _stage = profile::stage("depth loss");
+    let prior = prior.detach();
+    let known = prior.clone().not_equal_elem(0.0).bool_and(rendered.clone().greater_scalar(DEPTH_EPSILON));
+    let known = known.float().cast(rendered.dtype());
+    let rendered = match space {
+        DepthSpace::Depth => rendered,
+        DepthSpace::InverseDepth => rendered.clamp_min(DEPTH_EPSILON).recip(),
+    };
+    let count = known.clone().sum().clamp_min(1.0);
+    let centred = |x: Tensor<3>| {
+        let mean = (x.clone() * known.clone()).sum() / count.clone();
+        (x - mean.reshape([1, 1, 1])) * known.clone()
+    };
+    let (a, b) = (centred(rendered), centred(prior));
+    let mean = |x: Tensor<3>| x.sum() / count.clone();
+    let (variance, other) = (mean(a.clone().square()), mean(b.clone().square()));
+    // Flat maps have no correlation; the floor keeps its gradient finite.
+    let least = RELIEF * RELIEF;
+    let has_relief = variance.clone().greater_scalar(least).bool_and(other.clone().greater_scalar(least));
+    let correlation = mean(a * b) / (variance.clamp_min(least) * other.clamp_min(least)).sqrt();
+    (correlation.neg() + 1.0) * has_relief.float().cast(known.dtype())
 }
 
 #[derive(Clone, Copy)]

@@ -1,25 +1,35 @@
-//! Given `t`, return Gaussians: the trait [`Motion`], and [`Static`], which ignores `t`.
+//! Given a time, return Gaussians: the trait [`DynamicScene`], and [`Static`], which ignores the time.
 
+use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 
 /// A scene that may move.
 ///
 /// `t` is in the data set's own time unit (seconds, or 0 to 1 where the format normalises); a model states which one it
-/// was trained with. Both functions are differentiable in the model's parameters when those live on an autodiff device.
-pub trait Motion {
+/// was trained with. All functions are differentiable in the model's parameters when those live on an autodiff device.
+pub trait DynamicScene {
     /// The Gaussians at time `t`; their number N does not depend on `t`.
     fn at(&self, t: f64) -> Gaussians;
 
     /// World velocity of each centre at time `t`, `[N, 3]`, scene units per time unit: the derivative of the means of
-    /// [`at`](Motion::at).
+    /// [`at`](DynamicScene::at).
     fn velocity(&self, t: f64) -> Tensor<2>;
+
+    /// First and last time that the model was trained for; `None` if the scene does not move.
+    fn span(&self) -> Option<[f64; 2]>;
+
+    /// The Gaussians at each of `times`. A model that integrates its motion over time overrides this, to integrate once.
+    fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
+        times.iter().map(|t| self.at(*t)).collect()
+    }
 }
 
 /// A scene that does not move.
-#[derive(Debug, Clone)]
+#[derive(Module, Debug)]
 pub struct Static {
-    gaussians: Gaussians,
+    /// The Gaussians at all times.
+    pub gaussians: Gaussians,
 }
 
 impl Static {
@@ -27,19 +37,18 @@ impl Static {
     pub fn new(gaussians: Gaussians) -> Self {
         Self { gaussians }
     }
-
-    /// The Gaussians.
-    pub fn gaussians(&self) -> &Gaussians {
-        &self.gaussians
-    }
 }
 
-impl Motion for Static {
+impl DynamicScene for Static {
     fn at(&self, _t: f64) -> Gaussians {
         self.gaussians.clone()
     }
 
     fn velocity(&self, _t: f64) -> Tensor<2> {
         self.gaussians.means.val().zeros_like()
+    }
+
+    fn span(&self) -> Option<[f64; 2]> {
+        None
     }
 }

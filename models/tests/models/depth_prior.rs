@@ -1,7 +1,10 @@
-//! Alignment of depth priors: any affine map is undone, in the right space, outliers or not.
+//! Depth priors: alignment undoes any affine map, in the right space, outliers or not; the losses are their formulas.
 
-use gs_models::taylormode::{DepthSpace, align};
+use burn::tensor::Tensor;
+use gs_models::depth_prior::{DEPTH_EPSILON, DepthSpace, align, depth_correlation_loss, depth_loss};
+use gs_tests::devices::{Place, everywhere};
 use gs_tests::scenes::Random;
+use gs_tests::tolerance::{assert_finite, assert_near, values};
 
 const PIXELS: usize = 3000;
 
@@ -107,4 +110,54 @@ fn priors_that_say_nothing_are_refused() {
     let reversed: Vec<f32> = depths.iter().map(|z| -z).collect();
     assert!(align(&reversed, &depths, None, space).is_none(), "near for far");
     assert!(align(&[], &[], None, space).is_none(), "nothing");
+}
+
+#[test]
+fn the_loss_is_its_equation() {
+    for place in everywhere() {
+        let e = DEPTH_EPSILON;
+        let rendered = place.tensor(&[2.0, 0.0, 3.0, 1.0], [2, 2, 1]);
+        let prior = place.tensor(&[1.0, 4.0, 0.0, 1.0], [2, 2, 1]);
+        let expected = ((2.0 + e) / (1.0 + e)).ln() / 4.0;
+        assert_near(&place.name, &values(&depth_loss(rendered, prior)), &[expected], 1e-6);
+    }
+}
+
+#[test]
+fn correlation_of_depth_knows_no_scale_and_shift() {
+    for place in everywhere() {
+        let numbers = Random::new(3).values(6, 1.0, 3.0);
+        let rendered = place.leaf(&numbers, [2, 3, 1]);
+        let prior =
+            |f: &dyn Fn(f64) -> f64| place.tensor(&numbers.iter().map(|z| f(*z)).collect::<Vec<_>>(), [2, 3, 1]);
+        let loss = |prior, space| depth_correlation_loss(rendered.clone(), prior, space);
+        let near = |found: Tensor<1>, expected| assert_near(&place.name, &values(&found), &[expected], 1e-5);
+        near(loss(prior(&|z| 0.3 * z + 2.0), DepthSpace::Depth), 0.0);
+        near(loss(prior(&|z| 5.0 / z - 0.1), DepthSpace::InverseDepth), 0.0);
+        near(loss(prior(&|z| 9.0 - z), DepthSpace::Depth), 2.0);
+        near(loss(prior(&|_| 1.0), DepthSpace::Depth), 0.0);
+        // The other space bends it, and the gradient says how.
+        let bent = loss(prior(&|z| 1.0 / z), DepthSpace::Depth);
+        let gradients = bent.backward();
+        let gradient = values(&rendered.grad(&gradients).expect("tracked"));
+        assert!(gradient.iter().all(|g| g.is_finite()) && gradient.iter().any(|g| *g != 0.0), "{}", place.name);
+        let flat = place.leaf(&[2.0; 6], [2, 3, 1]);
+        let gradients = depth_correlation_loss(flat.clone(), prior(&|z| z), DepthSpace::Depth).backward();
+        assert_finite(&place.name, &values(&flat.grad(&gradients).expect("tracked")));
+    }
+}
+
+#[test]
+fn depth_gradients_stay_finite_where_nothing_is_known() {
+    fn check(place: &Place) {
+        let numbers = Random::new(1).values(6, 0.0, 3.0);
+        let rendered = place.leaf(&[0.0, 0.0, numbers[0], numbers[1], numbers[2], 1e-6], [2, 3, 1]);
+        let prior = place.tensor(&[0.0, 1.0, 0.0, numbers[3], 2.0, 5.0], [2, 3, 1]);
+        let gradients = depth_loss(rendered.clone(), prior).backward();
+        let gradient = values(&rendered.grad(&gradients).expect("tracked"));
+        assert_finite(&place.name, &gradient);
+        assert!(gradient[..3].iter().all(|g| *g == 0.0), "{}: unknown pixels pull", place.name);
+        assert!(gradient[3..].iter().all(|g| *g != 0.0), "{}: known pixels do not pull", place.name);
+    }
+    everywhere().for_each(check);
 }

@@ -1,7 +1,7 @@
 //! The exponential map and the product of quaternions, against glam and by differences.
 
 use gs_burn::glam::{DQuat, DVec3};
-use gs_models::taylormode::rotation::{exp_less_one, product, turn};
+use gs_models::rotation::{exp_less_one, product, turn};
 use gs_tests::devices::{doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivative;
 use gs_tests::scenes::Random;

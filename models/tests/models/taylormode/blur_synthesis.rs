@@ -2,11 +2,13 @@
 
 use std::f64::consts::PI;
 
+use burn::module::Param;
 use burn::tensor::Tensor;
 use gs_burn::Intrinsics;
+use gs_models::Pixels;
 use gs_models::light::{Mixing, to_encoded};
 use gs_models::taylormode::blur_path::blur_path;
-use gs_models::taylormode::{Exposure, Pixels, Samples, blurred_color, decoupled};
+use gs_models::taylormode::{Exposure, Samples, blurred_color, decoupled};
 use gs_tests::devices::{Place, doubles, everywhere, reference};
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
@@ -35,7 +37,7 @@ fn slide(place: &Place, pixels: f64, samples: Samples, count: usize, mixing: Mix
     let chosen = Pixels::masked(&mask, WIDTH, 1, &place.device).expect("pixels are set");
     let speed = pixels * depth / focal / tau;
     let velocity: Vec<f64> = [speed, 0.0, 0.0].repeat(80);
-    let exposure = Exposure { log_tau: place.tensor(&[f64::ln(tau)], [1, 1]) };
+    let exposure = Exposure { log_tau: Param::from_tensor(place.tensor(&[f64::ln(tau)], [1])) };
     let path = blur_path(
         &chosen,
         place.tensor(&[depth; 80], [80, 1]),

@@ -1,7 +1,7 @@
 //! Turning Gaussians: rotation vector to quaternion, and the quaternion product, on rows.
 //!
 //! `q(t) = exp(r(t) / 2) q_0` with `exp(r / 2) = (cos(a / 2), sin(a / 2) / a r)`, `a = |r|`: a turn by `a` radians about
-//! the world axis `r / a`, applied after the Gaussian's own orientation `q_0`. The paper moves positions only; its base
+//! the world axis `r / a`, applied after the Gaussian's own orientation `q_0`. TaylorMoDe-GS moves positions only; its base
 //! (Infinite Taylor Gaussian) gives rotation a Taylor series too, and so do we, but of the rotation vector, which stays
 //! a rotation whatever its coefficients.
 
@@ -50,8 +50,8 @@ pub fn product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     exact_matmul(outer.reshape([rows, 16]), signs)
 }
 
-/// What turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[M, 3]` adds to them, `[M, 4]`; for a rotation of zero,
-/// so little (1e-17 of them) that the sum is `quats` to the last bit.
+/// The difference `[M, 4]` that turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[M, 3]` adds to them. For a rotation of
+/// zero it is so small (1e-17 of them) that the sum is `quats` to the last bit.
 pub fn turn(quats: Tensor<2>, rotation: Tensor<2>) -> Tensor<2> {
     product(exp_less_one(rotation), quats)
 }

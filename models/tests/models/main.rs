@@ -1,31 +1,20 @@
-//! TaylorMoDe-GS: motion, blur, losses and model size against numbers that are known, on every device of the build.
+//! Models against numbers that are known, on every device of the build.
 //!
 //! Files carry the name of the file they check. Bounds that are not argued where they stand are those of
 //! `gs_tests::tolerance`.
 #![recursion_limit = "256"]
 
-mod bilinear;
-mod blur_path;
-mod blur_synthesis;
-mod blur_weights;
-mod depth_alignment;
-mod exposure;
-mod kinks;
+mod depth_prior;
 mod light;
-mod losses;
-mod network;
-mod order;
-mod remainder;
+mod mlp;
 mod rotation;
-mod shrinkage;
-mod summary;
-mod taylor_motion;
-mod velocity_map;
-mod window;
+mod scene;
+mod taylormode;
 
+use burn::module::Module;
 use burn::tensor::{Int, Tensor, TensorData};
-use gs_burn::Gaussians;
-use gs_models::taylormode::{TaylorMotion, TimeWindow};
+use gs_burn::{Gaussians, map_parameters};
+use gs_models::taylormode::{Paths, TimeWindow};
 use gs_tests::devices::Place;
 use gs_tests::scenes::Random;
 
@@ -50,8 +39,8 @@ fn gaussians(place: &Place, random: &mut Random) -> Gaussians {
 }
 
 /// Rows 4, 1 and 2 of the six move: position of order 3, rotation of order 2.
-fn motion(place: &Place, random: &mut Random) -> TaylorMotion {
-    TaylorMotion {
+fn paths(place: &Place, random: &mut Random) -> Paths {
+    Paths {
         rows: rows(place, &[4, 1, 2]),
         position: place.tensor(&random.values(27, -1.0, 1.0), [3, 9]),
         rotation: place.tensor(&random.values(18, -1.0, 1.0), [3, 6]),
@@ -59,6 +48,32 @@ fn motion(place: &Place, random: &mut Random) -> TaylorMotion {
         remainder: None,
         kinks: None,
     }
+}
+
+/// Rows that do not move, at orders 0.
+fn standing(place: &Place, listed: &[i32]) -> Paths {
+    let none = place.tensor(&[], [listed.len(), 0]);
+    Paths {
+        rows: rows(place, listed),
+        position: none.clone(),
+        rotation: none,
+        window: WINDOW,
+        remainder: None,
+        kinks: None,
+    }
+}
+
+/// `module` in the float type of `place`.
+fn cast<M: Module>(module: M, place: &Place) -> M {
+    map_parameters(module, |_, table| table.cast(place.dtype))
+}
+
+/// `module` with random numbers up to `size` in place of all it has learned, in the float type of `place`.
+fn randomised<M: Module>(module: M, size: f64, place: &Place, random: &mut Random) -> M {
+    map_parameters(module, |_, table| {
+        let [rows, columns] = table.dims();
+        place.tensor(&random.values(rows * columns, -size, size), [rows, columns])
+    })
 }
 
 /// Slope of a line through `ln y` over `ln x`, least squares.

@@ -1,12 +1,13 @@
 //! Eq. 7: where the samples lie, and the exposure learned through both blur models.
 
+use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use gs_models::taylormode::{Exposure, Instant, Samples};
 use gs_tests::devices::{doubles, everywhere, reference};
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
 
-use crate::{WINDOW, gaussians, motion};
+use crate::{WINDOW, gaussians, paths};
 
 #[test]
 fn samples_lie_where_equation_7_says() {
@@ -36,19 +37,19 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
     for place in doubles() {
         let mut random = Random::new(1);
         let still = gaussians(place, &mut random);
-        let motion = motion(place, &mut random);
+        let paths = paths(place, &mut random);
         let pull =
             [place.tensor(&random.values(9, -1.0, 1.0), [3, 3]), place.tensor(&random.values(12, -1.0, 1.0), [3, 4])];
         let sum = |instants: Vec<Instant>| -> Tensor<1> {
             let seen = instants.into_iter().map(|instant| {
-                let (means, quats) = motion.sample_rows(&still.means.val(), &still.quats.val(), instant);
+                let (means, quats) = paths.sample_rows(&still.means.val(), &still.quats.val(), instant);
                 (means * pull[0].clone()).square().sum() + (quats * pull[1].clone()).square().sum()
             });
             seen.reduce(|a, b| a + b).expect("samples")
         };
         let log_tau = 0.2_f64.ln();
-        let exposure = |log_tau: f64| Exposure { log_tau: place.tensor(&[log_tau], [1, 1]) };
-        let tracked = exposure(log_tau).map(|tensor| tensor.autodiff().require_grad());
+        let exposure = |log_tau: f64| Exposure { log_tau: Param::from_tensor(place.tensor(&[log_tau], [1])) };
+        let tracked = exposure(log_tau).train();
         let instants = tracked.instants(WINDOW.t0 + 0.02, Samples::Middles, 4);
         let plain: f64 = values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, Samples::Middles, 4)))[0];
         let loss = sum(instants);
@@ -64,7 +65,7 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
 #[test]
 fn offsets_are_differentiable() {
     let place = reference();
-    let exposure = Exposure::new(0.5, &place.device).map(|tensor| tensor.autodiff().require_grad());
+    let exposure = Exposure::new(0.5, &place.device).train();
     let weights = Tensor::<1>::from_data([1.0, 0.0, 3.0], &place.device);
     let gradients = (exposure.offsets(Samples::Ends, 3) * weights).sum().backward();
     // d/d(ln tau) of -tau / 2 + 3 tau / 2.
