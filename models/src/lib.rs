@@ -20,6 +20,11 @@
 //! [`gs_burn::Adam`] and [`gs_burn::named_parameters()`], which know parameters by path.
 #![recursion_limit = "256"]
 
+/// The README's example compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 mod bits;
 pub mod depth_prior;
 pub mod light;

@@ -10,6 +10,7 @@ mod mlp;
 mod rotation;
 mod scene;
 mod taylormode;
+mod training;
 
 use burn::module::Module;
 use burn::tensor::{Int, Tensor, TensorData};
