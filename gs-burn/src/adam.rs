@@ -96,14 +96,42 @@ impl Adam {
         mut gradients: NamedGradients,
         rate: impl Fn(&str) -> Option<AdamRate>,
     ) -> M {
+        self.advance();
+        map_parameters(module, |path, table| self.updated(path, table, &mut gradients, &rate))
+    }
+
+    /// Begins an update whose parts are updated one after another by [`update_under`](Self::update_under).
+    pub fn advance(&mut self) {
         self.updates += 1;
-        map_parameters(module, |path, table| {
-            let Some((gradient, rate)) = gradients.remove(path).zip(rate(path)) else { return table };
-            if table.dims().contains(&0) {
-                return table;
-            }
-            self.update(path, table, gradient, &rate)
-        })
+    }
+
+    /// The part of an update that concerns the module at the path `root` of a tree: gradients, moments and rates go by the path in the
+    /// tree. The gradients used are taken out.
+    ///
+    /// # Panics
+    /// As [`step`](Self::step); and before the first [`advance`](Self::advance).
+    pub fn update_under<M: Module>(
+        &mut self,
+        root: &str,
+        module: M,
+        gradients: &mut NamedGradients,
+        rate: impl Fn(&str) -> Option<AdamRate>,
+    ) -> M {
+        map_parameters(module, |path, table| self.updated(&format!("{root}.{path}"), table, gradients, &rate))
+    }
+
+    fn updated(
+        &mut self,
+        path: &str,
+        table: Tensor<2>,
+        gradients: &mut NamedGradients,
+        rate: &impl Fn(&str) -> Option<AdamRate>,
+    ) -> Tensor<2> {
+        let Some((gradient, rate)) = gradients.remove(path).zip(rate(path)) else { return table };
+        if table.dims().contains(&0) {
+            return table;
+        }
+        self.update(path, table, gradient, &rate)
     }
 
     fn update(&mut self, path: &str, table: Tensor<2>, gradient: Tensor<2>, rate: &AdamRate) -> Tensor<2> {

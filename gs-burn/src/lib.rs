@@ -65,6 +65,8 @@ pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_expo
 pub use gaussians::Gaussians;
 pub use glam;
 pub use gs_kernels::{constants, limits};
-pub use named_parameters::{NamedGradients, NamedParameter, map_parameters, named_parameters, try_map_parameters};
+pub use named_parameters::{
+    NamedGradients, NamedParameter, map_parameters, named_parameters, parameter_bytes, try_map_parameters,
+};
 pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
 pub use row_map::RowMap;

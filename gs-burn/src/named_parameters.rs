@@ -194,6 +194,11 @@ impl NamedGradients {
         self.tables.iter().map(|(path, table)| (path.as_str(), table))
     }
 
+    /// One number `[1]` that is finite only if every gradient is, for a caller who reads other numbers too; see [`finiteness`].
+    pub fn finiteness(&self) -> Option<Tensor<1>> {
+        finiteness(self.tables.values().cloned())
+    }
+
     /// Whether every gradient is finite; see [`all_finite`].
     pub fn all_finite(&self) -> bool {
         all_finite(self.tables.values().cloned())

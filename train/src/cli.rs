@@ -16,7 +16,7 @@ use clap::builder::ValueHint;
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
-pub use stability::{Stability, StabilityArgs, StabilityTaylormodeArgs};
+pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
 
 const EXAMPLES: &str = "\
@@ -26,7 +26,7 @@ Examples:
   gsburn train my-photos --set data.max_width=800   photos with poses (COLMAP or transforms.json) to Gaussians
   gsburn train --resume --out runs/my-photos        continue after Ctrl-C or a power cut
   gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
-  gsburn train sphere --config configs/taylormode/base.toml
+  gsburn train sphere --recipe taylormode/base
   gsburn render runs/my-photos --cameras path/transforms.json --out frames
   gsburn export runs/my-photos --out scene.ply";
 
@@ -70,6 +70,8 @@ pub enum Command {
     Sweep(SweepArgs),
     /// Run experiments at the edge of a method and draw where it fails
     Stability(StabilityArgs),
+    /// List the training recipes that are compiled in
+    Recipes,
 }
 
 /// Where to compute.
@@ -87,15 +89,26 @@ pub struct ConfigArgs {
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
 
+    /// A recipe that is compiled in, as in --recipe taylormode/paper (`gsburn recipes` lists them)
+    #[arg(long, value_name = "NAME", conflicts_with = "config")]
+    pub recipe: Option<String>,
+
     /// Set one value, as in --set density.cap=50000 (repeatable; see config.toml of any run for all keys)
     #[arg(short, long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }
 
+impl ConfigArgs {
+    /// Whether anything was asked for.
+    pub fn is_typed(&self) -> bool {
+        self.config.is_some() || self.recipe.is_some() || !self.set.is_empty()
+    }
+}
+
 const TRAIN_EXAMPLES: &str = "\
 Examples:
   gsburn train my-photos                                  defaults: 7000 steps, at most 100 000 Gaussians
-  gsburn train my-photos --config configs/static/fox.toml
+  gsburn train my-photos --recipe static/fox
   gsburn train my-photos --steps 1000 --cap 50000 --set data.max_width=480
   gsburn train my-photos --set data.holdout=names --set 'data.holdout_names=[\"DSC_0007\"]'
   gsburn train --resume --out runs/my-photos
@@ -163,6 +176,10 @@ pub struct EvalArgs {
     /// Configuration for a .ply (how to read the data set, how to render); a run has its own
     #[command(flatten)]
     pub config: ConfigArgs,
+
+    /// The split to measure: test, validation, train or another name of the data set [default: test, else validation]
+    #[arg(long, value_name = "NAME")]
+    pub split: Option<String>,
 
     /// Also write the figures of every view to this JSON file
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]

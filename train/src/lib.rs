@@ -1,24 +1,37 @@
 //! Training: from a data set to a finished scene, and the `gsburn` command line around it.
 //!
+//! Floors, each of which knows only the floors above it in this list:
+//!
+//! | folder | idea |
+//! |---|---|
+//! | [`config`] | sections with defaults and ranges; files, recipes and arguments put together |
+//! | [`fit`] | fitting Gaussians to the photos of one scene, in terms of a [`Method`](fit::method::Method) |
+//! | [`run`] | what watches any training: folder, clock, checkpoints, measurements |
+//! | [`report`] | pages and charts of one run and of several |
+//! | [`stability`] | the laboratory for experiments at the edge of a method |
+//! | [`pipelines`] | the papers: one folder and one line each |
+//! | [`cli`], [`commands`] | arguments as typed, one file a command |
+//!
 //! The path of the data, one arrow one function:
 //!
 //! ```text
-//! Scene -> scene_init -> Parameters -> render -> losses -> optimiser -> density -> checkpoint, evaluate, report
+//! Scene -> facts, cues -> initial Gaussians -> Method::forward -> losses -> Adam -> density -> checkpoint, evaluate, report
 //! ```
 //!
-//! [`run::run`] is the whole run on one screen, [`step::Trainer::step`] one optimisation step on one screen. Everything a run
-//! depends on is in [`experiment::Config`], every random draw in [`random`]. Saving, measuring and showing watch from outside
+//! [`pipelines::fit`] is the whole run on one screen, [`Trainer::step`](fit::trainer::Trainer::step) one optimisation step. Everything a run
+//! depends on is in its configuration, every random draw in [`fit::random`]. Saving, measuring and showing watch from outside
 //! the step and cannot change its result: on the CPU, two runs of one configuration write equal checkpoints, interrupted or not.
 //!
 //! ```no_run
-//! use gs_train::experiment::Config;
-//! use gs_train::run::{Ending, RunRequest, run};
-//! use gs_train::run_folder::RunFolder;
+//! use gs_train::pipelines::resolve_overrides;
+//! use gs_train::run::folder::RunFolder;
+//! use gs_train::run::watch::{Ending, Job};
 //!
 //! # fn main() -> anyhow::Result<()> {
-//! let ending = run(&RunRequest {
+//! let resolved = resolve_overrides(&["steps=1000".to_string()])?;
+//! let ending = resolved.pipeline.train(&Job {
 //!     dataset: "my-photos".into(),
-//!     config: Config::resolve(None, &["steps=1000".to_string()])?,
+//!     config: resolved.config.clone(),
 //!     folder: RunFolder::vacant("runs/my-photos")?,
 //!     device: burn::tensor::Device::default(),
 //!     device_name: "the default device".to_string(),
@@ -27,38 +40,19 @@
 //!     quiet: false,
 //! })?;
 //! if let Ending::Finished(figures) = ending {
-//!     println!("{:.2} dB", figures.last.mean.psnr);
+//!     println!("{:.2} dB", figures.last.mean().psnr);
 //! }
 //! # Ok(())
 //! # }
 //! ```
 #![recursion_limit = "256"]
 
-pub mod checkpoint;
 pub mod cli;
 pub mod commands;
-pub mod comparison;
-pub mod data;
-pub mod density;
-pub mod evaluate;
-pub mod experiment;
-pub mod export;
-pub mod interrupt;
+pub mod config;
+pub mod fit;
 pub mod logging;
-pub mod losses;
-pub mod memory;
-pub mod metrics;
-pub mod optimiser;
-pub mod parameters;
-pub mod profile;
-pub mod progress;
-pub mod random;
+pub mod pipelines;
 pub mod report;
-pub mod resources;
 pub mod run;
-pub mod run_folder;
-pub mod scene_init;
-pub mod schedule;
 pub mod stability;
-pub mod step;
-pub mod taylormode;

@@ -9,7 +9,8 @@ use anyhow::{Result, anyhow};
 use clap::Parser;
 use gs_burn::limits::is_limit;
 use gs_train::cli::{Cli, Command};
-use gs_train::{commands, logging, resources};
+use gs_train::run::resources;
+use gs_train::{commands, logging};
 
 fn main() -> ExitCode {
     resources::keep_freed_memory();
@@ -36,6 +37,7 @@ fn call(command: &Command) -> Result<ExitCode> {
         Command::Chart(args) => commands::chart::run(args),
         Command::Sweep(args) => commands::sweep::run(args),
         Command::Stability(args) => commands::stability::run(args),
+        Command::Recipes => commands::recipes::run(),
     }
 }
 

@@ -2,47 +2,40 @@
 
 use std::path::PathBuf;
 
+use clap::Args;
 use clap::builder::ValueHint;
-use clap::{Args, Subcommand};
 
 use crate::cli::DeviceArgs;
 
-/// Arguments of `stability`.
-#[derive(Debug, Args)]
-#[command(after_help = STABILITY_EXAMPLES)]
-pub struct StabilityArgs {
-    /// The method
-    #[command(subcommand)]
-    pub what: Stability,
-}
-
-/// Methods whose limits `stability` looks for.
-#[derive(Debug, Subcommand)]
-pub enum Stability {
-    /// TaylorMoDe-GS: blur and motion, exposure, Taylor paths, depth priors, masks, opacities
-    Taylormode(StabilityTaylormodeArgs),
-}
-
-const STABILITY_EXAMPLES: &str = "\
+const EXAMPLES: &str = "\
 Examples:
   gsburn stability taylormode --out runs/stability
   gsburn stability taylormode --out runs/stability --only divergence,direction
   gsburn stability taylormode --out runs/look --quick
+  gsburn stability taylormode --out runs/sensitivity --only sensitivity --data my-video
 
 Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
-shown as missed and is no error.";
+shown as missed and is no error. A wrong name after --only lists the experiments.";
 
-/// Arguments of `stability taylormode`.
+/// Arguments of `stability`.
 #[derive(Debug, Args)]
-#[command(after_help = STABILITY_EXAMPLES)]
-pub struct StabilityTaylormodeArgs {
+#[command(after_help = EXAMPLES)]
+pub struct StabilityArgs {
+    /// The pipeline whose limits are looked for
+    #[arg(value_name = "PIPELINE")]
+    pub pipeline: String,
+
     /// Folder for the small worlds, the figures and the report
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
 
-    /// Only these experiments: divergence, thrown, samples, direction, exposure, absorb, depth, masks, speed, opacity
+    /// Only these experiments
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub only: Vec<String>,
+
+    /// A data set that experiments run on beside their own worlds, where they can
+    #[arg(long, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
+    pub data: Option<PathBuf>,
 
     /// Fewer variants and steps: a look, not a measurement
     #[arg(long)]

@@ -9,9 +9,9 @@ use super::DeviceArgs;
 
 const SWEEP_EXAMPLES: &str = "\
 Examples:
-  gsburn sweep cube --config configs/taylormode/base.toml \\
+  gsburn sweep cube --recipe taylormode/base \\
       --over blur.samples=3,7,15 --over density.cap=5000,10000 --out runs/cube-sweep
-  gsburn sweep cube --configs paper.toml,itg.toml,base.toml --set steps=2000 --out runs/methods
+  gsburn sweep cube --recipes taylormode/paper,taylormode/itg,taylormode/base --set steps=2000 --out runs/methods
 
 One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
 chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes
@@ -32,6 +32,14 @@ pub struct SweepArgs {
     /// Configuration files to sweep over
     #[arg(long, value_name = "FILE,...", value_delimiter = ',', value_hint = ValueHint::FilePath)]
     pub configs: Vec<PathBuf>,
+
+    /// A recipe that is compiled in, of all runs (`gsburn recipes` lists them)
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["config", "configs", "recipes"])]
+    pub recipe: Option<String>,
+
+    /// Recipes to sweep over
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', conflicts_with_all = ["config", "configs"])]
+    pub recipes: Vec<String>,
 
     /// Values of one key to sweep over (repeatable: every combination is run)
     #[arg(long, value_name = "KEY=VALUE,...")]

@@ -4,23 +4,24 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::ops::{intersect::intersect, projection::project, rasterize::rasterize, sh::sh_colors};
-use gs_burn::{Camera, Intrinsics, RenderOptions, render};
+use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, render};
 use gs_kernels::config::{ProjectionConfig, RasterizeConfig};
 use gs_kernels::constants::TILE;
 use rand::Rng;
 
 use crate::cli::BenchArgs;
 use crate::commands::{device, print};
-use crate::data::{Hints, Photo};
-use crate::density::Strategy;
-use crate::experiment::Config;
-use crate::losses::loss;
-use crate::optimiser::Optimiser;
-use crate::parameters::{Parameters, from_host};
-use crate::random::{Purpose, stream};
-use crate::step::Trainer;
+use crate::config::{FitConfig, Strategy};
+use crate::fit::facts::SceneFacts;
+use crate::fit::losses::{photometric, regularisers};
+use crate::fit::parameters::{from_host, gaussians as gaussians_of};
+use crate::fit::photos::Photo;
+use crate::fit::random::{Purpose, stream};
+use crate::fit::trainer::{Model, Trainer};
+use crate::pipelines::still::Still;
 
 /// Pixels in a tile: what one intersection costs the rasterizer.
 const PIXELS_PER_TILE: f64 = (TILE * TILE) as f64;
@@ -46,8 +47,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let (width, height) = (args.width as usize, args.height as usize);
     let degree = usize::from(args.sh_degree);
-    let parameters = scene(args, &device);
-    let gaussians = parameters.gaussians();
+    let gaussians = scene(args, &device);
     let k = Intrinsics { fx: width as f64, fy: width as f64, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
     let camera = Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, &device);
     let options = RenderOptions::default();
@@ -103,37 +103,31 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     });
     row("rasterize, both ways", both, true);
     row("render", time(&mut || drop(render(&gaussians, &camera, &options))), true);
-    let photo =
-        Photo { camera: camera.clone(), image: target, mask: None, time: 0.0, exposure: None, hints: Hints::default() };
-    let config = Config::default();
+    let photo = Photo { camera: camera.clone(), image: target, mask: None, time: 0.0, extra: () };
+    let mut config = FitConfig::default();
     let both = time(&mut || {
-        let tracked = parameters.tracked();
+        let tracked = gaussians.clone().train();
         let color = render(&tracked, &camera, &options).color;
-        drop(loss(color, &photo, &tracked, 1.0, &config.loss).backward());
+        let loss = photometric(color, photo.image.clone(), None, &config.loss);
+        drop((loss + regularisers(&tracked, 1.0, &config.loss)).backward());
     });
     row("render and loss, both ways", both, true);
 
-    let mut trainer = Trainer {
-        optimiser: Optimiser::new(&parameters),
-        density: crate::density::Density::Mcmc,
-        parameters,
-        motion: None,
-        step: 5000,
-        skipped: 0,
-        extent: 1.0,
-    };
-    drop(gaussians);
-    let mut config = Config { steps: 1_000_000, ..config };
-    config.model.sh_degree = degree;
-    config.density.strategy = Strategy::Mcmc;
+    config.shared.steps = 1_000_000;
+    config.shared.model.sh_degree = degree;
+    config.shared.density.strategy = Strategy::Mcmc;
     // The count must stay as it was asked for.
-    config.density.start = config.steps;
-    row("whole training step", time(&mut || drop(trainer.step(&photo, &config))), true);
+    config.shared.density.start = config.shared.steps;
+    let facts = SceneFacts::unknown(&config);
+    let mut trainer = Trainer::from_model(Model { gaussians, method: Still {} }, facts, &config);
+    trainer.step = 5000;
+    let photos = [photo];
+    row("whole training step", time(&mut || drop(trainer.step(&photos, &[], &(), &config))), true);
     Ok(ExitCode::SUCCESS)
 }
 
 /// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as in a trained scene.
-fn scene(args: &BenchArgs, device: &Device) -> Parameters {
+fn scene(args: &BenchArgs, device: &Device) -> Gaussians {
     let n = args.gaussians;
     let mut rng = stream(0, Purpose::Bench, 0);
     let aspect = args.height as f32 / args.width as f32;
@@ -156,7 +150,7 @@ fn scene(args: &BenchArgs, device: &Device) -> Parameters {
         let columns = values.len() / n;
         from_host(values, columns, device)
     };
-    Parameters::new([tensor(means), tensor(quats), tensor(log_scales), tensor(opacities), tensor(sh)])
+    gaussians_of([tensor(means), tensor(quats), tensor(log_scales), tensor(opacities), tensor(sh)])
 }
 
 /// The median time of `work`, after one run to warm up.

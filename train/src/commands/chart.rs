@@ -7,8 +7,8 @@ use gs_datasets::image_io::write_atomic;
 
 use crate::cli::ChartArgs;
 use crate::commands::{command_line, print};
-use crate::comparison::{Panels, Table, add_to_report, enough, gather, page, stacked};
-use crate::run_folder::RunFolder;
+use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, stacked};
+use crate::run::folder::RunFolder;
 
 /// Draws the charts and writes the table.
 ///

@@ -10,37 +10,15 @@ use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use crate::cli::DemoArgs;
 use crate::commands::train::{execute, next_folder};
 use crate::commands::{device, print};
-use crate::experiment::Config;
-use crate::run::RunRequest;
-use crate::run_folder::RunFolder;
+use crate::pipelines::{Sources, resolve};
+use crate::run::folder::RunFolder;
+use crate::run::watch::Job;
 
-/// The recipe of the demo, the same as configs/taylormode/demo.toml (a test compares them): set and training must be done
-/// within two minutes on two old cores.
-pub const RECIPE: [&str; 13] = [
-    "pipeline=taylormode",
-    "steps=1800",
-    "model.sh_degree=1",
-    "density.cap=12000",
-    "density.start=100",
-    "density.growth=0.1",
-    "density.trim=0.005",
-    "motion.points=3000",
-    "blur.samples=5",
-    "blur.decouple=false",
-    "prior.sharp=0.2",
-    "prior.until=0.3",
-    "eval.at=[300]",
-];
+/// The recipe of the demo: world and training must be done within two minutes on two old cores.
+const RECIPE: &str = "taylormode/demo";
 
-/// The recipe of the demo that stands still, the same as configs/static/demo.toml.
-pub const STILL_RECIPE: [&str; 6] = [
-    "steps=1500",
-    "density.cap=15000",
-    "density.start=200",
-    "density.growth=0.2",
-    "data.background=[1.0, 1.0, 1.0]",
-    "eval.at=[300]",
-];
+/// The recipe of the demo that stands still.
+const STILL_RECIPE: &str = "static/demo";
 
 /// The demo's blurry video: a sliding, turning box seen by nine cameras, one of them held out.
 fn video() -> DeblurOptions {
@@ -61,23 +39,24 @@ fn video() -> DeblurOptions {
 /// One sentence, when the disk does not take the files.
 pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
-    let recipe = if args.still { STILL_RECIPE.to_vec() } else { RECIPE.to_vec() };
-    let overrides = recipe.into_iter().map(String::from).chain(args.steps.map(|n| format!("steps={n}")));
-    let config = Config::resolve(None, &overrides.collect::<Vec<_>>())?;
+    let recipe = if args.still { STILL_RECIPE } else { RECIPE };
+    let overrides: Vec<String> = args.steps.map(|n| format!("steps={n}")).into_iter().collect();
+    let resolved = resolve(Sources { recipe: Some(recipe), overrides: &overrides, ..Sources::default() })?;
     let folder = RunFolder::vacant(args.out.clone().unwrap_or_else(|| next_folder("demo")))?;
     let dataset = folder.path().join("dataset");
     make(&dataset, args)?;
     let device_name = crate::commands::describe(&device);
-    execute(&RunRequest {
+    let job = Job {
         dataset,
-        config,
+        config: resolved.config,
         folder,
         device,
         device_name,
         resume: false,
         stop_at: None,
         quiet: args.quiet,
-    })
+    };
+    execute(resolved.pipeline, &job)
 }
 
 fn make(dataset: &Path, args: &DemoArgs) -> Result<()> {

@@ -4,16 +4,28 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use gs_datasets::image_io::{write_atomic, write_png};
+use serde::Serialize;
 
 use crate::cli::EvalArgs;
 use crate::commands::train::resolve;
 use crate::commands::{device, print};
-use crate::data::{Photos, settled};
-use crate::evaluate::{Evaluation, Evaluator};
-use crate::export::{LoadedScene, load_scene};
+use crate::config::tables;
+use crate::pipelines::{EvalRequest, Evaluated, find, of_checkpoint, resolve_saved};
 use crate::report::pictures::SideBySide;
-use crate::resources::peak_memory;
-use crate::taylormode::measure;
+use crate::run::evaluate::{Measured, Scores, described_split};
+use crate::run::resources::peak_memory;
+use crate::run::scene::{SceneFile, read_file};
+
+/// The content of `eval --out`.
+#[derive(Debug, Serialize)]
+struct Figures {
+    /// Steps that the scene was trained.
+    step: usize,
+    #[serde(flatten)]
+    measured: Measured,
+    /// Largest resident memory of measuring, bytes.
+    peak_memory_bytes: Option<u64>,
+}
 
 /// Measures a scene on the held-out views of its data set.
 ///
@@ -21,74 +33,82 @@ use crate::taylormode::measure;
 /// One sentence saying what was wrong with the scene or the data set.
 pub fn run(args: &EvalArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
-    let loaded = load_scene(&args.scene, &device)?;
-    let typed = args.config.config.is_some() || !args.config.set.is_empty();
-    let config = match &loaded.config {
-        Some(_) if typed => {
-            bail!("{}: a run has its own configuration; leave out --config and --set", args.scene.display())
+    let file = read_file(&args.scene, &device)?;
+    let (pipeline, resolved) = match &file {
+        SceneFile::Checkpoint(_) if args.config.is_typed() => {
+            bail!("{}: a run has its own configuration; leave out --config, --recipe and --set", args.scene.display())
         }
-        Some(config) => config.clone(),
-        None => resolve(&args.config, &[])?,
+        SceneFile::Checkpoint(checkpoint) => {
+            let origin = format!("{}: configuration", checkpoint.path.display());
+            let config = tables::parse(&checkpoint.origin.config, &origin)?;
+            (of_checkpoint(checkpoint)?, resolve_saved(&config, &origin)?)
+        }
+        SceneFile::Ply(_) => {
+            let resolved = resolve(&args.config, &[])?;
+            (find(resolved.pipeline.name()).expect("a resolved pipeline is one of the list"), resolved)
+        }
     };
-    let Some(dataset) = args.data.clone().or(loaded.dataset.clone()) else {
+    let known = match &file {
+        SceneFile::Checkpoint(checkpoint) => Some(checkpoint.origin.dataset.clone()),
+        SceneFile::Ply(_) => None,
+    };
+    let Some(dataset) = args.data.clone().or(known) else {
         bail!("{}: a PLY file does not know its data set; name it with --data", args.scene.display());
     };
-    let scene = config.load(&dataset)?;
-    // As training would: a checkpoint's is settled already, what a PLY file was trained with is found again.
-    let config = settled(&config, &scene);
-    // A PLY file is in the data set's own world, a checkpoint where training was; views are where training would be.
-    let moved = crate::export::translated(&loaded.gaussians, loaded.origin - scene.origin);
-    let loaded = LoadedScene { gaussians: moved, ..loaded };
-    let (views, split) = if scene.test.is_empty() { (&scene.train, "train") } else { (&scene.test, "test") };
-    let kept = if args.renders.is_some() { views.len() } else { 0 };
-    let mut photos = Photos::new(views, &device, 0);
-    let (measured, comparisons) =
-        Evaluator::new(&config.eval, &device).evaluate(&*loaded.model(), &mut photos, &config, kept);
-    let evaluation = Evaluation {
-        step: loaded.step.unwrap_or(0),
-        split: split.into(),
-        peak_memory_bytes: peak_memory(),
-        motion: loaded.motion.as_ref().map(|state| measure::measure(state, &loaded.gaussians, &scene, &config)),
-        ..measured
-    };
+    let Evaluated { step, measured, pictures } = pipeline.evaluate(&EvalRequest {
+        file: &file,
+        dataset: &dataset,
+        config: &resolved.config,
+        split: args.split.as_deref(),
+        device: &device,
+        pictures: args.renders.is_some(),
+    })?;
 
     // Before files are written: a disk that is full does not cost the figures.
-    print(table(&evaluation));
+    print(table(&measured));
     if let Some(folder) = &args.renders {
-        for picture in comparisons.iter().map(SideBySide::new) {
+        for picture in pictures.iter().map(SideBySide::new) {
             let path = folder.join(format!("{}.png", picture.name));
             write_png(&path, picture.width, picture.height, &picture.pixels)?;
         }
     }
     if let Some(path) = &args.out {
-        let text = serde_json::to_string_pretty(&evaluation).expect("figures are JSON");
+        let figures = Figures { step, measured, peak_memory_bytes: peak_memory() };
+        let text = serde_json::to_string_pretty(&figures).expect("figures are JSON");
         write_atomic(path, (text + "\n").as_bytes())?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// One line per view and their mean.
-fn table(evaluation: &Evaluation) -> String {
-    let width = evaluation.views.iter().map(|view| view.name.len()).max().unwrap_or(0).max(12);
+fn table(measured: &Measured) -> String {
+    let quality = &measured.quality;
+    let width = quality.views.iter().map(|view| view.name.len()).max().unwrap_or(0).max(12);
     let optional = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.4}"));
-    let row = |name: &str, scores: &crate::evaluate::Scores| {
+    let row = |name: &str, scores: &Scores| {
         let (ms_ssim, lpips) = (optional(scores.ms_ssim), optional(scores.lpips));
         format!("{name:width$}  {:7.2}  {:7.4}  {ms_ssim:>7}  {lpips:>7}\n", scores.psnr, scores.ssim)
     };
     let mut text = format!("{:width$}  PSNR dB     SSIM  MS-SSIM    LPIPS\n", "view");
-    for view in &evaluation.views {
+    for view in &quality.views {
         text += &row(&view.name, &view.scores);
     }
-    text += &row("mean", &evaluation.mean);
-    if let Some(moving) = &evaluation.moving {
-        text += &row("moving parts", moving);
+    text += &row("mean", &quality.mean);
+    for (name, scores) in &quality.regions {
+        text += &row(&format!("{name} parts"), scores);
     }
-    let split = if evaluation.split == "test" { "held-out views" } else { "training views, because none are held out" };
-    text += &format!("{} Gaussians, {} {split}", evaluation.gaussians, evaluation.views.len());
-    if let Some(motion) = &evaluation.motion {
-        text += &format!("\n{}", motion.line());
+    let why = if measured.split == "train" { ", because none are held out or they were asked for" } else { "" };
+    text += &format!(
+        "{} Gaussians, {} {}{why}",
+        measured.size.gaussians,
+        quality.views.len(),
+        described_split(&measured.split)
+    );
+    if quality.compared == "formed blur" {
+        text += "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";
     }
-    for reason in [&evaluation.ms_ssim_reason, &evaluation.lpips_reason].into_iter().flatten() {
+    text.extend(measured.figures_line().map(|line| format!("\n{line}")));
+    for reason in [&quality.ms_ssim_reason, &quality.lpips_reason].into_iter().flatten() {
         text += &format!("\n{reason}");
     }
     text

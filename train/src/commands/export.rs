@@ -8,8 +8,9 @@ use gs_burn::Gaussians;
 
 use crate::cli::ExportArgs;
 use crate::commands::print;
-use crate::export::{FloaterFilter, load_scene, truncate_sh, without_floaters, write_ply};
-use crate::memory::megabytes;
+use crate::pipelines::load_scene;
+use crate::run::memory::megabytes;
+use crate::run::scene::{FloaterFilter, truncate_sh, without_floaters, write_ply};
 
 /// Writes a scene as PLY.
 ///
@@ -25,10 +26,9 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
     }
-    let model = loaded.model();
     let times = match (args.frames, args.time) {
         (Some(count), _) => loaded.times(count as usize),
-        (None, time) => vec![time.unwrap_or(loaded.middle())],
+        (None, time) => vec![time.unwrap_or(loaded.middle)],
     };
     loaded.warn_outside(args.time);
     for (index, t) in times.iter().enumerate() {
@@ -36,7 +36,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
             Some(_) => numbered(&args.out, index),
             None => args.out.clone(),
         };
-        write_one(args, &path, model.at(*t), loaded.origin)?;
+        write_one(args, &path, loaded.scene.at(*t), loaded.origin)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -8,10 +8,10 @@ use gs_burn::device::{BACKENDS, select};
 
 use crate::cli::InfoArgs;
 use crate::commands::print;
-use crate::density::ops::sigmoid;
-use crate::export::load_scene;
-use crate::memory::megabytes;
-use crate::parameters::to_host;
+use crate::fit::density::ops::sigmoid;
+use crate::run::memory::megabytes;
+use crate::fit::parameters::to_host;
+use crate::pipelines::load_scene;
 
 /// Prints what the program can do, or what a scene holds.
 ///
@@ -45,20 +45,16 @@ fn about_scene(path: &Path) -> Result<()> {
     let gaussians = &loaded.gaussians;
     let floats = 11 + 3 * (gaussians.sh_degree() + 1).pow(2);
     print(format!("scene        {}", path.display()));
-    if let Some(step) = loaded.step {
-        print(format!("steps taken  {step}"));
-    }
-    if let Some(dataset) = &loaded.dataset {
-        print(format!("data set     {}", dataset.display()));
+    if let Some(run) = &loaded.run {
+        print(format!("pipeline     {}", run.pipeline));
+        print(format!("steps taken  {}", run.step));
+        print(format!("data set     {}", run.dataset.display()));
     }
     print(format!("Gaussians    {}", gaussians.len()));
     print(format!("SH degree    {}", gaussians.sh_degree()));
     print(format!("parameters   {}", megabytes(4 * (floats * gaussians.len()) as u64)));
-    if let Some(state) = &loaded.motion {
-        let [first, last] = state.recording;
-        print(format!("moving       {}", state.rows.len()));
-        print(format!("recording    {first} to {last}"));
-        print(format!("exposure     {:.6}", state.exposure()));
+    for (name, value) in loaded.run.iter().flat_map(|run| &run.described) {
+        print(format!("{name:12} {value}"));
     }
     if gaussians.is_empty() {
         return Ok(());

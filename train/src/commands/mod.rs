@@ -7,6 +7,7 @@ pub mod demo;
 pub mod eval;
 pub mod export;
 pub mod info;
+pub mod recipes;
 pub mod render;
 pub mod stability;
 pub mod sweep;

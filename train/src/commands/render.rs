@@ -11,12 +11,12 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::cli::{ImageFormat, RenderArgs};
 use crate::commands::{device, print};
-use crate::data::intrinsics;
-use crate::export::{LoadedScene, load_scene};
-use crate::parameters::to_host;
+use crate::fit::parameters::to_host;
+use crate::fit::photos::intrinsics;
+use crate::pipelines::load_scene;
 use crate::report::maps::{self, write_gif};
 use crate::report::pictures::image_bytes;
-use crate::step::RenderConfig;
+use crate::run::scene::LoadedScene;
 
 /// Steps of depth in a 16-bit PNG per scene unit: millimetres where the unit is metres, as nerfstudio has it.
 const DEPTH_STEPS: f32 = 1000.0;
@@ -38,19 +38,14 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     if args.frames.is_some() {
         keep_distinct(&mut cameras);
     }
-    let run = loaded.config.as_ref();
-    let background = match &args.background {
-        Some(text) => parse_color(text)?,
-        None => run.map_or([0.0; 3], |config| config.data.background.color()),
-    };
-    let settings = run.map_or_else(RenderConfig::default, |config| config.render.clone());
     let degree = args.sh_degree.map_or(3, usize::from);
+    let usual = loaded.render_options(degree);
     let options = RenderOptions {
         depth: true,
-        antialiased: args.antialiased || settings.antialiased,
-        ..settings.options(degree, background)
+        antialiased: args.antialiased || usual.antialiased,
+        background: args.background.as_deref().map_or(Ok(usual.background), parse_color)?,
+        ..usual
     };
-    let model = loaded.model();
     let mut count = 0;
     for pose in &cameras {
         // A scene far from its world's origin was trained near zero.
@@ -58,8 +53,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         let camera = Camera::from_c2w(c2w, intrinsics(&pose.intrinsics), pose.width, pose.height, &device);
         let mut animation = Vec::new();
         for (suffix, t) in moments(args, &loaded, pose.time) {
-            let gaussians = model.at(t);
-            let features = (args.maps && loaded.motion.is_some()).then(|| model.velocity(t));
+            let gaussians = loaded.scene.at(t);
+            let features = (args.maps && loaded.scene.span().is_some()).then(|| loaded.scene.velocity(t));
             let rendering = render_with(&gaussians, &camera, &options, Extras { features, screen: None });
             let stem = args.out.join(format!("{}{suffix}", pose.name));
             write(&stem, pose, &rendering, args.format)?;
@@ -100,7 +95,7 @@ fn moments(args: &RenderArgs, loaded: &LoadedScene, own: Option<f64>) -> Vec<(St
             let times = loaded.times(count as usize);
             times.into_iter().enumerate().map(|(index, t)| (format!("_{index:04}"), t)).collect()
         }
-        None => vec![(String::new(), args.time.or(own).unwrap_or(loaded.middle()))],
+        None => vec![(String::new(), args.time.or(own).unwrap_or(loaded.middle))],
     }
 }
 

@@ -2,33 +2,34 @@
 
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
-use crate::cli::{Stability, StabilityArgs, StabilityTaylormodeArgs};
+use crate::cli::StabilityArgs;
 use crate::commands::{device, print};
-use crate::interrupt;
+use crate::pipelines::{PIPELINES, find};
+use crate::run::interrupt;
 use crate::stability::{Outcome, Request, run as run_experiments};
 
-/// Runs the experiments.
+/// Runs the experiments of a pipeline.
 ///
 /// # Errors
 /// One sentence: a name that is none, a full disk, Ctrl-C.
 pub fn run(args: &StabilityArgs) -> Result<ExitCode> {
-    match &args.what {
-        Stability::Taylormode(args) => taylormode(args),
-    }
-}
-
-fn taylormode(args: &StabilityTaylormodeArgs) -> Result<ExitCode> {
+    let with_experiments = PIPELINES.iter().filter(|pipeline| !pipeline.experiments().is_empty());
+    let names: Vec<&str> = with_experiments.map(|pipeline| pipeline.name()).collect();
+    let Some(pipeline) = find(&args.pipeline).filter(|pipeline| !pipeline.experiments().is_empty()) else {
+        bail!("expected a pipeline with experiments ({}), found {:?}", names.join(", "), args.pipeline);
+    };
     interrupt::watch();
     let request = Request {
         out: args.out.clone(),
         only: args.only.clone(),
+        data: args.data.clone(),
         quick: args.quick,
         device: device(&args.device)?,
         quiet: false,
     };
-    let outcomes = run_experiments(&request)?;
+    let outcomes = run_experiments(pipeline.name(), pipeline.experiments(), &request)?;
     print(table(&outcomes).trim_end());
     print(format!("report {}", args.out.join("stability.html").display()));
     // A missed bound is a result, not a failure of the program.

@@ -9,12 +9,12 @@ use gs_datasets::image_io::write_atomic;
 
 use crate::cli::SweepArgs;
 use crate::commands::{command_line, describe, device, print};
-use crate::comparison::{Panels, Table, enough, gather, page, stacked};
-use crate::experiment::Config;
-use crate::interrupt;
-use crate::resources::forget_peak_memory;
-use crate::run::{Ending, RunRequest, run as run_training};
-use crate::run_folder::{RunFolder, full_path};
+use crate::pipelines::{Resolved, Sources, resolve, resolve_saved};
+use crate::report::comparison::{Panels, Table, enough, gather, page, stacked};
+use crate::run::folder::{RunFolder, full_path};
+use crate::run::interrupt;
+use crate::run::resources::forget_peak_memory;
+use crate::run::watch::{Ending, Job};
 
 /// One combination.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +23,8 @@ struct Combination {
     name: String,
     /// Its configuration file.
     file: Option<PathBuf>,
+    /// Its recipe.
+    recipe: Option<String>,
     /// Its values, in the words of `--set`.
     overrides: Vec<String>,
 }
@@ -35,7 +37,10 @@ enum State {
     Finished,
 }
 
-/// Runs what is not finished yet, then compares.
+/// A run of the plan: its folder, its configuration and how far it is.
+type Planned = (RunFolder, Resolved, State);
+
+/// Runs the combinations that are not finished yet, then compares.
 ///
 /// # Errors
 /// One sentence: a value that is none, a folder that holds another run, bad data, a full disk.
@@ -45,11 +50,13 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
         bail!("{}: expected a data set, found nothing", args.dataset.display());
     }
     // Everything that can be wrong with an argument is found before the first of many hours.
-    let plan: Vec<(RunFolder, Config, State)> = combinations(args)?
+    let plan: Vec<Planned> = combinations(args)?
         .into_iter()
         .map(|combination| {
-            let config = Config::resolve(combination.file.as_deref(), &combination.overrides)?;
-            let folder = RunFolder::at(args.out.join(&combination.name));
+            let Combination { name, file, recipe, overrides } = combination;
+            let sources = Sources { file: file.as_deref(), recipe: recipe.as_deref(), overrides: &overrides };
+            let config = resolve(sources)?;
+            let folder = RunFolder::at(args.out.join(&name));
             let state = state(&folder, &config, &args.dataset)?;
             Ok((folder, config, state))
         })
@@ -71,13 +78,13 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
 }
 
 /// Trains one combination; `false` when it was interrupted.
-fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Config, state: State, device: &Device) -> Result<bool> {
+fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Resolved, state: State, device: &Device) -> Result<bool> {
     if !forget_peak_memory() {
         tracing::warn!("the system does not reset the peak of memory: each run shows the largest so far");
     }
-    let request = RunRequest {
+    let job = Job {
         dataset: args.dataset.clone(),
-        config: config.clone(),
+        config: config.config.clone(),
         folder: folder.clone(),
         device: device.clone(),
         device_name: describe(device),
@@ -85,11 +92,11 @@ fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Config, state: State,
         stop_at: None,
         quiet: args.quiet,
     };
-    Ok(matches!(run_training(&request)?, Ending::Finished(_)))
+    Ok(matches!(config.pipeline.train(&job)?, Ending::Finished(_)))
 }
 
 /// Writes chart, tables and page.
-fn compare(out: &Path, plan: &[(RunFolder, Config, State)]) -> Result<ExitCode> {
+fn compare(out: &Path, plan: &[Planned]) -> Result<ExitCode> {
     let paths: Vec<PathBuf> = plan.iter().map(|(folder, ..)| folder.path().to_path_buf()).collect();
     let found = gather(&paths)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -115,17 +122,18 @@ fn say(args: &SweepArgs, line: &str) {
 }
 
 /// What `folder` holds of the run that is wanted there.
-fn state(folder: &RunFolder, config: &Config, dataset: &Path) -> Result<State> {
+fn state(folder: &RunFolder, config: &Resolved, dataset: &Path) -> Result<State> {
     if !folder.config().exists() {
         return Ok(State::New);
     }
     let (found, trained_on) = folder.read_config()?;
+    let same = resolve_saved(&found, "config.toml").is_ok_and(|found| found.text == config.text);
     let wanted = full_path(dataset);
-    if found != *config || trained_on != wanted {
+    if !same || trained_on != wanted {
         bail!(
             "{}: holds a run with another {}; choose another folder with --out",
             folder.path().display(),
-            if found == *config { "data set" } else { "configuration" }
+            if same { "data set" } else { "configuration" }
         );
     }
     let finished = folder.read_eval().is_ok_and(|eval| eval.last.step >= eval.steps);
@@ -134,14 +142,20 @@ fn state(folder: &RunFolder, config: &Config, dataset: &Path) -> Result<State> {
 
 /// Every combination of configuration files and values, the last key changing fastest.
 fn combinations(args: &SweepArgs) -> Result<Vec<Combination>> {
-    if args.configs.is_empty() && args.over.is_empty() {
-        bail!("a sweep needs something to sweep over: --over KEY=VALUE,... or --configs FILE,...");
+    if args.configs.is_empty() && args.recipes.is_empty() && args.over.is_empty() {
+        bail!("a sweep needs something to sweep over: --over KEY=VALUE,..., --configs FILE,... or --recipes NAME,...");
     }
     let keys: Vec<(&str, Vec<&str>)> = args.over.iter().map(|text| parse_over(text)).collect::<Result<_>>()?;
-    let begin = |file: Option<PathBuf>, name: String| Combination { name, file, overrides: args.set.clone() };
-    let mut all: Vec<Combination> = match args.configs.as_slice() {
-        [] => vec![begin(args.config.clone(), String::new())],
-        files => files.iter().map(|file| begin(Some(file.clone()), stem(file))).collect(),
+    let begin = |file: Option<&PathBuf>, recipe: Option<&String>, name: String| Combination {
+        name,
+        file: file.cloned(),
+        recipe: recipe.cloned(),
+        overrides: args.set.clone(),
+    };
+    let mut all: Vec<Combination> = match (args.configs.as_slice(), args.recipes.as_slice()) {
+        ([], []) => vec![begin(args.config.as_ref(), args.recipe.as_ref(), String::new())],
+        ([], recipes) => recipes.iter().map(|name| begin(None, Some(name), stem(Path::new(name)))).collect(),
+        (files, _) => files.iter().map(|file| begin(Some(file), None, stem(file))).collect(),
     };
     for (key, values) in &keys {
         let short = short_name(key, &keys);

@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+use burn::tensor::Device;
 
 use crate::cli::{ConfigArgs, TrainArgs};
 use crate::commands::{device, print};
-use crate::experiment::Config;
-use crate::interrupt;
-use crate::profile::{self, Profile};
-use crate::run::{Ending, RunRequest, run as run_training};
-use crate::run_folder::{EvalFile, RunFolder, full_path};
+use crate::config::ConfigError;
+use crate::pipelines::{Pipeline, Resolved, Sources, resolve as resolve_sources, resolve_saved};
+use crate::run::folder::{EvalFile, RunFolder, full_path};
+use crate::run::interrupt;
+use crate::run::profile::{self, Profile};
+use crate::run::watch::{Ending, Job};
 
 /// Where runs go when nobody says otherwise.
 pub(super) const RUNS: &str = "runs";
@@ -26,36 +28,36 @@ pub fn run(args: &TrainArgs) -> Result<ExitCode> {
     if args.profile {
         profile::begin(&device);
     }
-    let request = if args.resume { resumed(args, device)? } else { begun(args, device)? };
-    let ended = execute(&request);
+    let (pipeline, job) = if args.resume { resumed(args, device)? } else { begun(args, device)? };
+    let ended = execute(pipeline, &job);
     if args.profile
         && ended.is_ok()
-        && let Some(profile) = Profile::read(&request.folder)
+        && let Some(profile) = Profile::read(&job.folder)
     {
         print(format!("\n{}", profile.table()));
     }
     ended
 }
 
-/// Runs a request until it ends or Ctrl-C is pressed, and says how it went.
-pub(super) fn execute(request: &RunRequest) -> Result<ExitCode> {
+/// Trains until the run ends or Ctrl-C is pressed, and says how it went.
+pub(super) fn execute(pipeline: &dyn Pipeline, job: &Job) -> Result<ExitCode> {
     interrupt::watch();
-    match run_training(request)? {
+    match pipeline.train(job)? {
         Ending::Finished(eval) => {
-            print(verdict(&eval, &request.folder));
+            print(verdict(&eval, &job.folder));
             Ok(ExitCode::SUCCESS)
         }
         Ending::Interrupted(step) => {
-            let folder = request.folder.path().display();
+            let folder = job.folder.path().display();
             eprintln!("stopped and saved after step {step}; continue with: gsburn train --resume --out {folder}");
             Ok(ExitCode::from(interrupt::EXIT_CODE as u8))
         }
     }
 }
 
-fn begun(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
+fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
     let dataset = args.dataset.clone().expect("clap asks for the data set unless --resume is given");
-    let config = resolve(&args.config, &shortcuts(args))?;
+    let resolved = resolve(&args.config, &shortcuts(args))?;
     if !dataset.exists() {
         bail!("{}: expected a data set, found nothing", dataset.display());
     }
@@ -63,13 +65,13 @@ fn begun(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
         Some(path) => RunFolder::vacant(path)?,
         None => RunFolder::vacant(next_folder(&stem(&dataset)))?,
     };
-    Ok(request(dataset, config, folder, device, args))
+    Ok((resolved.pipeline, job(dataset, resolved, folder, device, args)))
 }
 
-fn resumed(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest> {
-    if args.config.config.is_some() || !args.config.set.is_empty() || !shortcuts(args).is_empty() {
+fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
+    if args.config.is_typed() || !shortcuts(args).is_empty() {
         bail!(
-            "--resume continues with the configuration saved in the run folder; leave out --config, --set, --steps, --cap and --seed"
+            "--resume continues with the configuration saved in the run folder; leave out --config, --recipe, --set, --steps, --cap and --seed"
         );
     }
     let folder = match (&args.out, &args.dataset) {
@@ -83,29 +85,32 @@ fn resumed(args: &TrainArgs, device: burn::tensor::Device) -> Result<RunRequest>
         }
     };
     let (config, begun_on) = folder.read_config()?;
+    let resolved = resolve_saved(&config, &folder.config().display().to_string())?;
     let dataset = args.dataset.clone().unwrap_or_else(|| begun_on.clone());
     // It may have been moved; that it is another one is for the user to see.
     if full_path(&dataset) != begun_on {
         tracing::warn!("the run began on {} and goes on with {}", begun_on.display(), dataset.display());
     }
-    Ok(request(dataset, config, folder, device, args))
+    Ok((resolved.pipeline, job(dataset, resolved, folder, device, args)))
 }
 
-fn request(
-    dataset: PathBuf,
-    config: Config,
-    folder: RunFolder,
-    device: burn::tensor::Device,
-    args: &TrainArgs,
-) -> RunRequest {
-    let device_name = crate::commands::describe(&device);
-    RunRequest { dataset, config, folder, device, device_name, resume: args.resume, stop_at: None, quiet: args.quiet }
+fn job(dataset: PathBuf, resolved: Resolved, folder: RunFolder, device: Device, args: &TrainArgs) -> Job {
+    Job {
+        dataset,
+        config: resolved.config,
+        folder,
+        device_name: crate::commands::describe(&device),
+        device,
+        resume: args.resume,
+        stop_at: None,
+        quiet: args.quiet,
+    }
 }
 
 /// The configuration of `args` with `more` overrides on top.
-pub(super) fn resolve(args: &ConfigArgs, more: &[String]) -> Result<Config> {
+pub(super) fn resolve(args: &ConfigArgs, more: &[String]) -> Result<Resolved, ConfigError> {
     let overrides: Vec<String> = args.set.iter().chain(more).cloned().collect();
-    Ok(Config::resolve(args.config.as_deref(), &overrides)?)
+    resolve_sources(Sources { file: args.config.as_deref(), recipe: args.recipe.as_deref(), overrides: &overrides })
 }
 
 /// The short options in the words of `--set`.
@@ -143,7 +148,8 @@ fn newest_folder(name: &str) -> Option<PathBuf> {
 
 /// What a finished run says.
 fn verdict(eval: &EvalFile, folder: &RunFolder) -> String {
-    let missing = [&eval.last.ms_ssim_reason, &eval.last.lpips_reason];
+    let quality = &eval.last.measured.quality;
+    let missing = [&quality.ms_ssim_reason, &quality.lpips_reason];
     let missing: String = missing.into_iter().flatten().map(|reason| format!("\n{reason}")).collect();
     let report = full_path(&folder.report());
     format!("{}{missing}\nscene  {}\nreport {}", eval.last.line(), folder.ply().display(), report.display())

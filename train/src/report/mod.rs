@@ -1,22 +1,24 @@
 //! What a finished run shows: side-by-side pictures, curves, and one self-contained page with all of it.
 
 pub mod charts;
+pub mod comparison;
+pub mod html;
 mod labels;
 pub mod maps;
 mod page;
 pub mod pictures;
+mod profile;
 pub mod scatter;
 
 use anyhow::Result;
 use gs_datasets::image_io::{write_atomic, write_png};
 
-use crate::evaluate::Comparison;
-use crate::experiment::Config;
-use crate::profile::Profile;
-use crate::run_folder::{EvalFile, MetricsLine, RunFolder};
+use crate::run::evaluate::Comparison;
+use crate::run::folder::{EvalFile, MetricsLine, RunFolder, TrainLine};
+use crate::run::profile::Profile;
 
 use charts::{Chart, Series};
-pub(crate) use page::{STYLE, escaped, with_comparison};
+pub use page::{STYLE, with_comparison};
 use pictures::SideBySide;
 
 /// Writes renders/, plots/ and report.html of a run.
@@ -28,7 +30,7 @@ pub fn write(
     eval: &EvalFile,
     history: &[MetricsLine],
     comparisons: &[Comparison],
-    config: &Config,
+    config: &str,
 ) -> Result<()> {
     let pictures: Vec<SideBySide> = comparisons.iter().map(SideBySide::new).collect();
     for picture in &pictures {
@@ -50,69 +52,62 @@ pub fn write(
     Ok(write_atomic(&folder.report(), page.as_bytes())?)
 }
 
-/// The curves of a run: quality, loss, count and work over steps.
-fn curves(history: &[MetricsLine]) -> Vec<(&'static str, Chart)> {
+/// The curves of a run: quality, loss and every count over steps.
+fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
     let over_steps = |value: &dyn Fn(&MetricsLine) -> Option<f64>| -> Vec<(f64, f64)> {
         history.iter().filter_map(|line| Some((line.step() as f64, value(line)?))).collect()
     };
-    let train = |value: &dyn Fn(&crate::run_folder::TrainLine) -> Option<f64>| {
+    let train = |value: &dyn Fn(&TrainLine) -> Option<f64>| {
         over_steps(&|line| match line {
             MetricsLine::Train(line) => value(line),
             MetricsLine::Eval(_) => None,
         })
     };
-    let held_out = over_steps(&|line| match line {
-        MetricsLine::Eval(evaluation) => Some(evaluation.mean.psnr),
-        MetricsLine::Train(_) => None,
-    });
-    let moving = over_steps(&|line| match line {
-        MetricsLine::Eval(evaluation) => evaluation.moving.as_ref().map(|scores| scores.psnr),
-        MetricsLine::Train(_) => None,
-    });
+    let held_out = |region: Option<&str>| {
+        over_steps(&|line| match line {
+            MetricsLine::Eval(evaluation) => match region {
+                None => Some(evaluation.mean().psnr),
+                Some(name) => evaluation.measured.quality.regions.get(name).map(|scores| scores.psnr),
+            },
+            MetricsLine::Train(_) => None,
+        })
+    };
     let chart = |title: &str, y: &str, series: Vec<Series>| Chart {
         title: title.into(),
         x: "step".into(),
         y: y.into(),
         series,
     };
-    vec![
-        (
-            "psnr",
-            chart(
-                "Quality",
-                "PSNR, dB",
-                vec![
-                    Series::line("training photo", charts::smoothed(&train(&|line| line.psnr))),
-                    Series::dots("held-out mean", held_out),
-                    Series::dots("held-out moving parts", moving),
-                ]
-                .into_iter()
-                .filter(|series| !series.is_empty())
-                .collect(),
-            ),
-        ),
-        (
-            "loss",
-            chart(
-                "Loss",
-                "loss",
-                vec![Series::line("loss", charts::smoothed(&train(&|line| line.loss.map(f64::from))))],
-            ),
-        ),
-        (
-            "gaussians",
-            chart("Gaussians", "count", vec![Series::line("Gaussians", train(&|line| Some(line.gaussians as f64)))]),
-        ),
-        (
-            "intersections",
-            chart(
-                "Work of one rendering",
-                "tile intersections",
-                vec![Series::line(
-                    "tile intersections",
-                    charts::smoothed(&train(&|line| Some(line.intersections as f64))),
-                )],
-            ),
-        ),
-    ]
+    let mut regions: Vec<&String> = Vec::new();
+    let mut counts: Vec<&String> = Vec::new();
+    for line in history {
+        let (names, all): (Vec<&String>, _) = match line {
+            MetricsLine::Eval(evaluation) => {
+                (evaluation.measured.quality.regions.keys().collect(), &mut regions)
+            }
+            MetricsLine::Train(line) => (line.counts.keys().collect(), &mut counts),
+        };
+        for name in names {
+            if !all.contains(&name) {
+                all.push(name);
+            }
+        }
+    }
+    let mut quality = vec![
+        Series::line("training photo", charts::smoothed(&train(&|line| line.psnr))),
+        Series::dots("held-out mean", held_out(None)),
+    ];
+    quality.extend(regions.iter().map(|name| Series::dots(&format!("held-out {name} parts"), held_out(Some(name)))));
+    quality.retain(|series| !series.is_empty());
+    let loss = charts::smoothed(&train(&|line| line.loss.map(f64::from)));
+    let mut curves = vec![
+        ("psnr".to_string(), chart("Quality", "PSNR, dB", quality)),
+        ("loss".to_string(), chart("Loss", "loss", vec![Series::line("loss", loss)])),
+    ];
+    for name in counts {
+        let values = train(&|line| line.counts.get(name).copied());
+        let file = name.to_lowercase().replace(' ', "-");
+        curves.push((file, chart(name, name, vec![Series::line(name, values)])));
+    }
+    curves
 }

@@ -7,16 +7,17 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
-use crate::evaluate::Evaluation;
-use crate::experiment::Config;
-use crate::memory::megabytes;
-use crate::profile::Profile;
-use crate::report::pictures::{ERROR_FULL_SCALE, SideBySide};
-use crate::run_folder::EvalFile;
-use crate::taylormode::measure::MotionCost;
+use super::html::escaped;
+use super::pictures::{ERROR_FULL_SCALE, SideBySide};
+use super::profile::bars;
+use crate::fit::figure::{FigureTable, Prominence};
+use crate::run::evaluate::Evaluation;
+use crate::run::folder::EvalFile;
+use crate::run::memory::megabytes;
+use crate::run::profile::Profile;
 
 /// The look of all pages.
-pub(crate) const STYLE: &str = include_str!("style.css");
+pub const STYLE: &str = include_str!("style.css");
 
 /// Around what a chart of several runs puts into the page.
 const COMPARISON: [&str; 2] = ["<!-- comparison -->\n", "<!-- /comparison -->\n"];
@@ -25,7 +26,7 @@ const COMPARISON: [&str; 2] = ["<!-- comparison -->\n", "<!-- /comparison -->\n"
 const CONFIGURATION: &str = "<section>\n<h2>Configuration</h2>\n";
 
 /// The report with `section` in the place for comparisons, in place of an earlier one; `None` when the page has none.
-pub(crate) fn with_comparison(report: &str, section: &str) -> Option<String> {
+pub fn with_comparison(report: &str, section: &str) -> Option<String> {
     let (before, after) = match report.split_once(COMPARISON[0]) {
         Some((before, rest)) => (before, rest.split_once(COMPARISON[1])?.1),
         // Reports before there were comparisons.
@@ -40,7 +41,7 @@ pub(super) fn html(
     plots: &[String],
     pictures: &[SideBySide],
     profile: Option<&Profile>,
-    config: &Config,
+    config: &str,
 ) -> Result<String> {
     let name = escaped(&eval.name);
     let mut page = String::new();
@@ -52,8 +53,8 @@ pub(super) fn html(
     )?;
     write!(page, "<header>\n<h1>{name}</h1>\n<p>{}</p>\n</header>\n", summary(eval))?;
     verdict(&mut page, eval)?;
-    if let Some(motion) = &eval.last.motion {
-        stored_table(&mut page, eval.last.gaussians, &motion.cost)?;
+    for table in &eval.last.measured.tables {
+        figure_table(&mut page, table)?;
     }
     progress_table(&mut page, eval)?;
     page.push_str("<section>\n<h2>Curves</h2>\n<div class=\"plots\">\n");
@@ -61,131 +62,123 @@ pub(super) fn html(
         writeln!(page, "<figure>{plot}</figure>")?;
     }
     page.push_str("</div>\n</section>\n");
-    page.extend(profile.map(Profile::html));
+    page.extend(profile.map(bars));
     page.extend(COMPARISON);
     show_pictures(&mut page, pictures)?;
     views_table(&mut page, &eval.last)?;
     write!(
         page,
-        "{CONFIGURATION}<details><summary>Every value of this run, those that the data set settled included</summary>\n\
-         <pre>{}</pre></details>\n</section>\n</main>\n</body>\n</html>\n",
-        escaped(&config.to_toml())
+        "{CONFIGURATION}{}<details><summary>Every value of this run</summary>\n<pre>{}</pre></details>\n</section>\n</main>\n\
+         </body>\n</html>\n",
+        facts(eval),
+        escaped(config)
     )?;
     Ok(page)
 }
 
 fn summary(eval: &EvalFile) -> String {
-    let views = eval.last.views.len();
-    let split = if eval.last.split == "test" { "held-out" } else { "training (none are held out)" };
+    let quality = &eval.last.measured.quality;
+    let views = quality.views.len();
+    let split = match eval.last.measured.split.as_str() {
+        "test" => "held-out".into(),
+        "train" => "training (none are held out)".into(),
+        other => escaped(other),
+    };
     let skipped = match eval.skipped_steps {
         0 => String::new(),
         n => format!(" <strong>{n} steps were skipped because their gradients were not finite.</strong>"),
     };
+    let compared = match quality.compared.as_str() {
+        "formed blur" => " The photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms over its \
+                          exposure.",
+        _ => "",
+    };
     format!(
-        "{} steps on <code>{}</code>, device {}; measured on {views} {split} view{}.{skipped}",
+        "{} steps of {} on <code>{}</code>, device {}; measured on {views} {split} view{}.{compared}{skipped}",
         eval.last.step,
+        escaped(&eval.pipeline),
         escaped(&eval.dataset),
         escaped(&eval.device),
         if views == 1 { "" } else { "s" }
     )
 }
 
+/// The values that the data set settled.
+fn facts(eval: &EvalFile) -> String {
+    if eval.facts.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from(
+        "<table>\n<tr><th>settled by the data set</th><th>value</th><th>key that says otherwise</th></tr>\n",
+    );
+    for (name, value, key) in &eval.facts {
+        html += &format!("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(value), escaped(key));
+    }
+    html + "</table>\n"
+}
+
 /// The figures that decide, as cards.
 fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
     let last = &eval.last;
-    let missing =
-        |reason: &Option<String>| format!("<small>{}</small>", escaped(reason.as_deref().unwrap_or("not measured")));
+    let (quality, size, cost) = (&last.measured.quality, &last.measured.size, &last.cost);
+    let small = |text: &str| if text.is_empty() { String::new() } else { format!("<small>{}</small>", escaped(text)) };
     let score = |value: Option<f64>, reason: &Option<String>| match value {
         Some(value) => (format!("{value:.4}"), String::new()),
-        None => ("–".into(), missing(reason)),
+        None => ("–".into(), small(reason.as_deref().unwrap_or("not measured"))),
     };
-    let (ms_ssim, ms_ssim_note) = score(last.mean.ms_ssim, &last.ms_ssim_reason);
-    let (lpips, lpips_note) = score(last.mean.lpips, &last.lpips_reason);
-    let cpu = last
-        .cpu_seconds
-        .map_or(String::new(), |cpu| format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64));
-    let peak = last.peak_memory_bytes.map_or("–".into(), megabytes);
-    let bytes = last.motion.as_ref().map_or(last.bytes, |motion| motion.cost.bytes);
+    let (ms_ssim, ms_ssim_note) = score(quality.mean.ms_ssim, &quality.ms_ssim_reason);
+    let (lpips, lpips_note) = score(quality.mean.lpips, &quality.lpips_reason);
+    let cpu = cost.cpu_seconds.map_or(String::new(), |cpu| {
+        format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64)
+    });
+    let peak = cost.peak_memory_bytes.map_or("–".into(), megabytes);
     let predicted = format!("<small>{} predicted</small>", megabytes(eval.predicted_memory_bytes));
-    let cards = [
-        ("PSNR", format!("{:.2} dB", last.mean.psnr), String::new()),
-        ("SSIM", format!("{:.4}", last.mean.ssim), String::new()),
-        ("MS-SSIM", ms_ssim, ms_ssim_note),
-        ("LPIPS", lpips, lpips_note),
-        ("Gaussians", thousands(last.gaussians), format!("<small>at most {}</small>", thousands(eval.cap))),
-        ("Size", megabytes(bytes as u64), "<small>parameters as f32</small>".into()),
-        ("Training time", duration(last.seconds), cpu),
-        ("Peak memory", peak, predicted),
+    let cap = eval.settings.iter().find(|setting| setting.key == "density.cap");
+    let cap = cap.map_or(String::new(), |setting| small(&format!("at most {}", setting.value)));
+    let mut cards = vec![
+        ("PSNR".to_string(), format!("{:.2} dB", quality.mean.psnr), String::new()),
+        ("SSIM".into(), format!("{:.4}", quality.mean.ssim), String::new()),
+        ("MS-SSIM".into(), ms_ssim, ms_ssim_note),
+        ("LPIPS".into(), lpips, lpips_note),
+        ("Gaussians".into(), thousands(size.gaussians), cap),
+        ("Size".into(), megabytes(size.bytes as u64), "<small>numbers as f32</small>".into()),
+        ("Training time".into(), duration(cost.seconds), cpu),
+        ("Peak memory".into(), peak, predicted),
     ];
+    for (name, scores) in &quality.regions {
+        let note = small(&format!("SSIM {:.4}, inside the region's mask", scores.ssim));
+        cards.push((format!("{name} parts"), format!("{:.2} dB", scores.psnr), note));
+    }
+    for figure in last.measured.figures.iter().filter(|figure| figure.prominence == Prominence::Headline) {
+        cards.push((figure.name.clone(), figure.shown(), small(&figure.note)));
+    }
     page.push_str("<section class=\"cards\">\n");
-    for (label, value, note) in cards.into_iter().chain(motion_cards(last)) {
-        writeln!(page, "<div class=\"card\"><span>{label}</span><b>{value}</b>{note}</div>")?;
+    for (label, value, note) in cards {
+        writeln!(
+            page,
+            "<div class=\"card\"><span>{}</span><b>{}</b>{note}</div>",
+            escaped(&capitalised(&label)),
+            escaped(&value)
+        )?;
     }
     page.push_str("</section>\n");
     Ok(())
 }
 
-/// The figures of a moving scene.
-fn motion_cards(last: &Evaluation) -> Vec<(&'static str, String, String)> {
-    let mut cards = Vec::new();
-    if let Some(moving) = &last.moving {
-        cards.push((
-            "Moving parts",
-            format!("{:.2} dB", moving.psnr),
-            format!("<small>SSIM {:.4}, inside the mask of what moves</small>", moving.ssim),
-        ));
-    }
-    let Some(motion) = &last.motion else { return cards };
-    if let Some(blurry) = motion.blurry_psnr {
-        cards.push(("Blurry photo", format!("{blurry:.2} dB"), "<small>as the scene forms it</small>".into()));
-    }
-    if let (Some(angle), Some(speed)) = (motion.velocity_angle, motion.velocity_magnitude) {
-        let speed = format!("<small>speed off by {:.1} %, medians over moving surfaces</small>", 100.0 * speed);
-        cards.push(("Velocity", format!("{angle:.1}° off"), speed));
-    }
-    let error = motion.exposure_error.map_or(String::new(), |e| format!("<small>off by {:.1} %</small>", 100.0 * e));
-    cards.push(("Exposure", format!("{:.4}", motion.exposure), error));
-    let cost = &motion.cost;
-    cards.push((
-        "Moving Gaussians",
-        thousands(cost.moving),
-        format!("<small>{:.0} % are static; mean order {:.2}</small>", 100.0 * cost.static_share, cost.mean_order),
-    ));
-    cards
+/// With a capital first letter.
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// What a moving scene stores, beside the same Gaussians at one order.
-fn stored_table(page: &mut String, gaussians: usize, cost: &MotionCost) -> Result<()> {
-    let all = gaussians.max(1) as f64;
-    let moving: usize = cost.orders.iter().enumerate().map(|(order, count)| order * count).sum();
-    let counts = |of: &[usize]| of.iter().map(|count| thousands(*count)).collect::<Vec<_>>().join(" · ");
-    let mut fixed_orders = vec![0; cost.fixed_order + 1];
-    fixed_orders[cost.fixed_order] = gaussians;
-    let mut fixed_degrees = vec![0; cost.sh_degrees.len().max(1)];
-    *fixed_degrees.last_mut().expect("one at least") = gaussians;
-    let rows = [
-        ("Gaussians", thousands(gaussians), thousands(gaussians)),
-        ("numbers", thousands(cost.parameters), thousands(cost.fixed_parameters)),
-        ("of them motion", thousands(cost.motion_parameters), thousands(cost.fixed_motion_parameters)),
-        ("bytes", megabytes(cost.bytes as u64), megabytes(cost.fixed_bytes as u64)),
-        ("share static", format!("{:.1} %", 100.0 * cost.static_share), "0 %".into()),
-        ("mean order of motion, over all", format!("{:.2}", moving as f64 / all), format!("{}", cost.fixed_order)),
-        ("Gaussians of order 0 · 1 · 2 · ...", counts(&cost.orders), counts(&fixed_orders)),
-        ("those that move, of rotation order 0 · 1 · ...", counts(&cost.rotation_orders), String::new()),
-        (
-            "kinks in each path; remainder",
-            format!("{}; {}", cost.kinks, if cost.remainder { "yes" } else { "no" }),
-            String::new(),
-        ),
-        ("Gaussians of SH degree 0 · 1 · ...", counts(&cost.sh_degrees), counts(&fixed_degrees)),
-    ];
-    page.push_str(
-        "<section>\n<h2>What the scene stores</h2>\n<table>\n<tr><th></th><th>this scene</th>\
-         <th>one order and degree for all</th></tr>\n",
-    );
-    for (what, here, fixed) in rows {
-        writeln!(page, "<tr><td>{what}</td><td>{here}</td><td>{fixed}</td></tr>")?;
-    }
+/// A table that the method adds.
+fn figure_table(page: &mut String, table: &FigureTable) -> Result<()> {
+    let row = |cells: &[String], cell: &str| {
+        let cells: String = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text))).collect();
+        format!("<tr>{cells}</tr>\n")
+    };
+    write!(page, "<section>\n<h2>{}</h2>\n<table>\n{}", escaped(&table.title), row(&table.columns, "th"))?;
+    table.rows.iter().for_each(|cells| page.push_str(&row(cells, "td")));
     page.push_str("</table>\n</section>\n");
     Ok(())
 }
@@ -202,13 +195,13 @@ fn progress_table(page: &mut String, eval: &EvalFile) -> Result<()> {
             page,
             "<tr><td>{}</td><td>{:.2}</td><td>{:.4}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td></tr>",
             row.step,
-            row.mean.psnr,
-            row.mean.ssim,
-            cell(row.mean.ms_ssim),
-            cell(row.mean.lpips),
-            thousands(row.gaussians),
-            row.seconds,
-            row.peak_memory_bytes.map_or("–".into(), megabytes)
+            row.mean().psnr,
+            row.mean().ssim,
+            cell(row.mean().ms_ssim),
+            cell(row.mean().lpips),
+            thousands(row.measured.size.gaussians),
+            row.cost.seconds,
+            row.cost.peak_memory_bytes.map_or("–".into(), megabytes)
         )?;
     }
     page.push_str("</table>\n</section>\n");
@@ -248,7 +241,7 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
 
 /// Every view, worst first: that is where to look.
 fn views_table(page: &mut String, last: &Evaluation) -> Result<()> {
-    let mut views: Vec<_> = last.views.iter().collect();
+    let mut views: Vec<_> = last.measured.quality.views.iter().collect();
     views.sort_by(|a, b| a.scores.psnr.total_cmp(&b.scores.psnr));
     page.push_str(
         "<section>\n<h2>Views, worst first</h2>\n<table>\n<tr><th>view</th><th>PSNR, dB</th><th>SSIM</th></tr>\n",
@@ -282,11 +275,6 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// Text that cannot be taken for HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -308,10 +296,5 @@ mod tests {
         assert_eq!(with_comparison("<main></main>", "one"), None);
         let older = format!("<main>{CONFIGURATION}");
         assert!(with_comparison(&older, "one").is_some_and(|page| page.ends_with(CONFIGURATION)));
-    }
-
-    #[test]
-    fn names_cannot_break_the_page() {
-        assert_eq!(escaped("a<b>&\"c"), "a&lt;b&gt;&amp;&quot;c");
     }
 }

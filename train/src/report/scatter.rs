@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::escaped;
+use super::html::escaped;
 use super::labels::{Placer, WIDTH_OF_CHARACTER};
 
 /// Colours that stay apart for colour-blind readers (Okabe and Ito 2008); the last is for what has no value.

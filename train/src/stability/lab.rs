@@ -1,52 +1,22 @@
 //! What experiments share: small worlds on disk, runs on them that can be reached into, and a bar with the time left.
 
 use std::cell::{Cell, RefCell};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use burn::tensor::{Device, Tensor};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
-use gs_models::taylormode::TaylorScene;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::data::{Order, Photo, Photos, settled};
-use crate::evaluate::{Evaluation, Evaluator};
-use crate::experiment::Config;
-use crate::interrupt;
-use crate::stability::Request;
-use crate::step::{StepReport, Trainer};
-use crate::taylormode::state::MotionState;
-use crate::taylormode::{hints, measure};
-
-/// What all runs on the small worlds have in common: few Gaussians and few instants, because the images are small, and rates of
-/// the Gaussians some times those of a real run, because a few hundred steps must make a scene sharp enough for blur to matter.
-/// The rest is `configs/taylormode/base.toml`.
-const RECIPE: [&str; 22] = [
-    "pipeline=taylormode",
-    "model.sh_degree=0",
-    "density.cap=2500",
-    "density.start=30",
-    "density.every=30",
-    "density.growth=0.1",
-    "density.trim=0.005",
-    "motion.points=800",
-    "motion.select_every=50",
-    "blur.samples=5",
-    "blur.decouple=false",
-    "prior.sharp=0.2",
-    "prior.until=0.3",
-    "optimiser.means_lr=8e-4",
-    "optimiser.means_lr_final=2e-5",
-    "optimiser.quats_lr=4e-3",
-    "optimiser.scales_lr=1.5e-2",
-    "optimiser.sh_lr=1e-2",
-    "optimiser.opacity_lr=0.1",
-    "eval.ms_ssim=false",
-    "eval.lpips=false",
-    "data.cache_mb=256",
-];
+use super::Request;
+use crate::config::{ConfigError, FitConfig, tables};
+use crate::fit::method::{MOVING, Method};
+use crate::fit::photos::Photo;
+use crate::fit::session::{self, Data, Stepped};
+use crate::run::evaluate::{Evaluator, HeldOut, Measured};
+use crate::run::interrupt;
 
 /// Size of the images, pixels.
 pub const SIZE: (usize, usize) = (96, 72);
@@ -54,6 +24,8 @@ pub const SIZE: (usize, usize) = (96, 72);
 /// Where experiments are made.
 pub struct Lab {
     worlds: PathBuf,
+    /// A data set to run on beside the worlds, where the user named one.
+    pub data: Option<PathBuf>,
     /// Fewer variants and steps.
     pub quick: bool,
     /// Where to compute.
@@ -75,6 +47,7 @@ impl Lab {
         bar.set_style(style.expect("a valid template"));
         Self {
             worlds: request.out.join("worlds"),
+            data: request.data.clone(),
             quick: request.quick,
             device: request.device.clone(),
             quiet: request.quiet,
@@ -134,14 +107,30 @@ impl Lab {
         Ok(load(&folder, &LoadOptions { training_truth: true, ..LoadOptions::default() })?)
     }
 
-    /// The recipe of the lab with changes.
+    /// A data set of the user, as training would load it.
+    ///
+    /// # Errors
+    /// When it cannot be loaded.
+    pub fn real(&self, path: &Path, options: &LoadOptions) -> Result<Scene> {
+        Ok(load(path, options)?)
+    }
+
+    /// The configuration of a method, changed by `changes` in the words of `--set`.
     ///
     /// # Errors
     /// When a change is not valid.
-    pub fn config(&self, steps: usize, changes: &[&str]) -> Result<Config> {
+    pub fn config<M: Method>(&self, steps: usize, changes: &[&str]) -> Result<FitConfig<M::Config>, ConfigError> {
+        let mut table = M::defaults().to_table();
         let own = [format!("steps={steps}")];
-        let all = RECIPE.iter().chain(changes).map(|text| (*text).to_string()).chain(own);
-        Ok(Config::resolve(None, &all.collect::<Vec<_>>())?)
+        for text in changes.iter().map(|text| (*text).to_string()).chain(own) {
+            tables::merge(&mut table, tables::override_layer(&text)?.table);
+        }
+        FitConfig::from_table(&table, "experiment")
+    }
+
+    fn count_step(&self) {
+        self.done.set(self.done.get() + 1);
+        self.bar.inc(1);
     }
 }
 
@@ -162,47 +151,29 @@ pub fn small(world: World, frames: usize) -> DeblurOptions {
 }
 
 /// A run under way, open to an experiment between its steps.
-pub struct Session<'a> {
+pub struct Session<'a, M: Method> {
     lab: &'a Lab,
-    scene: &'a Scene,
-    /// Its configuration.
-    pub config: Config,
-    /// Its state.
-    pub trainer: Trainer,
-    photos: Photos<'a>,
-    order: Order,
+    /// The fit.
+    pub fit: session::Session<'a, M>,
 }
 
-impl<'a> Session<'a> {
-    /// Before the first step, as `run` begins.
-    pub fn begin(lab: &'a Lab, scene: &'a Scene, config: Config) -> Self {
-        let config = settled(&config, scene);
-        let found = hints::gather(scene, &config);
-        let trainer = Trainer::begin(scene, found.as_ref(), &config, &lab.device);
-        Self {
-            order: Order::new(&scene.train, trainer.motion.as_ref().map(|state| state.window.t0), &config),
-            trainer,
-            photos: Photos::new(&scene.train, &lab.device, config.data.cache_mb << 20).with_motion(found),
-            lab,
-            scene,
-            config,
-        }
+impl<'a, M: Method> Session<'a, M> {
+    /// Before the first step, as a run begins.
+    pub fn begin(lab: &'a Lab, data: &'a Data<M>, config: &'a FitConfig<M::Config>) -> Self {
+        Self { lab, fit: session::Session::begin(data, config, None, &lab.device) }
     }
 
     /// One step.
     ///
     /// # Errors
     /// When the user asked to stop.
-    pub fn step(&mut self) -> Result<StepReport> {
+    pub fn step(&mut self) -> Result<Stepped<M::Extra>> {
         if interrupt::asked() {
             bail!("interrupted; what was finished before is in the output folder");
         }
-        let photo = self.photos.get(self.order.pick(self.trainer.step + 1));
-        let report = self.trainer.step(&photo, &self.config);
-        self.trainer.simplify(&self.scene.train, &self.config);
-        self.lab.done.set(self.lab.done.get() + 1);
-        self.lab.bar.inc(1);
-        Ok(report)
+        let stepped = self.fit.step();
+        self.lab.count_step();
+        Ok(stepped)
     }
 
     /// Steps until `step` steps are taken, at most those of the configuration.
@@ -210,7 +181,7 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`step`](Self::step).
     pub fn until(&mut self, step: usize) -> Result<()> {
-        while self.trainer.step < step.min(self.config.steps) {
+        while self.fit.trainer.step < step.min(self.fit.config.steps) {
             self.step()?;
         }
         Ok(())
@@ -220,47 +191,31 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// As [`step`](Self::step).
-    pub fn finish(&mut self) -> Result<Evaluation> {
-        self.until(self.config.steps)?;
-        Ok(self.evaluate())
+    pub fn finish(&mut self) -> Result<Measured> {
+        self.until(self.fit.config.steps)?;
+        Ok(self.measure())
     }
 
     /// The figures of the held-out views now.
-    pub fn evaluate(&self) -> Evaluation {
-        let mut photos = Photos::new(&self.scene.test, &self.lab.device, 0);
-        let evaluator = Evaluator::new(&self.config.eval, &self.lab.device);
-        let (found, _) = evaluator.evaluate(&*self.trainer.model(), &mut photos, &self.config, 0);
-        let gaussians = self.trainer.parameters.gaussians();
-        let of = |state| measure::measure(state, &gaussians, self.scene, &self.config);
-        Evaluation { step: self.trainer.step, motion: self.trainer.motion.as_ref().map(of), ..found }
+    pub fn measure(&self) -> Measured {
+        let (scene, at) = (&self.fit.data.scene, self.fit.at());
+        let evaluator = Evaluator::new(&self.fit.config.eval, &self.lab.device);
+        let held_out = HeldOut::of(scene, None, &at).expect("the reported split");
+        evaluator.measure(self.fit.trainer.model(), scene, &held_out, &at, 0).0
     }
 
-    /// The motion state.
-    ///
-    /// # Panics
-    /// In a static run, which has none.
-    pub fn state(&mut self) -> &mut MotionState {
-        self.trainer.motion.as_mut().expect("the run's pipeline moves")
-    }
-
-    /// The moving scene.
-    ///
-    /// # Panics
-    /// In a static run, which has none.
-    pub fn scene(&self) -> TaylorScene {
-        let state = self.trainer.motion.as_ref().expect("the run's pipeline moves");
-        state.scene(self.trainer.parameters.gaussians())
-    }
-
-    /// Training photo `index`, and what the run forms in its place, `[H, W, 3]`, without going on.
-    pub fn formed(&mut self, index: usize) -> (Photo, Tensor<3>) {
-        let photo = self.photos.get(index);
-        let formed = self.trainer.clone().step(&photo, &self.config).color;
-        (photo, formed)
+    /// Training photo `index`, and the image that is compared with it now, `[H, W, 3]`, without going on.
+    pub fn formed(&mut self, index: usize) -> (Photo<M::Extra>, Tensor<3>) {
+        self.fit.formed(index)
     }
 }
 
 /// PSNR over moving parts, dB; NaN where nothing moves.
-pub fn moving_psnr(evaluation: &Evaluation) -> f64 {
-    evaluation.moving.as_ref().map_or(f64::NAN, |scores| scores.psnr)
+pub fn moving_psnr(measured: &Measured) -> f64 {
+    measured.quality.regions.get(MOVING).map_or(f64::NAN, |scores| scores.psnr)
+}
+
+/// A figure by its key; NaN where it was not measured.
+pub fn figure(measured: &Measured, key: &str) -> Option<f64> {
+    measured.figures.iter().find(|figure| figure.key == key).map(|figure| figure.value)
 }

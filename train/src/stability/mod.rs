@@ -1,37 +1,13 @@
-//! Experiments at the edge of the method: where does it fail, and does it fail as little as it should?
+//! Experiments at the edge of a method: where does it fail, and does it fail as little as it should?
 //!
-//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and holds what
-//! it found against a bound that was set before. A bound that is missed is shown as missed, in the figure's title and in the
-//! report. Runs go through the same `Trainer` as `gsburn train`, step by step, so that an experiment can reach into the state
-//! between steps (turn the velocities round, say).
-//!
-//! | file | question |
-//! |---|---|
-//! | [`direction`] | does blur say which way things went? |
-//! | [`exposure`] | can exposure and speed be told apart? |
-//! | [`absorb`] | does the blur model eat the scene? |
-//! | [`samples`] | how many instants does an exposure need? |
-//! | [`divergence`] | where does a Taylor path go outside its window? |
-//! | [`depth`] | what does a wrong depth prior cost? |
-//! | [`masks`] | what do masks cost that are too wide or too narrow? |
-//! | [`speed`] | how much motion per exposure can be undone? |
-//! | [`thrown`] | does early training throw Gaussians away? |
-//! | [`opacity`] | what do opacity resets cost? |
+//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and holds its findings
+//! against a bound that was set before. A bound that is missed is shown as missed, in the figure's title and in the
+//! report. Runs go through the same [`Session`](crate::fit::session::Session) as `gsburn train`, step by step, so that an experiment can
+//! reach into the state between steps (turn the velocities round, say). The experiments themselves belong to their pipeline.
 
-pub mod absorb;
-pub mod depth;
-pub mod direction;
-pub mod divergence;
-pub mod exposure;
 pub mod findings;
 pub mod lab;
-pub mod masks;
-pub mod opacity;
 mod page;
-pub mod samples;
-pub mod speed;
-mod surface;
-pub mod thrown;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -51,23 +27,11 @@ pub struct Experiment {
     pub question: &'static str,
     /// Training steps it takes, quick or not; for the time left.
     pub steps: fn(quick: bool) -> usize,
+    /// Whether it runs only when it is named: it takes long.
+    pub on_request: bool,
     /// Runs it.
     pub run: fn(&Lab) -> Result<Findings>,
 }
-
-/// All experiments, cheapest kinds first.
-pub const EXPERIMENTS: [&Experiment; 10] = [
-    &divergence::EXPERIMENT,
-    &thrown::EXPERIMENT,
-    &samples::EXPERIMENT,
-    &direction::EXPERIMENT,
-    &exposure::EXPERIMENT,
-    &absorb::EXPERIMENT,
-    &depth::EXPERIMENT,
-    &masks::EXPERIMENT,
-    &speed::EXPERIMENT,
-    &opacity::EXPERIMENT,
-];
 
 /// What to run, and where.
 #[derive(Debug, Clone)]
@@ -76,6 +40,8 @@ pub struct Request {
     pub out: PathBuf,
     /// Names of the experiments; empty: all.
     pub only: Vec<String>,
+    /// A data set that experiments run on beside their own worlds, where they can.
+    pub data: Option<PathBuf>,
     /// Fewer variants and steps: a look, not a measurement.
     pub quick: bool,
     /// Where to compute (without autodiff).
@@ -84,12 +50,12 @@ pub struct Request {
     pub quiet: bool,
 }
 
-/// Runs the experiments; after each, its figures, results.json and stability.html are written with all there is so far.
+/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with all there is so far.
 ///
 /// # Errors
 /// One sentence: a name that is none, a full disk, a request to stop.
-pub fn run(request: &Request) -> Result<Vec<Outcome>> {
-    let chosen = chosen(&request.only)?;
+pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request: &Request) -> Result<Vec<Outcome>> {
+    let chosen = chosen(experiments, &request.only)?;
     let total = chosen.iter().map(|experiment| (experiment.steps)(request.quick)).sum();
     let lab = Lab::new(request, total);
     let mut outcomes = Vec::new();
@@ -103,37 +69,49 @@ pub fn run(request: &Request) -> Result<Vec<Outcome>> {
         }
         lab.say(&outcome.line());
         outcomes.push(outcome);
-        write(request, &outcomes)?;
+        write(pipeline, request, &outcomes)?;
     }
     lab.leave();
     Ok(outcomes)
 }
 
-/// The experiments named, or all.
-fn chosen(only: &[String]) -> Result<Vec<&'static Experiment>> {
-    let names = || EXPERIMENTS.map(|experiment| experiment.name).join(", ");
-    if let Some(unknown) = only.iter().find(|name| EXPERIMENTS.iter().all(|experiment| experiment.name != **name)) {
-        bail!("--only: expected names from {}, found {unknown:?}", names());
+/// The experiments named, or all that run on their own worlds.
+fn chosen(experiments: &'static [&'static Experiment], only: &[String]) -> Result<Vec<&'static Experiment>> {
+    let names: Vec<&str> = experiments.iter().map(|experiment| experiment.name).collect();
+    if let Some(unknown) = only.iter().find(|name| !names.contains(&name.as_str())) {
+        bail!("--only: expected names from {}, found {unknown:?}", names.join(", "));
     }
-    let wanted = |experiment: &&&Experiment| only.is_empty() || only.iter().any(|name| name == experiment.name);
-    Ok(EXPERIMENTS.iter().filter(wanted).copied().collect())
+    let wanted = |experiment: &&&Experiment| match only {
+        [] => !experiment.on_request,
+        only => only.iter().any(|name| name == experiment.name),
+    };
+    Ok(experiments.iter().filter(wanted).copied().collect())
 }
 
-fn write(request: &Request, outcomes: &[Outcome]) -> Result<()> {
+fn write(pipeline: &str, request: &Request, outcomes: &[Outcome]) -> Result<()> {
     let json = serde_json::to_string_pretty(outcomes).expect("figures are JSON") + "\n";
     write_atomic(&request.out.join("results.json"), json.as_bytes())?;
-    Ok(write_atomic(&request.out.join("stability.html"), page::html(outcomes, request.quick).as_bytes())?)
+    Ok(write_atomic(&request.out.join("stability.html"), page::html(pipeline, outcomes, request.quick).as_bytes())?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    static QUICK: Experiment =
+        Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_| bail!("not run") };
+    static LONG: Experiment = Experiment { name: "long", on_request: true, ..QUICK };
+    static ALL: [&Experiment; 2] = [&QUICK, &LONG];
+
     #[test]
     fn names_are_checked() {
-        assert_eq!(chosen(&[]).expect("all").len(), EXPERIMENTS.len());
-        assert_eq!(chosen(&["depth".into()]).expect("one").len(), 1);
-        let message = chosen(&["deepth".into()]).map(|_| ()).expect_err("unknown").to_string();
-        assert!(message.contains("deepth") && message.contains("divergence"), "{message}");
+        let names = |only: &[&str]| -> Result<Vec<&str>> {
+            let only: Vec<String> = only.iter().map(|name| name.to_string()).collect();
+            Ok(chosen(&ALL, &only)?.into_iter().map(|experiment| experiment.name).collect())
+        };
+        assert_eq!(names(&[]).expect("all"), ["depth"]);
+        assert_eq!(names(&["long"]).expect("one"), ["long"]);
+        let message = names(&["deepth"]).expect_err("unknown").to_string();
+        assert!(message.contains("deepth") && message.contains("depth, long"), "{message}");
     }
 }

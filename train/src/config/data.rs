@@ -1,0 +1,183 @@
+//! What to load of a data set, and how.
+
+use std::path::PathBuf;
+
+use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PriorUse};
+use serde::{Deserialize, Serialize};
+
+use super::error::{ConfigError, check};
+
+/// Which views are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HoldoutChoice {
+    /// The data set's own split; where it has none, one camera in 8 of standing ones that film, or every 8th view.
+    Dataset,
+    /// Every `holdout_every`-th view by name.
+    Every,
+    /// The views of `holdout_names`.
+    Names,
+    /// None; the result is then measured on training views.
+    None,
+}
+
+/// How mask files are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskChoice {
+    /// By the rules of the data set's format.
+    Auto,
+    /// No mask is read.
+    Ignore,
+    /// Masks keep what is white.
+    KeepWhite,
+    /// Masks keep what is black.
+    KeepBlack,
+    /// Masks are white where something moves.
+    Moving,
+}
+
+/// A guess that another program made about the photos.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PriorKind {
+    /// Depth maps.
+    Depth,
+    /// Masks of what moves.
+    Masks,
+    /// Pseudo-sharp photos.
+    Sharp,
+}
+
+/// What the numbers in depth files mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DepthChoice {
+    /// As the data set says.
+    Auto,
+    /// Camera z in scene units.
+    #[serde(alias = "metric_z")]
+    MetricZ,
+    /// Camera z, up to a scale and a shift per photo.
+    Depth,
+    /// One over camera z, up to a scale and a shift per photo.
+    #[serde(alias = "inverse_depth")]
+    InverseDepth,
+}
+
+/// What lies behind everything.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected \"auto\" or three numbers from 0 to 1")]
+pub enum Background {
+    /// A colour, 0 to 1 per channel.
+    Color([f32; 3]),
+    /// Found in the photos.
+    Found(Auto),
+}
+
+/// The word for what is found in the data set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Auto {
+    /// As the data set says or shows.
+    Auto,
+}
+
+impl Background {
+    /// The colour; black until one is found.
+    pub fn color(self) -> [f32; 3] {
+        match self {
+            Self::Color(color) => color,
+            Self::Found(Auto::Auto) => [0.0; 3],
+        }
+    }
+}
+
+/// How the data set is read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DataConfig {
+    /// Wider photos are downscaled to this width, pixels; 0 keeps the full size.
+    pub max_width: usize,
+    /// Which views are held out.
+    pub holdout: HoldoutChoice,
+    /// Every how many views one is held out, for `holdout = "every"`.
+    pub holdout_every: usize,
+    /// The views held out, by name or file stem, for `holdout = "names"`.
+    pub holdout_names: Vec<String>,
+    /// Image folder of a COLMAP model where it is not a usual one; empty: found by itself.
+    pub images: String,
+    /// Colour behind the scene and behind transparent pixels.
+    pub background: Background,
+    /// How mask files are used.
+    pub masks: MaskChoice,
+    /// Priors that are read where the data set has them: "depth", "masks", "sharp". A still scene uses, and reads, masks alone:
+    /// moving parts are measured by them.
+    pub priors: Vec<PriorKind>,
+    /// What depth files mean, whatever the data set says; "auto" goes by the data set.
+    pub depth_kind: DepthChoice,
+    /// Photos are kept as floats up to this many MB in all; the rest is converted from 8 bits in each step.
+    pub cache_mb: usize,
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            max_width: 0,
+            holdout: HoldoutChoice::Dataset,
+            holdout_every: gs_datasets::DEFAULT_HOLDOUT,
+            holdout_names: Vec::new(),
+            images: String::new(),
+            background: Background::Found(Auto::Auto),
+            masks: MaskChoice::Auto,
+            priors: vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp],
+            depth_kind: DepthChoice::Auto,
+            cache_mb: 64,
+        }
+    }
+}
+
+impl DataConfig {
+    /// The same choices in the words of the readers.
+    pub fn options(&self) -> LoadOptions {
+        LoadOptions {
+            max_width: (self.max_width > 0).then_some(self.max_width),
+            background: self.background.color(),
+            holdout: match self.holdout {
+                HoldoutChoice::Dataset => Holdout::Dataset,
+                HoldoutChoice::Every => Holdout::Every(self.holdout_every),
+                HoldoutChoice::Names => Holdout::Names(self.holdout_names.clone()),
+                HoldoutChoice::None => Holdout::None,
+            },
+            images: (!self.images.is_empty()).then(|| PathBuf::from(&self.images)),
+            masks: match self.masks {
+                MaskChoice::Auto => MaskUse::Auto,
+                MaskChoice::Ignore => MaskUse::Ignore,
+                MaskChoice::KeepWhite => MaskUse::KeepWhite,
+                MaskChoice::KeepBlack => MaskUse::KeepBlack,
+                MaskChoice::Moving => MaskUse::Moving,
+            },
+            priors: PriorUse {
+                depth: self.priors.contains(&PriorKind::Depth),
+                masks: self.priors.contains(&PriorKind::Masks),
+                sharp: self.priors.contains(&PriorKind::Sharp),
+            },
+            depth_kind: match self.depth_kind {
+                DepthChoice::Auto => None,
+                DepthChoice::MetricZ => Some(DepthKind::MetricZ),
+                DepthChoice::Depth => Some(DepthKind::Depth),
+                DepthChoice::InverseDepth => Some(DepthKind::InverseDepth),
+            },
+            ..LoadOptions::default()
+        }
+    }
+
+    pub(super) fn validate(&self) -> Result<(), ConfigError> {
+        check("data.holdout_every", self.holdout_every, self.holdout_every >= 2, "at least 2")?;
+        let named = self.holdout != HoldoutChoice::Names || !self.holdout_names.is_empty();
+        check("data.holdout_names", "[]", named, "a list of view names when data.holdout = \"names\"")?;
+        let color = self.background.color();
+        let in_range = color.iter().all(|c| (0.0..=1.0).contains(c));
+        check("data.background", format!("{color:?}"), in_range, "three numbers from 0 to 1")
+    }
+}

@@ -1,0 +1,116 @@
+//! What can be wrong with a configuration, and the checks of ranges.
+
+use std::path::PathBuf;
+
+use super::tables::MAX_BASES;
+
+/// What can be wrong with a configuration; one sentence each.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the configuration: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's answer.
+        source: std::io::Error,
+    },
+    /// The file is not TOML.
+    #[error("{origin}: expected TOML, found: {found}")]
+    Syntax {
+        /// The file or argument.
+        origin: String,
+        /// The parser's complaint on one line.
+        found: String,
+    },
+    /// A key that does not exist.
+    #[error("{origin}: unknown key `{key}`; the nearest valid key is `{nearest}`")]
+    UnknownKey {
+        /// The file or argument.
+        origin: String,
+        /// The key as written, with its sections.
+        key: String,
+        /// The valid key most like it.
+        nearest: String,
+    },
+    /// A value of the wrong type.
+    #[error("{origin}: {found}")]
+    Type {
+        /// The file or argument.
+        origin: String,
+        /// What was expected, found, and where.
+        found: String,
+    },
+    /// A value outside its range.
+    #[error("configuration: `{key}` must be {expected}, found {found}")]
+    Range {
+        /// The key with its sections.
+        key: &'static str,
+        /// The range, as a phrase.
+        expected: &'static str,
+        /// The value.
+        found: String,
+    },
+    /// `base` files that lead to no end.
+    #[error("{origin}: more than {MAX_BASES} `base` files are stacked here; is there a circle?")]
+    Circle {
+        /// The file or recipe at which it was noticed.
+        origin: String,
+    },
+    /// A key of another pipeline.
+    #[error("{origin}: `{key}` is a key of the pipeline {owner}; this configuration's pipeline is {pipeline}")]
+    OtherPipeline {
+        /// The file or argument.
+        origin: String,
+        /// The key as written, with its sections.
+        key: String,
+        /// The pipeline that has it.
+        owner: String,
+        /// The configuration's pipeline.
+        pipeline: String,
+    },
+    /// A pipeline that does not exist.
+    #[error("{origin}: expected a pipeline ({valid}), found `{found}`")]
+    Pipeline {
+        /// The file or argument.
+        origin: String,
+        /// The value.
+        found: String,
+        /// The pipelines there are.
+        valid: String,
+    },
+    /// A recipe that does not exist.
+    #[error("--recipe {found}: there is no such recipe; the nearest is {nearest} (`gsburn recipes` lists all)")]
+    Recipe {
+        /// The name as written.
+        found: String,
+        /// The name most like it.
+        nearest: String,
+    },
+}
+
+/// `Ok` when `holds`, otherwise the sentence "`key` must be `expected`, found `found`".
+pub fn check(
+    key: &'static str,
+    found: impl ToString,
+    holds: bool,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError::Range { key, expected, found: found.to_string() }) }
+}
+
+/// Above 0, also as f32, which is what kernels compute with.
+pub fn positive(x: f64) -> bool {
+    not_negative(x) && x as f32 > 0.0
+}
+
+/// 0 or more, and finite as f32.
+pub fn not_negative(x: f64) -> bool {
+    x >= 0.0 && (x as f32).is_finite()
+}
+
+/// Between 0 and 1, both excluded.
+pub fn open_unit(x: f64) -> bool {
+    x > 0.0 && x < 1.0
+}

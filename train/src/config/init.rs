@@ -1,0 +1,31 @@
+//! `[init]`: how a scene begins.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::{ConfigError, check, open_unit, positive};
+
+/// How a scene begins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct InitConfig {
+    /// Opacity of a new Gaussian, 0 to 1. Too high hides what lies behind before it has learned; too low is slow.
+    pub opacity: f64,
+    /// Size of a new Gaussian, in mean distances to its three nearest neighbours.
+    pub scale: f64,
+    /// Gaussians to begin with where the data set has no points (never more than `density.cap`).
+    pub random_points: usize,
+}
+
+impl Default for InitConfig {
+    fn default() -> Self {
+        Self { opacity: 0.3, scale: 0.8, random_points: 20_000 }
+    }
+}
+
+impl InitConfig {
+    pub(super) fn validate(&self) -> Result<(), ConfigError> {
+        check("init.opacity", self.opacity, open_unit(self.opacity), "between 0 and 1, both excluded")?;
+        check("init.scale", self.scale, positive(self.scale), "positive")?;
+        check("init.random_points", self.random_points, self.random_points >= 1, "at least 1")
+    }
+}

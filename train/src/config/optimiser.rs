@@ -1,0 +1,64 @@
+//! `[optimiser]`: learning rates of the Gaussians.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::{ConfigError, check, not_negative, positive};
+
+/// Learning rates, in the parameter's unit a step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OptimiserConfig {
+    /// Rate of the centres at the first step, in scene extents. Too large and surfaces fray, too small and they stay
+    /// where the points were.
+    pub means_lr: f64,
+    /// Rate of the centres at the last step, in scene extents; exponential in between.
+    pub means_lr_final: f64,
+    /// Rate of the rotations (unnormalised quaternions).
+    pub quats_lr: f64,
+    /// Rate of the logarithms of the sizes.
+    pub scales_lr: f64,
+    /// Rate of the opacity logits.
+    pub opacity_lr: f64,
+    /// Rate of the base colour (SH degree 0).
+    pub sh_lr: f64,
+    /// Rate of the view-dependent colour (SH degrees 1 to 3); 3DGS takes a twentieth of `sh_lr`.
+    pub sh_rest_lr: f64,
+    /// Decay of the first moment.
+    pub beta1: f64,
+    /// Decay of the second moment.
+    pub beta2: f64,
+    /// Added to the root of the second moment. Gradients of a mean over a million values are tiny, so 3DGS takes 1e-15.
+    pub eps: f64,
+}
+
+impl Default for OptimiserConfig {
+    fn default() -> Self {
+        Self {
+            means_lr: 1.6e-4,
+            means_lr_final: 1.6e-6,
+            quats_lr: 1e-3,
+            scales_lr: 5e-3,
+            opacity_lr: 5e-2,
+            sh_lr: 2.5e-3,
+            sh_rest_lr: 1.25e-4,
+            beta1: 0.9,
+            beta2: 0.999,
+            eps: 1e-15,
+        }
+    }
+}
+
+impl OptimiserConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        check("optimiser.means_lr", self.means_lr, positive(self.means_lr), "positive")?;
+        check("optimiser.means_lr_final", self.means_lr_final, positive(self.means_lr_final), "positive")?;
+        check("optimiser.quats_lr", self.quats_lr, not_negative(self.quats_lr), "0 or more")?;
+        check("optimiser.scales_lr", self.scales_lr, not_negative(self.scales_lr), "0 or more")?;
+        check("optimiser.opacity_lr", self.opacity_lr, not_negative(self.opacity_lr), "0 or more")?;
+        check("optimiser.sh_lr", self.sh_lr, not_negative(self.sh_lr), "0 or more")?;
+        check("optimiser.sh_rest_lr", self.sh_rest_lr, not_negative(self.sh_rest_lr), "0 or more")?;
+        check("optimiser.beta1", self.beta1, (0.0..1.0).contains(&self.beta1), "at least 0 and below 1")?;
+        check("optimiser.beta2", self.beta2, (0.0..1.0).contains(&self.beta2), "at least 0 and below 1")?;
+        check("optimiser.eps", self.eps, positive(self.eps), "positive")
+    }
+}

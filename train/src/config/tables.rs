@@ -1,0 +1,207 @@
+//! Configurations as tables: files and recipes stacked on their bases, single values, and keys that do not exist.
+
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use super::error::ConfigError;
+
+/// Files that may be stacked by `base`; more is taken for a circle.
+pub const MAX_BASES: usize = 8;
+
+/// Values from one place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Where they are from, as errors say it.
+    pub origin: String,
+    /// The values.
+    pub table: Table,
+}
+
+/// A file and the files it is based on, the farthest base first.
+///
+/// # Errors
+/// A file that cannot be read or is no TOML, or more than [`MAX_BASES`] of them.
+pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
+    let mut next = Some(path.to_path_buf());
+    let mut layers = Vec::new();
+    while let Some(path) = next {
+        if layers.len() > MAX_BASES {
+            return Err(ConfigError::Circle { origin: path.display().to_string() });
+        }
+        let text =
+            std::fs::read_to_string(&path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
+        let (layer, base) = layer(&text, path.display().to_string())?;
+        next = base.map(|name| path.with_file_name(name));
+        layers.push(layer);
+    }
+    layers.reverse();
+    Ok(layers)
+}
+
+/// A recipe and the recipes it is based on, the farthest base first; `find` gives the text of a recipe by name (`folder/name`).
+///
+/// # Errors
+/// As [`file_layers`]; `None` where `find` does not know the name.
+pub fn recipe_layers(name: &str, find: impl Fn(&str) -> Option<&'static str>) -> Result<Option<Vec<Layer>>, ConfigError> {
+    let mut next = Some(name.to_string());
+    let mut layers = Vec::new();
+    while let Some(name) = next {
+        let origin = format!("recipe {name}");
+        if layers.len() > MAX_BASES {
+            return Err(ConfigError::Circle { origin });
+        }
+        let Some(text) = find(&name) else { return Ok(None) };
+        let (layer, base) = layer(text, origin)?;
+        next = base.map(|base| beside(&name, &base));
+        layers.push(layer);
+    }
+    layers.reverse();
+    Ok(Some(layers))
+}
+
+/// The recipe that `base` (as a file beside the recipe `name` would call it) names: `a/b/c` and `../d.toml` give `a/d`.
+fn beside(name: &str, base: &str) -> String {
+    let mut parts: Vec<&str> = name.split('/').collect();
+    parts.pop();
+    for part in base.strip_suffix(".toml").unwrap_or(base).split('/') {
+        match part {
+            ".." => drop(parts.pop()),
+            part => parts.push(part),
+        }
+    }
+    parts.join("/")
+}
+
+/// The values of a text and the name of its base.
+fn layer(text: &str, origin: String) -> Result<(Layer, Option<String>), ConfigError> {
+    let mut table = parse(text, &origin)?;
+    match table.remove("base") {
+        None => Ok((Layer { origin, table }, None)),
+        Some(Value::String(name)) => Ok((Layer { origin, table }, Some(name))),
+        Some(other) => {
+            let found = format!("`base` must be the name of a file beside this one, found {other}");
+            Err(ConfigError::Type { origin, found })
+        }
+    }
+}
+
+/// The table of a TOML text; `origin` names it in errors.
+///
+/// # Errors
+/// When it is no TOML.
+pub fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
+    text.parse()
+        .map_err(|error: toml::de::Error| ConfigError::Syntax { origin: origin.into(), found: one_line(&error) })
+}
+
+/// `density.cap=5000` gives `{ density = { cap = 5000 } }`. A value that is no TOML is taken as a string, so that
+/// `density.strategy=mcmc` needs no quotes.
+///
+/// # Errors
+/// Without `=`.
+pub fn override_layer(text: &str) -> Result<Layer, ConfigError> {
+    let origin = format!("--set {text}");
+    let Some((key, raw)) = text.split_once('=') else {
+        return Err(ConfigError::Syntax { origin, found: "no `=`; write section.key=value".into() });
+    };
+    let raw = raw.trim();
+    let value = format!("value = {raw}")
+        .parse::<Table>()
+        .ok()
+        .and_then(|mut table| table.remove("value"))
+        .unwrap_or_else(|| Value::String(raw.into()));
+    let mut names = key.trim().split('.').rev();
+    let last = names.next().unwrap_or_default();
+    let mut table = Table::from_iter([(last.to_string(), value)]);
+    for name in names {
+        table = Table::from_iter([(name.to_string(), Value::Table(table))]);
+    }
+    Ok(Layer { origin, table })
+}
+
+/// Puts the values of `from` over those of `into`.
+pub fn merge(into: &mut Table, from: Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(Value::Table(inner)), Value::Table(changes)) => merge(inner, changes),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+/// The first key of `table` that `valid` has not, with its sections.
+pub fn unknown_key(table: &Table, valid: &Table) -> Option<String> {
+    let valid = keys(valid);
+    keys(table).into_iter().find(|key| !valid.contains(key))
+}
+
+/// All keys with their sections, sections included.
+pub fn keys(table: &Table) -> Vec<String> {
+    fn list(table: &Table, prefix: &str, keys: &mut Vec<String>) {
+        for (key, value) in table {
+            let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+            if let Value::Table(inner) = value {
+                list(inner, &path, keys);
+            }
+            keys.push(path);
+        }
+    }
+    let mut all = Vec::new();
+    list(table, "", &mut all);
+    all
+}
+
+/// Every value by its key with sections, strings without quotes.
+pub fn flat(table: &Table) -> Vec<(String, String)> {
+    fn list(table: &Table, prefix: &str, values: &mut Vec<(String, String)>) {
+        for (key, value) in table {
+            let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+            match value {
+                Value::Table(inner) => list(inner, &path, values),
+                Value::String(text) => values.push((path, text.clone())),
+                other => values.push((path, other.to_string())),
+            }
+        }
+    }
+    let mut all = Vec::new();
+    list(table, "", &mut all);
+    all
+}
+
+/// The valid key most like `key`: by spelling as a whole, or by its last name in another section.
+pub fn nearest<'a>(key: &str, valid: &'a [String]) -> &'a str {
+    let last = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
+    let distance = |candidate: &&String| {
+        let whole = strsim::damerau_levenshtein(key, candidate);
+        let name = strsim::damerau_levenshtein(&last(key), &last(candidate)) + 1;
+        whole.min(name)
+    };
+    valid.iter().min_by_key(distance).map_or("", String::as_str)
+}
+
+/// A parser's complaint on one line.
+pub fn one_line(error: &toml::de::Error) -> String {
+    error.to_string().lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bases_are_found_beside_a_recipe() {
+        assert_eq!(beside("a/b/c", "../d.toml"), "a/d");
+        assert_eq!(beside("a/c", "base.toml"), "a/base");
+        assert_eq!(beside("a/c", "../../../x.toml"), "x");
+    }
+
+    #[test]
+    fn a_circle_of_recipes_ends() {
+        let circle = recipe_layers("a/x", |_| Some("base = \"x.toml\""));
+        assert!(circle.expect_err("circle").to_string().contains("circle"));
+        assert_eq!(recipe_layers("a/x", |_| None).expect("unknown"), None);
+    }
+}

@@ -1,0 +1,149 @@
+//! Classic adaptive density control (3DGS, section 5.2): clone small Gaussians and split large ones where the screen
+//! gradient is high, remove transparent and oversized ones, and lower opacities now and then.
+
+use burn::tensor::{Device, Tensor};
+use glam::Vec3;
+use gs_burn::Gaussians;
+
+use crate::fit::density::ops::{Draft, logit, sigmoid};
+use super::{Changes, Observation, Refinement, StepContext};
+use crate::config::{DensityConfig, OpacityPolicy};
+use gs_burn::adam::Adam;
+use crate::fit::parameters::{Group, Table, from_host, to_host};
+use crate::fit::random::{Purpose, normal_triple, stream};
+use crate::fit::schedule::due;
+
+/// A split Gaussian's parts are smaller by this factor (3DGS: phi).
+const SPLIT_SHRINK: f64 = 1.6;
+
+/// Opacities are lowered to at most this many times the dead one's (3DGS: 0.01 for 0.005).
+const RESET_TO: f64 = 2.0;
+
+/// The statistics of classic adaptive control since the last change.
+#[derive(Debug, Clone)]
+pub struct Adaptive {
+    /// Sum over views of the norm of the screen gradient, `[N]`, in half image widths.
+    pub gradient: Tensor<1>,
+    /// Views in which the Gaussian was seen, `[N]`.
+    pub views: Tensor<1>,
+}
+
+impl Adaptive {
+    /// Empty statistics of `n` Gaussians.
+    pub fn new(n: usize, device: &Device) -> Self {
+        Self { gradient: Tensor::zeros([n], device), views: Tensor::zeros([n], device) }
+    }
+
+    /// Adds one view. The gradient is taken by image coordinates from -1 to 1, as 3DGS does, so that one threshold serves
+    /// every resolution.
+    pub fn gather(&mut self, screen: &Tensor<2>, observation: &Observation, absolute: bool) {
+        let n = screen.dims()[0];
+        let first = if absolute { 2 } else { 0 };
+        let column = |index: usize, pixels: usize| {
+            screen.clone().slice([0..n, index..index + 1]).reshape([n]) * (0.5 * pixels as f64)
+        };
+        let (x, y) = (column(first, observation.width), column(first + 1, observation.height));
+        let norm = (x.clone() * x + y.clone() * y).sqrt();
+        self.gradient = self.gradient.clone() + norm;
+        self.views = self.views.clone() + observation.radii.clone().greater_elem(0.0).float();
+    }
+
+    /// Clones, splits and removes, never above `config.cap`; the statistics begin anew.
+    pub fn refine(
+        &mut self,
+        gaussians: &mut Gaussians,
+        adam: &mut Adam,
+        config: &DensityConfig,
+        context: &StepContext,
+    ) -> Refinement {
+        let mut draft = Draft::read(gaussians);
+        let before = draft.len();
+        let mut chosen = self.above_threshold(config.gradient);
+        // When the budget does not allow all, those that need it most.
+        chosen.truncate(config.cap.saturating_sub(before));
+        let split = split_or_clone(&mut draft, gaussians, chosen.iter().map(|(row, _)| *row), config, context);
+
+        let opacities_were_lowered = config.opacity_policy != OpacityPolicy::Reset || context.step > config.reset_every;
+        let largest = if opacities_were_lowered { config.prune_size * context.extent } else { f64::INFINITY };
+        let grown = draft.len();
+        let was_split = |row: usize| split.get(row).is_some_and(|split| *split);
+        // A comparison with NaN is false: what is not a number is removed too.
+        let counts = |draft: &Draft, row| draft.opacity(row) > config.min_opacity && draft.size(row) <= largest;
+        let some_stay = (0..grown).any(|row| !was_split(row) && counts(&draft, row));
+        if !some_stay {
+            // A scene without Gaussians has no gradient that could bring one back.
+            tracing::warn!(
+                step = context.step,
+                "density.min_opacity and density.prune_size would leave no Gaussian: none is removed"
+            );
+        }
+        draft.retain(|draft, row| !was_split(row) && (!some_stay || counts(draft, row)));
+        let after = draft.len();
+        let rows = Some(draft.commit(gaussians, adam));
+        *self = Self::new(after, &gaussians.device());
+        Refinement { changes: Changes { added: grown - before, moved: 0, removed: grown - after }, rows }
+    }
+
+    /// Rows whose mean gradient is at least `threshold`, highest first, ties by row.
+    fn above_threshold(&self, threshold: f64) -> Vec<(usize, f32)> {
+        let (sums, views) = (to_host(self.gradient.clone()), to_host(self.views.clone()));
+        let means = sums.iter().zip(&views).map(|(sum, views)| sum / views.max(1.0));
+        let mut rows: Vec<(usize, f32)> = means.enumerate().filter(|(_, mean)| f64::from(*mean) >= threshold).collect();
+        rows.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        rows
+    }
+}
+
+/// Appends a copy of each small row as it is, and two smaller parts, placed at random inside it, of each large one. Returns
+/// which of the old rows were split and should go; that leaves one more Gaussian per chosen row either way.
+fn split_or_clone(
+    draft: &mut Draft,
+    gaussians: &Gaussians,
+    rows: impl Iterator<Item = usize>,
+    config: &DensityConfig,
+    context: &StepContext,
+) -> Vec<bool> {
+    let mut rng = stream(context.seed, Purpose::Density, context.step as u64);
+    let quats = gaussians.read(Group::Quats);
+    let mut split = vec![false; draft.len()];
+    for row in rows {
+        if draft.size(row) <= config.split_size * context.extent {
+            draft.duplicate(row);
+            continue;
+        }
+        split[row] = true;
+        let [w, x, y, z] = [0, 1, 2, 3].map(|c| quats[4 * row + c]);
+        let rotation = glam::Quat::from_xyzw(x, y, z, w).normalize();
+        for _ in 0..2 {
+            let part = draft.duplicate(row);
+            let size = Vec3::from(draft.log_scales[row]).exp();
+            let offset = rotation * (size * normal_triple(&mut rng).as_vec3());
+            draft.means[part] = (Vec3::from(draft.means[row]) + offset).to_array();
+            draft.scale(part, 1.0 / SPLIT_SHRINK);
+        }
+    }
+    split
+}
+
+/// Lowers opacities where `config.opacity_policy` asks for it after this step.
+pub fn lower_opacities(
+    gaussians: &mut Gaussians,
+    adam: &mut Adam,
+    config: &DensityConfig,
+    context: &StepContext,
+) {
+    if !config.active(context.step, context.steps) {
+        return;
+    }
+    let lower: Box<dyn Fn(f64) -> f64> = match config.opacity_policy {
+        OpacityPolicy::Reset if due(context.step, config.reset_every) => {
+            adam.forget(Group::Opacity.path());
+            Box::new(|opacity| opacity.min(RESET_TO * config.min_opacity))
+        }
+        OpacityPolicy::Decay if due(context.step, config.every) => Box::new(|opacity| opacity * (1.0 - config.decay)),
+        _ => return,
+    };
+    let logits = gaussians.read(Group::Opacity);
+    let lowered = logits.iter().map(|x| logit(lower(sigmoid(f64::from(*x)))) as f32).collect();
+    gaussians.set(Group::Opacity, from_host(lowered, 1, &gaussians.device()));
+}

@@ -1,0 +1,122 @@
+//! What a data set settles for training and measuring: the scene's size, the near plane and the background.
+//!
+//! A configuration may leave them open (`render.near = 0`, `data.background = "auto"`). The values found stand here, beside the
+//! configuration, which is never changed.
+
+use gs_burn::RenderOptions;
+use gs_datasets::{Scene, View};
+use serde::{Deserialize, Serialize};
+
+use super::initialise::size_of;
+use super::preflight::{NEAR_ADVISED, NEAR_MOST};
+use crate::config::{Background, Config, RenderConfig};
+
+/// Share of the pixels along the borders of all photos that have one colour when it is the background's.
+const BORDER: f64 = 0.5;
+
+/// Levels of 255 within which colours are one.
+const ONE_COLOR: u8 = 2;
+
+/// What the data set settles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SceneFacts {
+    /// The scene's size, scene units: rates and thresholds are relative to it.
+    pub extent: f64,
+    /// Gaussians nearer than this are not drawn, scene units.
+    pub near: f64,
+    /// Colour behind the scene, 0 to 1 per channel.
+    pub background: [f32; 3],
+    /// Median distance of the training cameras from what they look at, scene units; `None` where their axes do not meet.
+    pub subject_distance: Option<f64>,
+}
+
+impl SceneFacts {
+    /// The facts of `scene`, where `config` does not say otherwise. `near_share` is the near plane that the method proposes where the
+    /// configuration leaves it open, in distances of the subject; `None`: the renderer's own.
+    pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>) -> Self {
+        let subject_distance = scene.subject_distance();
+        Self {
+            extent: size_of(scene),
+            near: if config.render.near > 0.0 { config.render.near } else { near(subject_distance, near_share) },
+            background: match config.data.background {
+                Background::Color(color) => color,
+                Background::Found(_) => found_background(&scene.train),
+            },
+            subject_distance,
+        }
+    }
+
+    /// Facts of a scene of which nothing is known but the configuration.
+    pub fn unknown(config: &Config) -> Self {
+        let near = if config.render.near > 0.0 { config.render.near } else { RenderOptions::default().near };
+        Self { extent: 1.0, near, background: config.data.background.color(), subject_distance: None }
+    }
+
+    /// The options of one rendering at an SH degree.
+    pub fn render_options(&self, config: &RenderConfig, sh_degree: usize) -> RenderOptions {
+        RenderOptions {
+            sh_degree,
+            background: self.background,
+            near: self.near,
+            far: config.far,
+            eps2d: config.eps2d,
+            antialiased: config.antialiased,
+            ..RenderOptions::default()
+        }
+    }
+
+    /// Name, value and key of each fact, for people.
+    pub fn listed(&self) -> Vec<(&'static str, String, &'static str)> {
+        let [red, green, blue] = self.background;
+        let distance = self.subject_distance.map_or("the cameras' axes do not meet".into(), |d| format!("{d:.4}"));
+        vec![
+            ("extent, scene units", format!("{:.4}", self.extent), ""),
+            ("distance of the subject, scene units", distance, ""),
+            ("near plane, scene units", format!("{:.4}", self.near), "render.near"),
+            ("background", format!("{red:.3}, {green:.3}, {blue:.3}"), "data.background"),
+        ]
+    }
+}
+
+fn near(distance: Option<f64>, share: Option<f64>) -> f64 {
+    let usual = RenderOptions::default().near;
+    match (distance, share) {
+        (Some(distance), Some(share)) => share * distance,
+        (Some(distance), None) if usual > NEAR_MOST * distance => NEAR_ADVISED * distance,
+        _ => usual,
+    }
+}
+
+fn found_background(views: &[View]) -> [f32; 3] {
+    let found = border_color(views).unwrap_or([0; 3]);
+    if found != [0; 3] {
+        tracing::warn!(
+            "most of the photos' borders are of one colour, {found:?} of 255, which is taken for the background's; \
+             data.background says otherwise"
+        );
+    }
+    found.map(|level| f32::from(level) / 255.0)
+}
+
+/// The colour along the borders of most photos.
+fn border_color(views: &[View]) -> Option<[u8; 3]> {
+    let pixels: Vec<[u8; 3]> = views.iter().flat_map(border).collect();
+    let middle = |channel: usize| {
+        let mut levels: Vec<u8> = pixels.iter().map(|pixel| pixel[channel]).collect();
+        levels.sort_unstable();
+        levels.get(levels.len() / 2).copied()
+    };
+    let color = [middle(0)?, middle(1)?, middle(2)?];
+    let is_near = |pixel: &&[u8; 3]| (0..3).all(|channel| pixel[channel].abs_diff(color[channel]) <= ONE_COLOR);
+    let share = pixels.iter().filter(is_near).count() as f64 / pixels.len() as f64;
+    (share > BORDER).then_some(color)
+}
+
+/// The outermost pixels of a photo.
+fn border(view: &View) -> impl Iterator<Item = [u8; 3]> {
+    let (width, height) = (view.width, view.height);
+    let rows = (0..width).flat_map(move |x| [x, (height - 1) * width + x]);
+    let columns = (0..height).flat_map(move |y| [y * width, y * width + width - 1]);
+    rows.chain(columns).map(|pixel| [0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]))
+}
+

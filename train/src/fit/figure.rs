@@ -1,0 +1,131 @@
+//! Measured numbers and tables that evaluation files, cards, charts and reports show without knowing whose they are.
+
+use serde::{Deserialize, Serialize};
+
+/// Which direction is an improvement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Better {
+    /// A higher value.
+    Higher,
+    /// A lower value.
+    Lower,
+}
+
+/// Where a figure is shown beside eval.json, which has them all.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Prominence {
+    /// Nowhere else.
+    #[default]
+    File,
+    /// As a column of comparisons.
+    Column,
+    /// As a card of the report, in the line of a measurement, and as a column.
+    Headline,
+}
+
+/// One measured number beside image quality.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Figure {
+    /// Name in files, in snake case.
+    pub key: String,
+    /// Name for people.
+    pub name: String,
+    /// The value, in `unit`.
+    pub value: f64,
+    /// The unit; empty for counts and shares of 1.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// Digits after the decimal point when shown.
+    #[serde(default)]
+    pub digits: usize,
+    /// Which direction is an improvement; `None` for figures that are neither.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub better: Option<Better>,
+    /// Where it is shown.
+    #[serde(default)]
+    pub prominence: Prominence,
+    /// A remark shown with it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub note: String,
+}
+
+impl Figure {
+    /// A figure that eval.json alone has.
+    pub fn new(key: &str, name: &str, value: f64, unit: &str) -> Self {
+        Self {
+            key: key.into(),
+            name: name.into(),
+            value,
+            unit: unit.into(),
+            digits: 0,
+            better: None,
+            prominence: Prominence::File,
+            note: String::new(),
+        }
+    }
+
+    /// With `digits` after the decimal point.
+    pub fn digits(self, digits: usize) -> Self {
+        Self { digits, ..self }
+    }
+
+    /// With a direction of improvement.
+    pub fn better(self, better: Better) -> Self {
+        Self { better: Some(better), ..self }
+    }
+
+    /// As a card, in the line of a measurement and as a column.
+    pub fn headline(self) -> Self {
+        Self { prominence: Prominence::Headline, ..self }
+    }
+
+    /// As a column of comparisons.
+    pub fn column(self) -> Self {
+        Self { prominence: Prominence::Column, ..self }
+    }
+
+    /// With a remark.
+    pub fn note(self, note: impl Into<String>) -> Self {
+        Self { note: note.into(), ..self }
+    }
+
+    /// Value and unit.
+    pub fn shown(&self) -> String {
+        let space = if self.unit.is_empty() || self.unit == "°" { "" } else { " " };
+        format!("{:.*}{space}{}", self.digits, self.value, self.unit)
+    }
+}
+
+/// A small table of the report.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FigureTable {
+    /// Its title.
+    pub title: String,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Cells, one per column.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// Everything a method measures beside image quality.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Figures {
+    /// The numbers.
+    pub numbers: Vec<Figure>,
+    /// The tables.
+    pub tables: Vec<FigureTable>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_is_shown_with_its_unit() {
+        assert_eq!(Figure::new("a", "A", 2.345, "dB").digits(2).shown(), "2.35 dB");
+        assert_eq!(Figure::new("a", "A", 2.345, "°").digits(1).shown(), "2.3°");
+        assert_eq!(Figure::new("a", "A", 7.0, "").shown(), "7");
+    }
+}

@@ -1,0 +1,272 @@
+//! The first Gaussians: from the data set's points; where there are none, from points on which photos agree, and random in the
+//! camera frusta.
+//!
+//! Sizes follow 3DGS (section 5.1): a Gaussian is as wide as the mean distance to its three nearest neighbours.
+
+use std::num::NonZero;
+
+use gs_datasets::{PointCloud, Scene, View, nearest_to_axes};
+use gs_multiview::plane_sweep;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rand::Rng;
+use rand::seq::index;
+use rayon::prelude::*;
+use super::random::{Purpose, stream};
+use crate::config::InitConfig;
+
+/// The zeroth real spherical harmonic, `1 / (2 sqrt(pi))`.
+pub const SH_C0: f32 = 0.282_094_8;
+
+/// Neighbours whose distance sets a Gaussian's size (3DGS).
+const NEIGHBOURS: usize = 3;
+
+/// Depth range of points, in distances to the point the cameras look at: from in front of the subject to the background behind
+/// it.
+pub const DEPTHS: [f64; 2] = [0.3, 3.0];
+
+/// Most of the first Gaussians of a scene without points that come from a plane sweep; the others are random, for what has no
+/// texture.
+const SWEPT: f64 = 0.75;
+
+/// The Gaussians of step 0 as plain numbers; all have SH degree 0 and no rotation.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct InitialGaussians {
+    /// `[N]` centres, scene units.
+    pub means: Vec<[f32; 3]>,
+    /// `[N]` natural logarithm of the standard deviation (equal on the three axes), scene units.
+    pub log_scales: Vec<f32>,
+    /// `[N]` zeroth SH coefficient per channel.
+    pub sh_dc: Vec<[f32; 3]>,
+    /// Logit of the opacity all begin with.
+    pub opacity_logit: f32,
+}
+
+/// Gaussians for `scene`, at most `cap` of them; `extent` in scene units.
+pub fn initial_gaussians(
+    scene: &Scene,
+    config: &InitConfig,
+    cap: usize,
+    extent: f64,
+    seed: u64,
+) -> InitialGaussians {
+    match &scene.points {
+        Some(points) if !points.is_empty() => gaussians_at(points, extent, config, cap, seed),
+        _ => {
+            let count = config.random_points.min(cap);
+            let points = points_in_front(&scene.train, count, extent, &Random::default(), seed);
+            gaussians_at(&points, extent, config, cap, seed)
+        }
+    }
+}
+
+/// Gaussians at `points`, at most `cap` of them; `extent` in scene units.
+pub fn gaussians_at(points: &PointCloud, extent: f64, config: &InitConfig, cap: usize, seed: u64) -> InitialGaussians {
+    let points = keep_at_most(points, cap, &mut stream(seed, Purpose::Init, 0));
+    let opacity = config.opacity;
+    InitialGaussians {
+        log_scales: log_scales(&points.positions, config.scale, extent),
+        sh_dc: points.colors.iter().map(|color| color.map(|c| (f32::from(c) / 255.0 - 0.5) / SH_C0)).collect(),
+        opacity_logit: (opacity / (1.0 - opacity)).ln() as f32,
+        means: points.positions,
+    }
+}
+
+/// The scene's size in scene units, for rates and thresholds: [`Scene::extent`], or with a single camera (extent 0) the
+/// median distance of the points from it, or 1.
+pub fn size_of(scene: &Scene) -> f64 {
+    let extent = scene.extent();
+    if extent > 0.0 {
+        return extent;
+    }
+    let (Some(view), Some(points)) = (scene.train.first(), &scene.points) else { return 1.0 };
+    let centre = view.c2w.w_axis.truncate().as_vec3();
+    let mut distances: Vec<f32> = points.positions.iter().map(|p| glam::Vec3::from(*p).distance(centre)).collect();
+    distances.sort_by(f32::total_cmp);
+    distances.get(distances.len() / 2).map_or(1.0, |d| f64::from(*d)).max(1e-6)
+}
+
+/// The natural logarithm of each point's mean distance to its nearest neighbours times `scale`, held between 1e-6 and
+/// 0.1 times `extent`: coincident points must keep a size, and a stray point must not cover the scene.
+pub fn log_scales(positions: &[[f32; 3]], scale: f64, extent: f64) -> Vec<f32> {
+    let (smallest, largest) = (1e-6 * extent, 0.1 * extent);
+    if positions.len() < 2 {
+        return vec![(largest * scale).ln() as f32; positions.len()];
+    }
+    let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(positions);
+    let wanted = NonZero::new(NEIGHBOURS + 1).expect("a positive constant");
+    positions
+        .par_iter()
+        .map(|point| {
+            let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
+            // The nearest of all is the point itself.
+            let distances = near.iter().skip(1).map(|n| f64::from(n.distance).sqrt());
+            let mean = distances.sum::<f64>() / (near.len().max(2) - 1) as f64;
+            (mean * scale).clamp(smallest, largest).ln() as f32
+        })
+        .collect()
+}
+
+/// The points, or `cap` of them chosen at random (in their order).
+fn keep_at_most(points: &PointCloud, cap: usize, rng: &mut impl Rng) -> PointCloud {
+    if points.len() <= cap {
+        return points.clone();
+    }
+    tracing::info!(points = points.len(), cap, "more points than the cap allows: keeping a random choice");
+    let mut kept = index::sample(rng, points.len(), cap).into_vec();
+    kept.sort_unstable();
+    PointCloud {
+        positions: kept.iter().map(|&i| points.positions[i]).collect(),
+        colors: kept.iter().map(|&i| points.colors[i]).collect(),
+    }
+}
+
+/// How near random points may be, in distances to the point the cameras look at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Random {
+    /// Of all.
+    pub nearest: f64,
+    /// Of those at pixels without texture.
+    pub plain_nearest: f64,
+}
+
+impl Default for Random {
+    fn default() -> Self {
+        Self { nearest: DEPTHS[0], plain_nearest: DEPTHS[0] }
+    }
+}
+
+/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
+pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Random, seed: u64) -> PointCloud {
+    let mut rng = stream(seed, Purpose::Init, 0);
+    let distance = subject_distance(views).unwrap_or(extent);
+    let [near, far] = DEPTHS.map(|d| d * distance);
+    let mut points = plane_sweep(views, near, far, (SWEPT * count as f64) as usize, seed);
+    tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
+    let random = Random { nearest: random.nearest * distance, plain_nearest: random.plain_nearest * distance };
+    add_random(&mut points, views, count, (&random, far), &mut rng);
+    points
+}
+
+/// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Their depth
+/// is uniform in its logarithm, so that near surfaces and far background both get their share. Depths in scene units.
+fn add_random(
+    points: &mut PointCloud,
+    views: &[View],
+    count: usize,
+    (random, far): (&Random, f64),
+    rng: &mut impl Rng,
+) {
+    if views.is_empty() {
+        return;
+    }
+    for _ in points.len()..count {
+        let view = &views[rng.random_range(0..views.len())];
+        let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
+        if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
+            // Nothing is known of what is seen there, not its colour either.
+            continue;
+        }
+        let near = if is_plain(view, column, row) { random.plain_nearest } else { random.nearest };
+        let depth = rng.random_range(near.ln()..far.ln()).exp();
+        let ray = view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5);
+        let position = view.c2w.transform_point3(ray * depth).as_vec3();
+        let pixel = (row * view.width + column) * 3;
+        points.positions.push(position.to_array());
+        points.colors.push([0, 1, 2].map(|c| view.image.data[pixel + c]));
+    }
+}
+
+/// Pixels on each side of one that are compared with it, and the largest difference from it, in levels of 255, at which it has no
+/// texture: sensor noise of two levels reaches that.
+const PLAIN_REACH: usize = 3;
+const PLAIN_LEVELS: u8 = 6;
+
+/// Whether a pixel looks like those around it.
+fn is_plain(view: &View, column: usize, row: usize) -> bool {
+    let at = |x: usize, y: usize| &view.image.data[3 * (y * view.width + x)..][..3];
+    let here = at(column, row);
+    let span = |middle: usize, size: usize| middle.saturating_sub(PLAIN_REACH)..(middle + PLAIN_REACH + 1).min(size);
+    let is_like = |(x, y)| here.iter().zip(at(x, y)).all(|(a, b)| a.abs_diff(*b) <= PLAIN_LEVELS);
+    span(row, view.height).flat_map(|y| span(column, view.width).map(move |x| (x, y))).all(is_like)
+}
+
+/// Least spread of the axes with which the point nearest to them says how far things are: some 10 degrees.
+const SPREAD: f64 = 0.005;
+
+/// Median distance from the cameras to the point nearest to all their optical axes; `None` when the axes do not meet in
+/// front of most of them (a forward-facing rig, a single camera).
+fn subject_distance(views: &[View]) -> Option<f64> {
+    let poses: Vec<_> = views.iter().map(|view| view.c2w).collect();
+    let subject = nearest_to_axes(&poses, SPREAD).filter(|_| views.len() >= 3)?;
+    let mut depths: Vec<f64> = views
+        .iter()
+        .map(|view| (subject - view.c2w.w_axis.truncate()).dot(view.c2w.z_axis.truncate()))
+        .filter(|depth| *depth > 0.0)
+        .collect();
+    depths.sort_by(f64::total_cmp);
+    (2 * depths.len() > views.len()).then(|| depths[depths.len() / 2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn size_is_the_mean_distance_of_three_neighbours() {
+        // A corner of the unit cube: three neighbours at distance 1 (the fourth, at 5, is none of the three).
+        let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [5., 0., 0.]];
+        let sizes = log_scales(&points, 1.0, 100.0);
+        assert!(sizes[0].abs() < 1e-6, "{sizes:?}");
+        assert!((log_scales(&points, 2.0, 100.0)[0] - 2.0f32.ln()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn coincident_and_single_points_have_a_size() {
+        let same = vec![[1.0, 2.0, 3.0]; 1000];
+        assert!(log_scales(&same, 1.0, 1.0).iter().all(|s| (*s - 1e-6f32.ln()).abs() < 1e-3));
+        assert!(log_scales(&[[0.0; 3]], 1.0, 1.0)[0].is_finite());
+        assert!(log_scales(&[], 1.0, 1.0).is_empty());
+        let line: Vec<[f32; 3]> = (0..5000).map(|i| [0.0, 0.0, i as f32]).collect();
+        assert!(log_scales(&line, 1.0, 1e6).iter().all(|s| s.is_finite()));
+    }
+
+    /// Sky with noise of two levels above, a checker below.
+    #[test]
+    fn random_points_without_texture_begin_behind() {
+        let sky = |x: usize, y: usize| 200 + ((x * 7 + y * 3) % 5) as u8 - 2;
+        let checker = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 30 } else { 220 };
+        let size = 32;
+        let level = |x: usize, y: usize| if y < size / 2 { sky(x, y) } else { checker(x, y) };
+        let data = (0..size * size).flat_map(|i| [level(i % size, i / size); 3]).collect();
+        let view = View {
+            name: String::new(),
+            image_path: Default::default(),
+            c2w: glam::DMat4::IDENTITY,
+            intrinsics: gs_datasets::Intrinsics { fx: 32.0, fy: 32.0, cx: 16.0, cy: 16.0 },
+            width: size,
+            height: size,
+            time: None,
+            camera_id: None,
+            image: gs_datasets::RgbImage8 { width: size, height: size, data },
+            mask: None,
+            exposure: None,
+            priors: Default::default(),
+            truth: Default::default(),
+        };
+        assert!(is_plain(&view, 10, 5) && is_plain(&view, 0, 0));
+        assert!(!is_plain(&view, 10, 25) && !is_plain(&view, 10, 14), "texture, and the edge of it");
+        let mut points = PointCloud::default();
+        let random = Random { nearest: 0.5, plain_nearest: 1.5 };
+        add_random(&mut points, &[view], 2000, (&random, 3.0), &mut stream(1, Purpose::Init, 0));
+        let depth_of = |plain: bool| {
+            let depths = points.positions.iter().filter(|p| (p[1] / p[2] < -0.15) == plain).map(|p| p[2]);
+            depths.fold(f32::INFINITY, f32::min)
+        };
+        assert!(
+            depth_of(true) >= 1.5 && (0.5..0.6).contains(&depth_of(false)),
+            "{} {}",
+            depth_of(true),
+            depth_of(false)
+        );
+    }
+}

@@ -1,0 +1,30 @@
+//! Fitting Gaussians to the photos of one scene: the loop's parts, none of which knows a paper.
+//!
+//! | file | idea |
+//! |---|---|
+//! | [`method`] | the trait [`Method`](method::Method): what a paper adds to 3D Gaussian Splatting |
+//! | [`session`] | one step from the choice of its photos to density control, for every driver |
+//! | [`trainer`] | the state and its step: forward, backward, update, density control |
+//! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
+//! | [`facts`], [`preflight`] | what the data set settles, and whether it suits a configuration |
+//! | [`initialise`] | the Gaussians of step 0 |
+//! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
+//! | [`parameters`] | Gaussians as a table |
+//! | [`density`] | where Gaussians are added, moved and removed |
+//! | [`snapshot`] | the state as named tensors, for checkpoints |
+
+pub mod density;
+pub mod facts;
+pub mod figure;
+pub mod initialise;
+pub mod losses;
+pub mod method;
+pub mod parameters;
+pub mod photos;
+pub mod preflight;
+pub mod random;
+pub mod sampler;
+pub mod schedule;
+pub mod session;
+pub mod snapshot;
+pub mod trainer;

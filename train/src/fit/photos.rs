@@ -1,0 +1,112 @@
+//! Views as tensors.
+
+use std::fmt;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use gs_burn::{Camera, Intrinsics};
+use gs_datasets::View;
+use rayon::prelude::*;
+
+/// One view on the device, with what a method adds to it.
+#[derive(Debug, Clone)]
+pub struct Photo<X> {
+    /// Its camera.
+    pub camera: Camera,
+    /// `[H, W, 3]`, 0 to 1, encoded as the file is.
+    pub image: Tensor<3>,
+    /// `[H, W, 1]`: 1 = compare, 0 = ignore; `None` when every pixel counts.
+    pub mask: Option<Tensor<3>>,
+    /// Middle of the exposure, in the data set's unit; 0 where it has none.
+    pub time: f64,
+    /// What the method adds.
+    pub extra: X,
+}
+
+/// What a method adds to a photo on the device: masks, depth and the like.
+pub trait Extra: Clone + fmt::Debug {
+    /// Floats per pixel that it keeps; the photo cache counts them.
+    fn floats_per_pixel(&self) -> usize;
+}
+
+impl Extra for () {
+    fn floats_per_pixel(&self) -> usize {
+        0
+    }
+}
+
+/// Views as tensors, converted when asked for and kept while they fit the cache.
+pub struct Photos<'a, X> {
+    views: &'a [View],
+    device: Device,
+    kept: Vec<Option<Photo<X>>>,
+    room: usize,
+    extra: Box<dyn Fn(&View, usize, &Device) -> X + 'a>,
+}
+
+impl<'a> Photos<'a, ()> {
+    /// `views` for `device` (without autodiff) without anything added, none of them kept.
+    pub fn plain(views: &'a [View], device: &Device) -> Self {
+        Self::new(views, device, 0, |_, _, _| ())
+    }
+}
+
+impl<'a, X: Extra> Photos<'a, X> {
+    /// `views` for `device` (without autodiff), keeping at most `cache_bytes` of converted photos; `extra` gives what is added to a view,
+    /// by its index.
+    pub fn new(
+        views: &'a [View],
+        device: &Device,
+        cache_bytes: usize,
+        extra: impl Fn(&View, usize, &Device) -> X + 'a,
+    ) -> Self {
+        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes, extra: Box::new(extra) }
+    }
+
+    /// The views themselves.
+    pub fn views(&self) -> &'a [View] {
+        self.views
+    }
+
+    /// View `index` on the device.
+    pub fn get(&mut self, index: usize) -> Photo<X> {
+        if let Some(photo) = &self.kept[index] {
+            return photo.clone();
+        }
+        let view = &self.views[index];
+        let photo = upload(view, &self.device, (self.extra)(view, index, &self.device));
+        let channels = 3 + usize::from(photo.mask.is_some()) + photo.extra.floats_per_pixel();
+        let bytes = 4 * view.width * view.height * channels;
+        if bytes <= self.room {
+            self.room -= bytes;
+            self.kept[index] = Some(photo.clone());
+        }
+        photo
+    }
+}
+
+fn upload<X>(view: &View, device: &Device, extra: X) -> Photo<X> {
+    let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
+    Photo {
+        camera: camera(view, device),
+        image: tensor(&view.image.data, 3),
+        mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
+        time: view.time.unwrap_or(0.0),
+        extra,
+    }
+}
+
+/// The camera of a view.
+pub fn camera(view: &View, device: &Device) -> Camera {
+    Camera::from_c2w(view.c2w, intrinsics(&view.intrinsics), view.width, view.height, device)
+}
+
+/// Pinhole intrinsics in the words of `gs-burn`.
+pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
+    Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy }
+}
+
+/// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.
+pub fn to_tensor(view: &View, bytes: &[u8], channels: usize, device: &Device) -> Tensor<3> {
+    let floats: Vec<f32> = bytes.par_iter().with_min_len(1 << 14).map(|b| f32::from(*b) / 255.0).collect();
+    Tensor::from_data(TensorData::new(floats, [view.height, view.width, channels]), device)
+}

@@ -1,0 +1,96 @@
+//! A fit under way: the scene, what was found in it, the photos on the device and the trainer. Every driver (a run, an experiment, the
+//! benchmark) takes its steps here.
+
+use burn::tensor::{Device, Tensor};
+use gs_datasets::Scene;
+
+use super::facts::SceneFacts;
+use super::method::{Method, Step};
+use super::photos::{Photo, Photos};
+use super::sampler::ViewOrder;
+use super::trainer::{StepReport, Trainer};
+use crate::config::FitConfig;
+
+/// The data set with what was found in it.
+#[derive(Debug)]
+pub struct Data<M: Method> {
+    /// The scene as it was loaded.
+    pub scene: Scene,
+    /// What the data set settles.
+    pub facts: SceneFacts,
+    /// What the method found in it.
+    pub cues: M::Cues,
+}
+
+impl<M: Method> Data<M> {
+    /// Looks at `scene` once.
+    pub fn new(scene: Scene, config: &FitConfig<M::Config>) -> Self {
+        let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config));
+        let cues = M::cues(&scene, config);
+        Self { scene, facts, cues }
+    }
+}
+
+/// A fit under way.
+pub struct Session<'a, M: Method> {
+    /// The data set.
+    pub data: &'a Data<M>,
+    /// The configuration.
+    pub config: &'a FitConfig<M::Config>,
+    /// The state.
+    pub trainer: Trainer<M>,
+    photos: Photos<'a, M::Extra>,
+    order: Box<dyn ViewOrder>,
+}
+
+/// A step's report, and the photos it was compared with.
+pub struct Stepped<X> {
+    /// What happened.
+    pub report: StepReport,
+    /// The photos, as many as the report has images.
+    pub photos: Vec<Photo<X>>,
+}
+
+impl<'a, M: Method> Session<'a, M> {
+    /// Goes on from `trainer`, or begins where there is none.
+    pub fn begin(
+        data: &'a Data<M>,
+        config: &'a FitConfig<M::Config>,
+        trainer: Option<Trainer<M>>,
+        device: &Device,
+    ) -> Self {
+        let trainer = trainer
+            .unwrap_or_else(|| Trainer::begin(&data.scene, &data.cues, config, data.facts, device));
+        let order = trainer.method().order(&data.scene.train, config);
+        let facts = trainer.facts;
+        let extra = move |view: &gs_datasets::View, index, device: &Device| {
+            M::extra(view, index, &Step { step: 0, config, facts: &facts, cues: &data.cues }, device)
+        };
+        let photos = Photos::new(&data.scene.train, device, config.data.cache_mb << 20, extra);
+        Self { data, config, trainer, photos, order }
+    }
+
+    /// One step.
+    pub fn step(&mut self) -> Stepped<M::Extra> {
+        let views = self.order.views(self.trainer.step + 1);
+        let photos = &mut self.photos;
+        let photos: Vec<_> =
+            gs_burn::profile::timed("photo upload", || views.iter().map(|index| photos.get(*index)).collect());
+        let report = self.trainer.step(&photos, &self.data.scene.train, &self.data.cues, self.config);
+        Stepped { report, photos }
+    }
+
+    /// What the method may look at now.
+    pub fn at(&self) -> Step<'_, M> {
+        self.trainer.at(&self.data.cues, self.config)
+    }
+
+    /// Training photo `index`, and the image that is compared with it now, `[H, W, 3]`, without going on.
+    pub fn formed(&mut self, index: usize) -> (Photo<M::Extra>, Tensor<3>) {
+        let photo = self.photos.get(index);
+        let mut ahead = self.trainer.clone();
+        let report = ahead.step(std::slice::from_ref(&photo), &self.data.scene.train, &self.data.cues, self.config);
+        let image = report.images.into_iter().next().expect("one image per photo");
+        (photo, image)
+    }
+}

@@ -1,0 +1,251 @@
+//! The state of a training as named tensors and a text: what a checkpoint holds, without knowing files.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use gs_burn::adam::{Adam, Moments};
+use gs_burn::{Gaussians, NamedParameter, named_parameters, try_map_parameters};
+use serde::{Deserialize, Serialize};
+
+use super::density::{Adaptive, Density};
+use super::facts::SceneFacts;
+use super::method::Method;
+use super::parameters::Group;
+use super::trainer::{Model, Trainer};
+use crate::config::{FitConfig, Strategy};
+
+/// A tensor on its way to or from a file.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Its numbers in a row; read from the device only when it is their turn, so that one copy exists at a time.
+    pub tensor: Tensor<1>,
+    /// Its shape.
+    pub shape: Vec<usize>,
+}
+
+impl Column {
+    /// Of a tensor.
+    pub fn new<const D: usize>(tensor: Tensor<D>) -> Self {
+        let shape = tensor.dims().to_vec();
+        // Not `reshape`: to Burn a 0 there means "as before", and a motion of order 0 has no columns.
+        Self { tensor: tensor.flatten(0, D - 1), shape }
+    }
+}
+
+/// What the text beside the tensors says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Notes {
+    /// Steps taken.
+    pub step: usize,
+    /// Steps skipped.
+    pub skipped: usize,
+    /// Updates of the optimiser.
+    pub updates: u64,
+    /// What the data set settled.
+    facts: FactBits,
+    /// The method's frame.
+    #[serde(default)]
+    pub frame: serde_json::Value,
+}
+
+/// [`SceneFacts`] as bits, because JSON numbers may lose the last one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct FactBits {
+    extent: u64,
+    near: u64,
+    background: [u32; 3],
+    subject_distance: Option<u64>,
+}
+
+impl FactBits {
+    fn of(facts: &SceneFacts) -> Self {
+        Self {
+            extent: facts.extent.to_bits(),
+            near: facts.near.to_bits(),
+            background: facts.background.map(f32::to_bits),
+            subject_distance: facts.subject_distance.map(f64::to_bits),
+        }
+    }
+}
+
+impl Notes {
+    /// The notes of a snapshot.
+    ///
+    /// # Errors
+    /// A sentence when they are not what this version writes.
+    pub fn read(source: &dyn Source) -> Result<Self, String> {
+        serde_json::from_value(source.notes().clone()).map_err(|error| error.to_string())
+    }
+
+    /// What the data set settled.
+    pub fn facts(&self) -> SceneFacts {
+        SceneFacts {
+            extent: f64::from_bits(self.facts.extent),
+            near: f64::from_bits(self.facts.near),
+            background: self.facts.background.map(f32::from_bits),
+            subject_distance: self.facts.subject_distance.map(f64::from_bits),
+        }
+    }
+}
+
+/// The state of a training.
+#[derive(Debug, Clone)]
+pub struct Snapshot {
+    /// Tensors by name.
+    pub columns: BTreeMap<String, Column>,
+    /// The rest.
+    pub notes: serde_json::Value,
+}
+
+/// A snapshot being read: the notes, and tensors by name when they are asked for.
+pub trait Source {
+    /// The notes.
+    fn notes(&self) -> &serde_json::Value;
+
+    /// Names of all tensors.
+    fn names(&self) -> Vec<String>;
+
+    /// The numbers of a tensor and its shape.
+    ///
+    /// # Errors
+    /// A sentence when there is none of this name, or it is damaged.
+    fn read(&self, name: &str) -> Result<(Vec<f32>, Vec<usize>), String>;
+}
+
+/// Names of the parts of a snapshot.
+const MODEL: &str = "model.";
+const FIRST: &str = "first.";
+const SECOND: &str = "second.";
+const DENSITY: [&str; 2] = ["density.gradient", "density.views"];
+
+impl Snapshot {
+    /// The state of `trainer`.
+    pub fn of<M: Method>(trainer: &Trainer<M>) -> Self {
+        let mut columns = BTreeMap::new();
+        for NamedParameter { path, shape, table } in named_parameters(trainer.model()) {
+            let column = Column { tensor: table.flatten(0, 1), shape };
+            columns.insert(format!("{MODEL}{path}"), column);
+        }
+        for (path, moments) in &trainer.adam.moments {
+            columns.insert(format!("{FIRST}{path}"), Column::new(moments.first.clone()));
+            columns.insert(format!("{SECOND}{path}"), Column::new(moments.second.clone()));
+        }
+        if let Density::Adaptive(adaptive) = &trainer.density {
+            for (name, tensor) in DENSITY.into_iter().zip([&adaptive.gradient, &adaptive.views]) {
+                columns.insert(name.into(), Column::new(tensor.clone()));
+            }
+        }
+        let notes = Notes {
+            step: trainer.step,
+            skipped: trainer.skipped,
+            updates: trainer.adam.updates,
+            facts: FactBits::of(&trainer.facts),
+            frame: trainer.method().frame(),
+        };
+        Self { columns, notes: serde_json::to_value(notes).expect("notes are JSON") }
+    }
+}
+
+/// The Gaussians of a snapshot on `device` (without autodiff).
+///
+/// # Errors
+/// A sentence when their tensors are damaged or do not fit each other.
+pub fn read_gaussians(source: &dyn Source, device: &Device) -> Result<Gaussians, String> {
+    let mut groups = Vec::new();
+    let mut rows = None;
+    for group in Group::ALL {
+        let (values, shape) = source.read(&format!("{MODEL}{}", group.path()))?;
+        let found = *shape.first().ok_or_else(|| format!("{} has no dimension", group.name()))?;
+        let columns: usize = shape[1..].iter().product();
+        if *rows.get_or_insert(found) != found {
+            return Err(format!("{} has {found} rows, others another number", group.name()));
+        }
+        if !(0..=3).any(|degree| group.columns(degree) == columns) {
+            return Err(format!("{} has {columns} columns", group.name()));
+        }
+        groups.push(Tensor::<2>::from_data(TensorData::new(values, [found, columns]), device));
+    }
+    let groups: [Tensor<2>; 5] = groups.try_into().expect("one per group");
+    Ok(super::parameters::gaussians(groups))
+}
+
+/// What a method learned beside the Gaussians, `gaussians` of them, on `device` (without autodiff).
+///
+/// # Errors
+/// A sentence when the frame or a tensor is damaged or they do not fit.
+pub fn read_method<M: Method>(
+    source: &dyn Source,
+    gaussians: usize,
+    config: &FitConfig<M::Config>,
+    device: &Device,
+) -> Result<M, String> {
+    let shell = M::from_frame(&Notes::read(source)?.frame, config, device)?;
+    let method = try_map_parameters(shell, |parameter| {
+        let name = format!("{MODEL}method.{}", parameter.path);
+        let (values, shape) = source.read(&name)?;
+        let same = shape.len() == parameter.shape.len() && shape.iter().skip(2).eq(parameter.shape.iter().skip(2));
+        if !same {
+            return Err(format!("{name} has shape {shape:?}"));
+        }
+        let columns = shape[1..].iter().product::<usize>();
+        Ok(Tensor::from_data(TensorData::new(values, [shape[0], columns]), device))
+    })?;
+    method.fits(gaussians)?;
+    Ok(method)
+}
+
+/// The trainer of a snapshot, on `device` (without autodiff).
+///
+/// # Errors
+/// A sentence when a part is missing or damaged, or parts do not fit each other.
+pub fn restore<M: Method>(
+    source: &dyn Source,
+    config: &FitConfig<M::Config>,
+    device: &Device,
+) -> Result<Trainer<M>, String> {
+    let gaussians = read_gaussians(source, device)?;
+    let rows = gaussians.len();
+    let method = read_method::<M>(source, rows, config, device)?;
+    let notes = Notes::read(source)?;
+    let mut trainer = Trainer::from_model(Model { gaussians, method }, notes.facts(), config);
+    trainer.step = notes.step;
+    trainer.skipped = notes.skipped;
+    trainer.adam = read_moments(source, trainer.model(), notes.updates, device)?;
+    if config.density.strategy == Strategy::Default {
+        let statistic = |name: &str| -> Result<Tensor<1>, String> {
+            let (values, shape) = source.read(name)?;
+            if shape != [rows] {
+                return Err(format!("density statistics of another number of Gaussians than {rows}"));
+            }
+            Ok(Tensor::from_data(TensorData::new(values, [rows]), device))
+        };
+        trainer.density =
+            Density::Adaptive(Adaptive { gradient: statistic(DENSITY[0])?, views: statistic(DENSITY[1])? });
+    }
+    Ok(trainer)
+}
+
+fn read_moments<M: Method>(
+    source: &dyn Source,
+    model: &Model<M>,
+    updates: u64,
+    device: &Device,
+) -> Result<Adam, String> {
+    let tables: BTreeMap<String, [usize; 2]> =
+        named_parameters(model).into_iter().map(|parameter| (parameter.path, parameter.table.dims())).collect();
+    let mut adam = Adam { updates, ..Adam::new() };
+    for name in source.names() {
+        let Some(path) = name.strip_prefix(FIRST) else { continue };
+        let expected = tables.get(path).ok_or_else(|| format!("{name} belongs to nothing that is learned"))?;
+        let moment = |prefix: &str| -> Result<Tensor<2>, String> {
+            let (values, shape) = source.read(&format!("{prefix}{path}"))?;
+            if shape != *expected {
+                return Err(format!("{path} and its moments have different shapes"));
+            }
+            Ok(Tensor::from_data(TensorData::new(values, *expected), device))
+        };
+        let moments = Moments { first: moment(FIRST)?, second: moment(SECOND)? };
+        adam.moments.insert(path.into(), moments);
+    }
+    Ok(adam)
+}

@@ -1,0 +1,295 @@
+//! The state of a training and its step: render the photos' views, compare, go back, update, let density control act.
+
+use burn::module::{Module, ModuleDisplay};
+use burn::tensor::{Device, Tensor};
+use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
+use gs_datasets::{Scene, View};
+use gs_models::DynamicScene;
+
+use super::density::prune::{contributions, prune_by_contribution};
+use super::density::{Changes, Density, Observation, StepContext};
+use super::facts::SceneFacts;
+use super::losses::regularisers;
+use super::method::{Drawn, Forward, Method, Note, Step};
+use super::parameters::{Group, Table, first, widen};
+use super::photos::Photo;
+use super::schedule::{exponential, sh_degree};
+use crate::config::{Config, FitConfig, OptimiserConfig};
+
+/// Everything that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
+#[derive(Module, Debug)]
+pub struct Model<M: Module + ModuleDisplay> {
+    /// The Gaussians.
+    pub gaussians: Gaussians,
+    /// What the method learns beside them.
+    pub method: M,
+}
+
+/// Everything that changes from step to step.
+#[derive(Debug, Clone)]
+pub struct Trainer<M: Method> {
+    /// What is learned, outside autodiff; taken out only while it is being updated, since an update in place needs its one owner.
+    model: Option<Model<M>>,
+    /// Its moments.
+    pub adam: Adam,
+    /// Density control and its statistics.
+    pub density: Density,
+    /// Steps taken.
+    pub step: usize,
+    /// Steps whose loss or gradients were not finite; they changed nothing.
+    pub skipped: usize,
+    /// What the data set settled.
+    pub facts: SceneFacts,
+}
+
+/// What happened in a step.
+#[derive(Debug)]
+pub struct StepReport {
+    /// The loss before the update.
+    pub loss: f32,
+    /// The images as they were compared with the step's photos, `[H, W, 3]`, without autodiff.
+    pub images: Vec<Tensor<3>>,
+    /// Tile intersections of the renderings.
+    pub intersections: usize,
+    /// What went other than asked.
+    pub notes: Vec<Note>,
+    /// Whether loss or gradients were not finite, so that nothing was updated.
+    pub skipped: bool,
+    /// What density control did.
+    pub changes: Changes,
+}
+
+/// A finished backward pass.
+struct Backward {
+    images: Vec<Tensor<3>>,
+    intersections: usize,
+    notes: Vec<Note>,
+    observations: Vec<Observation>,
+    loss: f32,
+    /// `None` when they or the loss are not finite.
+    gradients: Option<NamedGradients>,
+}
+
+impl<M: Method> Trainer<M> {
+    /// The state before the first step, on `device` (without autodiff).
+    pub fn begin(
+        scene: &Scene,
+        cues: &M::Cues,
+        config: &FitConfig<M::Config>,
+        facts: SceneFacts,
+        device: &Device,
+    ) -> Self {
+        let (initial, method) = M::begin(scene, &Step { step: 0, config, facts: &facts, cues }, device);
+        Self::from_model(Model { gaussians: first(&initial, device), method }, facts, config)
+    }
+
+    /// The state before the first step of a training that begins with `model`.
+    pub fn from_model(model: Model<M>, facts: SceneFacts, config: &Config) -> Self {
+        let density = Density::new(&config.density, &model.gaussians);
+        Self { model: Some(model), adam: Adam::new(), density, step: 0, skipped: 0, facts }
+    }
+
+    /// What is learned.
+    pub fn model(&self) -> &Model<M> {
+        self.model.as_ref().expect("the model is taken out only within a function")
+    }
+
+    /// The Gaussians.
+    pub fn gaussians(&self) -> &Gaussians {
+        &self.model().gaussians
+    }
+
+    /// What the method learns beside them.
+    pub fn method(&self) -> &M {
+        &self.model().method
+    }
+
+    /// Replaces the method's tensors by `change` of them.
+    pub fn change_method(&mut self, change: impl FnOnce(M) -> M) {
+        let Model { gaussians, method } = self.take_model();
+        self.model = Some(Model { gaussians, method: change(method) });
+    }
+
+    fn take_model(&mut self) -> Model<M> {
+        self.model.take().expect("the model is taken out only within a function")
+    }
+
+    /// The scene as it is now, without autodiff.
+    pub fn scene(&self) -> Box<dyn DynamicScene> {
+        self.method().scene(self.gaussians().clone())
+    }
+
+    /// The step under way with what it may look at.
+    pub fn at<'a>(&'a self, cues: &'a M::Cues, config: &'a FitConfig<M::Config>) -> Step<'a, M> {
+        Step { step: self.step, config, facts: &self.facts, cues }
+    }
+
+    /// One step on some photos; `views` are all training views.
+    pub fn step(
+        &mut self,
+        photos: &[Photo<M::Extra>],
+        views: &[View],
+        cues: &M::Cues,
+        config: &FitConfig<M::Config>,
+    ) -> StepReport {
+        self.step += 1;
+        self.raise_sh_degree(config);
+        let Backward { images, intersections, notes, observations, loss, gradients } =
+            self.compare(photos, cues, config);
+        let skipped = gradients.is_none();
+        let mut changes = Changes::default();
+        match gradients {
+            Some(gradients) => {
+                self.update(gradients, cues, config);
+                changes = self.control_density(&observations, config);
+            }
+            None => {
+                self.skipped += 1;
+                tracing::warn!(step = self.step, loss, "loss or gradients are not finite: step skipped");
+            }
+        }
+        self.simplify(views, cues, config);
+        StepReport { loss, images, intersections, notes, skipped, changes }
+    }
+
+    /// Forms the photos' images, compares and goes back.
+    fn compare(&self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
+        let tracked = self.model().clone().train();
+        let (rows, device) = (tracked.gaussians.len(), self.gaussians().device());
+        let wanted = self.density.wants_screen(&config.density, self.step, config.steps);
+        let screen = |_| Tensor::<2>::zeros([rows, 4], &device).autodiff().require_grad();
+        let screens: Vec<Tensor<2>> = if wanted { photos.iter().map(screen).collect() } else { Vec::new() };
+        let at = self.at(cues, config);
+        let Forward { images, loss, drawn, notes } = tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
+        let loss = loss + regularisers(&tracked.gaussians, self.facts.extent, &config.loss);
+        let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
+
+        let mut screens = screens.into_iter();
+        let intersections = drawn.iter().map(|drawn| drawn.intersections).sum();
+        let mut observe = |(drawn, photo): (Drawn, &Photo<M::Extra>)| Observation {
+            screen: screens.next().and_then(|screen| screen.grad_remove(&mut graph)),
+            radii: drawn.radii.inner(),
+            width: photo.camera.width,
+            height: photo.camera.height,
+        };
+        let observations = drawn.into_iter().zip(photos).map(&mut observe).collect();
+        let gradients = NamedGradients::take(&tracked, &mut graph);
+        let _stage = profile::stage("check of the gradients");
+        let mut checked = vec![loss.inner()];
+        checked.extend(gradients.finiteness());
+        // One read for all, because a read waits for the device.
+        let checked = Tensor::cat(checked, 0).into_data();
+        let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
+        let finite = checked.iter().all(|value| value.is_finite());
+        Backward {
+            images: images.into_iter().map(Tensor::inner).collect(),
+            intersections,
+            notes,
+            observations,
+            loss: checked[0],
+            gradients: finite.then_some(gradients),
+        }
+    }
+
+    /// One Adam update of the Gaussians, then of the method's tensors.
+    fn update(&mut self, mut gradients: NamedGradients, cues: &M::Cues, config: &FitConfig<M::Config>) {
+        let _stage = profile::whole_stage("Adam");
+        let rate = gaussian_rates(&config.optimiser, self.step, config.steps, self.facts.extent);
+        let Model { gaussians, method } = self.take_model();
+        self.adam.advance();
+        let gaussians = self.adam.update_under("gaussians", gaussians, &mut gradients, rate);
+        let at = Step { step: self.step, config, facts: &self.facts, cues };
+        let method = method.update(&gaussians, &mut gradients, &mut self.adam, &at);
+        self.model = Some(Model { gaussians, method });
+    }
+
+    fn control_density(&mut self, observations: &[Observation], config: &Config) -> Changes {
+        let _stage = profile::whole_stage("density control");
+        let context = StepContext {
+            step: self.step,
+            steps: config.steps,
+            seed: config.seed,
+            extent: self.facts.extent,
+            means_lr: means_lr(&config.optimiser, self.step, config.steps),
+        };
+        let Model { mut gaussians, method } = self.take_model();
+        let refinement =
+            self.density.after_step(&mut gaussians, &mut self.adam, observations, &config.density, &context);
+        let method = follow(method, refinement.rows.as_ref(), &mut self.adam);
+        self.model = Some(Model { gaussians, method });
+        refinement.changes
+    }
+
+    /// Leaves out what the scene does not need, when it is time: Gaussians, then what the method learns.
+    fn simplify(&mut self, views: &[View], cues: &M::Cues, config: &FitConfig<M::Config>) {
+        if config.density.prune_share > 0.0 && config.density.rests_at(self.step, config.steps) {
+            self.prune(views, config);
+        }
+        let Model { mut gaussians, method } = self.take_model();
+        let at = Step { step: self.step, config, facts: &self.facts, cues };
+        let method = method.simplify(&mut gaussians, &mut self.adam, views, &at);
+        self.model = Some(Model { gaussians, method });
+    }
+
+    fn prune(&mut self, views: &[View], config: &Config) {
+        let _stage = profile::whole_stage("pruning");
+        let options = SceneFacts { background: [0.0; 3], ..self.facts }.render_options(&config.render, 0);
+        let contributions = contributions(&*self.scene(), views, &options, config.seed);
+        let Model { mut gaussians, method } = self.take_model();
+        let (before, share) = (gaussians.len(), config.density.prune_share);
+        let rows = prune_by_contribution(&mut gaussians, &mut self.adam, &contributions, share);
+        let method = follow(method, rows.as_ref(), &mut self.adam);
+        if rows.is_some() {
+            // Its statistics were of the rows before, and are not used any more.
+            self.density = Density::new(&config.density, &gaussians);
+        }
+        tracing::info!(before, gaussians = gaussians.len(), share, "Gaussians that contribute next to nothing were pruned");
+        self.model = Some(Model { gaussians, method });
+    }
+
+    /// Stores SH coefficients up to the degree of this step, the new ones zero. A coefficient that was inactive would have stayed zero
+    /// with zero moments, so nothing is lost by not storing it before: not its bytes and not its share of each update.
+    fn raise_sh_degree(&mut self, config: &Config) {
+        let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
+        if degree > self.gaussians().sh_degree() {
+            let Model { mut gaussians, method } = self.take_model();
+            let columns = Group::Sh.columns(degree);
+            let sh = widen(gaussians.group(Group::Sh), columns);
+            gaussians.set(Group::Sh, sh);
+            self.adam.widen(Group::Sh.path(), columns);
+            self.model = Some(Model { gaussians, method });
+        }
+    }
+}
+
+fn follow<M: Method>(method: M, rows: Option<&RowMap>, adam: &mut Adam) -> M {
+    match rows {
+        Some(rows) => method.follow(rows, adam),
+        None => method,
+    }
+}
+
+/// Rate of the centres at `step` of `steps`, in scene extents.
+fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
+    exponential(config.means_lr, config.means_lr_final, step, steps)
+}
+
+/// The rate of each group of the Gaussians at a step, by path; `extent` in scene units.
+fn gaussian_rates(
+    config: &OptimiserConfig,
+    step: usize,
+    steps: usize,
+    extent: f64,
+) -> impl Fn(&str) -> Option<AdamRate> {
+    let rate = |lr| AdamRate { lr, beta1: config.beta1, beta2: config.beta2, eps: config.eps, first_columns: None };
+    let rates = Group::ALL.map(|group| match group {
+        Group::Means => rate(means_lr(config, step, steps) * extent),
+        Group::Quats => rate(config.quats_lr),
+        Group::LogScales => rate(config.scales_lr),
+        Group::Opacity => rate(config.opacity_lr),
+        // The base colour, the first three columns, has a rate of its own.
+        Group::Sh => AdamRate { first_columns: Some((3, config.sh_lr)), ..rate(config.sh_rest_lr) },
+    });
+    move |path| Group::ALL.into_iter().find(|group| group.path() == path).map(|group| rates[group as usize])
+}

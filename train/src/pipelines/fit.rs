@@ -1,0 +1,307 @@
+//! A [`Method`] as a pipeline: the loop that fits the Gaussians of one scene.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::path::Path;
+
+use anyhow::{Error, Result, bail};
+use burn::tensor::Device;
+use gs_datasets::{CheckReport, LoadOptions, Scene};
+use toml::Table;
+
+use super::{EvalRequest, Evaluated, Pipeline};
+use crate::config::{ConfigError, FitConfig, tables};
+use crate::fit::facts::SceneFacts;
+use crate::fit::method::{ChartKey, Method, Step};
+use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
+use crate::fit::session::{Data, Session, Stepped};
+use crate::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
+use crate::fit::trainer::{Model, Trainer};
+use crate::report;
+use crate::run::checkpoint::{Checkpoint, Origin};
+use crate::run::evaluate::{Evaluator, HeldOut};
+use crate::run::fingerprint::Fingerprint;
+use crate::run::folder::{Setting, full_path};
+use crate::run::memory::{Prediction, megabytes};
+use crate::run::metrics::{psnr, psnr_masked};
+use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply};
+use crate::run::watch::{self, Ending, Job, Plan, Run};
+use crate::stability::Experiment;
+
+/// The pipeline of a method.
+pub struct Fit<M> {
+    experiments: &'static [&'static Experiment],
+    method: PhantomData<fn() -> M>,
+}
+
+impl<M> Fit<M> {
+    /// The pipeline.
+    pub const NEW: Self = Self { experiments: &[], method: PhantomData };
+
+    /// With experiments for `gsburn stability`.
+    pub const fn with_experiments(experiments: &'static [&'static Experiment]) -> Self {
+        Self { experiments, method: PhantomData }
+    }
+}
+
+/// Trains a scene: begin or resume, step until done while the run watches, measure, save, report.
+fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
+    let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
+    let plan = plan::<M>(job, config, &data);
+    let trainer = resumed::<M>(job, config, &plan)?;
+    let mut session = Session::begin(&data, config, trainer, &job.device);
+    let mut run = Run::begin(job, plan, session.trainer.step)?;
+    introduce(&run, &session, job);
+    let evaluator = Evaluator::new(&config.eval, &job.device);
+
+    while session.trainer.step < config.steps {
+        if run.is_stopped(session.trainer.step) {
+            run.save(session.trainer.step, &Snapshot::of(&session.trainer))?;
+            return run.leave(session.trainer.step);
+        }
+        let stepped = run.timed(|| session.step());
+        observe(&mut run, &session, stepped)?;
+        let step = session.trainer.step;
+        if config.eval.at.contains(&step) && step < config.steps {
+            let held_out = HeldOut::of(&data.scene, None, &session.at()).expect("the reported split");
+            let (measured, _) = evaluator.measure(session.trainer.model(), &data.scene, &held_out, &session.at(), 0);
+            run.record(step, measured)?;
+        }
+        if run.is_save_due(step) {
+            run.save(step, &Snapshot::of(&session.trainer))?;
+        }
+    }
+    finish(run, job, &data, &session.trainer.clone(), config, &evaluator)
+}
+
+/// Saves, measures and reports a finished training.
+fn finish<M: Method>(
+    mut run: Run,
+    job: &Job,
+    data: &Data<M>,
+    trainer: &Trainer<M>,
+    config: &FitConfig<M::Config>,
+    evaluator: &Evaluator,
+) -> Result<Ending> {
+    let (step, at) = (trainer.step, trainer.at(&data.cues, config));
+    run.save(step, &Snapshot::of(trainer))?;
+    write_ply(&job.folder.ply(), trainer.gaussians(), data.scene.origin)
+        .map_err(|error| error.context("the finished scene could not be exported"))?;
+    let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
+    let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
+    let file = run.record(step, measured)?;
+    let history = run.finish()?;
+    report::write(&job.folder, &file, &history, &pictures, &config.to_toml())?;
+    if let Some(peak) = file.last.cost.peak_memory_bytes {
+        tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
+    }
+    Ok(Ending::Finished(Box::new(file)))
+}
+
+/// Reads the data set at `path` for training and measuring.
+///
+/// # Errors
+/// A sentence naming the file, what was expected and what was found; or why the method cannot learn from it.
+pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
+    let mut scene = gs_datasets::load(path, &options::<M>(config))?;
+    let warnings = scene.warnings.len();
+    M::prepare(&mut scene);
+    for warning in &scene.warnings[warnings..] {
+        tracing::warn!("{warning}");
+    }
+    let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
+    M::suits(path, scene.train.len(), timed).map_err(Error::msg)?;
+    check_pixels(path, &scene).map_err(Error::msg)?;
+    Ok(scene)
+}
+
+fn options<M: Method>(config: &FitConfig<M::Config>) -> LoadOptions {
+    let mut options = config.data.options();
+    M::loading(config, &mut options);
+    options
+}
+
+fn plan<M: Method>(job: &Job, config: &FitConfig<M::Config>, data: &Data<M>) -> Plan {
+    let views = Fingerprint::of(&data.scene);
+    let origin = Origin::new(M::NAME, config.to_toml(), full_path(&job.dataset), data.scene.origin, views);
+    let fact = |(name, value, key): (&str, String, &str)| (name.to_string(), value, key.to_string());
+    Plan {
+        steps: config.steps,
+        checkpoint: config.checkpoint.clone(),
+        origin,
+        prediction: Prediction::of_fit::<M>(&data.scene, config),
+        facts: data.facts.listed().into_iter().map(fact).collect(),
+        settings: settings(M::chart_keys(), &config.to_table()),
+    }
+}
+
+/// The values of the keys that charts tell runs apart by, where they mean something.
+fn settings(keys: &[ChartKey], config: &Table) -> Vec<Setting> {
+    let values: BTreeMap<String, String> = tables::flat(config).into_iter().collect();
+    let means_something =
+        |key: &&ChartKey| key.unless.is_none_or(|(other, value)| values.get(other).is_none_or(|found| found != value));
+    let setting = |key: &ChartKey| {
+        let value = values.get(key.key)?.clone();
+        Some(Setting { name: key.name.into(), key: key.key.into(), label: key.label(&value), value })
+    };
+    keys.iter().filter(means_something).filter_map(setting).collect()
+}
+
+/// The state of the newest checkpoint, where the run is to be continued and has one.
+fn resumed<M: Method>(job: &Job, config: &FitConfig<M::Config>, plan: &Plan) -> Result<Option<Trainer<M>>> {
+    let Some(checkpoint) = watch::saved(job, &plan.origin.config)? else { return Ok(None) };
+    watch::check_views(job, checkpoint.origin.views, plan.origin.views)?;
+    let restored = restore::<M>(&checkpoint, config, &job.device);
+    Ok(Some(restored.map_err(|found| checkpoint.damaged(found))?))
+}
+
+/// Says what is about to happen.
+fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
+    let (scene, trainer) = (&session.data.scene, &session.trainer);
+    let size = scene.train.first().map_or((0, 0), |view| (view.width, view.height));
+    let held_out: Vec<String> =
+        scene.held_out.iter().map(|split| format!("{} {}", split.views.len(), split.name)).collect();
+    let held_out = if held_out.is_empty() { "0 held-out".to_string() } else { held_out.join(" and ") };
+    run.say(&format!(
+        "{} ({}): {} training and {held_out} views of {} x {} pixels, {} Gaussians to begin with, at most {}",
+        job.dataset.display(),
+        scene.format,
+        scene.train.len(),
+        size.0,
+        size.1,
+        trainer.gaussians().len(),
+        session.config.density.cap
+    ));
+    let (lines, warnings) = trainer.method().introduction(scene, &session.at());
+    lines.iter().for_each(|line| run.say(line));
+    let near = near_warning(trainer.facts.near, trainer.facts.subject_distance);
+    warnings.iter().chain(&near).for_each(|warning| run.say(&format!("warning: {warning}")));
+}
+
+/// Bar and metrics after a step.
+fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) -> Result<()> {
+    let Stepped { report, photos } = stepped;
+    let (trainer, config) = (&session.trainer, session.config);
+    let counts = [
+        ("Gaussians", trainer.gaussians().len() as f64),
+        ("SH degree", trainer.gaussians().sh_degree() as f64),
+        ("tile intersections", report.intersections as f64),
+    ];
+    run.count(&report.notes, trainer.step, M::last_note(config));
+    run.observe(trainer.step, (report.loss, trainer.skipped), &counts, || {
+        let (image, photo) = report.images.first().zip(photos.first())?;
+        let (image, truth) = (image.clone().clamp(0.0, 1.0), photo.image.clone());
+        Some(match &photo.mask {
+            None => psnr(image, truth),
+            Some(mask) => psnr_masked(image, truth, mask.clone()),
+        })
+    })
+}
+
+impl<M: Method> Pipeline for Fit<M> {
+    fn name(&self) -> &'static str {
+        M::NAME
+    }
+
+    fn defaults(&self) -> Table {
+        M::defaults().to_table()
+    }
+
+    fn validate(&self, config: &Table, origin: &str) -> Result<String, ConfigError> {
+        Ok(FitConfig::<M::Config>::from_table(config, origin)?.to_toml())
+    }
+
+    fn check(&self, dataset: &Path, config: &Table) -> Result<CheckReport> {
+        let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
+        let mut report = gs_datasets::check(dataset, &options::<M>(&config));
+        // Without a training view the report says why, and there is nothing to compare with the configuration.
+        if report.train == 0 {
+            return Ok(report);
+        }
+        report.warnings.extend(M::leaves_out(report.without_time));
+        if config.render.near > 0.0 {
+            report.warnings.extend(near_warning(config.render.near, report.subject_distance));
+        }
+        report.errors.extend((report.blank == report.views()).then(|| no_pixels(dataset)));
+        report.errors.extend(M::suits(dataset, report.train, report.timed).err());
+        Ok(report)
+    }
+
+    fn train(&self, job: &Job) -> Result<Ending> {
+        fit::<M>(job, &FitConfig::from_table(&job.config, "configuration")?)
+    }
+
+    fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {
+        let (model, config, notes) = read_model::<M>(checkpoint, device)?;
+        let Model { gaussians, method } = model;
+        Ok(LoadedScene {
+            scene: method.scene(gaussians.clone()),
+            gaussians,
+            origin: checkpoint.origin.world(),
+            facts: notes.facts(),
+            render: config.shared.render,
+            middle: method.middle(),
+            run: Some(SceneRun {
+                pipeline: M::NAME.into(),
+                dataset: checkpoint.origin.dataset.clone(),
+                step: notes.step,
+                described: method.described(),
+            }),
+        })
+    }
+
+    fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
+        let config = FitConfig::<M::Config>::from_table(request.config, "configuration")?;
+        let scene = load::<M>(request.dataset, &config)?;
+        let cues = M::cues(&scene, &config);
+        // As training would: a checkpoint has its facts, those that a PLY file was trained with are found again.
+        let found = SceneFacts::of(&scene, &config, M::near_share(&scene, &config));
+        let (mut model, facts, step, origin) = match request.file {
+            SceneFile::Checkpoint(checkpoint) => {
+                let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
+                (model, notes.facts(), notes.step, checkpoint.origin.world())
+            }
+            SceneFile::Ply(gaussians) => {
+                let at = Step { step: 0, config: &config, facts: &found, cues: &cues };
+                let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
+                (Model { gaussians: gaussians.clone(), method }, found, 0, glam::DVec3::ZERO)
+            }
+        };
+        // A PLY file is in the data set's own world, a checkpoint where training was; views are where training would be.
+        model.gaussians = translated(&model.gaussians, origin - scene.origin);
+        let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues };
+        let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {
+            let names: Vec<&str> = scene.held_out.iter().map(|split| split.name.as_str()).collect();
+            let asked = request.split.unwrap_or_default();
+            bail!(
+                "{}: expected a split from train, {}; found {asked:?}",
+                request.dataset.display(),
+                names.join(", ")
+            );
+        };
+        let kept = if request.pictures { held_out.views.len() } else { 0 };
+        let evaluator = Evaluator::new(&config.eval, request.device);
+        let (measured, pictures) = evaluator.measure(&model, &scene, &held_out, &at, kept);
+        Ok(Evaluated { step, measured, pictures })
+    }
+
+    fn experiments(&self) -> &'static [&'static Experiment] {
+        self.experiments
+    }
+}
+
+/// The model of a checkpoint with its configuration and notes, on `device` without autodiff.
+///
+/// # Errors
+/// A sentence when the checkpoint is damaged or of another pipeline.
+pub fn read_model<M: Method>(checkpoint: &Checkpoint, device: &Device) -> Result<(Model<M>, FitConfig<M::Config>, Notes)> {
+    let origin = format!("{}: configuration", checkpoint.path.display());
+    let config = FitConfig::<M::Config>::from_table(&tables::parse(&checkpoint.origin.config, &origin)?, &origin)?;
+    let read = || -> Result<(Model<M>, Notes), String> {
+        let gaussians = read_gaussians(checkpoint, device)?;
+        let method = read_method::<M>(checkpoint, gaussians.len(), &config, device)?;
+        Ok((Model { gaussians, method }, Notes::read(checkpoint)?))
+    };
+    let (model, notes) = read().map_err(|found| checkpoint.damaged(found))?;
+    Ok((model, config, notes))
+}

@@ -1,0 +1,136 @@
+//! The pipelines: the only place that names a paper. A new one is a folder here and a line in [`PIPELINES`].
+//!
+//! The program sees a [`Pipeline`]; the loop that fits one scene sees a [`Method`](crate::fit::method::Method), which
+//! [`Fit`](fit::Fit) makes a pipeline of.
+
+pub mod brightness;
+pub mod fit;
+pub mod resolve;
+pub mod still;
+pub mod taylormode;
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use burn::tensor::Device;
+use gs_datasets::CheckReport;
+use toml::Table;
+
+use crate::config::ConfigError;
+use crate::run::checkpoint::Checkpoint;
+use crate::run::evaluate::{Comparison, Measured};
+use crate::run::scene::{LoadedScene, SceneFile, read_file};
+use crate::run::watch::{Ending, Job};
+use crate::stability::Experiment;
+
+pub use resolve::{Resolved, Sources, resolve, resolve_overrides, resolve_saved};
+
+/// Every pipeline of the program.
+pub static PIPELINES: [&dyn Pipeline; 3] = [
+    &fit::Fit::<still::Still>::NEW,
+    &fit::Fit::<brightness::Brightness>::NEW,
+    &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
+];
+
+/// What the program sees of a paper.
+pub trait Pipeline: Sync {
+    /// Its name: `pipeline = "..."`.
+    fn name(&self) -> &'static str;
+
+    /// Every key of its configuration with the value that `pipeline = "..."` alone stands for.
+    fn defaults(&self) -> Table;
+
+    /// Checks types and ranges of a configuration and gives it back as the TOML text that a run saves.
+    ///
+    /// # Errors
+    /// A value of the wrong type or outside its range; `origin` names the place in type errors.
+    fn validate(&self, config: &Table, origin: &str) -> Result<String, ConfigError>;
+
+    /// The report on a data set, with what training by `config` would say of it or refuse it for.
+    ///
+    /// # Errors
+    /// When the configuration is not valid.
+    fn check(&self, dataset: &Path, config: &Table) -> Result<CheckReport>;
+
+    /// Trains.
+    ///
+    /// # Errors
+    /// One sentence: bad data, a damaged checkpoint, a full disk.
+    fn train(&self, job: &Job) -> Result<Ending>;
+
+    /// The scene of a checkpoint.
+    ///
+    /// # Errors
+    /// A sentence when the checkpoint is damaged.
+    fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene>;
+
+    /// Measures a scene on a split of a data set.
+    ///
+    /// # Errors
+    /// One sentence saying what was wrong with the scene or the data set.
+    fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated>;
+
+    /// Experiments at the edge of the method, for `gsburn stability`.
+    fn experiments(&self) -> &'static [&'static Experiment] {
+        &[]
+    }
+}
+
+/// What to measure, and on what.
+pub struct EvalRequest<'a> {
+    /// The scene.
+    pub file: &'a SceneFile,
+    /// The data set.
+    pub dataset: &'a Path,
+    /// The resolved configuration.
+    pub config: &'a Table,
+    /// The split; `None`: the one that figures are reported on.
+    pub split: Option<&'a str>,
+    /// Where to compute.
+    pub device: &'a Device,
+    /// Whether the picture of every view is wanted.
+    pub pictures: bool,
+}
+
+/// A measured scene.
+pub struct Evaluated {
+    /// Steps it was trained.
+    pub step: usize,
+    /// The measurement.
+    pub measured: Measured,
+    /// Pictures, where they were wanted.
+    pub pictures: Vec<Comparison>,
+}
+
+/// The pipeline called `name`.
+pub fn find(name: &str) -> Option<&'static dyn Pipeline> {
+    PIPELINES.iter().copied().find(|pipeline| pipeline.name() == name)
+}
+
+/// Names of all pipelines, in a list.
+pub fn names() -> String {
+    PIPELINES.map(|pipeline| pipeline.name()).join(", ")
+}
+
+/// Reads a scene from a run folder (its newest checkpoint), a checkpoint (`.safetensors`) or a PLY file.
+///
+/// # Errors
+/// A sentence naming the file, what was expected and what was found.
+pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
+    match read_file(path, device)? {
+        SceneFile::Ply(gaussians) => Ok(LoadedScene::of_gaussians(gaussians)),
+        SceneFile::Checkpoint(checkpoint) => of_checkpoint(&checkpoint)?.open(&checkpoint, device),
+    }
+}
+
+/// The pipeline that wrote a checkpoint.
+///
+/// # Errors
+/// A sentence when this program has it not.
+pub fn of_checkpoint(checkpoint: &Checkpoint) -> Result<&'static dyn Pipeline> {
+    let (path, name) = (&checkpoint.path, &checkpoint.origin.pipeline);
+    match find(name) {
+        Some(pipeline) => Ok(pipeline),
+        None => bail!("{}: expected a scene of a pipeline of this program ({}), found {name}", path.display(), names()),
+    }
+}

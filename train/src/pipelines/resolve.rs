@@ -1,0 +1,201 @@
+//! Files, recipes and arguments put together: which pipeline they ask for, and the whole configuration of it.
+
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use super::{PIPELINES, Pipeline, find, names};
+use crate::config::tables::{self, Layer};
+use crate::config::{ConfigError, DEFAULT_PIPELINE};
+
+/// A configuration with the pipeline it is for.
+#[derive(Clone)]
+pub struct Resolved {
+    /// The pipeline.
+    pub pipeline: &'static dyn Pipeline,
+    /// Every key of it.
+    pub config: Table,
+    /// The same as the TOML text that a run saves.
+    pub text: String,
+}
+
+/// Where a configuration is from.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Sources<'a> {
+    /// A file, which may name a base.
+    pub file: Option<&'a Path>,
+    /// A compiled-in recipe by name.
+    pub recipe: Option<&'a str>,
+    /// Single values, `section.key=value`, over the others.
+    pub overrides: &'a [String],
+}
+
+/// The configuration of some sources: the defaults of their pipeline, changed by the file or recipe (and its bases), changed by the
+/// overrides.
+///
+/// # Errors
+/// A sentence naming the file or argument, the key, what was expected and what was found.
+pub fn resolve(sources: Sources) -> Result<Resolved, ConfigError> {
+    let mut layers = Vec::new();
+    if let Some(name) = sources.recipe {
+        layers.extend(recipe(name)?);
+    }
+    if let Some(path) = sources.file {
+        layers.extend(tables::file_layers(path)?);
+    }
+    let main = layers.last().map_or_else(|| "arguments".to_string(), |layer| layer.origin.clone());
+    for text in sources.overrides {
+        layers.push(tables::override_layer(text)?);
+    }
+    stack(&layers, &main)
+}
+
+/// The configuration that overrides alone ask for.
+///
+/// # Errors
+/// As [`resolve`].
+pub fn resolve_overrides(overrides: &[String]) -> Result<Resolved, ConfigError> {
+    resolve(Sources { overrides, ..Sources::default() })
+}
+
+/// A configuration that a run saved.
+///
+/// # Errors
+/// As [`resolve`]; `origin` names the place.
+pub fn resolve_saved(config: &Table, origin: &str) -> Result<Resolved, ConfigError> {
+    stack(&[Layer { origin: origin.into(), table: config.clone() }], origin)
+}
+
+fn stack(layers: &[Layer], main: &str) -> Result<Resolved, ConfigError> {
+    let pipeline = pipeline_of(layers)?;
+    let defaults = pipeline.defaults();
+    let mut config = defaults.clone();
+    for layer in layers {
+        check_keys(layer, pipeline, &defaults)?;
+        // A layer's values must fit on their own, so that a type error names the layer it is from.
+        let mut alone = defaults.clone();
+        tables::merge(&mut alone, layer.table.clone());
+        if let Err(error @ ConfigError::Type { .. }) = pipeline.validate(&alone, &layer.origin) {
+            return Err(error);
+        }
+        tables::merge(&mut config, layer.table.clone());
+    }
+    let text = pipeline.validate(&config, main)?;
+    let config = tables::parse(&text, main)?;
+    Ok(Resolved { pipeline, config, text })
+}
+
+/// The pipeline that the last layer which names one asks for.
+fn pipeline_of(layers: &[Layer]) -> Result<&'static dyn Pipeline, ConfigError> {
+    let named = layers.iter().rev().find_map(|layer| Some((layer, layer.table.get("pipeline")?)));
+    let (origin, name) = match named {
+        None => ("defaults", DEFAULT_PIPELINE.to_string()),
+        Some((layer, Value::String(name))) => (layer.origin.as_str(), name.clone()),
+        Some((layer, other)) => (layer.origin.as_str(), other.to_string()),
+    };
+    find(&name).ok_or_else(|| ConfigError::Pipeline { origin: origin.into(), found: name, valid: names() })
+}
+
+/// Every key of a layer must be one of the pipeline's.
+fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Result<(), ConfigError> {
+    let Some(key) = tables::unknown_key(&layer.table, defaults) else { return Ok(()) };
+    let origin = layer.origin.clone();
+    let has_key = |other: &&&dyn Pipeline| tables::keys(&other.defaults()).contains(&key);
+    if let Some(owner) = PIPELINES.iter().find(has_key) {
+        let (owner, pipeline) = (owner.name().into(), pipeline.name().into());
+        return Err(ConfigError::OtherPipeline { origin, key, owner, pipeline });
+    }
+    let valid = tables::keys(defaults);
+    let nearest = tables::nearest(&key, &valid).to_string();
+    Err(ConfigError::UnknownKey { origin, key, nearest })
+}
+
+fn recipe(name: &str) -> Result<Vec<Layer>, ConfigError> {
+    let name = name.strip_suffix(".toml").unwrap_or(name);
+    let layers = tables::recipe_layers(name, |name| gs_recipes::find(name).map(|recipe| recipe.text))?;
+    layers.ok_or_else(|| {
+        let all: Vec<String> = gs_recipes::RECIPES.iter().map(|recipe| recipe.name.to_string()).collect();
+        ConfigError::Recipe { found: name.into(), nearest: tables::nearest(name, &all).to_string() }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(overrides: &[&str]) -> Result<Resolved, ConfigError> {
+        resolve_overrides(&overrides.iter().map(|s| s.to_string()).collect::<Vec<_>>())
+    }
+
+    fn message(text: &str) -> String {
+        of(&[text]).map(|_| ()).expect_err("invalid").to_string()
+    }
+
+    #[test]
+    fn overrides_change_one_value() {
+        let config = of(&["density.cap=123", "density.strategy=default", "loss.dssim = 0", "data.background=[1,1,1]"]);
+        let config = config.expect("valid").config;
+        assert_eq!(config["density"]["cap"].as_integer(), Some(123));
+        assert_eq!(config["loss"]["dssim"].as_float(), Some(0.0));
+        assert_eq!(config["steps"], find("static").expect("a pipeline").defaults()["steps"]);
+    }
+
+    #[test]
+    fn unknown_keys_name_the_nearest() {
+        assert!(message("density.capp=1").contains("`density.cap`"), "{}", message("density.capp=1"));
+        assert!(message("cap=1").contains("`density.cap`"), "{}", message("cap=1"));
+        assert!(message("model.sh_degre=1").contains("`model.sh_degree`"));
+        assert!(message("stepz=1").contains("`steps`"));
+    }
+
+    #[test]
+    fn keys_and_names_of_other_pipelines_are_told() {
+        let other = message("blur.samples=3");
+        assert!(other.contains("pipeline taylormode") && other.contains("pipeline is static"), "{other}");
+        assert!(message("pipeline=taylor").contains("static, taylormode"));
+    }
+
+    #[test]
+    fn wrong_types_and_ranges_are_sentences() {
+        assert!(message("steps=many").contains("steps"), "{}", message("steps=many"));
+        assert!(message("loss.dssim=1.5").contains("from 0 to 1, found 1.5"));
+        assert!(message("steps=0").contains("at least 1"));
+        assert!(message("steps").contains("no `=`"));
+        assert!(message("render.near=nan").contains("positive"));
+        assert!(!message("density.strategy=magic").contains('\n'));
+    }
+
+    #[test]
+    fn a_saved_configuration_reads_back_the_same() {
+        let config = of(&["seed=7", "eval.at=[1,2]", "data.holdout=names", "data.holdout_names=['a']"]).expect("valid");
+        let again = resolve_saved(&tables::parse(&config.text, "text").expect("TOML"), "text").expect("valid");
+        assert_eq!(again.text, config.text);
+        assert!(!config.text.contains("[blur]"), "keys of another pipeline:\n{}", config.text);
+    }
+
+    #[test]
+    fn files_stack_on_their_base() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+        write("base.toml", "steps = 10\n[density]\ncap = 20\n");
+        write("scene.toml", "base = \"base.toml\"\n[density]\nevery = 30\n");
+        write("circle.toml", "base = \"circle.toml\"\n");
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            resolve(Sources { file: Some(&path), ..Sources::default() }).map(|resolved| resolved.config)
+        };
+        let config = file("scene.toml").expect("valid");
+        assert_eq!(config["steps"].as_integer(), Some(10));
+        assert_eq!((config["density"]["cap"].as_integer(), config["density"]["every"].as_integer()), (Some(20), Some(30)));
+        assert!(file("circle.toml").expect_err("circle").to_string().contains("circle"));
+        assert!(file("none.toml").expect_err("missing").to_string().contains("none.toml"));
+    }
+
+    #[test]
+    fn recipes_are_found_by_name() {
+        let recipe = |name: &str| resolve(Sources { recipe: Some(name), ..Sources::default() });
+        let alone = of(&["pipeline=taylormode"]).expect("valid");
+        assert_eq!(recipe("taylormode/base").expect("a recipe").text, alone.text, "the pipeline alone is its base recipe");
+        assert!(recipe("taylormode/papr").map(|_| ()).expect_err("none").to_string().contains("taylormode/paper"));
+    }
+}

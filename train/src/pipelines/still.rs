@@ -1,0 +1,65 @@
+//! `static`: plain 3D Gaussian Splatting of a scene that does not move. The method with nothing in it.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use gs_burn::{Extras, Gaussians, render_with};
+use gs_datasets::{LoadOptions, PriorUse, Scene, View};
+
+use crate::config::{FitConfig, NoSection};
+use crate::fit::initialise::InitialGaussians;
+use crate::fit::losses::photometric;
+use crate::fit::method::{Drawn, Forward, Method, Step, begin_static};
+use crate::fit::photos::Photo;
+
+/// Nothing is learned beside the Gaussians.
+#[derive(Module, Debug)]
+pub struct Still {}
+
+impl Method for Still {
+    const NAME: &'static str = "static";
+    type Config = NoSection;
+    type Cues = ();
+    type Extra = ();
+
+    fn defaults() -> FitConfig<NoSection> {
+        FitConfig::default()
+    }
+
+    fn loading(_config: &FitConfig<NoSection>, options: &mut LoadOptions) {
+        // Nothing in a static scene is compared with depth or pseudo-sharp photos. Masks of moving objects stay: moving parts are measured
+        // by them.
+        options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
+    }
+
+    fn cues(_scene: &Scene, _config: &FitConfig<NoSection>) {}
+
+    fn begin(scene: &Scene, at: &Step<Self>, _device: &Device) -> (InitialGaussians, Self) {
+        (begin_static(scene, at.config, at.facts), Self {})
+    }
+
+    fn extra(_view: &View, _index: usize, _at: &Step<Self>, _device: &Device) {}
+
+    fn forward(&self, gaussians: &Gaussians, photos: &[Photo<()>], screens: &[Tensor<2>], at: &Step<Self>) -> Forward {
+        let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+        let photo = &photos[0];
+        let extras = Extras { screen: screens.first().cloned(), features: None };
+        let rendering = render_with(gaussians, &photo.camera, &options, extras);
+        Forward {
+            loss: photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),
+            drawn: vec![Drawn { radii: rendering.radii(), intersections: rendering.intersections }],
+            images: vec![rendering.color],
+            notes: Vec::new(),
+        }
+    }
+
+    fn introduction(&self, scene: &Scene, _at: &Step<Self>) -> (Vec<String>, Vec<String>) {
+        let moves = scene.time_range.is_some_and(|(low, high)| low < high);
+        let warning = "the photos have times, but this pipeline takes the scene to stand still; for moving scenes: \
+                       --recipe taylormode/base";
+        (Vec::new(), moves.then(|| warning.to_string()).into_iter().collect())
+    }
+
+    fn from_frame(_frame: &serde_json::Value, _config: &FitConfig<NoSection>, _device: &Device) -> Result<Self, String> {
+        Ok(Self {})
+    }
+}

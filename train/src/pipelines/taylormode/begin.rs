@@ -1,0 +1,155 @@
+//! A moving scene before the first step: initial Gaussians, moving ones on the path of the object they are part of, and the networks that
+//! the configuration learns beside them.
+
+use burn::module::Param;
+use burn::tensor::Device;
+use glam::{DVec3, Vec3};
+use gs_datasets::Scene;
+use gs_models::taylormode::order::has_pattern;
+use gs_models::taylormode::{MotionFrame, RemainderFrame};
+use gs_multiview::Track;
+
+use super::common_motion::CommonMotion;
+use super::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
+use super::cues::{Cues, first_exposure, window};
+use super::initial_paths::{contacts, initial_paths, nearest, shape};
+use super::initial_points::initial_points;
+use super::model::{Networks, Units};
+use super::{Config, Step, Taylormode};
+use crate::fit::initialise::InitialGaussians;
+use crate::fit::parameters::from_host;
+
+/// The state before the first step.
+pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Taylormode) {
+    let (cues, config, choice) = (at.cues, at.config, &at.config.method);
+    let (exposure, guess) = first_exposure(scene, config);
+    let window = window(scene, exposure, &cues.tracks);
+
+    let initial = initial_points(scene, cues, config, at.facts.extent, window.t0);
+    let count = initial.gaussians.means.len();
+    let nothing_found = initial.fixed == count;
+    let rows: Vec<u32> = match choice.motion.masks {
+        _ if nothing_found => (0..count as u32).collect(),
+        MaskSource::None => (0..count as u32).collect(),
+        _ => (initial.fixed as u32..count as u32).collect(),
+    };
+    if nothing_found && choice.motion.masks != MaskSource::None {
+        tracing::warn!(
+            "no position was found where something moves: every Gaussian may move, and selection stops the others"
+        );
+    }
+    let kinked = contacts(&cues.tracks, &window, choice.motion.kinks);
+    let (order, kinked) = shape(
+        &cues.tracks,
+        window,
+        kinked,
+        (cues.scale.widths_per_unit, choice.cues.unseen),
+        choice.motion.order,
+    );
+    let mut frame = MotionFrame::new(rows, order, choice.motion.rotation_order, window);
+    if let Some((first, last)) = scene.time_range {
+        frame.recording = [first, last];
+    }
+    // Without masks there is no centre, no path of it and no object.
+    let follows = order > 0 && !cues.tracks.is_empty();
+    if follows {
+        frame.contacts = kinked;
+    }
+    let means = &initial.gaussians.means;
+    if wants_remainder(cues, config) {
+        frame.remainder = Some(remainder_frame(&frame.rows, means, order));
+    }
+    let units = Units::new(at.facts.extent, window.half);
+    let mut model = Taylormode::new(&frame, exposure, (networks(config), units), config.seed, device);
+    model.exposure_is_stated = choice.blur.exposure == 0.0 && guess.is_none();
+    if follows {
+        let (blocks, jumps) = initial_paths(&cues.tracks, &frame, means, order);
+        model.motion.position = Param::from_tensor(from_host(blocks, 3 * order, device));
+        if let Some(kinks) = &mut model.motion.kinks {
+            kinks.jumps = Param::from_tensor(from_host(jumps, 3 * frame.contacts.len(), device));
+        }
+        if choice.motion.collective {
+            let objects = object_frames(&cues.tracks, &frame, means);
+            model.objects = objects.map(|(centre, size)| CommonMotion::new(centre, size, order, device)).collect();
+        }
+    }
+    (initial.gaussians, model)
+}
+
+/// The networks that the configuration forms blur with.
+fn networks(config: &Config) -> Networks {
+    let blur = &config.method.blur;
+    if blur.mode != BlurMode::Warp {
+        return Networks::default();
+    }
+    let velocity = blur.velocity == VelocitySource::Network;
+    Networks { velocity, peano: blur.peano && !velocity, weights: if blur.weights { blur.samples } else { 0 } }
+}
+
+/// Root mean square distance of the centres from their best polynomial, pixels, under which a remainder has nothing to add
+/// that a photo shows.
+const REMAINDER_PIXELS: f64 = 0.5;
+
+/// Standard deviations of the centre's own uncertainty that its distance from the best polynomial must exceed. What is left
+/// of a high order alternates from frame to frame, which a correlation in time alone would take for noise.
+const REMAINDER_DEVIATIONS: f64 = 3.0;
+
+/// Whether the 3D remainder is worth having: asked for, or the centre's distances from the best polynomial are large enough
+/// to be seen and are no noise. Decided once, before training, from the triangulated centres of what moves: there the residual after
+/// the best order is known without a scene.
+pub fn wants_remainder(cues: &Cues, config: &Config) -> bool {
+    match config.method.motion.remainder {
+        RemainderChoice::On => true,
+        RemainderChoice::Off => false,
+        RemainderChoice::Auto => cues.tracks.iter().any(|track| leaves_a_pattern(track, cues.scale.pixels_per_unit)),
+    }
+}
+
+fn leaves_a_pattern(track: &Track, pixels_per_unit: f64) -> bool {
+    let residuals: Vec<[f64; 3]> =
+        track.centres.iter().map(|centre| (centre.position - track.path.position(centre.t)).to_array()).collect();
+    let count = residuals.len().max(1) as f64;
+    let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / count).sqrt() * pixels_per_unit;
+    // A centroid seen by n cameras is known sqrt(n) times better than by one.
+    let noise = track.centres.iter().map(|c| c.residual_px.powi(2) / c.cameras as f64).sum::<f64>() / count;
+    let beyond_noise = rms > REMAINDER_DEVIATIONS * noise.sqrt();
+    rms > REMAINDER_PIXELS && (beyond_noise || has_pattern(&residuals))
+}
+
+/// Centre and root mean square size of the moving Gaussians.
+pub fn remainder_frame(rows: &[u32], means: &[[f32; 3]], order: usize) -> RemainderFrame {
+    let positions = positions(rows, means);
+    let centre = middle(&positions);
+    RemainderFrame { centre: centre.to_array(), scale: spread(&positions, centre), order }
+}
+
+/// The point that positions are measured from in each object and its root mean square size; objects without Gaussians are left out. Of
+/// several, that is the path's position at `t0`: a Gaussian then stays with the object on whose path it began.
+fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> impl Iterator<Item = ([f64; 3], f64)> {
+    let t0 = frame.window.t0;
+    let mut parts = vec![Vec::new(); tracks.len()];
+    for position in positions(&frame.rows, means) {
+        parts[nearest(tracks, t0, position)].push(position);
+    }
+    let filled = parts.into_iter().zip(tracks).filter(|(part, _)| !part.is_empty());
+    let alone = tracks.len() == 1;
+    filled.map(move |(part, track)| {
+        let centre = if alone { middle(&part) } else { track.path.position(t0) };
+        (centre.to_array(), spread(&part, centre))
+    })
+}
+
+/// The positions of the moving Gaussians at `t0`.
+fn positions(rows: &[u32], means: &[[f32; 3]]) -> Vec<DVec3> {
+    rows.iter().map(|row| Vec3::from(means[*row as usize]).as_dvec3()).collect()
+}
+
+fn middle(positions: &[DVec3]) -> DVec3 {
+    positions.iter().sum::<DVec3>() / positions.len().max(1) as f64
+}
+
+fn spread(positions: &[DVec3], centre: DVec3) -> f64 {
+    let squares = positions.iter().map(|position| position.distance_squared(centre)).sum::<f64>();
+    let spread = (squares / positions.len().max(1) as f64).sqrt();
+    if spread > 0.0 { spread } else { 1.0 }
+}

@@ -1,0 +1,201 @@
+//! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
+//! recording's middle and length, the exposure.
+
+use gs_datasets::{Scene, View};
+use gs_models::taylormode::{TaylorMotion, TimeWindow};
+use gs_multiview::{self as multiview, Centre, ImageScale, MaskOrigin, MovingMasks, Track};
+
+use super::Config;
+use super::config::{BlurMode, MaskSource};
+use crate::fit::method::{MOVING, Region, given_regions};
+
+/// Cues about motion, inferred from the training photos alone.
+#[derive(Debug, Clone, Default)]
+pub struct Cues {
+    /// Per training view: the moving pixels, and where they are from; empty where nothing was looked for.
+    pub masks: MovingMasks,
+    /// Per training view: world velocity of the centre of what moves, scene units per unit of time; empty likewise.
+    pub guides: Vec<Option<[f64; 3]>>,
+    /// The centre of what moves, by time.
+    pub centres: Vec<Centre>,
+    /// Objects that move apart from each other, each with the path of its centre; all that moves, where there are no two.
+    pub tracks: Vec<Track>,
+    /// Pixels and image widths that one scene unit spans at the centre.
+    pub scale: ImageScale,
+    /// Warnings about cues and loss terms that are left out.
+    pub warnings: Vec<String>,
+}
+
+/// Priors that terms of the loss ask for and no training view has, in sentences.
+fn absent(scene: &Scene, config: &Config) -> Vec<String> {
+    let has = |found: fn(&View) -> bool| scene.train.iter().any(found);
+    let mut said = Vec::new();
+    if config.method.prior.depth > 0.0 && !has(|view| view.priors.depth.is_some()) {
+        said.push("no depth priors: the depth term (Eq. 16) is left out".into());
+    }
+    if config.method.prior.pseudo && config.method.prior.sharp > 0.0 && !has(|view| view.priors.sharp.is_some()) {
+        said.push("no pseudo-sharp photos (Eq. 13): training has the blurry ones alone".into());
+    }
+    said
+}
+
+/// Warnings about loss terms for which the data set has no input.
+fn without_basis(masks: &MovingMasks, guides: &[Option<[f64; 3]>], objects: usize, config: &Config) -> Vec<String> {
+    if config.method.blur.mode != BlurMode::Warp {
+        return Vec::new();
+    }
+    let mut said = Vec::new();
+    if masks.masks.iter().all(Option::is_none) {
+        said.push(
+            "no masks: the blurred term (Eq. 15) counts all pixels, and no background is protected from it".into(),
+        );
+    }
+    if config.method.prior.velocity > 0.0 && guides.iter().all(Option::is_none) {
+        let why = if objects > 1 { "objects move apart" } else { "no path of an object's centre" };
+        said.push(format!("{why}: the guide velocity (Eq. 17) is left out"));
+    }
+    said
+}
+
+/// Leaves out photos that have no time although others do: nobody knows what they show.
+pub fn leave_out_timeless(scene: &mut Scene) {
+    let count = |scene: &Scene| scene.train.len() + scene.held_out_views().count();
+    let before = count(scene);
+    if scene.time_range.is_some() {
+        scene.train.retain(|view| view.time.is_some());
+        scene.held_out.iter_mut().for_each(|split| split.views.retain(|view| view.time.is_some()));
+        scene.held_out.retain(|split| !split.views.is_empty());
+    }
+    scene.warnings.extend(left_out_warning(before - count(scene)));
+}
+
+/// The sentence about photos without a time, where there are any.
+pub fn left_out_warning(photos: usize) -> Option<String> {
+    (photos > 0).then(|| format!("{photos} photos without a time are left out"))
+}
+
+/// The moving parts of held-out views: as the data set gives them; where it gives none at all, the pixels that change in front of static
+/// cameras. Training never sees them.
+pub fn regions(views: &[View], config: &Config) -> Vec<Vec<Region>> {
+    let given: Vec<Vec<Region>> = views.iter().map(given_regions).collect();
+    if given.iter().any(|regions| !regions.is_empty()) {
+        return given;
+    }
+    let masks = multiview::inferred_masks(views, &config.method.cues.options().masks);
+    let found = masks.iter().flatten().count();
+    if found > 0 {
+        tracing::info!(views = found, "moving parts of held-out views are measured where the photos change");
+    }
+    masks.into_iter().map(|mask| mask.map(|mask| Region { name: MOVING, mask }).into_iter().collect()).collect()
+}
+
+/// Looks at the training views, once for a run.
+pub fn find_cues(scene: &Scene, config: &Config) -> Cues {
+    let (motion, options) = (&config.method.motion, config.method.cues.options());
+    let source = match motion.masks {
+        MaskSource::Auto => multiview::MaskSource::Auto,
+        MaskSource::Prior => multiview::MaskSource::Given,
+        MaskSource::Evidence => multiview::MaskSource::Inferred,
+        MaskSource::None => {
+            let terms = without_basis(&MovingMasks::default(), &[], 0, config).into_iter().chain(absent(scene, config));
+            return Cues { warnings: terms.collect(), ..Cues::default() };
+        }
+    };
+    let masks = multiview::moving_masks(scene, source, &options.masks);
+    let multiview::Centres { centres, notes } = multiview::centres(scene, &masks.masks);
+    let scale = ImageScale::at(&scene.train, &centres);
+    let tracks = multiview::tracks(scene, &masks.masks, &centres, motion.order_max, motion.kinks, &options);
+    let guides = scene.train.iter().map(|view| {
+        // The centre of objects that move apart moves like none of them.
+        let velocity = multiview::guide_velocity(&centres, view.time?).filter(|_| tracks.len() < 2)?;
+        Some(velocity.to_array())
+    });
+    let guides: Vec<Option<[f64; 3]>> = guides.collect();
+    let terms = without_basis(&masks, &guides, tracks.len(), config).into_iter().chain(absent(scene, config));
+    Cues {
+        guides,
+        warnings: masks.warnings.iter().cloned().chain(notes).chain(terms).collect(),
+        tracks,
+        scale,
+        masks,
+        centres,
+    }
+}
+
+impl Cues {
+    /// The centre's path, and the paths that Gaussians begin with, in words.
+    pub fn describe_path(&self, motion: &TaylorMotion) -> String {
+        let Some(first) = self.tracks.first() else { return String::new() };
+        let remainder = if motion.remainder.is_some() { " and a remainder" } else { "" };
+        let kinks = self.tracks.iter().flat_map(|track| &track.path.kinks);
+        let contacts: Vec<String> = kinks.map(|kink| format!("{:.3}", 0.5 * (kink.begin + kink.end))).collect();
+        let whose = match self.tracks.len() {
+            1 => "its centre is".into(),
+            count => format!("{count} objects, the first one's centre is"),
+        };
+        let kinked =
+            if contacts.is_empty() { String::new() } else { format!(" with a kink at {}", contacts.join(" and ")) };
+        format!(
+            "; {whose} {:.2} pixels (rms) from a path of order {}{kinked}, paths begin with order {}{remainder}",
+            first.path.residual * self.scale.pixels_per_unit,
+            first.path.order(),
+            motion.order()
+        )
+    }
+
+    /// The origin of the masks, in words.
+    pub fn describe_masks(&self) -> String {
+        let count = |origin| self.masks.count(origin);
+        match (count(MaskOrigin::Given), count(MaskOrigin::Inferred)) {
+            (0, 0) => "no mask".into(),
+            (given, 0) => format!("the data set's masks in {given} views"),
+            (0, found) => format!("the pixels that change in front of static cameras in {found} views"),
+            (given, found) => format!("the data set's masks in {given} views and the pixels that change in {found}"),
+        }
+    }
+}
+
+/// The time paths are expanded at (the training time nearest the middle of the recording at which nothing is hit while the
+/// shutter is open), and the half length that makes every exposure lie within normalised times from -1 to 1.
+pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
+    let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
+    let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
+    let middle = 0.5 * (low + high);
+    let shutter = 0.5 * exposure;
+    let undisturbed = |t: &f64| tracks.iter().all(|track| track.path.is_undisturbed(*t - shutter, *t + shutter));
+    let nearest =
+        |times: &mut dyn Iterator<Item = f64>| times.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs()));
+    let t0 = nearest(&mut times.iter().copied().filter(undisturbed))
+        .or_else(|| nearest(&mut times.iter().copied()))
+        .unwrap_or(middle);
+    let half = (high - t0).max(t0 - low) + 0.5 * exposure;
+    TimeWindow { t0, half: if half > 0.0 { half } else { 1.0 } }
+}
+
+/// The time between frames of one camera; `None` when there is one time only.
+pub fn frame_interval(views: &[View]) -> Option<f64> {
+    gs_datasets::frame_interval(views.iter().filter_map(|view| Some((view.camera_id.as_deref(), view.time?))))
+}
+
+/// The exposure a run begins with: as configured, else as the data set says, else half a frame interval.
+pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
+    let interval = frame_interval(&scene.train);
+    if config.method.blur.exposure > 0.0 {
+        let (set, longest) = (config.method.blur.exposure, interval.unwrap_or(f64::INFINITY));
+        let warning = format!("blur.exposure: expected at most the time between two frames, {longest}, found {set}");
+        return (set, (set > longest).then_some(warning));
+    }
+    if let Some(said) = stated_exposure(&scene.train) {
+        return (said, None);
+    }
+    let half = 0.5 * interval.unwrap_or(1.0);
+    (half, Some(format!("the data set does not say how long the shutter was open: beginning with {half:.4}")))
+}
+
+/// How long the shutter was open, as the data set states it. One number is learned for all views; where they differ it is compared with
+/// the median.
+pub fn stated_exposure(views: &[View]) -> Option<f64> {
+    let mut said: Vec<f64> = views.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
+    said.sort_by(f64::total_cmp);
+    said.get(said.len() / 2).copied()
+}

@@ -1,0 +1,193 @@
+//! [`Taylormode`] as a [`Method`]: each function in one line, from the file that has the idea.
+
+use std::path::Path;
+
+use burn::tensor::{Device, Tensor};
+use gs_burn::adam::Adam;
+use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
+use gs_datasets::{Scene, View};
+use gs_models::DynamicScene;
+
+use super::config::Sections;
+use super::curriculum::Opening;
+use super::model::Frame;
+use super::{Config, Cues, PhotoPriors, Step, Taylormode, begin, config, cues, figures, likelihood, select};
+use crate::config::FitConfig;
+use crate::fit::figure::Figures;
+use crate::fit::initialise::InitialGaussians;
+use crate::fit::method::{CAP, ChartKey, Forward, Method, Region};
+use crate::fit::photos::Photo;
+use crate::fit::sampler::ViewOrder;
+use crate::fit::schedule::due;
+
+impl Method for Taylormode {
+    const NAME: &'static str = "taylormode";
+    type Config = Sections;
+    type Cues = Cues;
+    type Extra = PhotoPriors;
+
+    fn defaults() -> FitConfig<Sections> {
+        config::defaults()
+    }
+
+    fn prepare(scene: &mut Scene) {
+        cues::leave_out_timeless(scene);
+    }
+
+    fn leaves_out(without_time: usize) -> Option<String> {
+        cues::left_out_warning(without_time)
+    }
+
+    fn suits(dataset: &Path, _train: usize, timed: usize) -> Result<(), String> {
+        if timed > 0 {
+            return Ok(());
+        }
+        Err(format!(
+            "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
+            dataset.display()
+        ))
+    }
+
+    fn near_share(scene: &Scene, config: &Config) -> Option<f64> {
+        let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
+        (!has_points).then_some(config.method.cues.near_share)
+    }
+
+    fn cues(scene: &Scene, config: &Config) -> Cues {
+        cues::find_cues(scene, config)
+    }
+
+    fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Self) {
+        begin::begin(scene, at, device)
+    }
+
+    fn extra(view: &View, index: usize, at: &Step, device: &Device) -> PhotoPriors {
+        PhotoPriors::new(at.cues, index, view, device)
+    }
+
+    fn order(&self, views: &[View], config: &Config) -> Box<dyn ViewOrder> {
+        let steps = (config.method.motion.curriculum * config.steps as f64) as usize;
+        Box::new(Opening::new(views, self.motion.window.t0, steps, config.seed))
+    }
+
+    fn forward(
+        &self,
+        gaussians: &Gaussians,
+        photos: &[Photo<PhotoPriors>],
+        screens: &[Tensor<2>],
+        at: &Step,
+    ) -> Forward {
+        self.formed_and_compared(gaussians, &photos[0], screens.first().cloned(), at)
+    }
+
+    fn update(self, gaussians: &Gaussians, gradients: &mut NamedGradients, adam: &mut Adam, at: &Step) -> Self {
+        self.updated(gaussians, gradients, adam, at)
+    }
+
+    fn follow(self, rows: &RowMap, adam: &mut Adam) -> Self {
+        self.followed(rows, adam)
+    }
+
+    fn simplify(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
+        let (motion, steps) = (&at.config.method.motion, at.config.steps);
+        let begun = at.step as f64 >= motion.select_from * steps as f64;
+        if !(motion.select && begun && (due(at.step, motion.select_every) || at.step == steps)) {
+            return self;
+        }
+        let _stage = profile::whole_stage("selection of orders");
+        let (model, selected) = likelihood::select_with_check(self, gaussians, adam, views, at);
+        tracing::debug!(step = at.step, moving = model.motion.len(), ?selected, "motion");
+        select::select_bands(gaussians, motion, at.step == steps);
+        model
+    }
+
+    fn scene(&self, gaussians: Gaussians) -> Box<dyn DynamicScene> {
+        Box::new(self.moving_scene(gaussians))
+    }
+
+    fn middle(&self) -> f64 {
+        self.motion.window.t0
+    }
+
+    fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
+        figures::cost(self, gaussians, config).bytes
+    }
+
+    fn regions(views: &[View], config: &Config) -> Vec<Vec<Region>> {
+        cues::regions(views, config)
+    }
+
+    fn formed(&self, gaussians: &Gaussians, view: &View, at: &Step) -> Option<Tensor<3>> {
+        figures::is_blurry(view, at.config).then(|| figures::form_blur(self, gaussians, view, at))
+    }
+
+    fn figures(&self, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
+        figures::figures(self, gaussians, scene, views, at)
+    }
+
+    fn introduction(&self, scene: &Scene, at: &Step) -> (Vec<String>, Vec<String>) {
+        let (exposure, warning) = cues::first_exposure(scene, at.config);
+        let line = format!(
+            "{} Gaussians may move, by {}; exposure {exposure:.4} to begin with{}",
+            self.motion.len(),
+            at.cues.describe_masks(),
+            at.cues.describe_path(&self.motion)
+        );
+        let single = match cues::frame_interval(&scene.train) {
+            Some(_) => None,
+            None => Some("all frames have one time: blur alone does not tell a motion from its reverse".to_string()),
+        };
+        (vec![line], at.cues.warnings.iter().cloned().chain(warning).chain(single).collect())
+    }
+
+    fn described(&self) -> Vec<(&'static str, String)> {
+        let [first, last] = self.motion.recording;
+        vec![
+            ("moving", self.motion.len().to_string()),
+            ("recording", format!("{first} to {last}")),
+            ("exposure", format!("{:.6}", self.exposure_on_host())),
+        ]
+    }
+
+    fn frame(&self) -> serde_json::Value {
+        serde_json::to_value(self.frame_data()).expect("a frame is JSON")
+    }
+
+    fn from_frame(frame: &serde_json::Value, config: &Config, device: &Device) -> Result<Self, String> {
+        let frame: Frame = serde_json::from_value(frame.clone()).map_err(|error| error.to_string())?;
+        frame.check()?;
+        Ok(Self::of_frame(&frame, config.seed, device))
+    }
+
+    fn fits(&self, gaussians: usize) -> Result<(), String> {
+        self.check_shapes(gaussians)
+    }
+
+    fn at_rest(_scene: &Scene, at: &Step, device: &Device) -> Result<Self, String> {
+        Ok(Self::at_rest(at, device))
+    }
+
+    fn last_note(config: &Config) -> usize {
+        ((config.method.prior.until * config.steps as f64) as usize).clamp(1, config.steps)
+    }
+
+    fn memory(scene: &Scene, _config: &Config) -> Vec<(&'static str, u64)> {
+        let pixels = scene.train.iter().map(|view| (view.width * view.height) as u64).sum();
+        vec![("moving masks", pixels)]
+    }
+
+    fn chart_keys() -> &'static [ChartKey] {
+        const KEYS: [ChartKey; 4] = [
+            ChartKey {
+                name: "blur",
+                key: "blur.mode",
+                words: &[("none", "no blur model"), ("*", "")],
+                unless: None,
+            },
+            ChartKey { name: "N", key: "blur.samples", words: &[], unless: Some(("blur.mode", "none")) },
+            ChartKey { name: "order", key: "motion.order", words: &[], unless: None },
+            CAP,
+        ];
+        &KEYS
+    }
+}

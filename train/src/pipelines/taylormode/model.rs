@@ -1,0 +1,192 @@
+//! Everything that is learned about motion and blur, as one Burn module.
+
+use burn::module::Module;
+use burn::tensor::Device;
+use gs_burn::Gaussians;
+use gs_models::taylormode::{
+    BlurWeights, BlurWeightsConfig, DirectVelocity, DirectVelocityConfig, Exposure, MotionFrame, PeanoMap, PeanoMapConfig,
+    TaylorMotion, TaylorScene, TimeWindow,
+};
+use serde::{Deserialize, Serialize};
+
+use super::common_motion::CommonMotion;
+
+/// What the method learns beside the Gaussians.
+#[derive(Module, Debug)]
+pub struct Taylormode {
+    /// Paths, rotations, kinks and the 3D remainder (Eq. 2).
+    pub motion: TaylorMotion,
+    /// How long the shutter is open (Eq. 7).
+    pub exposure: Exposure,
+    /// The remainder on the velocity map (Eq. 5).
+    pub peano: Option<PeanoMap>,
+    /// The weights of the exposure's samples (Eq. 11).
+    pub weights: Option<BlurWeights>,
+    /// Velocity by a network alone (Table 2, "w/o Taylor Expansion").
+    pub velocity: Option<DirectVelocity>,
+    /// The common motion of each object, where one is learned.
+    pub objects: Vec<CommonMotion>,
+    /// Whether the exposure began as the data set states it.
+    pub exposure_is_stated: bool,
+    /// What depths (scene units) and speeds (scene units per unit of time) are divided by before a network sees them.
+    #[module(skip)]
+    pub units: Units,
+}
+
+/// Units in which the networks see the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Units {
+    /// Of depths and positions, scene units.
+    pub depth: f64,
+    /// Of velocities, scene units per unit of time.
+    pub velocity: f64,
+}
+
+impl Units {
+    /// Depths of about the scene's size, and speeds that cross a tenth of it in half the recording, are 1 to the networks.
+    pub fn new(extent: f64, half_window: f64) -> Self {
+        Self { depth: extent, velocity: 0.1 * extent / half_window }
+    }
+}
+
+/// Which networks form the blur.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Networks {
+    /// Eq. 5.
+    pub peano: bool,
+    /// Eq. 11, for so many samples; 0: none.
+    pub weights: usize,
+    /// Table 2, "w/o Taylor Expansion".
+    pub velocity: bool,
+}
+
+/// All of a [`Taylormode`] that is not learned; as JSON to the bit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    motion: MotionFrame,
+    exposure_is_stated: bool,
+    networks: Networks,
+    /// Depth and velocity, as bits.
+    units: [u64; 2],
+    /// Centre and scale of each object's common motion, as bits.
+    objects: Vec<[u64; 4]>,
+}
+
+/// Highest order and most samples that a frame may name: far above what a configuration may, and small enough to allocate.
+const ORDERS_MAX: usize = 64;
+const SAMPLES_MAX: usize = 4096;
+
+impl Frame {
+    /// Whether its lists fit each other.
+    ///
+    /// # Errors
+    /// A sentence when they do not.
+    pub fn check(&self) -> Result<(), String> {
+        let MotionFrame { rows, orders, rotation_orders, .. } = &self.motion;
+        if orders.len() != rows.len() || rotation_orders.len() != rows.len() {
+            return Err("the lists of moving Gaussians have different lengths".into());
+        }
+        if self.motion.order.max(self.motion.rotation_order) > ORDERS_MAX || self.networks.weights > SAMPLES_MAX {
+            return Err("orders or samples beyond all that can be trained".into());
+        }
+        Ok(())
+    }
+}
+
+impl Taylormode {
+    /// Motion as `frame` says, all of it zero; an exposure of `exposure` (the data set's unit of time); networks before training.
+    pub fn new(
+        frame: &MotionFrame,
+        exposure: f64,
+        (networks, units): (Networks, Units),
+        seed: u64,
+        device: &Device,
+    ) -> Self {
+        let Units { depth, velocity } = units;
+        let peano = || PeanoMapConfig::new(velocity).with_seed(seed).init(device);
+        let weights = || BlurWeightsConfig::new(networks.weights, depth, velocity).with_seed(seed).init(device);
+        let direct = || DirectVelocityConfig::new([0.0; 3], depth, velocity).with_seed(seed).init(device);
+        Self {
+            motion: frame.init(seed, device),
+            exposure: Exposure::new(exposure, device),
+            peano: networks.peano.then(peano),
+            weights: (networks.weights > 0).then(weights),
+            velocity: networks.velocity.then(direct),
+            objects: Vec::new(),
+            exposure_is_stated: false,
+            units,
+        }
+    }
+
+    /// No Gaussian moves, as of a scene that is known at one time alone.
+    pub fn at_rest(at: &super::Step, device: &Device) -> Self {
+        let frame = MotionFrame::new(Vec::new(), 0, 0, TimeWindow { t0: 0.0, half: 1.0 });
+        let exposure = at.config.method.blur.exposure;
+        let exposure = if exposure > 0.0 { exposure } else { 1.0 };
+        Self::new(&frame, exposure, (Networks::default(), Units::new(at.facts.extent, 1.0)), at.config.seed, device)
+    }
+
+    /// `gaussians` with the motion.
+    pub fn moving_scene(&self, gaussians: Gaussians) -> TaylorScene {
+        TaylorScene { gaussians, motion: self.motion.clone() }
+    }
+
+    /// The exposure, in the data set's unit of time; reads it back from the device.
+    pub fn exposure_on_host(&self) -> f64 {
+        self.exposure.tau_on_host()
+    }
+
+    /// All of it that is not learned.
+    pub fn frame_data(&self) -> Frame {
+        Frame {
+            motion: self.motion.frame(),
+            exposure_is_stated: self.exposure_is_stated,
+            networks: Networks {
+                peano: self.peano.is_some(),
+                weights: self.weights.as_ref().map_or(0, BlurWeights::samples),
+                velocity: self.velocity.is_some(),
+            },
+            units: [self.units.depth, self.units.velocity].map(f64::to_bits),
+            objects: self.objects.iter().map(CommonMotion::frame_bits).collect(),
+        }
+    }
+
+    /// A module of the structure that `frame` describes.
+    pub fn of_frame(frame: &Frame, seed: u64, device: &Device) -> Self {
+        let [depth, velocity] = frame.units.map(f64::from_bits);
+        let order = frame.motion.order;
+        let shell = Self::new(&frame.motion, 1.0, (frame.networks, Units { depth, velocity }), seed, device);
+        let objects = frame.objects.iter().map(|bits| CommonMotion::of_bits(*bits, order, device)).collect();
+        Self { objects, exposure_is_stated: frame.exposure_is_stated, ..shell }
+    }
+
+    /// Whether the tensors fit each other and `gaussians` rows.
+    ///
+    /// # Errors
+    /// A sentence about what does not fit.
+    pub fn check_shapes(&self, gaussians: usize) -> Result<(), String> {
+        let motion = &self.motion;
+        let rows = motion.rows.len();
+        let is_path = |dims: [usize; 2]| dims[0] == rows && dims[1].is_multiple_of(3);
+        let lists = motion.orders.len() == rows && motion.rotation_orders.len() == rows;
+        let ascending = motion.rows.windows(2).all(|pair| pair[0] < pair[1]);
+        if !is_path(motion.position.dims()) || !is_path(motion.rotation.dims()) || !lists || !ascending {
+            return Err("the paths do not fit the moving Gaussians".into());
+        }
+        if motion.rows.last().is_some_and(|row| *row as usize >= gaussians) {
+            return Err("the motion does not fit the Gaussians".into());
+        }
+        if let Some(kinks) = &motion.kinks
+            && kinks.jumps.dims() != [rows, 3 * kinks.contacts.len()]
+        {
+            return Err("the kinks do not fit the contacts".into());
+        }
+        if self.objects.iter().any(|object| object.sum.dims() != [4, motion.position.dims()[1]]) {
+            return Err("the common motion does not fit the paths".into());
+        }
+        if self.exposure.log_tau.dims() != [1] {
+            return Err("the exposure is not one number".into());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,45 @@
+//! Experiments at the edge of the method.
+//!
+//! | file | question |
+//! |---|---|
+//! | [`direction`] | does blur say which way things went? |
+//! | [`exposure`] | can exposure and speed be told apart? |
+//! | [`absorb`] | does the blur model eat the scene? |
+//! | [`samples`] | how many instants does an exposure need? |
+//! | [`divergence`] | where does a Taylor path go outside its window? |
+//! | [`depth`] | what does a wrong depth prior cost? |
+//! | [`masks`] | what do masks cost that are too wide or too narrow? |
+//! | [`speed`] | how much motion per exposure can be undone? |
+//! | [`thrown`] | does early training throw Gaussians away? |
+//! | [`opacity`] | what do opacity resets cost? |
+
+pub mod absorb;
+pub mod depth;
+pub mod direction;
+pub mod divergence;
+pub mod exposure;
+pub mod masks;
+pub mod opacity;
+pub mod samples;
+pub mod speed;
+mod surface;
+pub mod thrown;
+mod trial;
+
+pub use trial::Trial;
+
+use crate::stability::Experiment;
+
+/// All experiments, cheapest kinds first.
+pub static EXPERIMENTS: [&Experiment; 10] = [
+    &divergence::EXPERIMENT,
+    &thrown::EXPERIMENT,
+    &samples::EXPERIMENT,
+    &direction::EXPERIMENT,
+    &exposure::EXPERIMENT,
+    &absorb::EXPERIMENT,
+    &depth::EXPERIMENT,
+    &masks::EXPERIMENT,
+    &speed::EXPERIMENT,
+    &opacity::EXPERIMENT,
+];

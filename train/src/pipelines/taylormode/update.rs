@@ -1,0 +1,143 @@
+//! The update of everything that the method learns (paper, 4.1: Adam with moments 0.9 and 0.999, separate rates).
+
+use burn::tensor::Tensor;
+use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::{Gaussians, NamedGradients, RowMap};
+use gs_models::taylormode::TaylorMotion;
+
+use super::common_motion::{CommonMotion, bases};
+use super::config::BlurMode;
+use super::{Config, Step, Taylormode};
+use crate::fit::schedule::exponential;
+
+/// Steps over which the rates of motion rise to their full size, linearly.
+const WARM_UP: f64 = 100.0;
+
+/// At most this share of a run is spent on that.
+const WARM_UP_SHARE: f64 = 0.1;
+
+/// Where the method hangs in the tree of what is learned.
+const ROOT: &str = "method";
+
+/// Rates of one step.
+struct Rates {
+    /// Of the paths' coefficients, scene units.
+    position: f64,
+    /// Of the rotations' coefficients, radians.
+    rotation: f64,
+    /// Of the exposure's logarithm.
+    exposure: f64,
+    /// Of the networks that form the blur.
+    network: f64,
+    /// Of the 3D remainder's network.
+    remainder: f64,
+}
+
+impl Rates {
+    fn of(model: &Taylormode, at: &Step) -> Self {
+        let (config, step) = (at.config, at.step);
+        let (motion, blur) = (&config.method.motion, &config.method.blur);
+        // Adam's first steps have full length in every block whatever the gradient: together they would throw a path across the scene.
+        let warm = (step as f64 / WARM_UP.min(WARM_UP_SHARE * config.steps as f64).max(1.0)).min(1.0);
+        let decay = warm * exponential(1.0, motion.final_share, step, config.steps);
+        let held = if model.exposure_is_stated { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
+        let exposure = match blur.learn_exposure && step > held {
+            true => blur.exposure_lr * exponential(1.0, motion.final_share, step - held, config.steps - held),
+            false => 0.0,
+        };
+        Self {
+            position: motion.position_lr * decay * at.facts.extent,
+            rotation: motion.rotation_lr * decay,
+            exposure,
+            network: blur.network_lr,
+            remainder: motion.remainder_lr * decay,
+        }
+    }
+
+    /// The rate of the parameter at a path under the method.
+    fn at(&self, path: &str) -> AdamRate {
+        let name = path.strip_prefix("method.").unwrap_or(path);
+        let position = AdamRate::new(self.position);
+        match name.split('.').next().unwrap_or_default() {
+            "motion" if name.starts_with("motion.rotation") => AdamRate::new(self.rotation),
+            "motion" if name.starts_with("motion.remainder") => AdamRate::new(self.remainder),
+            "motion" => position,
+            // While held, its rate is 0 but Adam's moments still run; starting them late would make the first steps too long.
+            "exposure" => AdamRate::new(self.exposure),
+            "objects" => CommonMotion::rate(&position),
+            _ => AdamRate::new(self.network),
+        }
+    }
+}
+
+/// Whether the exposure is learned at any time, by a blur that is formed and compared.
+pub fn learns_exposure(model: &Taylormode, config: &Config) -> bool {
+    let blur = &config.method.blur;
+    let is_compared = match blur.mode {
+        BlurMode::None => false,
+        BlurMode::Warp => config.method.prior.blur > 0.0,
+        BlurMode::Integrate => true,
+    };
+    blur.learn_exposure && is_compared && !(model.exposure_is_stated && blur.exposure_from >= 1.0)
+}
+
+impl Taylormode {
+    /// One Adam update of everything; each object's paths take their common step beside their own.
+    pub(super) fn updated(
+        self,
+        gaussians: &Gaussians,
+        gradients: &mut NamedGradients,
+        adam: &mut Adam,
+        at: &Step,
+    ) -> Self {
+        let rates = Rates::of(&self, at);
+        let of_paths = gradients.get("method.motion.position").cloned();
+        let common = of_paths.filter(|gradient| gradient.dims().iter().all(|size| *size > 0)).map(|gradient| {
+            let positions = gaussians.means.val().select(0, self.motion.row_tensor());
+            let bases = bases(&self.objects, &positions, at.config.method.cues.turn);
+            for (index, basis) in bases.iter().enumerate() {
+                // The sum is in no graph: its gradient is that of the paths.
+                let of_sum = CommonMotion::gradient(basis, gradient.clone());
+                gradients.insert(format!("method.objects.{index}.sum"), of_sum);
+            }
+            let before: Vec<Tensor<2>> = self.objects.iter().map(|object| object.sum.val()).collect();
+            bases.into_iter().zip(before).collect::<Vec<_>>()
+        });
+        // Without a path the sums have no gradient, and their moments rest.
+        let rests = |path: &str| common.is_none() && path.starts_with("method.objects.");
+        let rate = |path: &str| (!rests(path)).then(|| rates.at(path));
+        let mut model: Self = adam.update_under(ROOT, self, gradients, rate);
+        let changes = common.into_iter().flatten().zip(&model.objects);
+        let change = changes.map(|((basis, before), object)| object.change(basis, before, rates.position));
+        if let Some(change) = change.reduce(|a, b| a + b) {
+            model.motion.position = model.motion.position.map(|position| position + change);
+        }
+        model.held_to_orders(adam)
+    }
+
+    /// Keeps the blocks above each Gaussian's order at zero: Adam's first moment would push them on.
+    pub(super) fn held_to_orders(mut self, adam: &mut Adam) -> Self {
+        for (name, mask) in self.motion.order_masks() {
+            if let (Some(mask), Some(moments)) = (mask, adam.moments.get_mut(&format!("method.motion.{name}"))) {
+                moments.first = moments.first.clone() * mask;
+            }
+        }
+        self.motion = self.motion.hold_orders();
+        self
+    }
+
+    /// Follows a change of the Gaussians' rows.
+    pub(super) fn followed(mut self, rows: &RowMap, adam: &mut Adam) -> Self {
+        let (motion, own) = self.motion.follow(rows);
+        self.motion = motion;
+        follow_moments(adam, &own);
+        self
+    }
+}
+
+/// Moments of what has a row per moving Gaussian follow a change of those.
+pub(super) fn follow_moments(adam: &mut Adam, own: &RowMap) {
+    for name in TaylorMotion::ROW_PARAMETERS {
+        adam.follow(&format!("method.motion.{name}"), own);
+    }
+}

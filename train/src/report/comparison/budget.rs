@@ -1,0 +1,102 @@
+//! How many Gaussians are enough: the smallest cap that is as good as the best, as far as the held-out views can tell.
+//!
+//! "As good" is within one standard error of the mean PSNR over held-out views (the rule of Breiman et al. 1984 for pruning
+//! trees), of moving parts where they were measured. Only runs that differ in nothing but their cap are compared.
+
+use super::ComparedRun;
+use crate::fit::method::MOVING;
+use crate::run::evaluate::{Evaluation, ViewScores};
+
+/// The key of the cap.
+const CAP: &str = "density.cap";
+
+/// The verdict on runs that differ in their cap alone, at least two; else `None`. In one sentence.
+pub fn enough(runs: &[ComparedRun]) -> Option<String> {
+    let mut ladder: Vec<(usize, &Evaluation)> = runs.iter().filter_map(|run| Some((run.values.get(CAP)?.parse().ok()?, &run.eval.last))).collect();
+    ladder.sort_by_key(|(cap, _)| *cap);
+    let rest = |run: &ComparedRun| {
+        let mut values = run.values.clone();
+        values.remove(CAP);
+        values
+    };
+    let alike =
+        runs.windows(2).all(|pair| rest(&pair[0]) == rest(&pair[1]) && pair[0].eval.dataset == pair[1].eval.dataset);
+    let caps: Vec<usize> = ladder.iter().map(|(cap, _)| *cap).collect();
+    if !alike || runs.len() < 2 || caps.len() < runs.len() || caps.windows(2).any(|pair| pair[0] == pair[1]) {
+        return None;
+    }
+    if figures_missing(&ladder) {
+        return None;
+    }
+    let moving = ladder.iter().all(|(_, e)| e.moving().is_some());
+    let figures: Vec<(usize, f64, f64)> = ladder.iter().filter_map(|(cap, e)| figure(*cap, e, moving)).collect();
+    let best = figures.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let least = figures.iter().find(|(_, psnr, _)| *psnr >= best.1 - best.2)?;
+    let of = if moving { " of moving parts" } else { "" };
+    Some(format!(
+        "budget: a cap of {} is enough: {:.2} dB{of}, within one standard error ({:.2} dB over the held-out views) of the best, \
+         {:.2} dB at {}",
+        least.0, least.1, best.2, best.1, best.0
+    ))
+}
+
+/// Whether any run was not measured on at least two held-out views.
+fn figures_missing(ladder: &[(usize, &Evaluation)]) -> bool {
+    ladder.iter().any(|(_, e)| e.measured.split != "test" || e.measured.quality.views.len() < 2)
+}
+
+/// Cap, mean PSNR over views and its standard error; `None` with fewer than two views, which have none.
+fn figure(cap: usize, evaluation: &Evaluation, moving: bool) -> Option<(usize, f64, f64)> {
+    let of = |view: &ViewScores| match moving {
+        true => view.regions.get(MOVING).map(|scores| scores.psnr),
+        false => Some(view.scores.psnr),
+    };
+    let values: Vec<f64> = evaluation.measured.quality.views.iter().filter_map(of).filter(|psnr| psnr.is_finite()).collect();
+    if values.len() < 2 {
+        return None;
+    }
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    Some((cap, mean, (variance / count).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::comparison::testing;
+    use crate::run::evaluate::Scores;
+
+    fn run(cap: usize, psnr: [f64; 4], seed: &str) -> ComparedRun {
+        let mut run = testing::run("run", psnr.iter().sum::<f64>() / 4.0, None);
+        let scores = |psnr| Scores { psnr, ssim: 0.9, ms_ssim: None, lpips: None };
+        let view = |psnr| ViewScores { name: "v".into(), scores: scores(psnr), regions: Default::default() };
+        run.eval.last.measured.quality.views = psnr.map(view).to_vec();
+        run.values = [(CAP.to_string(), cap.to_string()), ("seed".to_string(), seed.to_string())].into();
+        run
+    }
+
+    #[test]
+    fn the_smallest_that_views_cannot_tell_from_the_best() {
+        // The deviation of 28, 30, 32, 34 is 2.58 dB, a half of that the standard error of their mean.
+        let ladder = [
+            run(40_000, [28.0, 30.0, 32.0, 34.0], "1"),
+            run(10_000, [26.0, 28.0, 30.0, 32.0], "1"),
+            run(20_000, [27.5, 29.5, 31.5, 33.5], "1"),
+        ];
+        let verdict = enough(&ladder).expect("a ladder");
+        assert!(
+            verdict.starts_with("budget: a cap of 20000 is enough: 30.50 dB, within one standard error (1.29 dB"),
+            "{verdict}"
+        );
+    }
+
+    #[test]
+    fn other_differences_and_single_runs_say_nothing() {
+        let psnr = [28.0, 30.0, 32.0, 34.0];
+        assert!(enough(&[run(1, psnr, "1"), run(2, psnr, "2")]).is_none());
+        assert!(enough(&[run(1, psnr, "1")]).is_none());
+        assert!(enough(&[run(1, psnr, "1"), run(1, psnr, "1")]).is_none());
+        assert!(enough(&[]).is_none());
+    }
+}

@@ -1,0 +1,84 @@
+//! Reads the runs that were named, and says of each that cannot be compared why.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+
+use super::ComparedRun;
+use crate::config::tables::flat;
+use crate::run::folder::RunFolder;
+
+/// What could be read.
+#[derive(Debug)]
+pub struct Gathered {
+    /// At least one run, all on one data set.
+    pub runs: Vec<ComparedRun>,
+    /// One sentence for each run that is left out.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the runs at `paths`. Left out, with a warning: folders without figures, unfinished runs, and runs on another data
+/// set than most (of equally many, than the first). Files that are no folders are passed over, so that `runs/*` may name
+/// what a chart wrote there.
+///
+/// # Errors
+/// When nothing is left; the sentence says why the first was left out.
+pub fn gather(paths: &[PathBuf]) -> Result<Gathered> {
+    let mut warnings = Vec::new();
+    let mut found: Vec<(ComparedRun, PathBuf)> = Vec::new();
+    for path in paths.iter().filter(|path| !path.is_file()) {
+        match read(path) {
+            Ok(run) => found.push(run),
+            Err(reason) => warnings.push(format!("{}: {reason}; left out", path.display())),
+        }
+    }
+    let count = |dataset: &Path| found.iter().filter(|(_, other)| other == dataset).count();
+    // The last of the largest is taken, hence the reversal.
+    let usual = found.iter().rev().max_by_key(|(_, dataset)| count(dataset)).map(|(_, dataset)| dataset.clone());
+    let Some(usual) = usual else {
+        match warnings.first() {
+            Some(first) => bail!("no run can be charted: {first}"),
+            None => bail!("no run can be charted: expected run folders, found only files"),
+        }
+    };
+    let (same, other): (Vec<_>, Vec<_>) = found.into_iter().partition(|(_, dataset)| *dataset == usual);
+    warnings.extend(other.iter().map(|(run, dataset)| {
+        let path = run.folder.path().display();
+        format!("{path}: trained on {}, the others on {}; left out", dataset.display(), usual.display())
+    }));
+    let mut runs: Vec<ComparedRun> = same.into_iter().map(|(run, _)| run).collect();
+    tell_apart(&mut runs);
+    Ok(Gathered { runs, warnings })
+}
+
+/// The run and its data set, or why it cannot be compared.
+fn read(path: &Path) -> Result<(ComparedRun, PathBuf), String> {
+    let folder = RunFolder::at(path);
+    let eval = folder.read_eval().map_err(|error| {
+        // A file that is there and cannot be understood is worth its own words.
+        match (path.exists(), folder.eval().exists()) {
+            (false, _) => "expected a run folder, found nothing".into(),
+            (true, false) => "cannot read its eval.json, no figures yet".into(),
+            (true, true) => format!("{error:#}"),
+        }
+    })?;
+    if eval.last.step < eval.steps {
+        return Err(format!("unfinished, stopped after step {} of {}", eval.last.step, eval.steps));
+    }
+    let (values, dataset) = match folder.read_config() {
+        Ok((config, dataset)) => (flat(&config).into_iter().collect::<BTreeMap<_, _>>(), dataset),
+        Err(error) => return Err(format!("{error:#}")),
+    };
+    Ok((ComparedRun { name: eval.name.clone(), folder, values, eval }, dataset))
+}
+
+/// Runs of one name take their paths instead.
+fn tell_apart(runs: &mut [ComparedRun]) {
+    let names: Vec<String> = runs.iter().map(|run| run.name.clone()).collect();
+    for run in runs {
+        if names.iter().filter(|name| **name == run.name).count() > 1 {
+            run.name = run.folder.path().display().to_string();
+        }
+    }
+}

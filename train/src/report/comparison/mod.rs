@@ -1,0 +1,95 @@
+//! Several runs beside one another: which of their measurements nothing beats at its cost, as charts, table and page.
+//!
+//! `gather` reads the runs, `budget` says how many Gaussians are enough, `panels` and `table` say what is shown, `page` puts it into HTML.
+
+mod budget;
+mod gather;
+mod page;
+mod panels;
+mod table;
+#[cfg(test)]
+mod testing;
+
+pub use budget::enough;
+pub use gather::{Gathered, gather};
+pub use page::{add_to_report, page, stacked};
+pub use panels::Panels;
+pub use table::Table;
+
+use std::collections::BTreeMap;
+
+use crate::run::evaluate::Evaluation;
+use crate::run::folder::{EvalFile, RunFolder, Setting};
+
+/// A finished run.
+#[derive(Debug, Clone)]
+pub struct ComparedRun {
+    /// Its folder's name, with as much of the path as it takes to tell it from the others.
+    pub name: String,
+    /// Its folder.
+    pub folder: RunFolder,
+    /// Every value of its configuration, by key with section.
+    pub values: BTreeMap<String, String>,
+    /// Its figures.
+    pub eval: EvalFile,
+}
+
+/// The settings that the pipelines of some runs tell them apart by, as name and key, in the order of their first run.
+pub(crate) fn settings(runs: &[ComparedRun]) -> Vec<(&str, &str)> {
+    let mut found: Vec<(&str, &str)> = Vec::new();
+    for setting in runs.iter().flat_map(|run| &run.eval.settings) {
+        if found.iter().all(|(_, key)| *key != setting.key) {
+            found.push((&setting.name, &setting.key));
+        }
+    }
+    found
+}
+
+impl ComparedRun {
+    /// One of [`settings`]; `None` where it means nothing to the run.
+    pub(crate) fn setting(&self, key: &str) -> Option<&Setting> {
+        self.eval.settings.iter().find(|setting| setting.key == key)
+    }
+
+    /// Its measurements in the order they were made.
+    pub(crate) fn measurements(&self) -> &[Evaluation] {
+        &self.eval.evaluations
+    }
+}
+
+/// Whether every measurement knows its processor time. Then that is what accuracy costs, because other work on the machine
+/// does not change it; otherwise wall-clock time is.
+pub(crate) fn by_cpu(runs: &[ComparedRun]) -> bool {
+    runs.iter().flat_map(ComparedRun::measurements).all(|e| e.cost.cpu_seconds.is_some())
+}
+
+/// What a measurement cost, seconds.
+pub(crate) fn seconds(evaluation: &Evaluation, cpu: bool) -> f64 {
+    evaluation.cost.cpu_seconds.filter(|_| cpu).unwrap_or(evaluation.cost.seconds)
+}
+
+/// For each point (cost, quality) whether no other is at least as cheap and at least as good, and better in one of the two.
+/// Points that are not finite are never on the front.
+pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
+    let finite = |(x, y): (f64, f64)| x.is_finite() && y.is_finite();
+    let beats = |a: (f64, f64), b: (f64, f64)| finite(a) && a.0 <= b.0 && a.1 >= b.1 && a != b;
+    points.iter().map(|point| finite(*point) && !points.iter().any(|other| beats(*other, *point))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_holds_what_nothing_beats() {
+        let points = [(3.0, 30.0), (1.0, 20.0), (2.0, 19.0), (4.0, 29.0), (1.0, 18.0), (5.0, 31.0)];
+        assert_eq!(pareto_front(&points), [true, true, false, false, false, true]);
+        assert!(pareto_front(&[]).is_empty());
+    }
+
+    #[test]
+    fn equals_share_the_front_and_what_is_not_finite_is_off_it() {
+        assert_eq!(pareto_front(&[(1.0, 2.0), (1.0, 2.0), (1.0, 1.0), (2.0, 2.0)]), [true, true, false, false]);
+        assert_eq!(pareto_front(&[(f64::NAN, 90.0), (1.0, f64::INFINITY), (1.0, 5.0)]), [false, false, true]);
+    }
+}

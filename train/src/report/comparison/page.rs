@@ -1,0 +1,74 @@
+//! A comparison in HTML: a page of its own, and a section of a run's report.
+
+use std::fmt::Write as _;
+
+use anyhow::{Context, Result, bail};
+use gs_datasets::image_io::write_atomic;
+
+use super::{Panels, Table};
+use crate::report::html::escaped;
+use crate::report::scatter::SIZE;
+use crate::report::{STYLE, with_comparison};
+use crate::run::folder::RunFolder;
+
+/// The charts as one SVG, one below the other; the command that made them is in its description.
+pub fn stacked(panels: &Panels, command: &str) -> String {
+    let (width, height) = SIZE;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{total}\" viewBox=\"0 0 {width} {total}\">\n\
+         <desc>{}</desc>\n",
+        escaped(command),
+        total = height * panels.charts.len() as u32
+    );
+    for (index, chart) in panels.charts.iter().enumerate() {
+        writeln!(svg, "<g transform=\"translate(0 {})\">{}</g>", height * index as u32, chart.svg())
+            .expect("writing to a string does not fail");
+    }
+    svg + "</svg>\n"
+}
+
+/// Charts, table, warnings and the command that made them.
+fn section(panels: &Panels, table: &Table, warnings: &[String], command: &str) -> String {
+    let mut html = String::from("<section>\n<h2>Accuracy against cost</h2>\n<div class=\"plots\">\n");
+    panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
+    html += "</div>\n";
+    warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(warning)));
+    html += &table.html();
+    html + &format!("<p>Made by <code>{}</code></p>\n</section>\n", escaped(command))
+}
+
+/// A page of its own that needs no other file.
+pub fn page(title: &str, panels: &Panels, table: &Table, warnings: &[String], command: &str) -> String {
+    let (title, section) = (escaped(title), section(panels, table, warnings, command));
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title} · gsburn</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>{title}</h1>\n</header>\n{section}\
+         </main>\n</body>\n</html>\n"
+    )
+}
+
+/// Puts the comparison into the report.html of a run, in place of an earlier one, and keeps it beside it, so that it is
+/// there again when the report is written anew.
+///
+/// # Errors
+/// When the run has no report, or a file cannot be written.
+pub fn add_to_report(
+    folder: &RunFolder,
+    panels: &Panels,
+    table: &Table,
+    warnings: &[String],
+    command: &str,
+) -> Result<()> {
+    let path = folder.report();
+    if !path.is_file() {
+        bail!("{}: expected the report of a finished run, found none", path.display());
+    }
+    let report = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot read", path.display()))?;
+    let section = section(panels, table, warnings, command);
+    let Some(report) = with_comparison(&report, &section) else {
+        bail!("{}: expected a report of gsburn, found another page", path.display());
+    };
+    write_atomic(&folder.comparison(), section.as_bytes())?;
+    Ok(write_atomic(&path, report.as_bytes())?)
+}

@@ -1,0 +1,235 @@
+//! What the charts of a comparison show: accuracy against seconds and against count, points told apart by what differs.
+
+use std::collections::BTreeSet;
+
+use super::table::differing_keys;
+use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
+use crate::report::scatter::{COLORS, Dot, Scatter};
+use crate::run::evaluate::Evaluation;
+
+/// Runs up to which every one has its label; of more, those on the front do.
+const LABELLED: usize = 24;
+
+/// Counts closer together than this share are one, and a chart over them shows nothing.
+const SAME_COUNT: f64 = 0.05;
+
+/// The charts, and what their points and colours mean.
+#[derive(Debug)]
+pub struct Panels {
+    /// The charts.
+    pub charts: Vec<Scatter>,
+}
+
+type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
+
+impl Panels {
+    /// Moving parts first, where they were measured, then whole images; each against seconds, and against the number of
+    /// Gaussians where that differs.
+    pub fn new(runs: &[ComparedRun]) -> Self {
+        let cpu = by_cpu(runs);
+        let marks = Marks::new(runs);
+        let time = if cpu { "CPU seconds of training, all threads" } else { "wall-clock seconds of training" };
+        let (moving, whole): (&Value, &Value) = (&|e| e.moving().map(|m| m.psnr), &|e| Some(e.mean().psnr));
+        let (cost, count): (&Value, &Value) = (&|e| Some(seconds(e, cpu)), &|e| Some(e.measured.size.gaussians as f64));
+        let measured = runs.iter().flat_map(ComparedRun::measurements).any(|e| e.moving().is_some());
+        let (best, best_title, best_axis) = match measured {
+            true => (moving, "Moving parts", "held-out PSNR of moving parts, dB"),
+            false => (whole, "Whole image", "held-out PSNR, dB"),
+        };
+        let mut charts =
+            vec![marks.chart(runs, &format!("{best_title} against time"), (time, cost), (best_axis, best))];
+        if measured {
+            charts.push(marks.chart(runs, "Whole image against time", (time, cost), ("held-out PSNR, dB", whole)));
+        }
+        if counts_differ(runs) {
+            let title = format!("{best_title} against size");
+            charts.push(marks.chart(runs, &title, ("Gaussians", count), (best_axis, best)));
+        }
+        Self { charts }
+    }
+}
+
+fn counts_differ(runs: &[ComparedRun]) -> bool {
+    let counts = runs.iter().flat_map(ComparedRun::measurements).map(|e| e.measured.size.gaussians as f64);
+    let [low, high] = counts.fold([f64::INFINITY, 0.0], |[low, high], n| [n.min(low), n.max(high)]);
+    high > low * (1.0 + SAME_COUNT)
+}
+
+/// How points are told apart.
+#[derive(Debug)]
+struct Marks {
+    /// Index into the colours by run.
+    colors: Vec<usize>,
+    /// Label by run.
+    labels: Vec<String>,
+    /// What each colour in use means; empty when there is one.
+    legend: Vec<(String, usize)>,
+    /// What all runs have in common.
+    note: String,
+}
+
+impl Marks {
+    /// Colour says the first of [`settings`] in which the runs differ, the label says the others. Where that does not tell
+    /// runs apart, their names do.
+    fn new(runs: &[ComparedRun]) -> Self {
+        let values = |key: &str| {
+            let mut values: Vec<&str> = runs
+                .iter()
+                .filter_map(|run| Some(run.setting(key)?.value.as_str()))
+                .collect::<BTreeSet<_>>()
+                .into_iter()
+                .collect();
+            // Numbers by size, not by spelling.
+            values.sort_by_key(|value| value.parse::<usize>().unwrap_or(0));
+            values
+        };
+        let keys: Vec<&str> = settings(runs).into_iter().map(|(_, key)| key).collect();
+        let differing: Vec<&str> = keys.into_iter().filter(|key| values(key).len() > 1).collect();
+        let colored = differing.iter().copied().find(|key| values(key).len() < COLORS.len());
+        let colors = runs.iter().map(|run| match colored {
+            None => 0,
+            // A run to which the setting means nothing has the last colour, which no value takes.
+            Some(key) => run
+                .setting(key)
+                .and_then(|setting| values(key).iter().position(|v| *v == setting.value))
+                .unwrap_or(COLORS.len() - 1),
+        });
+        let labelled: Vec<&str> = differing.iter().copied().filter(|key| Some(*key) != colored).collect();
+        let parts = |run: &ComparedRun, keys: &[&str]| -> String {
+            let parts = keys.iter().filter_map(|key| Some(run.setting(key)?.label.clone()));
+            parts.collect::<Vec<_>>().join(", ")
+        };
+        let whole: BTreeSet<String> = runs.iter().map(|run| parts(run, &differing)).collect();
+        let told_apart = whole.len() == runs.len() && !differing.is_empty();
+        let labels = runs.iter().map(|run| match (told_apart, parts(run, &labelled)) {
+            (false, _) => run.name.clone(),
+            (true, label) if label.is_empty() => parts(run, &differing),
+            (true, label) => label,
+        });
+        let label = |key: &str, value: &str| {
+            let settings = runs.iter().filter_map(|run| run.setting(key));
+            settings.into_iter().find(|setting| setting.value == value).map(|setting| setting.label.clone())
+        };
+        let legend = colored.map_or(Vec::new(), |key| {
+            let values = values(key).into_iter().enumerate();
+            values.filter_map(|(color, value)| Some((label(key, value)?, color))).collect()
+        });
+        Self { colors: colors.collect(), labels: labels.collect(), legend, note: note(runs) }
+    }
+
+    fn chart(
+        &self,
+        runs: &[ComparedRun],
+        title: &str,
+        (x, x_of): (&str, &Value),
+        (y, y_of): (&str, &Value),
+    ) -> Scatter {
+        let mut dots = Vec::new();
+        let mut trails = Vec::new();
+        for (i, run) in runs.iter().enumerate() {
+            let measured: Vec<(&Evaluation, (f64, f64))> =
+                run.measurements().iter().filter_map(|e| Some((e, (x_of(e)?, y_of(e)?)))).collect();
+            for (k, (e, (x, y))) in measured.iter().enumerate() {
+                let last = k + 1 == measured.len();
+                let label = last.then(|| self.labels[i].clone());
+                let tip = format!("{}, step {}: {y:.2} dB at {x:.1}", run.name, e.step);
+                dots.push(Dot { x: *x, y: *y, color: self.colors[i], label, last, front: false, tip });
+            }
+            trails.push((self.colors[i], measured.into_iter().map(|(_, point)| point).collect()));
+        }
+        let front = pareto_front(&dots.iter().map(|dot| (dot.x, dot.y)).collect::<Vec<_>>());
+        let crowded = runs.len() > LABELLED;
+        for (dot, front) in dots.iter_mut().zip(front) {
+            dot.front = front;
+            dot.label = dot.label.take().filter(|_| front || !crowded);
+        }
+        Scatter {
+            title: title.into(),
+            note: self.note.clone(),
+            x: x.into(),
+            y: y.into(),
+            dots,
+            trails,
+            legend: self.legend.clone(),
+        }
+    }
+}
+
+/// What all runs have in common of [`settings`], and in which other keys they differ.
+fn note(runs: &[ComparedRun]) -> String {
+    let settings = settings(runs);
+    let common = settings.iter().filter_map(|(_, key)| {
+        let setting = runs.first()?.setting(key)?;
+        runs.iter().all(|run| run.setting(key) == Some(setting)).then(|| setting.label.clone())
+    });
+    let common: Vec<String> = common.collect();
+    let others = differing_keys(runs).into_iter().filter(|key| settings.iter().all(|(_, setting)| setting != key));
+    let others: Vec<String> = others.collect();
+    let mut parts = Vec::new();
+    if runs.len() > 1 && !common.is_empty() {
+        parts.push(format!("all: {}", common.join(", ")));
+    }
+    match others.len() {
+        0 => {}
+        1..=3 => parts.push(format!("also differing: {}", others.join(", "))),
+        n => parts.push(format!("{n} other values differ too")),
+    }
+    parts.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::comparison::testing::{run, setting};
+
+    fn of(name: &str, psnr: f64, settings: &[(&str, &str, &str, &str)], values: &[(&str, &str)]) -> ComparedRun {
+        let mut run = run(name, psnr, Some(psnr - 5.0));
+        run.eval.settings = settings.iter().map(|(n, key, value, label)| setting(n, key, value, label)).collect();
+        let all = settings.iter().map(|(_, key, value, _)| (*key, *value)).chain(values.iter().copied());
+        run.values = all.map(|(key, value)| (key.to_string(), value.to_string())).collect();
+        run
+    }
+
+    const CAP: (&str, &str, &str, &str) = ("cap", "density.cap", "100000", "cap 100k");
+    const INTEGRATE: (&str, &str, &str, &str) = ("blur", "blur.mode", "integrate", "integrate");
+
+    #[test]
+    fn legend_and_labels_say_only_what_differs() {
+        let runs = [
+            of("a", 20.0, &[INTEGRATE, ("N", "blur.samples", "15", "N 15"), CAP], &[]),
+            of("b", 21.0, &[INTEGRATE, ("N", "blur.samples", "7", "N 7"), CAP], &[]),
+            of("c", 22.0, &[("blur", "blur.mode", "none", "no blur model"), CAP], &[]),
+        ];
+        let marks = Marks::new(&runs);
+        assert_eq!(marks.legend, [("integrate".to_string(), 0), ("no blur model".to_string(), 1)]);
+        // Instants mean nothing without a blur model, so there the colour's own words are the label.
+        assert_eq!(marks.labels, ["N 15", "N 7", "no blur model"]);
+        assert_eq!(marks.note, "all: cap 100k");
+        let numbers = Marks::new(&runs[..2]);
+        assert_eq!(numbers.legend, [("N 7".to_string(), 0), ("N 15".to_string(), 1)], "by size");
+        assert_eq!(numbers.colors, [1, 0]);
+    }
+
+    #[test]
+    fn runs_that_differ_elsewhere_have_their_names() {
+        let pseudo = |value| [("prior.pseudo", value)];
+        let runs =
+            [of("with", 20.0, &[CAP], &pseudo("true")), of("without", 21.0, &[CAP], &pseudo("false"))];
+        let marks = Marks::new(&runs);
+        assert_eq!(marks.labels, ["with", "without"]);
+        assert!(marks.legend.is_empty() && marks.note.contains("also differing: prior.pseudo"), "{marks:?}");
+        let charts = Panels::new(&runs).charts;
+        assert_eq!(charts.len(), 2, "moving parts and whole image; the count is the same");
+        assert!(charts[0].x.starts_with("CPU seconds"));
+    }
+
+    #[test]
+    fn a_static_scene_has_no_moving_parts() {
+        let mut still = run("still", 30.0, None);
+        still.eval.evaluations[0].cost.cpu_seconds = None;
+        let charts = Panels::new(&[still]).charts;
+        assert_eq!(charts.len(), 1);
+        assert_eq!((charts[0].y.as_str(), charts[0].dots[0].x), ("held-out PSNR, dB", 60.0));
+        assert!(charts[0].x.starts_with("wall-clock") && charts[0].dots[0].front);
+    }
+}

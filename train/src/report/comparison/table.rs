@@ -1,0 +1,240 @@
+//! The table of a comparison, one row per measurement: for a terminal, Markdown, CSV and HTML.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
+use crate::fit::figure::Prominence;
+use crate::report::html::escaped;
+use crate::run::evaluate::Evaluation;
+use crate::run::memory::megabytes;
+
+/// Further keys of the configuration that are shown where runs differ in them; a longer list is no table any more.
+const FURTHER: usize = 8;
+
+/// Sections that change nothing about what a run learns.
+const ASIDE: [&str; 2] = ["checkpoint.", "eval."];
+
+/// Names of columns and rows of cells. Columns in which no row has anything are left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Cells, empty where there is nothing to say.
+    pub rows: Vec<Vec<String>>,
+    /// Where each row's run has its report, from the folder of the page; empty without links.
+    links: Vec<String>,
+}
+
+impl Table {
+    /// Every measurement of every run. The front is that of moving parts where they were measured, and of whole images.
+    pub fn new(runs: &[ComparedRun]) -> Self {
+        let cpu = by_cpu(runs);
+        let further = further_keys(runs);
+        let all: Vec<(&ComparedRun, &Evaluation)> =
+            runs.iter().flat_map(|run| run.measurements().iter().map(move |e| (run, e))).collect();
+        let front = |quality: fn(&Evaluation) -> f64| {
+            pareto_front(&all.iter().map(|(_, e)| (seconds(e, cpu), quality(e))).collect::<Vec<_>>())
+        };
+        let moving = front(|e| e.moving().map_or(f64::NAN, |scores| scores.psnr));
+        let whole = front(|e| e.mean().psnr);
+        let settings = settings(runs);
+        let measures = measures(&all.iter().map(|(_, e)| *e).collect::<Vec<_>>());
+
+        let mut columns: Vec<String> = vec!["run".into()];
+        columns.extend(settings.iter().map(|(name, _)| name.to_string()));
+        columns.push("step".into());
+        columns.extend(further.clone());
+        columns.extend(measures.iter().map(|(name, _)| name.clone()));
+        columns.push("front".into());
+        let rows = all.iter().enumerate().map(|(i, (run, e))| {
+            let mut row = vec![run.name.clone()];
+            let setting = |key: &str| run.setting(key).map_or(String::new(), |setting| setting.value.clone());
+            row.extend(settings.iter().map(|(_, key)| setting(key)));
+            row.push(e.step.to_string());
+            row.extend(further.iter().map(|key| run.values.get(key).cloned().unwrap_or_default()));
+            row.extend(measures.iter().map(|(_, measure)| measure(e).unwrap_or_default()));
+            row.push(
+                match (moving[i], whole[i]) {
+                    (true, true) => "both",
+                    (true, false) => "moving",
+                    (false, true) if moving.contains(&true) => "whole",
+                    (false, true) => "front",
+                    (false, false) => "",
+                }
+                .to_string(),
+            );
+            row
+        });
+        Self { rows: rows.collect(), columns, links: Vec::new() }.without_empty_columns()
+    }
+
+    /// With each run's name leading to its report, `name/report.html` from where the page is.
+    pub fn linked(self, runs: &[ComparedRun]) -> Self {
+        let links = runs.iter().flat_map(|run| {
+            let link = format!("{}/report.html", run.folder.name());
+            run.measurements().iter().map(move |_| link.clone())
+        });
+        Self { links: links.collect(), ..self }
+    }
+
+    fn without_empty_columns(self) -> Self {
+        let keep: Vec<bool> = (0..self.columns.len()).map(|c| self.rows.iter().any(|row| !row[c].is_empty())).collect();
+        let kept =
+            |cells: Vec<String>| cells.into_iter().zip(&keep).filter(|(_, keep)| **keep).map(|(c, _)| c).collect();
+        Self { columns: kept(self.columns), rows: self.rows.into_iter().map(kept).collect(), links: self.links }
+    }
+
+    /// Aligned columns for a terminal.
+    pub fn text(&self) -> String {
+        let widths: Vec<usize> = (0..self.columns.len())
+            .map(|c| {
+                let cells = self.rows.iter().map(|row| row[c].chars().count());
+                cells.chain([self.columns[c].chars().count()]).max().unwrap_or(0)
+            })
+            .collect();
+        let line = |cells: &[String]| {
+            let aligned = cells.iter().zip(&widths).enumerate().map(|(c, (cell, width))| {
+                let cell = if cell.is_empty() { "-" } else { cell };
+                if c == 0 { format!("{cell:width$}") } else { format!("{cell:>width$}") }
+            });
+            aligned.collect::<Vec<_>>().join("  ").trim_end().to_string()
+        };
+        let lines: Vec<String> =
+            std::iter::once(line(&self.columns)).chain(self.rows.iter().map(|r| line(r))).collect();
+        lines.join("\n")
+    }
+
+    /// A Markdown table.
+    pub fn markdown(&self) -> String {
+        let line = |cells: &[String]| {
+            let cells = cells.iter().map(|cell| if cell.is_empty() { "–".into() } else { cell.replace('|', "\\|") });
+            format!("| {} |\n", cells.collect::<Vec<String>>().join(" | "))
+        };
+        let rule = format!("|{}\n", "---|".repeat(self.columns.len()));
+        self.rows.iter().fold(line(&self.columns) + &rule, |text, row| text + &line(row))
+    }
+
+    /// Comma-separated values with a first line of names (RFC 4180).
+    pub fn csv(&self) -> String {
+        let cell = |cell: &String| match cell.contains([',', '"', '\n', '\r']) {
+            true => format!("\"{}\"", cell.replace('"', "\"\"")),
+            false => cell.clone(),
+        };
+        let line = |cells: &[String]| cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
+        self.rows.iter().fold(line(&self.columns), |text, row| text + &line(row))
+    }
+
+    /// An HTML table; rows on a front are marked.
+    pub fn html(&self) -> String {
+        let mut html = String::from("<div class=\"wide\"><table>\n<tr>");
+        self.columns.iter().for_each(|name| html += &format!("<th>{}</th>", escaped(name)));
+        html += "</tr>\n";
+        let front = self.columns.iter().position(|name| name == "front");
+        for (i, row) in self.rows.iter().enumerate() {
+            let on_front = front.is_some_and(|c| !row[c].is_empty());
+            html += if on_front { "<tr class=\"front\">" } else { "<tr>" };
+            for (c, cell) in row.iter().enumerate() {
+                let cell = if cell.is_empty() { "–".into() } else { escaped(cell) };
+                match self.links.get(i).filter(|_| c == 0) {
+                    Some(link) => write!(html, "<td><a href=\"{}\">{cell}</a></td>", escaped(link)),
+                    None => write!(html, "<td>{cell}</td>"),
+                }
+                .expect("writing to a string does not fail");
+            }
+            html += "</tr>\n";
+        }
+        html + "</table></div>\n"
+    }
+}
+
+/// A column's cell for a measurement.
+type Measure = Box<dyn Fn(&Evaluation) -> Option<String>>;
+
+/// Name and cells of everything that was measured: image quality, whole and by region, cost, size, figures of the methods.
+fn measures(all: &[&Evaluation]) -> Vec<(String, Measure)> {
+    let mut regions: Vec<String> = all.iter().flat_map(|e| e.measured.quality.regions.keys().cloned()).collect();
+    regions.sort();
+    regions.dedup();
+    let mut columns: Vec<(String, Measure)> = Vec::new();
+    let mut add = |name: String, measure: Measure| columns.push((name, measure));
+    let of_region = |name: &str, shown: fn(f64, f64) -> String| -> Measure {
+        let name = name.to_string();
+        Box::new(move |e| e.measured.quality.regions.get(&name).map(|scores| shown(scores.psnr, scores.ssim)))
+    };
+    add("PSNR dB".into(), Box::new(|e| Some(format!("{:.2}", e.mean().psnr))));
+    for name in &regions {
+        add(format!("{name} dB"), of_region(name, |psnr, _| format!("{psnr:.2}")));
+    }
+    add("SSIM".into(), Box::new(|e| Some(format!("{:.4}", e.mean().ssim))));
+    for name in &regions {
+        add(format!("{name} SSIM"), of_region(name, |_, ssim| format!("{ssim:.4}")));
+    }
+    add("MS-SSIM".into(), Box::new(|e| e.mean().ms_ssim.map(|x| format!("{x:.4}"))));
+    add("LPIPS".into(), Box::new(|e| e.mean().lpips.map(|x| format!("{x:.4}"))));
+    if all.iter().any(|e| e.measured.quality.compared != all[0].measured.quality.compared) {
+        add("compared".into(), Box::new(|e| Some(e.measured.quality.compared.clone())));
+    }
+    add("CPU s".into(), Box::new(|e| e.cost.cpu_seconds.map(|s| format!("{s:.1}"))));
+    add("wall s".into(), Box::new(|e| Some(format!("{:.1}", e.cost.seconds))));
+    add("Gaussians".into(), Box::new(|e| Some(e.measured.size.gaussians.to_string())));
+    let mut figures: Vec<(String, String)> = Vec::new();
+    for figure in all.iter().flat_map(|e| &e.measured.figures).filter(|f| f.prominence != Prominence::File) {
+        if figures.iter().all(|(key, _)| *key != figure.key) {
+            let unit = if figure.unit.is_empty() { String::new() } else { format!(" {}", figure.unit) };
+            figures.push((figure.key.clone(), format!("{}{unit}", figure.name)));
+        }
+    }
+    for (key, name) in figures {
+        let cell = move |e: &Evaluation| {
+            let figure = e.measured.figures.iter().find(|figure| figure.key == key)?;
+            Some(format!("{:.*}", figure.digits, figure.value))
+        };
+        add(name, Box::new(cell));
+    }
+    add("size".into(), Box::new(|e| Some(megabytes(e.measured.size.bytes as u64))));
+    add("peak memory".into(), Box::new(|e| e.cost.peak_memory_bytes.map(megabytes)));
+    columns
+}
+
+/// Keys beside [`settings`] in which the runs differ; none when they are too many for a table.
+fn further_keys(runs: &[ComparedRun]) -> Vec<String> {
+    let settings = settings(runs);
+    let differing = differing_keys(runs);
+    let further: Vec<String> =
+        differing.into_iter().filter(|key| settings.iter().all(|(_, setting)| setting != key)).collect();
+    if further.len() > FURTHER { Vec::new() } else { further }
+}
+
+/// Every key of the configuration in which the runs differ.
+pub(super) fn differing_keys(runs: &[ComparedRun]) -> Vec<String> {
+    let Some(first) = runs.first() else { return Vec::new() };
+    let differs = |key: &&String| runs.iter().any(|run| run.values.get(*key) != first.values.get(*key));
+    let counts = |key: &&String| !ASIDE.iter().any(|section| key.starts_with(section));
+    // Runs of two pipelines have different keys.
+    let all: BTreeSet<&String> = runs.iter().flat_map(|run| run.values.keys()).collect();
+    all.into_iter().filter(counts).filter(differs).cloned().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let row = |cells: [&str; 4]| cells.map(String::from).to_vec();
+        Table {
+            columns: row(["run", "N", "LPIPS", "front"]),
+            rows: vec![row(["a,b", "3", "", "both"]), row(["c", "15", "", ""])],
+            links: Vec::new(),
+        }
+        .without_empty_columns()
+    }
+
+    #[test]
+    fn a_table_reads_in_every_format() {
+        assert_eq!(table().text(), "run   N  front\na,b   3   both\nc    15      -");
+        assert_eq!(table().markdown(), "| run | N | front |\n|---|---|---|\n| a,b | 3 | both |\n| c | 15 | – |\n");
+        assert_eq!(table().csv(), "run,N,front\n\"a,b\",3,both\nc,15,\n");
+        assert!(table().html().contains("<tr class=\"front\"><td>a,b</td>"));
+    }
+}

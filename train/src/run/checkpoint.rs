@@ -1,0 +1,286 @@
+//! A checkpoint is one safetensors file: named tensors with their checksums, and one JSON text with everything else. It knows tensors
+//! by name, not whose they are.
+//!
+//! It is written beside its place and renamed, so a file that exists is whole; a damaged one is recognised by its checksums.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use safetensors::tensor::{Metadata as Layout, View};
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use serde::{Deserialize, Serialize};
+
+use super::fingerprint::Fingerprint;
+use crate::fit::snapshot::{Column, Snapshot, Source};
+
+/// The key of the metadata that calls a file a checkpoint.
+const FORMAT: &str = "gsburn-checkpoint";
+
+/// Changes whenever an older program could misread a file.
+const VERSION: &str = "4";
+
+/// What a checkpoint says of the run it is from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Origin {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// The resolved configuration as TOML.
+    pub config: String,
+    /// The data set's path.
+    pub dataset: PathBuf,
+    /// What was subtracted from every position of the data set's world, as bits, because JSON numbers may lose the last one.
+    origin_bits: [u64; 3],
+    /// The views it was trained on.
+    pub views: Fingerprint,
+}
+
+impl Origin {
+    /// Of a run on `dataset`, whose world's `origin` was subtracted.
+    pub fn new(pipeline: &str, config: String, dataset: PathBuf, origin: DVec3, views: Fingerprint) -> Self {
+        Self { pipeline: pipeline.into(), config, dataset, origin_bits: origin.to_array().map(f64::to_bits), views }
+    }
+
+    /// What was subtracted from every position of the data set's world.
+    pub fn world(&self) -> DVec3 {
+        DVec3::from(self.origin_bits.map(f64::from_bits))
+    }
+}
+
+/// A checkpoint that was read.
+#[derive(Debug)]
+pub struct Checkpoint {
+    /// The run it is from.
+    pub origin: Origin,
+    /// The file.
+    pub path: PathBuf,
+    notes: serde_json::Value,
+    crc32: BTreeMap<String, u32>,
+    layout: Layout,
+    bytes: Vec<u8>,
+    /// Where the tensors begin.
+    begin: usize,
+}
+
+/// What can be wrong with a checkpoint; one sentence each.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointError {
+    /// It cannot be opened or read.
+    #[error("{}: cannot read the checkpoint: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's answer.
+        source: io::Error,
+    },
+    /// It cannot be written; nothing was changed.
+    #[error("{}: cannot write the checkpoint: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's answer.
+        source: io::Error,
+    },
+    /// It is no checkpoint at all.
+    #[error("{}: expected a gsburn checkpoint, found {found}", path.display())]
+    NotACheckpoint {
+        /// The file.
+        path: PathBuf,
+        /// What it looks like.
+        found: String,
+    },
+    /// It was written by another version of the format.
+    #[error("{}: expected checkpoint format {VERSION}, found format {found}: {writer}", path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// The version it names.
+        found: String,
+        /// Which program wrote it.
+        writer: String,
+    },
+    /// It was a checkpoint and is cut short or changed.
+    #[error("{}: the checkpoint is damaged: {found}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        found: String,
+    },
+}
+
+/// Writes a checkpoint atomically.
+///
+/// # Errors
+/// When it cannot be written (a full disk, for one); then nothing is left behind and older checkpoints are untouched.
+pub fn save(path: &Path, origin: &Origin, snapshot: &Snapshot) -> Result<(), CheckpointError> {
+    let columns: Vec<(String, Column)> = snapshot.columns.iter().map(|(name, c)| (name.clone(), c.clone())).collect();
+    let content = Metadata {
+        program: env!("CARGO_PKG_VERSION").into(),
+        origin: origin.clone(),
+        notes: snapshot.notes.clone(),
+        crc32: columns.iter().map(|(name, column)| (name.clone(), crc32fast::hash(&column.data()))).collect(),
+    };
+    let content = serde_json::json!({ "version": VERSION, "content": content });
+    let metadata = HashMap::from([(FORMAT.to_string(), content.to_string())]);
+    let temporary = path.with_extension("part");
+    let written = safetensors::serialize_to_file(columns, Some(metadata), &temporary)
+        .map_err(|error| match error {
+            SafeTensorError::IoError(error) => error,
+            other => io::Error::other(other.to_string()),
+        })
+        .and_then(|()| File::open(&temporary)?.sync_all())
+        .and_then(|()| fs::rename(&temporary, path))
+        .and_then(|()| sync_folder(path));
+    written.map_err(|source| {
+        // The write error is the one to report.
+        let _ = fs::remove_file(&temporary);
+        CheckpointError::Write { path: path.into(), source }
+    })
+}
+
+impl Checkpoint {
+    /// Reads a checkpoint; tensors are checked when they are asked for.
+    ///
+    /// # Errors
+    /// A sentence that names the file and says what is wrong with it.
+    pub fn load(path: &Path) -> Result<Self, CheckpointError> {
+        let bytes = fs::read(path).map_err(|source| CheckpointError::Read { path: path.into(), source })?;
+        let Metadata { origin, notes, crc32, .. } = read_metadata(&bytes, path)?;
+        let damaged = |error: SafeTensorError| CheckpointError::Damaged {
+            path: path.into(),
+            found: format!("{error} ({} bytes in the file)", bytes.len()),
+        };
+        let (header, layout) = SafeTensors::read_metadata(&bytes).map_err(damaged)?;
+        // Eight bytes with the length of the header stand before it.
+        let begin = header + 8;
+        Ok(Self { origin, path: path.into(), notes, crc32, layout, begin, bytes })
+    }
+
+    /// The error that something found in the file is.
+    pub fn damaged(&self, found: String) -> CheckpointError {
+        CheckpointError::Damaged { path: self.path.clone(), found }
+    }
+}
+
+impl Source for Checkpoint {
+    fn notes(&self) -> &serde_json::Value {
+        &self.notes
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.crc32.keys().cloned().collect()
+    }
+
+    fn read(&self, name: &str) -> Result<(Vec<f32>, Vec<usize>), String> {
+        let info = self.layout.info(name).ok_or_else(|| format!("it has no tensor {name}"))?;
+        let (from, to) = (self.begin + info.data_offsets.0, self.begin + info.data_offsets.1);
+        let data = self.bytes.get(from..to).ok_or_else(|| format!("{name} lies outside of the file"))?;
+        if info.dtype != Dtype::F32 {
+            return Err(format!("{name} has type {:?}", info.dtype));
+        }
+        if self.crc32.get(name) != Some(&crc32fast::hash(data)) {
+            return Err(format!("the checksum of {name} does not match its content"));
+        }
+        let values = data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        Ok((values, info.shape.clone()))
+    }
+}
+
+/// What a checkpoint says beside its tensors. It is one JSON text under one key of the safetensors header, because the
+/// header's own keys come in no fixed order and equal runs must write equal files.
+#[derive(Debug, Serialize, Deserialize)]
+struct Metadata {
+    /// Version of the program that wrote it.
+    program: String,
+    origin: Origin,
+    notes: serde_json::Value,
+    /// Checksum of each tensor.
+    crc32: BTreeMap<String, u32>,
+}
+
+impl View for Column {
+    fn dtype(&self) -> Dtype {
+        Dtype::F32
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        let data = self.tensor.to_data();
+        let values = data.as_slice::<f32>().expect("tensors of this crate hold f32");
+        if cfg!(target_endian = "little") {
+            return Cow::Owned(data.as_bytes().to_vec());
+        }
+        Cow::Owned(values.iter().flat_map(|value| value.to_le_bytes()).collect())
+    }
+
+    fn data_len(&self) -> usize {
+        4 * self.shape.iter().product::<usize>()
+    }
+}
+
+/// The metadata of a file that calls itself a checkpoint of this version. The header is read by hand, so that a file cut
+/// short still says what it was.
+fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError> {
+    let foreign = |found: &str| CheckpointError::NotACheckpoint { path: path.into(), found: found.into() };
+    let damaged = |found: String| CheckpointError::Damaged { path: path.into(), found };
+    let Some((length, rest)) = bytes.split_first_chunk::<8>() else {
+        return Err(foreign(&format!("a file of {} bytes", bytes.len())));
+    };
+    let length = u64::from_le_bytes(*length);
+    let Some(header) = usize::try_from(length).ok().and_then(|length| rest.get(..length)) else {
+        // A header that starts like JSON but goes on beyond the end belongs to a safetensors file cut short.
+        return Err(if rest.first() == Some(&b'{') && length < 1 << 30 {
+            damaged(format!("it is cut short within its header ({} bytes in the file)", bytes.len()))
+        } else {
+            foreign("another kind of file")
+        });
+    };
+    #[derive(Deserialize)]
+    struct Header {
+        #[serde(rename = "__metadata__", default)]
+        metadata: HashMap<String, String>,
+        #[serde(flatten)]
+        tensors: HashMap<String, serde_json::Value>,
+    }
+    #[derive(Deserialize)]
+    struct Versioned {
+        version: String,
+        content: serde_json::Value,
+    }
+    let header: Header = serde_json::from_slice(header).map_err(|_| foreign("another kind of file"))?;
+    let text = header.metadata.get(FORMAT).ok_or_else(|| foreign("a safetensors file of something else"))?;
+    let versioned: Versioned = serde_json::from_str(text).map_err(|error| damaged(error.to_string()))?;
+    if versioned.version != VERSION {
+        let writer = match versioned.content["program"].as_str() {
+            Some(program) => format!("it was written by gsburn {program}, this is {}", env!("CARGO_PKG_VERSION")),
+            // Programs before format 4 did not say.
+            None => "it was written by an earlier gsburn, before pipelines had configurations of their own; that program reads it".into(),
+        };
+        return Err(CheckpointError::Version { path: path.into(), found: versioned.version, writer });
+    }
+    let ends = header.tensors.values().filter_map(|tensor| tensor["data_offsets"][1].as_u64());
+    let whole = 8 + length.saturating_add(ends.max().unwrap_or(0));
+    if (bytes.len() as u64) < whole {
+        return Err(damaged(format!("it is cut short, expected {whole} bytes, found {}", bytes.len())));
+    }
+    serde_json::from_value(versioned.content).map_err(|error| damaged(error.to_string()))
+}
+
+/// Makes a rename in the folder of `path` survive a power cut.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    // Only Unix lets a folder be opened as a file; elsewhere the file system orders the rename itself.
+    if cfg!(unix)
+        && let Some(folder) = path.parent()
+    {
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(())
+}

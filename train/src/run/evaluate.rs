@@ -1,0 +1,388 @@
+//! How good a scene is: held-out views rendered and measured.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::{Device, Tensor};
+use gs_datasets::{Scene, View};
+use serde::{Deserialize, Serialize};
+
+use super::metrics::{Perceptual, ms_ssim, psnr, psnr_masked, ssim};
+use crate::config::EvalConfig;
+use crate::fit::figure::{Figure, FigureTable, Prominence};
+use crate::fit::method::{Compared, MOVING, Method, Region, Step};
+use crate::fit::photos::{Photo, Photos, to_tensor};
+use crate::fit::trainer::Model;
+
+/// The figures of one view or the mean of several.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity, 11x11 Gaussian window.
+    pub ssim: f64,
+    /// Multi-scale SSIM; `None` when not measured (images under 176 pixels).
+    pub ms_ssim: Option<f64>,
+    /// LPIPS; `None` when not measured.
+    pub lpips: Option<f64>,
+}
+
+/// One view's figures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ViewScores {
+    /// The view's name.
+    pub name: String,
+    /// Its figures.
+    #[serde(flatten)]
+    pub scores: Scores,
+    /// Its figures over single regions, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub regions: BTreeMap<String, Scores>,
+}
+
+/// Image quality over some views.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// The mean over views.
+    #[serde(flatten)]
+    pub mean: Scores,
+    /// The mean over the views in which a region has pixels, by the region's name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub regions: BTreeMap<String, Scores>,
+    /// Which images were compared: "sharp" renderings, or "formed blur", the blur that the scene forms over each photo's exposure.
+    pub compared: String,
+    /// The network of LPIPS: "vgg", "alex" or "squeeze".
+    pub lpips_network: Option<String>,
+    /// Why LPIPS is missing.
+    pub lpips_reason: Option<String>,
+    /// Why MS-SSIM is missing.
+    pub ms_ssim_reason: Option<String>,
+    /// Each view.
+    pub views: Vec<ViewScores>,
+}
+
+/// The size of a scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelSize {
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Bytes of every number that it takes to draw the scene, as f32.
+    pub bytes: usize,
+}
+
+/// What a training cost so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Training time, seconds, measuring and saving left out.
+    pub seconds: f64,
+    /// Processor time of training, seconds, all threads together; `None` where the system does not say.
+    pub cpu_seconds: Option<f64>,
+    /// Largest resident memory so far, bytes; `None` where the system does not say.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// A scene measured on one split.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Name of the split: "test", "validation"; "train" where nothing is held out, which says little about new views.
+    pub split: String,
+    /// Image quality.
+    #[serde(flatten)]
+    pub quality: Quality,
+    /// The size of the scene.
+    #[serde(flatten)]
+    pub size: ModelSize,
+    /// Figures of the method.
+    #[serde(default)]
+    pub figures: Vec<Figure>,
+    /// Tables of the method.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<FigureTable>,
+}
+
+/// The scene measured after a step.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Steps taken.
+    pub step: usize,
+    /// What was measured.
+    #[serde(flatten)]
+    pub measured: Measured,
+    /// What it cost until then.
+    #[serde(flatten)]
+    pub cost: Cost,
+}
+
+/// A view's truth and rendering, `[H, W, 3]` from 0 to 1.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    /// The view's name.
+    pub name: String,
+    /// The photo.
+    pub truth: Tensor<3>,
+    /// The rendering.
+    pub image: Tensor<3>,
+    /// `[H, W, 1]`: 0 where the photo says nothing; `None` when every pixel counts.
+    pub mask: Option<Tensor<3>>,
+    /// The blurry photo, where the truth is sharp and both are known, `[H, W, 3]`.
+    pub blurry: Option<Tensor<3>>,
+    /// The rendering's PSNR, dB.
+    pub psnr: f64,
+}
+
+/// Views of one split with the regions that are scored on their own.
+pub struct HeldOut<'a> {
+    /// Name of the split.
+    pub split: &'a str,
+    /// Its views.
+    pub views: &'a [View],
+    /// The regions of each.
+    pub regions: Vec<Vec<Region>>,
+}
+
+impl<'a> HeldOut<'a> {
+    /// The split called `name` ("train" for the training views), or the one that figures are reported on where there is no name: the
+    /// test views, or the training views where nothing is held out. `None` where there is no such split.
+    pub fn of<M: Method>(scene: &'a Scene, name: Option<&str>, at: &Step<M>) -> Option<Self> {
+        let (split, views) = match name {
+            Some("train") => ("train", scene.train.as_slice()),
+            Some(name) => scene.held_out.iter().find(|split| split.name == name).map(|s| (s.name.as_str(), s.views.as_slice()))?,
+            None => scene.reported().map_or(("train", scene.train.as_slice()), |s| (s.name.as_str(), s.views.as_slice())),
+        };
+        Some(Self { split, views, regions: M::regions(views, at.config) })
+    }
+}
+
+/// Measures scenes. LPIPS weights are looked for once.
+#[derive(Debug)]
+pub struct Evaluator {
+    perceptual: Result<Perceptual, String>,
+    ms_ssim: bool,
+    device: Device,
+}
+
+impl Evaluator {
+    /// An evaluator for tensors on `device`.
+    pub fn new(config: &EvalConfig, device: &Device) -> Self {
+        let perceptual = match config.lpips {
+            true => Perceptual::from_cache(device),
+            false => Err("no LPIPS: switched off (eval.lpips = false)".into()),
+        };
+        Self { perceptual, ms_ssim: config.ms_ssim, device: device.clone() }
+    }
+
+    /// Renders and measures a model on some views; the pictures of `kept` views spread over all are returned too.
+    pub fn measure<M: Method>(
+        &self,
+        model: &Model<M>,
+        scene: &Scene,
+        held_out: &HeldOut,
+        at: &Step<M>,
+        kept: usize,
+    ) -> (Measured, Vec<Comparison>) {
+        let (quality, comparisons) = self.quality(model, held_out, at, kept);
+        let (method, gaussians) = (&model.method, &model.gaussians);
+        let figures = method.figures(gaussians, scene, held_out.views, at);
+        let measured = Measured {
+            split: held_out.split.into(),
+            quality,
+            size: ModelSize { gaussians: gaussians.len(), bytes: method.bytes(gaussians, at.config) },
+            figures: figures.numbers,
+            tables: figures.tables,
+        };
+        (measured, comparisons)
+    }
+
+    fn quality<M: Method>(
+        &self,
+        model: &Model<M>,
+        held_out: &HeldOut,
+        at: &Step<M>,
+        kept: usize,
+    ) -> (Quality, Vec<Comparison>) {
+        let scene = model.method.scene(model.gaussians.clone());
+        let views = held_out.views;
+        let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
+        let mut photos = Photos::plain(views, &self.device);
+        let (mut scores, mut comparisons, mut compared) = (Vec::new(), Vec::new(), Compared::Sharp);
+        for (index, view) in views.iter().enumerate() {
+            let photo = photos.get(index);
+            let image = match model.method.formed(&model.gaussians, view, at) {
+                Some(formed) => {
+                    compared = Compared::FormedBlur;
+                    formed
+                }
+                None => {
+                    let gaussians = scene.at(view.time.unwrap_or(0.0));
+                    let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+                    gs_burn::render(&gaussians, &photo.camera, &options).color.clamp(0.0, 1.0)
+                }
+            };
+            let Some(whole) = self.scores(image.clone(), photo.image.clone(), photo.mask.clone()) else {
+                tracing::warn!(view = view.name, "no pixel counts: the view is not measured");
+                continue;
+            };
+            let regions = held_out.regions[index].iter().filter_map(|region| {
+                let scores = self.region(image.clone(), &photo, view, region)?;
+                Some((region.name.to_string(), scores))
+            });
+            let regions = regions.collect();
+            if kept > 0 && index % keep_every == 0 {
+                let blurry = view.truth.blurry.as_ref().map(|blurry| to_tensor(view, &blurry.data, 3, &self.device));
+                let psnr = whole.psnr;
+                comparisons.push(Comparison { name: view.name.clone(), truth: photo.image, image, mask: photo.mask, blurry, psnr });
+            }
+            scores.push(ViewScores { name: view.name.clone(), scores: whole, regions });
+        }
+        (self.summary(scores, compared), comparisons)
+    }
+
+    /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. Others are black in both images for
+    /// the measures that look at neighbourhoods.
+    fn scores(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
+        let share = counts.as_ref().map_or(1.0, |counts| f64::from(counts.clone().mean().into_scalar::<f32>()));
+        if share == 0.0 {
+            return None;
+        }
+        let (psnr, image, truth) = match counts {
+            None => (psnr(image.clone(), truth.clone()), image, truth),
+            Some(counts) => {
+                let psnr = psnr_masked(image.clone(), truth.clone(), counts.clone());
+                (psnr, image * counts.clone(), truth * counts)
+            }
+        };
+        Some(Scores {
+            psnr,
+            ssim: ssim_of_share(image.clone(), truth.clone(), share),
+            ms_ssim: self.ms_ssim.then(|| ms_ssim(image.clone(), truth.clone())).flatten(),
+            lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
+        })
+    }
+
+    /// The scores over the pixels of a region that count; `None` where there is none.
+    fn region(&self, image: Tensor<3>, photo: &Photo<()>, view: &View, region: &Region) -> Option<Scores> {
+        let inside = to_tensor(view, &region.mask, 1, &image.device());
+        let counts = photo.mask.iter().fold(inside, |inside, mask| inside * mask.clone());
+        Some(Scores { ms_ssim: None, ..self.scores(image, photo.image.clone(), Some(counts))? })
+    }
+
+    fn summary(&self, views: Vec<ViewScores>, compared: Compared) -> Quality {
+        let mean = mean(views.iter().map(|view| &view.scores)).unwrap_or_default();
+        let mut names: Vec<&String> = views.iter().flat_map(|view| view.regions.keys()).collect();
+        names.sort();
+        names.dedup();
+        let of = |name: &String| self::mean(views.iter().filter_map(|view| view.regions.get(name)));
+        let regions = names.into_iter().filter_map(|name| Some((name.clone(), of(name)?))).collect();
+        let ms_ssim_reason = match (mean.ms_ssim, self.ms_ssim) {
+            (Some(_), _) => None,
+            (None, true) => Some("no MS-SSIM: an image side is under 176 pixels".into()),
+            (None, false) => Some("no MS-SSIM: switched off (eval.ms_ssim = false)".into()),
+        };
+        Quality {
+            mean,
+            regions,
+            compared: match compared {
+                Compared::Sharp => "sharp".into(),
+                Compared::FormedBlur => "formed blur".into(),
+            },
+            lpips_network: self.perceptual.as_ref().ok().map(|network| network.name.into()),
+            lpips_reason: self.perceptual.as_ref().err().cloned(),
+            ms_ssim_reason,
+            views,
+        }
+    }
+}
+
+/// The mean of each score that all have; `None` without any.
+fn mean<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> {
+    let of = |value: fn(&Scores) -> Option<f64>| -> Option<f64> {
+        let values: Vec<f64> = scores.clone().map(value).collect::<Option<_>>()?;
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    Some(Scores {
+        psnr: of(|scores| Some(scores.psnr))?,
+        ssim: of(|scores| Some(scores.ssim))?,
+        ms_ssim: of(|scores| scores.ms_ssim),
+        lpips: of(|scores| scores.lpips),
+    })
+}
+
+impl Quality {
+    /// The scores over the pixels that move, where they were measured.
+    pub fn moving(&self) -> Option<&Scores> {
+        self.regions.get(MOVING)
+    }
+}
+
+impl Evaluation {
+    /// The scores over the whole images.
+    pub fn mean(&self) -> &Scores {
+        &self.measured.quality.mean
+    }
+
+    /// The scores over the pixels that move, where they were measured.
+    pub fn moving(&self) -> Option<&Scores> {
+        self.measured.quality.moving()
+    }
+
+    /// Without single views and tables, which only the last measurement of a run keeps.
+    pub fn without_details(&self) -> Self {
+        let mut evaluation = self.clone();
+        evaluation.measured.quality.views.clear();
+        evaluation.measured.tables.clear();
+        evaluation
+    }
+
+    /// A figure of the method by its key.
+    pub fn figure(&self, key: &str) -> Option<f64> {
+        self.measured.figures.iter().find(|figure| figure.key == key).map(|figure| figure.value)
+    }
+
+    /// The measurement in one line.
+    pub fn line(&self) -> String {
+        let optional = |name: &str, value: Option<f64>| value.map_or(String::new(), |v| format!(", {name} {v:.4}"));
+        let Measured { split, quality, size, .. } = &self.measured;
+        let regions: String =
+            quality.regions.iter().map(|(name, scores)| format!(", {name} parts {:.2} dB", scores.psnr)).collect();
+        format!(
+            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {} {}; {} Gaussians, {:.1} s",
+            self.step,
+            quality.mean.psnr,
+            quality.mean.ssim,
+            optional("MS-SSIM", quality.mean.ms_ssim),
+            optional("LPIPS", quality.mean.lpips),
+            quality.views.len(),
+            described_split(split),
+            size.gaussians,
+            self.cost.seconds
+        )
+    }
+}
+
+impl Measured {
+    /// The method's headline figures in one line; `None` without any.
+    pub fn figures_line(&self) -> Option<String> {
+        let headlines = self.figures.iter().filter(|figure| figure.prominence == Prominence::Headline);
+        let parts: Vec<String> = headlines
+            .map(|figure| {
+                let note = if figure.note.is_empty() { String::new() } else { format!(" ({})", figure.note) };
+                format!("{} {}{note}", figure.name, figure.shown())
+            })
+            .collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+/// The views of a split in words.
+pub fn described_split(split: &str) -> String {
+    match split {
+        "test" => "held-out views".into(),
+        "train" => "training views".into(),
+        other => format!("views of the split {other}"),
+    }
+}
+
+/// SSIM of the `share` of the pixels that a mask kept, where both images are black outside of it: SSIM is 1 there, but for windows (of
+/// 11 pixels) that reach into the mask. Errors in windows that cross the mask edge count too, so this is a lower bound.
+fn ssim_of_share(image: Tensor<3>, truth: Tensor<3>, share: f64) -> f64 {
+    1.0 - (1.0 - ssim(image, truth)) / share.max(f64::MIN_POSITIVE)
+}

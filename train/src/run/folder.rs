@@ -1,0 +1,394 @@
+//! A run is a folder: configuration, metrics, checkpoints, figures, pictures, report. The only place that knows its layout.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use gs_datasets::image_io::write_atomic;
+use serde::{Deserialize, Serialize};
+
+use toml::Table;
+
+use super::evaluate::Evaluation;
+use crate::config::tables;
+
+/// Where the parts of a run are.
+#[derive(Debug, Clone)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+/// One line of metrics.jsonl.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum MetricsLine {
+    /// A training step.
+    Train(TrainLine),
+    /// A measurement of the held-out views.
+    Eval(Box<Evaluation>),
+}
+
+/// A training step in metrics.jsonl.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrainLine {
+    /// Steps taken.
+    pub step: usize,
+    /// The loss of this step's photo; `None` when it was not finite.
+    pub loss: Option<f32>,
+    /// PSNR of this step's photo, dB.
+    pub psnr: Option<f64>,
+    /// Steps skipped so far.
+    pub skipped: usize,
+    /// Training time so far, seconds.
+    pub seconds: f64,
+    /// Processor time of training so far, seconds.
+    pub cpu_seconds: Option<f64>,
+    /// Counts of this step, by name: "gaussians", "sh_degree", "intersections".
+    #[serde(default)]
+    pub counts: BTreeMap<String, f64>,
+}
+
+impl MetricsLine {
+    /// The step the line is about.
+    pub fn step(&self) -> usize {
+        match self {
+            Self::Train(line) => line.step,
+            Self::Eval(evaluation) => evaluation.step,
+        }
+    }
+}
+
+/// The content of eval.json: the last measurement on top, all of them below.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EvalFile {
+    /// Name of the run.
+    pub name: String,
+    /// The data set's path.
+    pub dataset: String,
+    /// The device it ran on.
+    pub device: String,
+    /// Steps of the whole run.
+    pub steps: usize,
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// What the data set settled: name, value, and the key that says otherwise.
+    #[serde(default)]
+    pub facts: Vec<(String, String, String)>,
+    /// The settings that charts tell runs apart by: name, key and value.
+    #[serde(default)]
+    pub settings: Vec<Setting>,
+    /// Steps whose loss or gradients were not finite; they changed nothing.
+    pub skipped_steps: usize,
+    /// Memory that was predicted before the run, bytes.
+    pub predicted_memory_bytes: u64,
+    /// Wall-clock time of the whole program so far, measuring and saving included, seconds.
+    pub total_seconds: f64,
+    /// The last measurement.
+    #[serde(flatten)]
+    pub last: Evaluation,
+    /// Every measurement of the run, without its single views.
+    pub evaluations: Vec<Evaluation>,
+}
+
+/// A setting that charts tell runs apart by.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Setting {
+    /// Name in charts.
+    pub name: String,
+    /// Key of the configuration.
+    pub key: String,
+    /// Its value.
+    pub value: String,
+    /// Key and value as a chart says them: "cap 20k".
+    pub label: String,
+}
+
+/// The path from the root, whatever folder a program was started in; as it is where there is nothing.
+pub fn full_path(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
+}
+
+impl RunFolder {
+    /// The folder at `path`; nothing is made yet.
+    pub fn at(path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into() }
+    }
+
+    /// A folder for a new run; nothing is made yet, so that a run that cannot start leaves nothing behind.
+    ///
+    /// # Errors
+    /// When it already holds a run.
+    pub fn vacant(path: impl Into<PathBuf>) -> Result<Self> {
+        let folder = Self::at(path);
+        if folder.config().exists() {
+            bail!(
+                "{}: already holds a run; continue it with --resume or choose another folder with --out",
+                folder.path.display()
+            );
+        }
+        Ok(folder)
+    }
+
+    /// Makes the folder.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn make(&self) -> Result<()> {
+        fs::create_dir_all(self.checkpoints())
+            .with_context(|| format!("{}: cannot make the run folder", self.path.display()))
+    }
+
+    /// The folder itself.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The run's name: its folder's.
+    pub fn name(&self) -> String {
+        let absolute = full_path(&self.path);
+        absolute.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// The resolved configuration.
+    pub fn config(&self) -> PathBuf {
+        self.path.join("config.toml")
+    }
+
+    /// The path of the data set, beside the configuration because it is not part of it.
+    pub fn dataset(&self) -> PathBuf {
+        self.path.join("dataset.txt")
+    }
+
+    /// One JSON object a line.
+    pub fn metrics(&self) -> PathBuf {
+        self.path.join("metrics.jsonl")
+    }
+
+    /// The figures.
+    pub fn eval(&self) -> PathBuf {
+        self.path.join("eval.json")
+    }
+
+    /// The finished scene.
+    pub fn ply(&self) -> PathBuf {
+        self.path.join("scene.ply")
+    }
+
+    /// Side-by-side pictures.
+    pub fn renders(&self) -> PathBuf {
+        self.path.join("renders")
+    }
+
+    /// Curves.
+    pub fn plots(&self) -> PathBuf {
+        self.path.join("plots")
+    }
+
+    /// Where the time of a step goes, where that was measured.
+    pub fn profile(&self) -> PathBuf {
+        self.path.join("profile.json")
+    }
+
+    /// The section that `gsburn chart --report` put into the report.
+    pub fn comparison(&self) -> PathBuf {
+        self.path.join("comparison.html")
+    }
+
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.path.join("report.html")
+    }
+
+    /// Saved states.
+    pub fn checkpoints(&self) -> PathBuf {
+        self.path.join("checkpoints")
+    }
+
+    /// The saved state after `step` steps.
+    pub fn checkpoint(&self, step: usize) -> PathBuf {
+        self.checkpoints().join(format!("step-{step:07}.safetensors"))
+    }
+
+    /// All saved states by step, oldest first.
+    pub fn saved(&self) -> Vec<(usize, PathBuf)> {
+        let entries = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
+        let mut saved: Vec<(usize, PathBuf)> = entries
+            .filter_map(|entry| {
+                let name = entry.file_name();
+                let step = name.to_str()?.strip_prefix("step-")?.strip_suffix(".safetensors")?.parse().ok()?;
+                Some((step, entry.path()))
+            })
+            .collect();
+        saved.sort();
+        saved
+    }
+
+    /// Removes all saved states but the newest `keep`, and what a killed process left half-written.
+    pub fn prune_checkpoints(&self, keep: usize) {
+        let saved = self.saved();
+        let old = saved.iter().rev().skip(keep).map(|(_, path)| path.clone());
+        let entries = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
+        let halves = entries.map(|entry| entry.path()).filter(|path| {
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            // As `write_atomic` and the checkpoints call them.
+            (name.starts_with('.') && name.ends_with(".tmp"))
+                || path.extension().is_some_and(|extension| extension == "part")
+        });
+        for path in old.chain(halves) {
+            if let Err(error) = fs::remove_file(&path) {
+                tracing::warn!("{}: cannot remove: {error}", path.display());
+            }
+        }
+    }
+
+    /// Saves the configuration and the path of the data set.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn write_config(&self, config: &str, dataset: &Path) -> Result<()> {
+        write_atomic(&self.dataset(), format!("{}\n", full_path(dataset).display()).as_bytes())?;
+        Ok(write_atomic(&self.config(), config.as_bytes())?)
+    }
+
+    /// The configuration and the path of the data set.
+    ///
+    /// # Errors
+    /// When this is no run folder or the configuration is not valid.
+    pub fn read_config(&self) -> Result<(Table, PathBuf)> {
+        if !self.config().is_file() {
+            bail!("{}: expected a run folder (with config.toml), found none", self.path.display());
+        }
+        let dataset =
+            fs::read_to_string(self.dataset()).with_context(|| format!("{}: cannot read", self.dataset().display()))?;
+        let path = self.config();
+        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot read", path.display()))?;
+        Ok((tables::parse(&text, &path.display().to_string())?, PathBuf::from(dataset.trim())))
+    }
+
+    /// The lines of metrics.jsonl up to `last_step`. A last line cut short by a killed process is left out.
+    ///
+    /// # Errors
+    /// When the file exists and cannot be read.
+    pub fn read_metrics(&self, last_step: usize) -> Result<Vec<MetricsLine>> {
+        let path = self.metrics();
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot read", path.display()))?;
+        let lines = text.lines().filter_map(|line| serde_json::from_str::<MetricsLine>(line).ok());
+        Ok(lines.filter(|line| line.step() <= last_step).collect())
+    }
+
+    /// Opens metrics.jsonl for appending, beginning with `lines`.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn open_metrics(&self, lines: &[MetricsLine]) -> Result<MetricsFile> {
+        let path = self.metrics();
+        let text: String = lines.iter().map(json_line).collect();
+        write_atomic(&path, text.as_bytes())?;
+        let file =
+            OpenOptions::new().append(true).open(&path).with_context(|| format!("{}: cannot write", path.display()))?;
+        Ok(MetricsFile { file, path })
+    }
+
+    /// Writes eval.json.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write_eval(&self, eval: &EvalFile) -> Result<()> {
+        let text = serde_json::to_string_pretty(eval).expect("figures are JSON");
+        Ok(write_atomic(&self.eval(), (text + "\n").as_bytes())?)
+    }
+
+    /// Reads eval.json.
+    ///
+    /// # Errors
+    /// When it is not there or not what this version writes.
+    pub fn read_eval(&self) -> Result<EvalFile> {
+        let path = self.eval();
+        let text = fs::read_to_string(&path)
+            .with_context(|| format!("{}: cannot read the figures of the run", path.display()))?;
+        serde_json::from_str(&text).with_context(|| format!("{}: expected the figures of a run", path.display()))
+    }
+}
+
+/// metrics.jsonl, open for appending.
+#[derive(Debug)]
+pub struct MetricsFile {
+    file: File,
+    path: PathBuf,
+}
+
+impl MetricsFile {
+    /// Appends a line, whole or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn append(&mut self, line: &MetricsLine) -> Result<()> {
+        let before = self.file.metadata().map(|metadata| metadata.len());
+        let written = self.file.write_all(json_line(line).as_bytes());
+        if written.is_err()
+            && let Ok(length) = before
+        {
+            // The write error is the one to report.
+            let _ = self.file.set_len(length);
+        }
+        written.with_context(|| format!("{}: cannot write", self.path.display()))
+    }
+}
+
+fn json_line(line: &MetricsLine) -> String {
+    serde_json::to_string(line).expect("figures are JSON") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(step: usize) -> MetricsLine {
+        MetricsLine::Train(TrainLine {
+            step,
+            loss: Some(0.5),
+            psnr: None,
+            skipped: 0,
+            seconds: step as f64,
+            cpu_seconds: None,
+            counts: BTreeMap::from([("gaussians".into(), 10.0)]),
+        })
+    }
+
+    #[test]
+    fn metrics_resume_at_the_checkpoint() {
+        let temporary = tempfile::tempdir().expect("a folder");
+        let folder = RunFolder::vacant(temporary.path().join("run")).expect("free");
+        folder.make().expect("made");
+        let mut metrics = folder.open_metrics(&[]).expect("opened");
+        for step in 1..=5 {
+            metrics.append(&line(step)).expect("written");
+        }
+        fs::write(folder.metrics(), fs::read_to_string(folder.metrics()).expect("read") + "{\"kind\":\"tra")
+            .expect("cut");
+        let kept = folder.read_metrics(3).expect("read");
+        assert_eq!(kept, [line(1), line(2), line(3)]);
+        folder.open_metrics(&kept).expect("opened").append(&line(4)).expect("written");
+        assert_eq!(folder.read_metrics(100).expect("read").len(), 4);
+    }
+
+    #[test]
+    fn old_and_half_written_checkpoints_go() {
+        let temporary = tempfile::tempdir().expect("a folder");
+        let folder = RunFolder::vacant(temporary.path()).expect("free");
+        folder.make().expect("made");
+        for name in
+            ["step-0000100.safetensors", "step-0000200.safetensors", "step-0000300.part", ".step-1.safetensors.7.0.tmp"]
+        {
+            fs::write(folder.checkpoints().join(name), "x").expect("written");
+        }
+        folder.prune_checkpoints(1);
+        let left: Vec<_> = fs::read_dir(folder.checkpoints()).expect("read").flatten().map(|e| e.file_name()).collect();
+        assert_eq!(left, ["step-0000200.safetensors"]);
+    }
+}

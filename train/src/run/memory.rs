@@ -1,0 +1,104 @@
+//! How much memory a run will take, said before it starts.
+
+use std::fmt;
+
+use gs_datasets::{Scene, View};
+
+use crate::config::{FitConfig, Strategy};
+use crate::fit::method::Method;
+use crate::fit::parameters::Group;
+
+/// Bytes a run is expected to need at its peak, by what they are for.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Prediction {
+    /// What for, and how many.
+    pub parts: Vec<(&'static str, u64)>,
+}
+
+/// Projected row, colours, opacity and their gradients, per Gaussian, bytes: 2 (8 + 3 + 1) floats, the screen row and sums.
+const STEP_BYTES_PER_GAUSSIAN: u64 = 4 * (2 * 12 + 8);
+
+/// Tiles a Gaussian touches, on average over the scenes tried.
+const TILES_PER_GAUSSIAN: u64 = 6;
+
+/// Bytes of one intersection: sorted row number and position, and key and value of the sort twice.
+const BYTES_PER_INTERSECTION: u64 = 32;
+
+/// Floats per pixel of one step: image, alpha, loss image, their gradients (3 + 1 each), SSIM's three maps of three
+/// channels and its work space.
+const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
+
+/// Measured on Linux with the CPU backend.
+const PROGRAM_BYTES: u64 = 40 << 20;
+
+impl Prediction {
+    /// The peak for fitting `scene` as `config` says:
+    ///
+    /// - Gaussians: parameters and both moments of every Gaussian at the cap;
+    /// - step: gradients, projected rows, intersection lists, images and SSIM maps of one step;
+    /// - photos: as 8 bits and as cached floats;
+    /// - the method's own;
+    /// - program: the program itself, its thread stacks and allocator slack.
+    pub fn of_fit<M: Method>(scene: &Scene, config: &FitConfig<M::Config>) -> Self {
+        let cap = match config.density.strategy {
+            Strategy::None => initial_count(scene, config.init.random_points, config.density.cap),
+            _ => config.density.cap as u64,
+        };
+        let floats: u64 = Group::ALL.iter().map(|group| group.columns(config.model.sh_degree) as u64).sum();
+        let pixels = |view: &View| (view.width * view.height) as u64;
+        let views = || scene.train.iter().chain(scene.held_out_views());
+        let all_pixels: u64 = views().map(pixels).sum();
+        let largest: u64 = views().map(pixels).max().unwrap_or(0);
+        let cached = (12 * all_pixels).min((config.data.cache_mb as u64) << 20);
+        let mut parts = vec![
+            ("Gaussians", 3 * 4 * floats * cap),
+            (
+                "step",
+                cap * (4 * floats + STEP_BYTES_PER_GAUSSIAN + TILES_PER_GAUSSIAN * BYTES_PER_INTERSECTION)
+                    + 4 * STEP_FLOATS_PER_PIXEL * largest,
+            ),
+            ("photos", views().map(stored_bytes).sum::<u64>() + cached),
+        ];
+        parts.extend(M::memory(scene, config));
+        parts.push(("program", PROGRAM_BYTES));
+        Self { parts }
+    }
+
+    /// All together.
+    pub fn total(&self) -> u64 {
+        self.parts.iter().map(|(_, bytes)| bytes).sum()
+    }
+}
+
+/// What a view keeps in memory: photo, mask, priors, truth.
+fn stored_bytes(view: &View) -> u64 {
+    let (priors, truth) = (&view.priors, &view.truth);
+    let images = [Some(&view.image), priors.sharp.as_ref(), truth.sharp.as_ref(), truth.blurry.as_ref()];
+    let masks = [&view.mask, &priors.moving, &truth.moving, &truth.moving_union];
+    let floats = [priors.depth.as_ref().map(|depth| &depth.values), truth.depth.as_ref(), truth.velocity.as_ref()];
+    let sum = images.into_iter().flatten().map(|image| image.data.len()).sum::<usize>()
+        + masks.into_iter().flatten().map(Vec::len).sum::<usize>()
+        + floats.into_iter().flatten().map(|values| 4 * values.len()).sum::<usize>();
+    sum as u64
+}
+
+fn initial_count(scene: &Scene, random_points: usize, cap: usize) -> u64 {
+    scene.points.as_ref().map_or(random_points, |points| points.len()).min(cap) as u64
+}
+
+impl fmt::Display for Prediction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts: Vec<String> =
+            self.parts.iter().map(|(name, bytes)| format!("{name} {}", megabytes(*bytes))).collect();
+        write!(f, "{} ({})", megabytes(self.total()), parts.join(", "))
+    }
+}
+
+/// Bytes for people.
+pub fn megabytes(bytes: u64) -> String {
+    match bytes {
+        0..1_000_000 => format!("{:.0} kB", bytes as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.0} MB", bytes as f64 / 1e6),
+        _ => format!("{:.2} GB", bytes as f64 / 1e9),
+    }
+}

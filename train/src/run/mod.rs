@@ -1,0 +1,23 @@
+//! What watches any training: its folder, clock, progress, checkpoints, measurements. Nothing here can change a step's result.
+//!
+//! | file | idea |
+//! |---|---|
+//! | [`watch`] | a run under way, as the loop of a pipeline sees it |
+//! | [`folder`] | where a run's files are, and what is in them |
+//! | [`checkpoint`], [`fingerprint`] | saved states, and whether a run goes on with the views it began on |
+//! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
+//! | [`scene`] | finished scenes in and out |
+//! | [`progress`], [`resources`], [`memory`], [`profile`], [`interrupt`] | what a user sees while it runs |
+
+pub mod checkpoint;
+pub mod evaluate;
+pub mod fingerprint;
+pub mod folder;
+pub mod interrupt;
+pub mod memory;
+pub mod metrics;
+pub mod profile;
+pub mod progress;
+pub mod resources;
+pub mod scene;
+pub mod watch;

@@ -1,0 +1,81 @@
+//! The progress bar: loss, PSNR, count, steps per second and time left. Without a terminal, a line now and then.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Time between lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(30);
+
+/// Weight of the newest value in the running means of loss and PSNR: about the last 20 photos.
+const SMOOTHING: f64 = 0.05;
+
+/// What the bar shows, updated from outside the step.
+#[derive(Debug)]
+pub struct Progress {
+    bar: ProgressBar,
+    terminal: bool,
+    quiet: bool,
+    last_line: Instant,
+    first_step: usize,
+    steps: usize,
+    begun: Instant,
+    loss: Option<f64>,
+    psnr: Option<f64>,
+}
+
+impl Progress {
+    /// A bar for a run of `steps` that has taken `step` already; `quiet` shows nothing at all.
+    pub fn new(step: usize, steps: usize, quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal() && !quiet;
+        let bar = ProgressBar::with_draw_target(
+            Some(steps as u64),
+            if terminal { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() },
+        );
+        let style = "{bar:30.cyan/blue} {pos}/{len} {per_sec} left {eta} {msg}";
+        bar.set_style(ProgressStyle::with_template(style).expect("a valid template"));
+        bar.set_position(step as u64);
+        bar.reset_eta();
+        let now = Instant::now();
+        Self { bar, terminal, quiet, last_line: now, first_step: step, steps, begun: now, loss: None, psnr: None }
+    }
+
+    /// After a step; `psnr` where it was measured. The first of `counts` is shown.
+    pub fn step(&mut self, step: usize, loss: f32, psnr: Option<f64>, counts: &[(&str, f64)]) {
+        let smooth = |mean: Option<f64>, new: f64| Some(mean.map_or(new, |mean| mean + SMOOTHING * (new - mean)));
+        if loss.is_finite() {
+            self.loss = smooth(self.loss, f64::from(loss));
+        }
+        if let Some(psnr) = psnr {
+            self.psnr = smooth(self.psnr, psnr);
+        }
+        let loss = self.loss.map_or(String::new(), |loss| format!("loss {loss:.4} "));
+        let psnr = self.psnr.map_or(String::new(), |psnr| format!("PSNR {psnr:.2} "));
+        let count = counts.first().map_or(String::new(), |(name, count)| format!("{count} {name}"));
+        let message = format!("{loss}{psnr}{count}");
+        if self.terminal {
+            self.bar.set_position(step as u64);
+            self.bar.set_message(message);
+        } else if !self.quiet && self.last_line.elapsed() >= LINE_EVERY {
+            self.last_line = Instant::now();
+            let rate = (step - self.first_step) as f64 / self.begun.elapsed().as_secs_f64();
+            let left = (self.steps - step) as f64 / rate;
+            eprintln!("{step}/{} {rate:.2}/s left {left:.0}s {message}", self.steps);
+        }
+    }
+
+    /// Prints a line above the bar.
+    pub fn say(&self, line: &str) {
+        if self.terminal {
+            self.bar.suspend(|| eprintln!("{line}"));
+        } else if !self.quiet {
+            eprintln!("{line}");
+        }
+    }
+
+    /// Leaves the terminal as it was.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

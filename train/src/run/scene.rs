@@ -1,0 +1,212 @@
+//! Finished scenes: read, moved, thinned out and written as PLY.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use burn::tensor::{Device, Tensor};
+use glam::DVec3;
+use gs_burn::ply;
+use gs_burn::{Gaussians, RenderOptions};
+use gs_models::{DynamicScene, Static};
+
+use super::checkpoint::Checkpoint;
+use super::folder::RunFolder;
+use super::metrics::median;
+use crate::config::{Config, RenderConfig};
+use crate::fit::density::ops::Draft;
+use crate::fit::facts::SceneFacts;
+use crate::fit::parameters::{self, Group, Table, indices};
+
+/// A scene from a file, with what is known about it.
+pub struct LoadedScene {
+    /// The Gaussians at rest, `origin` subtracted.
+    pub gaussians: Gaussians,
+    /// The scene at any time.
+    pub scene: Box<dyn DynamicScene>,
+    /// What was subtracted from every position of the data set's world; zero for a PLY file.
+    pub origin: DVec3,
+    /// What its data set settled.
+    pub facts: SceneFacts,
+    /// How its images are formed.
+    pub render: RenderConfig,
+    /// The time it is shown at when none is asked for.
+    pub middle: f64,
+    /// The run it is from; `None` for a PLY file.
+    pub run: Option<SceneRun>,
+}
+
+/// What a checkpoint says of its run.
+#[derive(Debug, Clone)]
+pub struct SceneRun {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// The data set.
+    pub dataset: PathBuf,
+    /// Steps taken.
+    pub step: usize,
+    /// What the method says of itself: name and value.
+    pub described: Vec<(&'static str, String)>,
+}
+
+/// The file of a scene.
+pub enum SceneFile {
+    /// A saved state.
+    Checkpoint(Box<Checkpoint>),
+    /// Gaussians at one time.
+    Ply(Gaussians),
+}
+
+impl LoadedScene {
+    /// Gaussians of which nothing else is known.
+    pub fn of_gaussians(gaussians: Gaussians) -> Self {
+        let config = Config::default();
+        Self {
+            scene: Box::new(Static::new(gaussians.clone())),
+            gaussians,
+            origin: DVec3::ZERO,
+            facts: SceneFacts::unknown(&config),
+            render: config.render,
+            middle: 0.0,
+            run: None,
+        }
+    }
+
+    /// The options of one rendering at an SH degree.
+    pub fn render_options(&self, sh_degree: usize) -> RenderOptions {
+        self.facts.render_options(&self.render, sh_degree)
+    }
+
+    /// `count` times spread evenly over the recording, both ends included.
+    pub fn times(&self, count: usize) -> Vec<f64> {
+        let Some([first, last]) = self.scene.span() else { return vec![0.0; count] };
+        let step = (last - first) / (count.max(2) - 1) as f64;
+        (0..count).map(|i| first + step * i as f64).collect()
+    }
+
+    /// Warns once of times outside the recording: a path is an expansion, and away from what it was fitted to it goes anywhere.
+    pub fn warn_outside(&self, times: impl IntoIterator<Item = f64>) {
+        let Some([first, last]) = self.scene.span() else { return };
+        let outside: Vec<f64> = times.into_iter().filter(|t| !(first..=last).contains(t)).collect();
+        if let Some(t) = outside.first() {
+            let count = outside.len();
+            tracing::warn!(
+                "{count} times lie outside the recording, which is from {first} to {last}: {t} is the first"
+            );
+        }
+    }
+
+    /// That a time was asked for of a scene that has times.
+    ///
+    /// # Errors
+    /// A sentence, for a scene that stands still.
+    pub fn moves(&self, path: &Path) -> Result<()> {
+        if self.scene.span().is_none() {
+            bail!(
+                "{}: expected a scene that moves for --time or --frames, found one that stands still (a PLY file is one moment)",
+                path.display()
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Reads a run folder's newest checkpoint, a checkpoint (`.safetensors`) or a PLY file.
+///
+/// # Errors
+/// A sentence naming the file, what was expected and what was found.
+pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
+    if !path.exists() {
+        bail!("{}: expected a run folder, a checkpoint or a PLY file, found nothing", path.display());
+    }
+    let checkpoint = |path: &Path| -> Result<SceneFile> { Ok(SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?))) };
+    if path.is_dir() {
+        let Some((_, newest)) = RunFolder::at(path).saved().pop() else {
+            bail!("{}: expected a run folder with a checkpoint, found none", path.display());
+        };
+        return checkpoint(&newest);
+    }
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("safetensors") => checkpoint(path),
+        Some("ply") => Ok(SceneFile::Ply(ply::read_ply(path, device)?)),
+        _ => bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply file", path.display()),
+    }
+}
+
+/// Writes Gaussians as PLY in the data set's own world: `origin` is added back. Makes the folder where there is none.
+///
+/// # Errors
+/// When the file cannot be written, one sentence that names it; then nothing is left behind.
+pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    }
+    ply::write_ply(path, &translated(gaussians, origin)).context("cannot write the scene")
+}
+
+/// The Gaussians moved by `offset`, scene units.
+pub fn translated(gaussians: &Gaussians, offset: DVec3) -> Gaussians {
+    if offset == DVec3::ZERO {
+        return gaussians.clone();
+    }
+    let means = gaussians.means.val().inner();
+    let offset = Tensor::<1>::from_floats(offset.as_vec3().to_array(), &means.device()).unsqueeze::<2>();
+    let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|p| p.val().inner());
+    let (opacities, sh) = (gaussians.opacity_logits.val().inner(), gaussians.sh.val().inner());
+    Gaussians::from_tensors(means + offset, quats, log_scales, opacities, sh)
+}
+
+/// The Gaussians with SH coefficients up to `degree` only.
+pub fn truncate_sh(gaussians: &Gaussians, degree: usize) -> Gaussians {
+    let mut gaussians = gaussians.clone();
+    let columns = Group::Sh.columns(degree.min(gaussians.sh_degree()));
+    let sh = gaussians.group(Group::Sh).narrow(1, 0, columns);
+    gaussians.set(Group::Sh, sh);
+    gaussians
+}
+
+/// What [`without_floaters`] removes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloaterFilter {
+    /// Gaussians of lower opacity go.
+    pub min_opacity: f64,
+    /// Gaussians whose largest size is more than this many times the median largest size go.
+    pub max_size: f64,
+    /// Gaussians whose eighth-nearest neighbour is farther than this many times the median such distance go.
+    pub max_gap: f64,
+}
+
+impl Default for FloaterFilter {
+    fn default() -> Self {
+        Self { min_opacity: 0.02, max_size: 50.0, max_gap: 20.0 }
+    }
+}
+
+/// The Gaussians without nearly transparent, oversized and isolated ones.
+pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussians {
+    use kiddo::{ImmutableKdTree, SquaredEuclidean};
+    use rayon::prelude::*;
+
+    let draft = Draft::read(gaussians);
+    let rows = draft.len();
+    if rows == 0 {
+        return gaussians.clone();
+    }
+    let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&draft.means);
+    let wanted = std::num::NonZero::new(9).expect("a positive constant");
+    let gaps: Vec<f64> = draft
+        .means
+        .par_iter()
+        .map(|mean| {
+            tree.nearest_n::<SquaredEuclidean>(mean, wanted).last().map_or(0.0, |n| f64::from(n.distance).sqrt())
+        })
+        .collect();
+    let sizes: Vec<f64> = (0..rows).map(|row| draft.size(row)).collect();
+    let times = |factor: f64, values: &[f64]| factor * median(values.to_vec()).expect("there are Gaussians");
+    let (largest, widest) = (times(filter.max_size, &sizes), times(filter.max_gap, &gaps));
+    let kept: Vec<u32> = (0..rows)
+        .filter(|row| draft.opacity(*row) >= filter.min_opacity && sizes[*row] <= largest && gaps[*row] <= widest)
+        .map(|row| row as u32)
+        .collect();
+    let kept = indices(&kept, &gaussians.device());
+    parameters::gaussians(Group::ALL.map(|group| gaussians.group(group).select(0, kept.clone())))
+}
