@@ -19,6 +19,16 @@ impl Findings {
         self.warnings.push(text.into());
     }
 
+    /// Writes facts and warnings to the log of the program.
+    pub fn log(&self) {
+        for fact in &self.facts {
+            tracing::info!("{fact}");
+        }
+        for warning in &self.warnings {
+            tracing::warn!("{warning}");
+        }
+    }
+
     /// Passes a value on. An error is returned, or noted and turned into `None` when reading goes on.
     pub fn take<T>(&mut self, result: Result<T, DatasetError>) -> Result<Option<T>, DatasetError> {
         match result {

@@ -99,6 +99,30 @@ impl View {
         }
     }
 
+    /// Memory that the view takes, bytes: its own fields and its buffers as they were allocated.
+    pub fn bytes(&self) -> usize {
+        let image = |image: &Option<RgbImage8>| image.as_ref().map_or(0, |image| image.data.capacity());
+        let mask = |mask: &Option<Vec<u8>>| mask.as_ref().map_or(0, Vec::capacity);
+        let map = |map: &Option<Vec<f32>>| map.as_ref().map_or(0, |map| map.capacity() * size_of::<f32>());
+        let depth = self.priors.depth.as_ref().map_or(0, |depth| depth.values.capacity() * size_of::<f32>());
+        let Truth { sharp, blurry, depth: true_depth, velocity, moving, moving_union } = &self.truth;
+        let texts =
+            self.name.capacity() + self.image_path.capacity() + self.camera_id.as_ref().map_or(0, String::capacity);
+        size_of::<Self>()
+            + texts
+            + self.image.data.capacity()
+            + mask(&self.mask)
+            + depth
+            + mask(&self.priors.moving)
+            + image(&self.priors.sharp)
+            + image(sharp)
+            + image(blurry)
+            + map(true_depth)
+            + map(velocity)
+            + mask(moving)
+            + mask(moving_union)
+    }
+
     /// A black photo by a camera at the world's origin that looks along z, with a focal length of one image width and its principal
     /// point in the middle; for tests.
     pub fn blank(width: usize, height: usize) -> Self {

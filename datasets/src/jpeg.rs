@@ -1,10 +1,53 @@
-//! Whether a JPEG file ends where it says: its segments are walked, nothing is decoded (ITU T.81, annex B).
+//! How large the image of a JPEG file is, and whether the file ends where it says: its segments are walked, nothing is decoded
+//! (ITU T.81, annex B).
+
+use std::io::{Read, Seek};
 
 /// The first byte of every marker.
 const MARKER: u8 = 0xFF;
+/// Start of image.
+const START: u8 = 0xD8;
 /// End of image, start of scan.
 const END: u8 = 0xD9;
 const SCAN: u8 = 0xDA;
+
+/// Width and height as the first frame header says, read from the start of a file: segments before it are skipped, and nothing
+/// behind it is read. `None` where there is no such header.
+pub(crate) fn size(file: &mut (impl Read + Seek)) -> Option<(u32, u32)> {
+    let mut start = [0; 2];
+    file.read_exact(&mut start).ok()?;
+    if start != [MARKER, START] {
+        return None;
+    }
+    let mut byte = [0];
+    loop {
+        file.read_exact(&mut byte).ok()?;
+        if byte[0] != MARKER {
+            continue;
+        }
+        while byte[0] == MARKER {
+            file.read_exact(&mut byte).ok()?;
+        }
+        match byte[0] {
+            END | SCAN => return None,
+            0x00 | 0x01 | 0xD0..=0xD7 => {}
+            // Start of frame, of any coding; C4, C8 and CC are tables.
+            0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCB | 0xCD..=0xCF => {
+                let mut header = [0; 7];
+                file.read_exact(&mut header).ok()?;
+                let [_, _, _, high, low, left, right] = header;
+                let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
+                return Some((side(left, right), side(high, low))).filter(|(width, height)| *width > 0 && *height > 0);
+            }
+            _ => {
+                let mut length = [0; 2];
+                file.read_exact(&mut length).ok()?;
+                file.seek_relative(i64::from(u16::from_be_bytes(length)).checked_sub(2).filter(|rest| *rest >= 0)?)
+                    .ok()?;
+            }
+        }
+    }
+}
 
 /// Whether the end marker follows the last scan.
 pub(crate) fn is_whole(bytes: &[u8]) -> bool {
@@ -57,12 +100,20 @@ mod tests {
         let mut bytes = Vec::new();
         DynamicImage::from(image).write_to(&mut Cursor::new(&mut bytes), ImageFormat::Jpeg).expect("encoded");
         assert!(is_whole(&bytes));
+        assert_eq!(size(&mut Cursor::new(&bytes)), Some((40, 30)));
         for cut in 0..bytes.len() {
             assert!(!is_whole(&bytes[..cut]), "cut to {cut} of {} bytes", bytes.len());
         }
         // Cameras append previews; what ends inside a segment (a thumbnail) is not the end.
         assert!(is_whole(&[&bytes[..], &[0; 9]].concat()));
+        assert_eq!(size(&mut Cursor::new(&bytes[..20])), None);
         let with_thumbnail = [&bytes[..2], &[MARKER, 0xE1, 0, 4, MARKER, END], &bytes[2..bytes.len() - 2]].concat();
         assert!(!is_whole(&with_thumbnail));
+        assert_eq!(size(&mut Cursor::new(&with_thumbnail)), Some((40, 30)), "a thumbnail in a segment is skipped");
+        for no_jpeg in
+            [&b"\x89PNG"[..], &[], &[MARKER, START], &[MARKER, START, MARKER, 0xE1, 0, 0, 0, 0], &[MARKER; 64]]
+        {
+            assert_eq!(size(&mut Cursor::new(no_jpeg)), None, "{no_jpeg:?}");
+        }
     }
 }

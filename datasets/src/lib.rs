@@ -21,6 +21,8 @@
 
 mod check;
 mod consistency;
+mod decode;
+mod description;
 mod error;
 mod findings;
 mod formats;
@@ -30,6 +32,8 @@ mod jpeg;
 mod lens;
 pub mod light;
 mod loader;
+mod log;
+mod log_cache;
 mod mask;
 mod names;
 mod options;
@@ -54,6 +58,8 @@ pub use consistency::frame_interval;
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
+pub use log::{FrameDescription, FrameSource, Log};
+pub use log_cache::LogCache;
 pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SplitUse};
 pub use names::some_names;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};

@@ -1,7 +1,7 @@
 //! Decoding photos: opaque colour out, transparency composited on the chosen background.
 
 use std::fs;
-use std::io::Cursor;
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
@@ -76,6 +76,11 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
 
 /// Width and height from the file's header.
 pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
+    // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be described.
+    let file = fs::File::open(path).map_err(|error| DatasetError::read(path, error))?;
+    if let Some(size) = jpeg::size(&mut BufReader::new(file)) {
+        return Ok(size);
+    }
     let reader = ImageReader::open(path).map_err(|error| DatasetError::read(path, error))?;
     let reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })

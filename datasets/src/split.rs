@@ -12,7 +12,7 @@ use crate::scene::{self, Split};
 /// Frames by purpose, as indices in the order given.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SplitPlan {
-    /// Never empty.
+    /// Never empty. All lists rise.
     pub train: Vec<usize>,
     /// Lists of held-out frames with their names. None of them is empty, and no frame is in two.
     pub held_out: Vec<(String, Vec<usize>)>,
@@ -29,6 +29,15 @@ impl SplitPlan {
     /// The indices of all held-out frames, list by list.
     pub fn held_out_frames(&self) -> impl Iterator<Item = usize> {
         self.held_out.iter().flat_map(|(_, list)| list.iter().copied())
+    }
+
+    /// Whether the frame at `index` trains; `None` where it is left out.
+    pub fn trains(&self, index: usize) -> Option<bool> {
+        let is_listed = |list: &[usize]| list.binary_search(&index).is_ok();
+        if is_listed(&self.train) {
+            return Some(true);
+        }
+        self.held_out.iter().any(|(_, list)| is_listed(list)).then_some(false)
     }
 
     /// "3 test, 4 validation"; "none" without any.

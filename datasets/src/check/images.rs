@@ -3,92 +3,55 @@
 use rayon::prelude::*;
 
 use super::CheckReport;
+use crate::decode::{Decoder, Note};
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::frame::Intrinsics;
 use crate::lens::off_photo_warning;
-use crate::loader;
-use crate::mask::{self, Mask};
-use crate::options::LoadOptions;
-use crate::pixels::{self, Behind};
-use crate::priors::attach::{Notes, Photo, attach};
+use crate::mask;
 use crate::priors::summary::{self, Noted};
-use crate::raw::{Part, RawFrame};
-use crate::resize::target_size;
+use crate::raw::RawFrame;
 
-/// What decoding one frame's files gave.
-struct Decoded {
-    size: (usize, usize),
-    intrinsics: Intrinsics,
-    rescaled: bool,
-    off_photo: bool,
-    /// Share of the image that masks ignore; `None` without masks.
-    masked: Option<f64>,
-    /// What loading priors and truth found.
-    sides: Notes,
-}
-
-fn decode(frame: &RawFrame, options: &LoadOptions, behind: Behind) -> Result<Decoded, DatasetError> {
-    let image = pixels::decode(&frame.image_path)?;
-    let size = (image.width() as usize, image.height() as usize);
-    let resolved = frame.lens.resolve((image.width(), image.height()), &frame.image_path, &frame.file)?;
-    let masks: Vec<Mask> = frame.masks.iter().map(|file| Mask::open(file, size)).collect::<Result<_, _>>()?;
-    let masked = (!masks.is_empty()).then(|| mask::ignored_share(&masks, size));
-    let photo = Photo {
-        size,
-        target: target_size(size, options.max_width),
-        undistorted: !frame.lens.distortion.is_none(),
-        behind,
-    };
-    let sides = attach(&frame.sides, &photo).notes;
-    Ok(Decoded {
-        size,
-        intrinsics: resolved.intrinsics,
-        rescaled: resolved.rescaled_from.is_some(),
-        off_photo: resolved.off_photo,
-        masked,
-        sides,
-    })
-}
-
-pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut CheckReport, findings: &mut Findings) {
-    let behind = loader::behind(frames, options);
-    let results: Vec<Result<Decoded, DatasetError>> =
-        frames.par_iter().map(|frame| decode(frame, options, behind)).collect();
-    let mut decoded = Vec::new();
-    let mut names = Vec::new();
-    for (frame, result) in frames.iter().zip(results) {
+/// Decodes every frame. `train` tells which of them train.
+pub(super) fn describe(
+    frames: &[(&RawFrame, bool)],
+    decoder: &Decoder,
+    report: &mut CheckReport,
+    findings: &mut Findings,
+) {
+    let results: Vec<Result<Note, DatasetError>> = frames.par_iter().map(|(frame, _)| decoder.examine(frame)).collect();
+    let (mut decoded, mut trains) = (Vec::new(), Vec::new());
+    for ((_, is_train), result) in frames.iter().zip(results) {
         match result {
-            Ok(value) => {
-                decoded.push(value);
-                names.push(frame);
+            Ok(note) => {
+                decoded.push(note);
+                trains.push(*is_train);
             }
             Err(error) => findings.errors.push(error),
         }
     }
     let mut sizes: Vec<((usize, usize), usize)> = Vec::new();
-    for Decoded { size, .. } in &decoded {
+    for Note { size, .. } in &decoded {
         match sizes.iter_mut().find(|(known, _)| known == size) {
             Some((_, count)) => *count += 1,
             None => sizes.push((*size, 1)),
         }
     }
     for ((width, height), count) in sizes.iter().take(5) {
-        let (w, h) = target_size((*width, *height), options.max_width);
+        let (w, h) = decoder.target((*width, *height));
         let loaded = if (w, h) == (*width, *height) { String::new() } else { format!(", loaded at {w} x {h}") };
         report.facts.push(format!("{count} images are {width} x {height} pixels{loaded}."));
     }
     if sizes.len() > 5 {
         report.facts.push(format!("There are {} more image sizes.", sizes.len() - 5));
     }
-    let rescaled = decoded.iter().filter(|value| value.rescaled).count();
+    let rescaled = decoded.iter().filter(|value| value.rescaled.is_some()).count();
     if rescaled > 0 {
         findings.warn(format!("the intrinsics of {rescaled} views are for another size and will be rescaled"));
     }
     let off_photo: Vec<&str> =
-        names.iter().zip(&decoded).filter(|(_, value)| value.off_photo).map(|(frame, _)| frame.name.as_str()).collect();
+        decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
     findings.warnings.extend(off_photo_warning(&report.path, &off_photo));
-    let across = |focal: fn(&Decoded) -> f64| {
+    let across = |focal: fn(&Note) -> f64| {
         let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
         (low, decoded.iter().map(focal).fold(0.0, f64::max))
     };
@@ -102,26 +65,22 @@ pub(super) fn describe(frames: &[RawFrame], options: &LoadOptions, report: &mut 
             range(angle)
         ));
     }
-    let distorted = frames.iter().filter(|frame| !frame.lens.distortion.is_none()).count();
+    let distorted = frames.iter().filter(|(frame, _)| !frame.lens.distortion.is_none()).count();
     report.facts.push(match distorted {
         0 => "No lens distortion is declared.".to_string(),
         _ => format!("{distorted} images have a lens distortion, which is removed at load."),
     });
-    let masked = frames.iter().filter(|frame| !frame.masks.is_empty()).count();
+    let masked = frames.iter().filter(|(frame, _)| !frame.masks.is_empty()).count();
     if masked > 0 {
         report.facts.push(format!("{masked} images have masks."));
     }
-    report.blank = decoded.iter().filter(|value| value.masked == Some(1.0)).count();
+    report.blank = decoded.iter().filter(|value| value.is_blank).count();
     let shares = decoded.iter().filter_map(|value| value.masked).collect();
     findings.warnings.extend(mask::suspicion(&report.path, shares));
-    let noted: Vec<Noted> = names
+    let noted: Vec<Noted> = decoded
         .iter()
-        .zip(&decoded)
-        .map(|(frame, value)| Noted {
-            name: &frame.name,
-            trains: Part::trains(frame.part.as_ref()),
-            notes: &value.sides,
-        })
+        .zip(trains)
+        .map(|(note, trains)| Noted { name: &note.name, trains, notes: &note.sides })
         .collect();
     report.facts.extend(summary::facts(&noted));
     summary::warn(&report.path, &noted, findings);

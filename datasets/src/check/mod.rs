@@ -8,13 +8,13 @@ mod report;
 use std::path::Path;
 
 use crate::consistency;
+use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
-use crate::loader;
 use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::raw::{RawFrame, RawScene};
+use crate::raw::{Part, RawFrame};
 use crate::split;
 use crate::statistics::mean;
 use crate::subject::subject_distance;
@@ -26,9 +26,7 @@ pub use self::report::CheckReport;
 pub fn check(path: &Path, options: &LoadOptions) -> CheckReport {
     let mut report = CheckReport { path: path.to_path_buf(), ..CheckReport::default() };
     let mut findings = Findings { lenient: true, ..Findings::default() };
-    if let Err(error) =
-        loader::check_options(path, options).and_then(|()| fill(&mut report, path, options, &mut findings))
-    {
+    if let Err(error) = check_options(path, options).and_then(|()| fill(&mut report, path, options, &mut findings)) {
         findings.errors.push(error);
     }
     report.warnings = findings.warnings;
@@ -70,9 +68,7 @@ fn fill(
     };
     report.format = Some(raw.format);
     report.facts.append(&mut findings.facts);
-    let RawScene { frames, points, .. } = raw;
-    let frames = loader::sort_and_name(frames, findings);
-    let frames = consistency::settle(frames, path, options, findings);
+    let Description { frames, points, decoder, .. } = Description::of(raw, path, options, findings);
     report.facts.append(&mut findings.facts);
     report.points = points.as_ref().map_or(0, |points| points.positions.len());
     report.facts.push(geometry::describe_points(points.as_ref()));
@@ -81,14 +77,20 @@ fn fill(
         return Err(DatasetError::NoFrames { path: path.to_path_buf(), found });
     }
     report.facts.push(format!("Frames with an image: {}.", frames.len()));
-    images::describe(&frames, options, report, findings);
+    // A split that cannot be made is the last error of the report.
+    let plan = split::plan(&frames, &options.holdout, options.splits, path);
+    let examined: Vec<(&RawFrame, bool)> = match &plan {
+        Ok(plan) => frames.iter().enumerate().filter_map(|(i, frame)| Some((frame, plan.trains(i)?))).collect(),
+        Err(_) => frames.iter().map(|frame| (frame, Part::trains(frame.part.as_ref()))).collect(),
+    };
+    images::describe(&examined, &decoder, report, findings);
     report.facts.push(geometry::describe_cameras(&frames));
-    let origin = loader::origin(&frames, options);
-    if origin != glam::DVec3::ZERO {
-        report.facts.push(format!("The scene is far from its world's origin and will be moved by {:.1}.", -origin));
+    if decoder.origin != glam::DVec3::ZERO {
+        let moved = -decoder.origin;
+        report.facts.push(format!("The scene is far from its world's origin and will be moved by {moved:.1}."));
     }
     describe_times(&frames, report);
-    let plan = split::plan(&frames, &options.holdout, options.splits, path)?;
+    let plan = plan?;
     let train: Vec<&RawFrame> = plan.train.iter().map(|index| &frames[*index]).collect();
     let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
     report.train = train.len();

@@ -10,6 +10,7 @@ mod hostile;
 mod hostile_priors;
 mod image_io;
 mod layouts;
+mod log;
 mod masks;
 mod poses;
 mod priors;

@@ -114,6 +114,7 @@ fn the_data_sets_own_files_win_and_figures_are_of_test_else_validation() {
     let scene = load(folder.path(), &reported).expect("loaded");
     assert_eq!(counts(&scene), [("test", 2)]);
     assert!(load(folder.path(), &LoadOptions::default()).is_err());
+    assert!(check(folder.path(), &reported).is_ok() && !check(folder.path(), &LoadOptions::default()).is_ok());
     folder.photo("images/03.png", 32, 24);
     let scene = load(folder.path(), &with(Holdout::Every(3))).expect("loaded");
     assert_eq!(counts(&scene), [("test", 2)]);

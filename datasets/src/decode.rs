@@ -1,0 +1,160 @@
+//! From one described frame to a view: its image decoded, undistorted, masked and downscaled, with the files beside it.
+
+use glam::{DMat4, DVec3};
+
+use crate::error::DatasetError;
+use crate::frame::{Intrinsics, RgbImage8, View};
+use crate::lens::Resolved;
+use crate::mask::{self, Mask};
+use crate::options::LoadOptions;
+use crate::pixels::{self, Behind};
+use crate::priors::attach::{Attached, Notes, Photo, attach};
+use crate::raw::RawFrame;
+use crate::resample::resample;
+use crate::resize::target_size;
+use crate::side_files::{Kind, SideFiles};
+use crate::undistort::Undistortion;
+
+/// How all frames of a data set are decoded.
+#[derive(Debug, Clone)]
+pub(crate) struct Decoder {
+    pub max_width: Option<usize>,
+    pub behind: Behind,
+    /// Subtracted from positions.
+    pub origin: DVec3,
+}
+
+/// What was met while one frame was decoded, for sentences about many.
+pub(crate) struct Note {
+    pub name: String,
+    /// Width and height of the image file, pixels.
+    pub size: (usize, usize),
+    /// At that size.
+    pub intrinsics: Intrinsics,
+    /// The declared size, where intrinsics were rescaled.
+    pub rescaled: Option<(f64, f64)>,
+    pub off_photo: bool,
+    /// Share of the photo that mask files ignore; `None` without one.
+    pub masked: Option<f64>,
+    /// No pixel of the view counts.
+    pub is_blank: bool,
+    pub sides: Notes,
+}
+
+/// A frame's camera and masks, at the size of its image file.
+struct Camera {
+    size: (usize, usize),
+    resolved: Resolved,
+    masks: Vec<Mask>,
+    masked: Option<f64>,
+}
+
+impl Decoder {
+    pub fn new(options: &LoadOptions, behind: Behind, origin: DVec3) -> Self {
+        Self { max_width: options.max_width, behind, origin }
+    }
+
+    /// The frame's view.
+    pub fn view(&self, frame: &RawFrame) -> Result<(View, Note), DatasetError> {
+        let photo = pixels::open(&frame.image_path, self.behind)?;
+        let size = photo.size();
+        let camera = Camera::of(frame, size)?;
+        let target = self.target(size);
+        let undistortion = Undistortion::new(frame.lens.distortion, camera.resolved.intrinsics, size);
+        let (data, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
+        let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
+        let image = RgbImage8 { width: target.0, height: target.1, data };
+        let intrinsics = scaled(camera.resolved.intrinsics, size, target);
+        let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
+        let note = Note { is_blank, ..camera.note(frame, notes) };
+        let view = View {
+            name: frame.name.clone(),
+            image_path: frame.image_path.clone(),
+            time: frame.time,
+            camera_id: frame.camera_id.clone(),
+            mask,
+            exposure: frame.exposure,
+            priors,
+            truth,
+            ..View::new(self.c2w(frame), intrinsics, image)
+        };
+        Ok((view, note))
+    }
+
+    /// Decodes the frame's files without making a view of them.
+    pub fn examine(&self, frame: &RawFrame) -> Result<Note, DatasetError> {
+        let image = pixels::decode(&frame.image_path)?;
+        let size = (image.width() as usize, image.height() as usize);
+        drop(image);
+        let camera = Camera::of(frame, size)?;
+        Ok(camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes))
+    }
+
+    /// Camera to world of the frame's view.
+    pub fn c2w(&self, frame: &RawFrame) -> DMat4 {
+        let mut c2w = frame.c2w;
+        c2w.w_axis -= self.origin.extend(0.0);
+        c2w
+    }
+
+    /// Width and height of the frame's image by its header, pixels; `None` where that cannot be read.
+    pub fn size(&self, frame: &RawFrame) -> Option<(usize, usize)> {
+        let (width, height) = pixels::size_of(&frame.image_path).ok()?;
+        Some((width as usize, height as usize))
+    }
+
+    /// Width and height of a view whose image file has this size.
+    pub fn target(&self, size: (usize, usize)) -> (usize, usize) {
+        target_size(size, self.max_width)
+    }
+
+    /// Intrinsics of the frame's view, whose image file has this size; `None` where they contradict each other.
+    pub fn intrinsics(&self, frame: &RawFrame, size: (usize, usize)) -> Option<Intrinsics> {
+        let actual = (size.0 as u32, size.1 as u32);
+        let resolved = frame.lens.resolve(actual, &frame.image_path, &frame.file).ok()?;
+        Some(scaled(resolved.intrinsics, size, self.target(size)))
+    }
+
+    /// Whether the frame has a mask of moving objects that marks a pixel. No image but the mask is decoded.
+    pub fn marks_motion(&self, frame: &RawFrame) -> bool {
+        let files: Vec<_> = frame.sides.files.iter().filter(|file| file.kind == Kind::Moving).cloned().collect();
+        if files.is_empty() {
+            return false;
+        }
+        let Some(size) = self.size(frame) else { return false };
+        let sides = SideFiles { files, depth: frame.sides.depth };
+        let share = attach(&sides, &self.photo(frame, size)).notes.moving_share;
+        share.is_some_and(|share| share > 0.0)
+    }
+
+    fn photo(&self, frame: &RawFrame, size: (usize, usize)) -> Photo {
+        let target = self.target(size);
+        Photo { size, target, undistorted: !frame.lens.distortion.is_none(), behind: self.behind }
+    }
+}
+
+impl Camera {
+    fn of(frame: &RawFrame, size: (usize, usize)) -> Result<Self, DatasetError> {
+        let resolved = frame.lens.resolve((size.0 as u32, size.1 as u32), &frame.image_path, &frame.file)?;
+        let masks: Vec<Mask> = frame.masks.iter().map(|file| Mask::open(file, size)).collect::<Result<_, _>>()?;
+        let masked = (!masks.is_empty()).then(|| mask::ignored_share(&masks, size));
+        Ok(Self { size, resolved, masks, masked })
+    }
+
+    fn note(&self, frame: &RawFrame, sides: Notes) -> Note {
+        Note {
+            name: frame.name.clone(),
+            size: self.size,
+            intrinsics: self.resolved.intrinsics,
+            rescaled: self.resolved.rescaled_from,
+            off_photo: self.resolved.off_photo,
+            masked: self.masked,
+            is_blank: self.masked == Some(1.0),
+            sides,
+        }
+    }
+}
+
+fn scaled(intrinsics: Intrinsics, size: (usize, usize), target: (usize, usize)) -> Intrinsics {
+    intrinsics.scaled(target.0 as f64 / size.0 as f64, target.1 as f64 / size.1 as f64)
+}

@@ -1,0 +1,98 @@
+//! A data set described: its frames sorted, named and made consistent, with no image decoded. [`Log`](crate::Log),
+//! [`load`](crate::load) and [`check`](crate::check) begin with it.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::consistency;
+use crate::decode::Decoder;
+use crate::error::DatasetError;
+use crate::findings::Findings;
+use crate::names::{self, some_names};
+use crate::options::{LoadOptions, RECENTRE_DISTANCE};
+use crate::pixels::Behind;
+use crate::raw::{RawFrame, RawPoints, RawScene};
+use crate::scene::{PointCloud, SceneFormat};
+use crate::statistics::mean;
+
+/// Frames sorted by name, before they are split.
+pub(crate) struct Description {
+    pub format: SceneFormat,
+    pub frames: Vec<RawFrame>,
+    /// In the file's world.
+    pub points: Option<RawPoints>,
+    pub decoder: Decoder,
+}
+
+impl Description {
+    /// Of a scene that a reader described.
+    pub fn of(raw: RawScene, path: &Path, options: &LoadOptions, findings: &mut Findings) -> Self {
+        let frames = sort_and_name(raw.frames, findings);
+        let frames = consistency::settle(frames, path, options, findings);
+        // Of a set with exposures all alpha is a share of light, of its sharp photos too.
+        let is_light = frames.iter().any(|frame| frame.exposure.is_some_and(|exposure| exposure > 0.0));
+        let behind = Behind { color: options.background, is_light };
+        let decoder = Decoder::new(options, behind, origin(&frames, options));
+        Self { format: raw.format, frames, points: raw.points, decoder }
+    }
+
+    /// The points in the world of views; `None` where there are none.
+    pub fn point_cloud(&self) -> Option<PointCloud> {
+        let points = self.points.as_ref().filter(|points| !points.positions.is_empty())?;
+        let origin = self.decoder.origin;
+        Some(PointCloud {
+            positions: points.positions.iter().map(|position| (*position - origin).as_vec3().to_array()).collect(),
+            colors: points.colors.clone(),
+        })
+    }
+}
+
+pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), DatasetError> {
+    let wrong = |option: &'static str, expected: &str, found: String| {
+        Err(DatasetError::Option { path: path.to_path_buf(), option, expected: expected.to_string(), found })
+    };
+    if options.max_width == Some(0) {
+        return wrong("max_width", "a width of at least 1 pixel", "0".to_string());
+    }
+    if let Some(exposure) = options.exposure
+        && !(exposure > 0.0 && exposure.is_finite())
+    {
+        return wrong("exposure", "a duration above 0, in the unit of time", exposure.to_string());
+    }
+    if options.background.iter().any(|value| !(0.0..=1.0).contains(value)) {
+        return wrong("background", "values from 0 to 1", format!("{:?}", options.background));
+    }
+    Ok(())
+}
+
+/// Sorts by name as every published split does, drops repeated frames and makes names unique.
+fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawFrame> {
+    frames.sort_by(|a, b| a.name.cmp(&b.name).then_with(|| a.image_path.cmp(&b.image_path)));
+    let mut repeated = Vec::new();
+    frames.dedup_by(|later, first| {
+        let same = later.image_path == first.image_path && later.time == first.time;
+        if same {
+            repeated.push(later.name.clone());
+            first.part = std::cmp::min(first.part.take(), later.part.take());
+        }
+        same
+    });
+    if !repeated.is_empty() {
+        findings.warn(format!(
+            "{} frames are listed more than once; the first of each was kept ({})",
+            repeated.len(),
+            some_names(&repeated)
+        ));
+    }
+    names::make_unique(frames.iter_mut().map(|frame| &mut frame.name));
+    frames
+}
+
+fn origin(frames: &[RawFrame], options: &LoadOptions) -> DVec3 {
+    let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
+    match mean(&centres) {
+        Some(mean) if options.recentre && mean.length() > RECENTRE_DISTANCE => mean,
+        _ => DVec3::ZERO,
+    }
+}
