@@ -22,12 +22,12 @@ impl Intrinsics {
         Self { fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
     }
 
-    /// Where a place in camera axes is seen, pixel coordinates; means something before the camera only.
-    pub fn project(&self, place: glam::DVec3) -> glam::DVec2 {
-        glam::DVec2::new(self.fx * place.x / place.z + self.cx, self.fy * place.y / place.z + self.cy)
+    /// Pixel coordinates of a point in camera axes. They have a meaning only for points before the camera.
+    pub fn project(&self, point: glam::DVec3) -> glam::DVec2 {
+        glam::DVec2::new(self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy)
     }
 
-    /// What is seen at a pixel coordinate (the first pixel's centre is at 0.5, 0.5), at depth 1, camera axes.
+    /// The point at depth 1 that a pixel coordinate shows, camera axes. The first pixel's centre is at (0.5, 0.5).
     pub fn ray(&self, x: f64, y: f64) -> glam::DVec3 {
         glam::DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0)
     }
@@ -44,7 +44,8 @@ pub struct RgbImage8 {
     pub data: Vec<u8>,
 }
 
-/// One undistorted photo at training size with the camera that took it.
+/// One undistorted photo at training size with the camera that took it. Every field is given by the data set; nothing that was
+/// inferred from photos (masks, tracks, depth) is ever written into a view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     /// Path of the image relative to the scene, without extension, separated by `/`; unique in the scene and free of
@@ -62,8 +63,8 @@ pub struct View {
     pub height: usize,
     /// Time as the file gives it (D-NeRF: 0 to 1); `None` in a static scene.
     pub time: Option<f64>,
-    /// Which physical camera took it: as the file says, or where it names no camera and poses return at other times, by
-    /// pose ("pose00" and on). `None` where neither tells.
+    /// The physical camera, by the name in the file. Where the file names none and poses return at other times, cameras are told
+    /// apart by pose ("pose00" and on). `None` where neither tells.
     pub camera_id: Option<String>,
     /// The photo; RGBA is already composited on the chosen background.
     pub image: RgbImage8,
@@ -72,9 +73,9 @@ pub struct View {
     /// How long the shutter was open around [`time`](View::time), in the unit of `time`: light was gathered over
     /// `[time - exposure / 2, time + exposure / 2]`. `None` where the data set does not say.
     pub exposure: Option<f64>,
-    /// What other programs guessed about the photo.
+    /// Guesses about the photo that the data set brings along, made by other programs.
     pub priors: Priors,
-    /// What is known for certain, of synthetic worlds; for measuring only, never for training.
+    /// Ground truth that the data set brings along, of synthetic worlds. It is for measuring only, never for training.
     pub truth: Truth,
 }
 
@@ -133,18 +134,21 @@ impl View {
     }
 }
 
-/// Guesses about a photo that were computed beforehand, at the size of [`View::image`]. Each is optional.
+/// Guesses about a photo that were computed beforehand and lie in the data set, at the size of [`View::image`]. Each is optional.
+///
+/// Priors are given, not inferred: a mask or a depth that a program finds itself while it trains or evaluates belongs to that
+/// program. Otherwise a later step could not tell it from a file of the data set.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Priors {
     /// Depth or inverse depth.
     pub depth: Option<DepthPrior>,
-    /// `[height, width]`: 255 where something moves at the exposure's centre, 0 where nothing does.
+    /// `[height, width]`: 255 where an object moves at the exposure's centre, 0 elsewhere.
     pub moving: Option<Vec<u8>>,
-    /// The photo as a deblurring network would have it; same size and encoding as [`View::image`].
+    /// A deblurring network's image of the photo; same size and encoding as [`View::image`].
     pub sharp: Option<RgbImage8>,
 }
 
-/// What the values of a depth prior mean.
+/// Meaning of the values of a depth prior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthSpace {
     /// Camera z, in any affine relation to scene units unless `metric`.
@@ -158,17 +162,18 @@ pub enum DepthSpace {
 pub struct DepthPrior {
     /// `[height, width]`; 0 or not finite where unknown.
     pub values: Vec<f32>,
-    /// What `values` mean.
+    /// Meaning of `values`.
     pub space: DepthSpace,
     /// Whether `values` are in scene units as they are; otherwise scale and shift are unknown and differ from photo to
     /// photo.
     pub metric: bool,
 }
 
-/// Ground truth of a synthetic world, at the size of [`View::image`].
+/// Ground truth of a synthetic world, at the size of [`View::image`]. It is given by the data set, never inferred.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Truth {
-    /// What a shutter of no duration at the exposure's centre would have seen; of held-out views it is [`View::image`].
+    /// The image of a shutter of no duration at the exposure's centre. In held-out views it is [`View::image`] itself, and this is
+    /// `None`.
     pub sharp: Option<RgbImage8>,
     /// The blurry photo, where [`View::image`] is sharp (held-out views).
     pub blurry: Option<RgbImage8>,

@@ -1,12 +1,18 @@
-//! Readers for posed photo sets, and a small synthetic world.
+//! Readers for posed photo sets, and small synthetic worlds.
 //!
 //! [`load`] turns a folder into a [`Scene`]: photos undistorted and resized, cameras in one convention (OpenCV axes,
-//! camera to world), points to start from, and a split into training and held-out views. It reads the transforms.json
-//! family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors and truth), COLMAP
-//! models (text and binary), Panoptic sets and LLFF poses with frames of several cameras. [`check`] says what
-//! is in a folder and what is wrong with it, [`load_cameras`] reads a camera path, and [`synthetic`] writes a scene with
-//! known ground truth. Nothing is inferred here: the crate `gs-multiview` finds what moves in a scene. Neither knows tensors;
-//! the trainer turns a `Scene` into them.
+//! camera to world), points to start from, and named splits into training and held-out views. [`Log`] describes the same folders and
+//! decodes a view when it is asked for; [`LogCache`] keeps decoded views under a bound in bytes. [`check`] reports contents and
+//! mistakes of a folder, [`load_cameras`] reads a camera path, and [`synthetic`] writes scenes with known ground truth.
+//!
+//! Read are the transforms.json family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors
+//! and truth), COLMAP models (text and binary), Panoptic sets, and LLFF poses with frames of several cameras.
+//!
+//! Four words have one meaning each. A *photo* is an image that a camera took. A *frame* is the description of one photo: its camera,
+//! time and files. A *view* is the record made from a frame, [`View`]: the undistorted photo at training size with its camera, masks,
+//! priors and truth. A *split* is a named list of views. All fields of a view are given by the data set; nothing inferred from photos
+//! is written there: the crate `gs-multiview` infers masks, tracks and points. Neither knows tensors; the trainer turns a `Scene` into
+//! them.
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};

@@ -1,4 +1,4 @@
-//! What a user can choose about loading: [`LoadOptions`].
+//! Choices of the user about loading: [`LoadOptions`].
 
 use std::path::PathBuf;
 
@@ -69,7 +69,7 @@ impl PriorUse {
     pub const NONE: Self = Self { depth: false, masks: false, sharp: false };
 }
 
-/// What the numbers in depth files mean.
+/// Meaning of the numbers in depth files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthKind {
     /// Camera z in scene units as it is (`"metric_z"` in JSON). 16-bit files count thousandths of a unit, as
@@ -86,7 +86,7 @@ pub enum DepthKind {
 pub struct LoadOptions {
     /// Wider images are downscaled to this width, pixels, with an area filter; `None` keeps the full size.
     pub max_width: Option<usize>,
-    /// What transparent pixels show, 0 to 1 per channel (encoded as the images are). Default black.
+    /// The colour that transparent pixels show, 0 to 1 per channel (encoded as the images are). Default black.
     pub background: [f32; 3],
     /// Which views are held out. Default [`Holdout::Dataset`].
     pub holdout: Holdout,
@@ -100,10 +100,11 @@ pub struct LoadOptions {
     pub masks: MaskUse,
     /// Which priors are read. Default all.
     pub priors: PriorUse,
-    /// Whether the truth of training views is read too. Where views are held out nobody measures by it, and velocity maps
-    /// alone are twelve bytes a pixel. Default no; truth of held-out views, and of all views where none is, always is.
+    /// Whether the truth of training views is read where views are held out. Nobody measures by it there, and velocity maps alone
+    /// are twelve bytes a pixel. Default no. The truth of held-out views is always read, and where nothing is held out the truth
+    /// of all views.
     pub training_truth: bool,
-    /// What depth files mean, whatever the data set says; `None` (the default) goes by the data set.
+    /// Meaning of depth files, whatever the data set says; `None` (the default) goes by the data set.
     pub depth_kind: Option<DepthKind>,
     /// How long the shutter was open in every view, in the unit of time, whatever the data set says; above 0. `None`
     /// (the default) goes by the data set.
