@@ -8,7 +8,7 @@ use crate::lens::Resolved;
 use crate::mask::{self, Mask};
 use crate::options::LoadOptions;
 use crate::pixels::{self, Behind};
-use crate::priors::attach::{Attached, Notes, Photo, attach};
+use crate::priors::attach::{Attached, PhotoShape, SideNotes, attach};
 use crate::raw::RawFrame;
 use crate::resample::resample;
 use crate::resize::target_size;
@@ -24,8 +24,8 @@ pub(crate) struct Decoder {
     pub origin: DVec3,
 }
 
-/// What was met while one frame was decoded, for sentences about many.
-pub(crate) struct Note {
+/// Facts about one decoded frame, for sentences about many.
+pub(crate) struct ViewNote {
     pub name: String,
     /// Width and height of the image file, pixels.
     pub size: (usize, usize),
@@ -38,7 +38,7 @@ pub(crate) struct Note {
     pub masked: Option<f64>,
     /// No pixel of the view counts.
     pub is_blank: bool,
-    pub sides: Notes,
+    pub sides: SideNotes,
 }
 
 /// A frame's camera and masks, at the size of its image file.
@@ -55,7 +55,7 @@ impl Decoder {
     }
 
     /// The frame's view.
-    pub fn view(&self, frame: &RawFrame) -> Result<(View, Note), DatasetError> {
+    pub fn view(&self, frame: &RawFrame) -> Result<(View, ViewNote), DatasetError> {
         let photo = pixels::open(&frame.image_path, self.behind)?;
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
@@ -66,7 +66,7 @@ impl Decoder {
         let image = RgbImage8 { width: target.0, height: target.1, data };
         let intrinsics = scaled(camera.resolved.intrinsics, size, target);
         let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
-        let note = Note { is_blank, ..camera.note(frame, notes) };
+        let note = ViewNote { is_blank, ..camera.note(frame, notes) };
         let view = View {
             name: frame.name.clone(),
             image_path: frame.image_path.clone(),
@@ -82,7 +82,7 @@ impl Decoder {
     }
 
     /// Decodes the frame's files without making a view of them.
-    pub fn examine(&self, frame: &RawFrame) -> Result<Note, DatasetError> {
+    pub fn examine(&self, frame: &RawFrame) -> Result<ViewNote, DatasetError> {
         let image = pixels::decode(&frame.image_path)?;
         let size = (image.width() as usize, image.height() as usize);
         drop(image);
@@ -127,9 +127,9 @@ impl Decoder {
         share.is_some_and(|share| share > 0.0)
     }
 
-    fn photo(&self, frame: &RawFrame, size: (usize, usize)) -> Photo {
+    fn photo(&self, frame: &RawFrame, size: (usize, usize)) -> PhotoShape {
         let target = self.target(size);
-        Photo { size, target, undistorted: !frame.lens.distortion.is_none(), behind: self.behind }
+        PhotoShape { size, target, undistorted: !frame.lens.distortion.is_none(), behind: self.behind }
     }
 }
 
@@ -141,8 +141,8 @@ impl Camera {
         Ok(Self { size, resolved, masks, masked })
     }
 
-    fn note(&self, frame: &RawFrame, sides: Notes) -> Note {
-        Note {
+    fn note(&self, frame: &RawFrame, sides: SideNotes) -> ViewNote {
+        ViewNote {
             name: frame.name.clone(),
             size: self.size,
             intrinsics: self.resolved.intrinsics,

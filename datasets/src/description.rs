@@ -74,7 +74,7 @@ fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawF
         let same = later.image_path == first.image_path && later.time == first.time;
         if same {
             repeated.push(later.name.clone());
-            first.part = std::cmp::min(first.part.take(), later.part.take());
+            first.split = std::cmp::min(first.split.take(), later.split.take());
         }
         same
     });

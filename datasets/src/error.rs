@@ -1,4 +1,4 @@
-//! What can be wrong with a data set, said in one sentence: the file, what was expected, what was found.
+//! [`DatasetError`]: a mistake of a data set in one sentence, with the file, the expected and the found.
 
 use std::path::{Path, PathBuf};
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::decode::Note;
+use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
@@ -32,10 +32,10 @@ use crate::statistics::range;
 /// with radial and tangential distortion; when no training view is left.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let (log, mut findings) = Log::describe(path, options)?;
-    let decoded: Vec<Result<(View, Note), DatasetError>> =
+    let decoded: Vec<Result<(View, ViewNote), DatasetError>> =
         (0..log.frames().len()).into_par_iter().map(|index| log.decode_noted(index)).collect();
     // Collected before looking for errors, so that the first one by name is reported and not the first by chance.
-    let (mut views, notes): (Vec<View>, Vec<Note>) =
+    let (mut views, notes): (Vec<View>, Vec<ViewNote>) =
         decoded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     summarise(path, &notes, &mut findings);
     let noted: Vec<Noted> = notes
@@ -77,9 +77,9 @@ pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
     formats::transforms::read_cameras(path)
 }
 
-fn summarise(path: &Path, notes: &[Note], findings: &mut Findings) {
-    let rescaled: Vec<&Note> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
-    if let Some(Note { name, rescaled: Some(declared), size: actual, .. }) = rescaled.first() {
+fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
+    let rescaled: Vec<&ViewNote> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
+    if let Some(ViewNote { name, rescaled: Some(declared), size: actual, .. }) = rescaled.first() {
         findings.warn(format!(
             "{}: the images of {} views have another size than their intrinsics, which were rescaled \
              ({name}: declared {} x {}, found {} x {})",

@@ -8,7 +8,7 @@ use glam::{DMat4, DVec3};
 use rayon::prelude::*;
 
 use crate::consistency;
-use crate::decode::{Decoder, Note};
+use crate::decode::{Decoder, ViewNote};
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
@@ -19,7 +19,7 @@ use crate::raw::RawFrame;
 use crate::scene::{PointCloud, SceneFormat, Split};
 use crate::split::{self, SplitPlan};
 
-/// What is known of a frame before its image is decoded.
+/// A frame before its image is decoded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameDescription {
     /// As [`View::name`].
@@ -94,7 +94,7 @@ impl Log {
         Ok(log)
     }
 
-    /// The log and what was found while it was described, which is not yet logged.
+    /// The log, and the findings of its description, which are not yet logged.
     pub(crate) fn describe(path: &Path, options: &LoadOptions) -> Result<(Self, Findings), DatasetError> {
         check_options(path, options)?;
         let mut findings = Findings::default();
@@ -134,7 +134,7 @@ impl Log {
             .map(|(split, index)| describe(&raw[index], split, &decoder))
             .collect();
         let all: Vec<&RawFrame> = raw.iter().collect();
-        let disagreements = consistency::compare_parts(&all[..trains], &all[trains..], path);
+        let disagreements = consistency::compare_splits(&all[..trains], &all[trains..], path);
         Self {
             path: path.to_path_buf(),
             format: description.format,
@@ -149,7 +149,7 @@ impl Log {
         }
     }
 
-    /// What was given to [`open`](Log::open).
+    /// The path given to [`open`](Log::open).
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -174,17 +174,17 @@ impl Log {
         self.points.as_ref()
     }
 
-    /// What was subtracted from every position, as [`Scene::origin`](crate::Scene::origin).
+    /// The vector that was subtracted from every position, as [`Scene::origin`](crate::Scene::origin).
     pub fn origin(&self) -> DVec3 {
         self.decoder.origin
     }
 
-    /// What was repaired or left out while frames were described, in sentences.
+    /// Repairs and omissions while frames were described, in sentences.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// What training frames and held-out frames disagree on, in sentences.
+    /// Contradictions between training and held-out frames, in sentences.
     pub(crate) fn disagreements(&self) -> impl Iterator<Item = &str> {
         self.disagreements.iter().map(String::as_str)
     }
@@ -205,7 +205,7 @@ impl Log {
     }
 
     /// The view, without the rule that masks of moving objects are left out where all of them are black.
-    pub(crate) fn decode_noted(&self, index: usize) -> Result<(View, Note), DatasetError> {
+    pub(crate) fn decode_noted(&self, index: usize) -> Result<(View, ViewNote), DatasetError> {
         let (mut view, note) = self.decoder.view(&self.raw[index])?;
         if !self.splits[0].1.contains(&index) {
             compare_with_sharp(&mut view);
@@ -243,7 +243,7 @@ fn describe(frame: &RawFrame, split: &str, decoder: &Decoder) -> FrameDescriptio
     }
 }
 
-/// Where a held-out view is blurry and the sharp truth of it is known, that is what a sharp scene is measured against.
+/// Puts the sharp truth of a blurry held-out view in place of its image: a sharp scene is measured against it.
 fn compare_with_sharp(view: &mut View) {
     if let Some(sharp) = view.truth.sharp.take() {
         let blurry = std::mem::replace(&mut view.image, sharp);

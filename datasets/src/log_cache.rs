@@ -32,7 +32,7 @@ struct Held {
     order: BTreeMap<u64, usize>,
     /// The sum of [`View::bytes`] over `views`.
     bytes: usize,
-    /// Counts what is asked.
+    /// The number of requests so far.
     clock: u64,
 }
 

@@ -50,7 +50,7 @@ impl Mask {
         Ok(Self { width, height, keep })
     }
 
-    /// Whether the photo's place (u, v) counts; `size` is the photo's.
+    /// Whether the photo's position (u, v) counts; `size` is the photo's.
     pub fn keeps(&self, u: f64, v: f64, size: (usize, usize)) -> bool {
         let x = ((u * self.width as f64 / size.0 as f64) as usize).min(self.width.saturating_sub(1));
         let y = ((v * self.height as f64 / size.1 as f64) as usize).min(self.height.saturating_sub(1));

@@ -18,7 +18,7 @@ const DECODE_MAX: u64 = 1 << 30;
 
 /// A decoded photo without transparency.
 pub(crate) enum Photo {
-    /// What most photos are; kept in bytes to be lean.
+    /// Most photos; kept in bytes to be lean.
     Rgb8(image::RgbImage),
     /// Values 0 to 1: composited images, 16-bit images.
     Rgb32(image::Rgb32FImage),
@@ -86,7 +86,7 @@ pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })
 }
 
-/// What lies behind transparent pixels.
+/// The background of transparent pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Behind {
     /// Encoded, 0 to 1 per channel.
@@ -107,7 +107,7 @@ impl Behind {
     }
 }
 
-/// Opens a photo and composites it on what is `behind`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
+/// Opens a photo and composites it on the background `behind`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
 /// floats and before any resampling. Resampling first would mix in the hidden colour of transparent pixels.
 pub(crate) fn open(path: &Path, behind: Behind) -> Result<Photo, DatasetError> {
     Ok(match decode(path)? {

@@ -105,13 +105,13 @@ pub(crate) fn read(path: &Path) -> Result<RawPoints, DatasetError> {
     let mut points = RawPoints::default();
     let mut add = |index: usize, row: &[f64]| -> Result<(), DatasetError> {
         let at = |column: usize| row.get(column).copied().unwrap_or(f64::NAN);
-        let place = DVec3::from_array(position.map(at));
-        if !place.is_finite() || place.abs().max_element() > f64::from(f32::MAX) {
+        let position = DVec3::from_array(position.map(at));
+        if !position.is_finite() || position.abs().max_element() > f64::from(f32::MAX) {
             return Err(DatasetError::malformed(
                 path,
                 format!("vertex {index}"),
                 "a finite position",
-                place.to_string(),
+                position.to_string(),
             ));
         }
         let mut rgb = NO_COLOR;
@@ -119,7 +119,7 @@ pub(crate) fn read(path: &Path) -> Result<RawPoints, DatasetError> {
             let scale = if header.properties[*column].1.is_float() { 255.0 } else { 1.0 };
             *out = (at(*column) * scale).round().clamp(0.0, 255.0) as u8;
         }
-        points.positions.push(place);
+        points.positions.push(position);
         points.colors.push(rgb);
         Ok(())
     };

@@ -107,14 +107,14 @@ pub(crate) fn from_world_to_camera(q: [f64; 4], t: [f64; 3], file: &Path, frame:
 
 /// The pose, unless its camera is beyond [`FARTHEST`].
 fn near_enough(c2w: DMat4, file: &Path, frame: &str) -> Result<DMat4, DatasetError> {
-    let place = c2w.w_axis.truncate();
-    if place.abs().max_element() <= FARTHEST {
+    let position = c2w.w_axis.truncate();
+    if position.abs().max_element() <= FARTHEST {
         return Ok(c2w);
     }
     Err(DatasetError::Pose {
         path: file.to_path_buf(),
         frame: frame.to_string(),
         expected: format!("a camera within {FARTHEST:e} scene units of the origin"),
-        found: format!("one at ({:e}, {:e}, {:e})", place.x, place.y, place.z),
+        found: format!("one at ({:e}, {:e}, {:e})", position.x, position.y, position.z),
     })
 }

@@ -1,4 +1,4 @@
-//! What a format reader hands to the loader: frames that are described but not yet loaded.
+//! [`RawScene`]: a data set as a reader of [`formats`](crate::formats) describes it, with no image opened.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::side_files::SideFiles;
 /// Which list of the data set's own split a frame is in. A frame in several lists is in the least of them: training on it cannot
 /// be undone, and figures are quoted on the test list before any other.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(crate) enum Part {
+pub(crate) enum SplitName {
     Train,
     Test,
     Validation,
@@ -21,8 +21,8 @@ pub(crate) enum Part {
     Other(Arc<str>),
 }
 
-impl Part {
-    /// The name that the split has in a [`Scene`](crate::Scene).
+impl SplitName {
+    /// The name of the split in a [`Scene`](crate::Scene).
     pub fn name(&self) -> &str {
         match self {
             Self::Train => Split::TRAIN,
@@ -32,9 +32,9 @@ impl Part {
         }
     }
 
-    /// Whether a frame is learned from unless a rule of the user's holds it out: frames without a list are.
-    pub fn trains(part: Option<&Self>) -> bool {
-        part.is_none_or(|part| *part == Self::Train)
+    /// Whether a frame trains where no rule of the user's holds it out. Frames without a list train.
+    pub fn trains(name: Option<&Self>) -> bool {
+        name.is_none_or(|name| *name == Self::Train)
     }
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct RawFrame {
     /// Priors and truth.
     pub sides: SideFiles,
     /// `None` where the data set does not split.
-    pub part: Option<Part>,
+    pub split: Option<SplitName>,
     /// The file with the intrinsics, for messages.
     pub file: PathBuf,
 }

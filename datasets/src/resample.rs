@@ -45,9 +45,9 @@ pub(crate) fn resample(
 
 fn undistort_row(photo: &Photo, undistortion: &Undistortion, y: usize, row: &mut [f32], coverage: &mut [f32]) {
     for (x, (color, cover)) in row.chunks_exact_mut(3).zip(coverage).enumerate() {
-        let place = undistortion.observed(x as f64 + 0.5, y as f64 + 0.5);
-        color.copy_from_slice(&place.map_or([0.0; 3], |(u, v)| sample(photo, u, v)));
-        *cover = if place.is_some() { 1.0 } else { 0.0 };
+        let observed = undistortion.observed(x as f64 + 0.5, y as f64 + 0.5);
+        color.copy_from_slice(&observed.map_or([0.0; 3], |(u, v)| sample(photo, u, v)));
+        *cover = if observed.is_some() { 1.0 } else { 0.0 };
     }
 }
 
@@ -58,8 +58,8 @@ fn mask_row(masks: &[Mask], undistortion: Option<&Undistortion>, y: usize, size:
     }
     for (x, cover) in coverage.iter_mut().enumerate() {
         let ideal = (x as f64 + 0.5, y as f64 + 0.5);
-        let place = undistortion.map_or(Some(ideal), |undistortion| undistortion.observed(ideal.0, ideal.1));
-        let counts = place.is_some_and(|(u, v)| masks.iter().all(|mask| mask.keeps(u, v, size)));
+        let observed = undistortion.map_or(Some(ideal), |undistortion| undistortion.observed(ideal.0, ideal.1));
+        let counts = observed.is_some_and(|(u, v)| masks.iter().all(|mask| mask.keeps(u, v, size)));
         *cover = if counts { 1.0 } else { 0.0 };
     }
 }

@@ -8,7 +8,7 @@ use crate::frame::View;
 pub(crate) use crate::statistics::mean;
 use crate::subject::subject_distance;
 
-/// Where a scene's description came from.
+/// The layout that a scene was described in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SceneFormat {
@@ -84,11 +84,11 @@ pub struct Scene {
     pub held_out: Vec<Split>,
     /// Points to start from, where the data set has them.
     pub points: Option<PointCloud>,
-    /// What was subtracted from every position, in the file's world; add it to go back.
+    /// The vector that was subtracted from every position, in the file's world; added, it leads back.
     pub origin: DVec3,
     /// The layout that was read.
     pub format: SceneFormat,
-    /// What was repaired or left out, in sentences. They are also logged.
+    /// Repairs and omissions, in sentences. They are also logged.
     pub warnings: Vec<String>,
     /// Smallest and largest [`View::time`] over training and held-out views; `None` in a static scene.
     pub time_range: Option<(f64, f64)>,
@@ -122,14 +122,14 @@ impl Scene {
         1.1 * centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max)
     }
 
-    /// The median distance of the training cameras from what they all look at, scene units; `None` where they look at no
-    /// one thing.
+    /// The median distance of the training cameras from the subject that all of them look at, scene units; `None` where there is no
+    /// such subject.
     pub fn subject_distance(&self) -> Option<f64> {
         subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
     }
 }
 
-/// The place in a list of held-out splits of the one that figures are quoted on, see [`Scene::reported`].
+/// The index of the split that figures are quoted on in a list of held-out splits, see [`Scene::reported`].
 pub(crate) fn reported<'a>(names: impl Iterator<Item = &'a str>) -> Option<usize> {
     let rank = |name: &str| [Split::TEST, Split::VALIDATION].iter().position(|first| *first == name).unwrap_or(2);
     // Of equals the first is the least.

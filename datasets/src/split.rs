@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::consistency;
 use crate::error::DatasetError;
 use crate::options::{DEFAULT_HOLDOUT, Holdout, SplitUse};
-use crate::raw::{Part, RawFrame};
+use crate::raw::{RawFrame, SplitName};
 use crate::scene::{self, Split};
 
 /// Frames by purpose, as indices in the order given.
@@ -77,7 +77,7 @@ pub(crate) fn plan(
         Holdout::None => SplitPlan::of((0..frames.len()).collect(), Vec::new(), "all views train".to_string()),
         Holdout::Every(0) => return Err(bad("every n-th view with n of at least 1", "0".to_string())),
         Holdout::Every(n) => every(frames, *n),
-        Holdout::Dataset if frames.iter().any(|frame| frame.part.is_some()) => own(frames),
+        Holdout::Dataset if frames.iter().any(|frame| frame.split.is_some()) => own(frames),
         Holdout::Dataset => match held_out_cameras(frames) {
             Some(cameras) => without_cameras(frames, &cameras),
             None => every(frames, DEFAULT_HOLDOUT),
@@ -119,10 +119,10 @@ pub(crate) fn is_held_out(index: usize, count: usize) -> bool {
     count >= CAMERAS_MIN && index % DEFAULT_HOLDOUT == (DEFAULT_HOLDOUT / 2).min(count / 2)
 }
 
-/// Of video from several static cameras whole cameras are held out: a frame of a camera that trains is seen a moment before and
+/// Of video from several static cameras whole cameras are held out: a frame of a camera that trains is seen one frame before and
 /// after. `None` of any other set.
 fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
-    let (several, still) = consistency::standing(frames)?;
+    let (several, still) = consistency::static_cameras(frames)?;
     // By length first: "2" before "10".
     let names: BTreeSet<(usize, &str)> =
         frames.iter().filter_map(|frame| frame.camera_id.as_deref()).map(|id| (id.len(), id)).collect();
@@ -145,14 +145,14 @@ fn without_cameras(frames: &[RawFrame], held: &[String]) -> SplitPlan {
 /// be compared with anyone else's.
 fn own(frames: &[RawFrame]) -> SplitPlan {
     let mut train = Vec::new();
-    let mut lists: BTreeMap<&Part, Vec<usize>> = BTreeMap::new();
+    let mut lists: BTreeMap<&SplitName, Vec<usize>> = BTreeMap::new();
     for (index, frame) in frames.iter().enumerate() {
-        match &frame.part {
-            Some(Part::Train) | None => train.push(index),
-            Some(part) => lists.entry(part).or_default().push(index),
+        match &frame.split {
+            Some(SplitName::Train) | None => train.push(index),
+            Some(name) => lists.entry(name).or_default().push(index),
         }
     }
-    let held_out = lists.into_iter().map(|(part, list)| (part.name().to_string(), list)).collect();
+    let held_out = lists.into_iter().map(|(name, list)| (name.name().to_string(), list)).collect();
     SplitPlan { train, held_out, rule: "the data set's own split".to_string() }
 }
 

@@ -1,10 +1,10 @@
-//! What cameras look at: the point nearest to their optical axes.
+//! The subject: the point nearest to the optical axes of all cameras.
 
 use glam::{DMat3, DMat4, DVec3};
 
 use crate::statistics::median;
 
-/// Cameras look at one thing when the point nearest to all their axes lies within this angle of each, radians.
+/// Cameras look at one subject when the point nearest to all their axes lies within this angle of each, radians.
 const LOOKING_AT: f64 = 0.5;
 
 /// Least determinant (see [`nearest_to_axes`]) with which axes meet at all; parallel ones have 0.
@@ -39,7 +39,7 @@ pub fn subject(poses: &[DMat4]) -> Option<DVec3> {
     poses.iter().all(sees).then_some(subject)
 }
 
-/// The median distance of cameras (camera to world, OpenCV axes) from what they all look at, scene units; `None` where
+/// The median distance of cameras (camera to world, OpenCV axes) from the subject that all of them look at, scene units; `None` where
 /// their axes do not meet before each of them (parallel axes, a walk through rooms, one camera).
 pub(crate) fn subject_distance(poses: &[DMat4]) -> Option<f64> {
     let target = subject(poses)?;

@@ -1,14 +1,14 @@
 //! Removing lens distortion: for each pixel of the ideal pinhole image, where the photo shows it.
 //!
 //! The ideal image has the photo's size and fx, fy, cx, cy. The lens model runs forward (ideal to observed), so nothing
-//! is inverted. Colours are interpolated between the four pixels around the observed place; ideal pixels whose observed
-//! place lies outside the photo, or where the lens model folds back on itself, have no colour and are masked out.
+//! is inverted. Colours are interpolated between the four pixels around the observed position; ideal pixels whose observed
+//! position lies outside the photo, or where the lens model folds back on itself, have no colour and are masked out.
 
 use crate::frame::Intrinsics;
 use crate::lens::Distortion;
 use crate::pixels::Photo;
 
-/// From ideal pixels to places in the photo.
+/// From ideal pixels to positions in the photo.
 pub(crate) struct Undistortion {
     distortion: Distortion,
     intrinsics: Intrinsics,
@@ -46,7 +46,7 @@ impl Undistortion {
     }
 }
 
-/// The colour (0 to 255) at a place inside the photo, in pixels from the corner: bilinear between pixel centres, the
+/// The colour (0 to 255) at a position inside the photo, in pixels from the corner: bilinear between pixel centres, the
 /// border pixels' colour in the outermost half pixel.
 #[inline]
 pub(crate) fn sample(photo: &Photo, u: f64, v: f64) -> [f32; 3] {

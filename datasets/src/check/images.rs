@@ -1,9 +1,9 @@
-//! What decoding every image, mask and prior shows.
+//! Facts and mistakes that show when every image, mask and prior is decoded.
 
 use rayon::prelude::*;
 
 use super::CheckReport;
-use crate::decode::{Decoder, Note};
+use crate::decode::{Decoder, ViewNote};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::lens::off_photo_warning;
@@ -11,14 +11,15 @@ use crate::mask;
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
 
-/// Decodes every frame. `train` tells which of them train.
+/// Decodes every frame. Beside each stands whether it trains.
 pub(super) fn describe(
     frames: &[(&RawFrame, bool)],
     decoder: &Decoder,
     report: &mut CheckReport,
     findings: &mut Findings,
 ) {
-    let results: Vec<Result<Note, DatasetError>> = frames.par_iter().map(|(frame, _)| decoder.examine(frame)).collect();
+    let results: Vec<Result<ViewNote, DatasetError>> =
+        frames.par_iter().map(|(frame, _)| decoder.examine(frame)).collect();
     let (mut decoded, mut trains) = (Vec::new(), Vec::new());
     for ((_, is_train), result) in frames.iter().zip(results) {
         match result {
@@ -30,7 +31,7 @@ pub(super) fn describe(
         }
     }
     let mut sizes: Vec<((usize, usize), usize)> = Vec::new();
-    for Note { size, .. } in &decoded {
+    for ViewNote { size, .. } in &decoded {
         match sizes.iter_mut().find(|(known, _)| known == size) {
             Some((_, count)) => *count += 1,
             None => sizes.push((*size, 1)),
@@ -51,7 +52,7 @@ pub(super) fn describe(
     let off_photo: Vec<&str> =
         decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
     findings.warnings.extend(off_photo_warning(&report.path, &off_photo));
-    let across = |focal: fn(&Note) -> f64| {
+    let across = |focal: fn(&ViewNote) -> f64| {
         let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
         (low, decoded.iter().map(focal).fold(0.0, f64::max))
     };

@@ -1,4 +1,4 @@
-//! [`check`]: what is in a data set, what is missing and what is wrong, without needing it to load.
+//! [`check`]: a report on the contents and mistakes of a data set, also of one that does not load.
 
 mod geometry;
 mod grouping;
@@ -14,7 +14,7 @@ use crate::findings::Findings;
 use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
 use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::raw::{Part, RawFrame};
+use crate::raw::{RawFrame, SplitName};
 use crate::split;
 use crate::statistics::mean;
 use crate::subject::subject_distance;
@@ -81,7 +81,7 @@ fn fill(
     let plan = split::plan(&frames, &options.holdout, options.splits, path);
     let examined: Vec<(&RawFrame, bool)> = match &plan {
         Ok(plan) => frames.iter().enumerate().filter_map(|(i, frame)| Some((frame, plan.trains(i)?))).collect(),
-        Err(_) => frames.iter().map(|frame| (frame, Part::trains(frame.part.as_ref()))).collect(),
+        Err(_) => frames.iter().map(|frame| (frame, SplitName::trains(frame.split.as_ref()))).collect(),
     };
     images::describe(&examined, &decoder, report, findings);
     report.facts.push(geometry::describe_cameras(&frames));
@@ -99,7 +99,7 @@ fn fill(
         0 => format!("{} views train, none is held out: {}.", report.train, plan.rule),
         count => format!("{} views train, {count} are held out ({}): {}.", report.train, plan.counts(), plan.rule),
     });
-    findings.warnings.extend(consistency::compare_parts(&train, &held_out, path));
+    findings.warnings.extend(consistency::compare_splits(&train, &held_out, path));
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
     report.without_time = consistency::without_time(&train, &held_out).len();
     let poses: Vec<glam::DMat4> = train.iter().map(|frame| frame.c2w).collect();
@@ -109,7 +109,7 @@ fn fill(
         && centres.len() > 1
         && centres.iter().all(|centre| centre.distance(mean) < 1e-9)
     {
-        findings.warn("all training cameras stand in one place; depth cannot be learned from them");
+        findings.warn("all training cameras stand at one position; depth cannot be learned from them");
     }
     Ok(())
 }
@@ -137,8 +137,8 @@ fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
         times.len(),
         sorted.len()
     ));
-    if let Some((cameras, still)) = consistency::standing(frames) {
-        report.facts.push(format!("{still} of {cameras} cameras with several times stand still."));
+    if let Some((cameras, still)) = consistency::static_cameras(frames) {
+        report.facts.push(format!("{still} of {cameras} cameras with several times are static."));
     }
     describe_exposure(frames, report);
 }

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use crate::scene::SceneFormat;
 
-/// What a data set holds and what is wrong with it. `Display` prints it whole, one sentence a line.
+/// Contents and mistakes of a data set. `Display` prints it whole, one sentence a line.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CheckReport {
-    /// What was examined.
+    /// The path that was examined.
     pub path: PathBuf,
     /// The layout; `None` if none was recognised.
     pub format: Option<SceneFormat>,
@@ -29,11 +29,11 @@ pub struct CheckReport {
     /// Median distance between where a COLMAP model's points are seen and where they project, pixels of the full-size,
     /// distorted image.
     pub reprojection_median: Option<f64>,
-    /// What is there, in sentences.
+    /// Contents, in sentences.
     pub facts: Vec<String>,
-    /// What loading would repair or leave out, in sentences.
+    /// Repairs and omissions of loading, in sentences.
     pub warnings: Vec<String>,
-    /// What keeps the data set from loading, in sentences.
+    /// Mistakes that keep the data set from loading, in sentences.
     pub errors: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Cameras: which frames one physical camera took, whether it stood still, and whether train and test sets agree on it.
+//! Cameras: the frames that one physical camera took, whether it is static, and whether training and held-out frames agree on it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use glam::{DMat3, DMat4, DVec3};
 use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
 use crate::names::some_names;
-use crate::raw::{Part, RawFrame};
+use crate::raw::{RawFrame, SplitName};
 use crate::statistics::{mean, median};
 use crate::subject::subject;
 
@@ -16,13 +16,13 @@ use crate::subject::subject;
 const SAME_ANGLE: f64 = 1e-3;
 
 /// Camera centres closer than this share of the cameras' spread are the same.
-const SAME_PLACE: f64 = 1e-3;
+const SAME_POSITION: f64 = 1e-3;
 
 /// Lenses whose focal lengths and principal points differ by less than this share of the image are the same: 1 pixel of
 /// 1000, what calibrating the same camera twice may give.
 const SAME_LENS: f64 = 1e-3;
 
-/// A held-out camera this many times farther from (or nearer to) what the training cameras look at is in other units.
+/// A held-out camera this many times farther from (or nearer to) the subject of the training cameras is in other units.
 const FAR_RATIO: f64 = 3.0;
 
 /// Gives frames a camera by their pose where the data set names none: frames of equal pose and different times are one
@@ -60,11 +60,11 @@ pub(super) fn name_by_pose(frames: &mut [RawFrame], findings: &mut Findings) {
 /// More camera poses than any rig has.
 const GROUPS_MAX: usize = 1000;
 
-/// Whether two frames have one pose, up to [`SAME_PLACE`] of `spread` and [`SAME_ANGLE`].
+/// Whether two frames have one pose, up to [`SAME_POSITION`] of `spread` and [`SAME_ANGLE`].
 pub(super) fn same_pose(a: &RawFrame, b: &RawFrame, spread: f64) -> bool {
-    let (place_a, place_b) = (a.c2w.w_axis.truncate(), b.c2w.w_axis.truncate());
-    let rounding = 1e-9 * place_a.length().max(1.0);
-    place_a.distance(place_b) <= (SAME_PLACE * spread).max(rounding) && angle(a, b) <= SAME_ANGLE
+    let (position_a, position_b) = (a.c2w.w_axis.truncate(), b.c2w.w_axis.truncate());
+    let rounding = 1e-9 * position_a.length().max(1.0);
+    position_a.distance(position_b) <= (SAME_POSITION * spread).max(rounding) && angle(a, b) <= SAME_ANGLE
 }
 
 /// The angle between two cameras' orientations, radians.
@@ -82,8 +82,8 @@ pub(super) fn spread(frames: &[RawFrame]) -> f64 {
     median(centres.iter().map(|centre| centre.distance(middle)).collect()).unwrap_or(0.0)
 }
 
-/// Cameras with several times, and how many of them keep their pose over all of these.
-pub(crate) fn standing(frames: &[RawFrame]) -> Option<(usize, usize)> {
+/// The number of cameras with several times, and how many of them are static; `None` without such cameras.
+pub(crate) fn static_cameras(frames: &[RawFrame]) -> Option<(usize, usize)> {
     let spread = spread(frames);
     let cameras = by_camera(frames);
     let several: Vec<_> = cameras.values().filter(|group| group.iter().any(|f| f.time != group[0].time)).collect();
@@ -107,17 +107,17 @@ const STRAY: f64 = 50.0;
 
 /// Warns about training cameras far from all others: learning rates follow the rig's size, and one wrong pose makes it huge.
 pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    let frames = frames.iter().filter(|frame| Part::trains(frame.part.as_ref()));
-    let (names, places): (Vec<&str>, Vec<DVec3>) =
+    let frames = frames.iter().filter(|frame| SplitName::trains(frame.split.as_ref()));
+    let (names, positions): (Vec<&str>, Vec<DVec3>) =
         frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
-    let along = |axis: fn(&DVec3) -> f64| median(places.iter().map(axis).collect());
+    let along = |axis: fn(&DVec3) -> f64| median(positions.iter().map(axis).collect());
     // By axis, since a mean goes where the stray is.
     let (Some(x), Some(y), Some(z)) = (along(|p| p.x), along(|p| p.y), along(|p| p.z)) else { return };
     let middle = DVec3::new(x, y, z);
-    let usual = median(places.iter().map(|place| place.distance(middle)).collect()).unwrap_or(0.0);
-    let is_stray = |place: &DVec3| usual > 0.0 && place.distance(middle) > STRAY * usual;
+    let usual = median(positions.iter().map(|position| position.distance(middle)).collect()).unwrap_or(0.0);
+    let is_stray = |position: &DVec3| usual > 0.0 && position.distance(middle) > STRAY * usual;
     let strays: Vec<&str> =
-        names.into_iter().zip(&places).filter(|(_, place)| is_stray(place)).map(|(name, _)| name).collect();
+        names.into_iter().zip(&positions).filter(|(_, position)| is_stray(position)).map(|(name, _)| name).collect();
     if !strays.is_empty() {
         findings.warn(format!(
             "{}: {} cameras stand more than {STRAY} times as far away as half of all do ({}); are their poses right? Learning \
@@ -135,7 +135,7 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     let (mut moved, mut disagree, mut zoomed) = (Vec::new(), Vec::new(), Vec::new());
     for (camera, group) in by_camera(frames) {
         let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
-            group.into_iter().partition(|frame| Part::trains(frame.part.as_ref()));
+            group.into_iter().partition(|frame| SplitName::trains(frame.split.as_ref()));
         let still = |group: &[&RawFrame]| group.iter().all(|frame| same_pose(group[0], frame, spread));
         let one_lens = |group: &[&RawFrame]| group.iter().all(|frame| same_lens(&group[0].lens, &frame.lens));
         if !still(&train) || !still(&test) {
@@ -184,7 +184,7 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
 /// Differences between the training and the test set as wholes.
 fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
     let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
-        frames.iter().partition(|frame| Part::trains(frame.part.as_ref()));
+        frames.iter().partition(|frame| SplitName::trains(frame.split.as_ref()));
     let (Some(first_train), Some(first_test)) = (train.first(), test.first()) else { return };
     let uniform = |set: &[&RawFrame]| set.iter().all(|frame| same_lens(&set[0].lens, &frame.lens));
     let shared_id = test.iter().any(|frame| frame.camera_id.is_some() && frame.camera_id == first_train.camera_id);
@@ -227,8 +227,8 @@ fn shares(lens: &Lens) -> [Option<f64>; 4] {
         Focal::Pixels(pixels) => side.map(|side| pixels / side),
         Focal::Angle(angle) => Some(0.5 / (0.5 * angle).tan()),
     };
-    let centre = |place: Option<f64>, side: Option<f64>| match place {
-        Some(place) => side.map(|side| place / side),
+    let centre = |centre: Option<f64>, side: Option<f64>| match centre {
+        Some(centre) => side.map(|side| centre / side),
         None => Some(0.5),
     };
     [
@@ -239,7 +239,7 @@ fn shares(lens: &Lens) -> [Option<f64>; 4] {
     ]
 }
 
-/// Whether two lenses agree in everything that both files tell.
+/// Whether two lenses agree in all values that both files give.
 fn same_lens(a: &Lens, b: &Lens) -> bool {
     let shares = shares(a).into_iter().zip(shares(b));
     let close = shares.into_iter().all(|pair| match pair {

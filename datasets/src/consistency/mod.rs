@@ -1,8 +1,8 @@
-//! What frames must agree on before they are loaded: cameras, times and exposures. Nothing here keeps a scene from
-//! loading; what contradicts itself is repaired or left out, and said.
+//! Cameras, times and exposures that contradict each other are found before frames are decoded. Nothing here keeps a scene from
+//! loading: a contradiction is repaired or its frames are left out, with a warning.
 
 mod cameras;
-mod parts;
+mod splits;
 mod timing;
 
 use std::path::Path;
@@ -11,8 +11,8 @@ use crate::findings::Findings;
 use crate::options::LoadOptions;
 use crate::raw::RawFrame;
 
-pub(crate) use self::cameras::standing;
-pub(crate) use self::parts::{compare_parts, without_time};
+pub(crate) use self::cameras::static_cameras;
+pub(crate) use self::splits::{compare_splits, without_time};
 pub use self::timing::frame_interval;
 pub(crate) use self::timing::interval_of;
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::timing::interval_of;
 use crate::names::some_names;
-use crate::raw::{Part, RawFrame};
+use crate::raw::{RawFrame, SplitName};
 use crate::side_files::Kind;
 use crate::statistics::{median, range};
 
@@ -15,8 +15,8 @@ const SAME_EXPOSURE: f64 = 0.01;
 /// held out.
 const REACH: f64 = 1.5;
 
-/// What training on some views and measuring on others would stumble over, in sentences.
-pub(crate) fn compare_parts(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Vec<String> {
+/// Contradictions between training and held-out frames, in sentences.
+pub(crate) fn compare_splits(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Vec<String> {
     [
         timeless(train, held_out),
         outside(train, held_out, scene),
@@ -63,10 +63,10 @@ fn outside(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Option<
     ))
 }
 
-/// A set without held-out photos of its own lends some that are as blurry as those that train.
+/// Held-out photos of a set without a split of its own are as blurry as its training photos.
 fn blurry_truth(held_out: &[&RawFrame], scene: &Path) -> Option<String> {
     let is_blurry = |frame: &&&RawFrame| {
-        Part::trains(frame.part.as_ref())
+        SplitName::trains(frame.split.as_ref())
             && frame.exposure.is_some_and(|e| e > 0.0)
             && !frame.sides.lists(Kind::TrueSharp)
     };

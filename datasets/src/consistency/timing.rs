@@ -8,7 +8,7 @@ use crate::findings::Findings;
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::order::natural;
-use crate::raw::{Part, RawFrame};
+use crate::raw::{RawFrame, SplitName};
 use crate::statistics::median;
 
 /// An exposure may exceed the frame interval by this share before it is taken for a mistake: intervals are measured on
@@ -42,16 +42,16 @@ fn gaps(mut times: Vec<f64>) -> Vec<f64> {
     times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > SAME_TIME * span).collect()
 }
 
-/// Leaves out later photos of the same camera, pose, time and part of the split: two photos of one moment can only
+/// Leaves out later photos of the same camera, pose, time and split: two photos of one time can only
 /// agree, or contradict each other.
 pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &mut Findings) {
-    let mut first: HashMap<(&str, Option<&Part>, u64), usize> = HashMap::new();
+    let mut first: HashMap<(&str, Option<&SplitName>, u64), usize> = HashMap::new();
     let (mut drop, mut pairs) = (vec![false; frames.len()], Vec::new());
     let spread = spread(frames);
     for (i, frame) in frames.iter().enumerate() {
         let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
         // + 0.0 makes one zero of the two.
-        let earlier = *first.entry((camera, frame.part.as_ref(), (time + 0.0).to_bits())).or_insert(i);
+        let earlier = *first.entry((camera, frame.split.as_ref(), (time + 0.0).to_bits())).or_insert(i);
         if earlier != i && same_pose(&frames[earlier], frame, spread) {
             drop[i] = true;
             pairs.push(format!("{} after {}", frame.name, frames[earlier].name));
@@ -72,34 +72,34 @@ pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &
 
 /// Warns where a camera's times fall while its file names rise. Frames without a camera are in no order to speak of.
 pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
-    type Track<'a> = (&'a str, Option<&'a Part>, &'a str);
+    type Track<'a> = (&'a str, Option<&'a SplitName>, &'a str);
     let mut tracks: HashMap<Track, Vec<(&str, f64)>> = HashMap::new();
     for frame in frames {
         let (Some(time), Some(camera)) = (frame.time, &frame.camera_id) else { continue };
         let folder = frame.name.rsplit_once('/').map_or("", |(folder, _)| folder);
-        tracks.entry((camera.as_str(), frame.part.as_ref(), folder)).or_default().push((frame.name.as_str(), time));
+        tracks.entry((camera.as_str(), frame.split.as_ref(), folder)).or_default().push((frame.name.as_str(), time));
     }
-    let mut places = Vec::new();
+    let mut pairs = Vec::new();
     for track in tracks.values_mut() {
         track.sort_by(|a, b| natural(a.0, b.0));
         for pair in track.windows(2) {
             if pair[1].1 < pair[0].1 {
-                places.push(format!("{} at {} after {} at {}", pair[1].0, pair[1].1, pair[0].0, pair[0].1));
+                pairs.push(format!("{} at {} after {} at {}", pair[1].0, pair[1].1, pair[0].0, pair[0].1));
             }
         }
     }
-    if !places.is_empty() {
-        places.sort_by(|a, b| natural(a, b));
+    if !pairs.is_empty() {
+        pairs.sort_by(|a, b| natural(a, b));
         findings.warn(format!(
             "{}: times run backwards in {} places although file names go on; they are used as written ({})",
             scene.display(),
-            places.len(),
-            some_names(&places)
+            pairs.len(),
+            some_names(&pairs)
         ));
     }
 }
 
-/// Puts the user's exposure in place of the data set's, or leaves out exposures that cannot be: 0, and more than one
+/// Puts the user's exposure in place of the data set's, or leaves out impossible exposures: 0, and more than one
 /// frame interval, in which the shutter would have to be open twice. The user's own is believed, with a warning.
 pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &LoadOptions, findings: &mut Findings) {
     let interval = interval_of(&*frames);

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! R's columns are the camera's down, right and back axes in the world. Rows go with camera folders (or photos) in the
-//! order of their names. As in N3DV, the first camera is held out; time is the place among all frame names over the last
-//! place, 0 to 1.
+//! order of their names. As in N3DV, the first camera is held out; time is the index among all frame names over the last
+//! index, 0 to 1.
 
 use std::path::{Path, PathBuf};
 
@@ -20,7 +20,7 @@ use crate::lens::{Distortion, Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
 use crate::priors::{npy, sources};
-use crate::raw::{Part, RawFrame, RawScene};
+use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
 use crate::side_files::{DepthMeaning, Kind, SideFiles};
 use crate::{names, pose};
@@ -99,7 +99,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
                 masks: Vec::new(),
                 exposure: None,
                 sides: SideFiles { files: Vec::new(), depth },
-                part: photo.part.clone(),
+                split: photo.split.clone(),
                 file: poses.path.clone(),
             });
         }
@@ -120,17 +120,18 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
     Ok(RawScene { format: SceneFormat::Llff, frames, points: None })
 }
 
-struct Photo {
+/// A frame as the folders show it.
+struct FrameFile {
     path: PathBuf,
     /// Of the pose file.
     row: usize,
     time: Option<f64>,
     camera: Option<String>,
-    part: Option<Part>,
+    split: Option<SplitName>,
 }
 
 /// Frames of all cameras. Cameras that lack frames keep the others' times: time goes by the name.
-fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<Photo>, DatasetError> {
+fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, DatasetError> {
     let found: Vec<Vec<PathBuf>> = poses.cameras.iter().map(|folder| frames_of(folder)).collect();
     if found.iter().all(Vec::is_empty) {
         let what =
@@ -151,14 +152,14 @@ fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<Photo>, DatasetErr
     for (row, paths) in found.into_iter().enumerate() {
         for path in paths {
             let name = stem(&path);
-            let place = stems.binary_search_by(|other| natural(other, &name)).unwrap_or(0);
-            let part = if row == 0 { Part::Test } else { Part::Train };
-            photos.push(Photo {
+            let index = stems.binary_search_by(|other| natural(other, &name)).unwrap_or(0);
+            let split = if row == 0 { SplitName::Test } else { SplitName::Train };
+            photos.push(FrameFile {
                 path,
                 row,
-                time: (stems.len() > 1).then_some(place as f64 / last),
+                time: (stems.len() > 1).then_some(index as f64 / last),
                 camera: Some(file_name(&poses.cameras[row])),
-                part: (rows > 1).then_some(part),
+                split: (rows > 1).then_some(split),
             });
         }
     }
@@ -173,7 +174,7 @@ fn frames_of(folder: &Path) -> Vec<PathBuf> {
     if found.is_empty() { images(&folder.join("images")) } else { found }
 }
 
-fn still_photos(poses: &PoseFile, rows: usize) -> Result<Vec<Photo>, DatasetError> {
+fn still_photos(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, DatasetError> {
     let folder = poses.folder.join("images");
     let found: Vec<PathBuf> = sorted(&folder).into_iter().filter(|path| has_extension(path, &IMAGES)).collect();
     if found.len() != rows {
@@ -181,7 +182,7 @@ fn still_photos(poses: &PoseFile, rows: usize) -> Result<Vec<Photo>, DatasetErro
         let expected = format!("folders {CAMERA_PREFIX}00 and on, or one image for each of {rows} poses");
         return Err(DatasetError::malformed(&poses.path, "rows", expected, count));
     }
-    let photo = |(row, path)| Photo { path, row, time: None, camera: None, part: None };
+    let photo = |(row, path)| FrameFile { path, row, time: None, camera: None, split: None };
     Ok(found.into_iter().enumerate().map(photo).collect())
 }
 

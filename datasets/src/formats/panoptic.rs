@@ -6,7 +6,7 @@
 //! seg/<cam>/000000.png               masks: white is what moves
 //! ```
 //!
-//! Time is the place in the list over the last place, 0 to 1, of the training list: test times are on the same axis.
+//! Time is the index in the list over the last index, 0 to 1, of the training list: test times are on the same axis.
 
 use std::path::{Path, PathBuf};
 
@@ -20,7 +20,7 @@ use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
 use crate::priors::sources;
-use crate::raw::{Part, RawFrame, RawScene};
+use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
 use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
 use crate::{names, pose};
@@ -40,17 +40,17 @@ const POINTS_FILE: &str = "init_pt_cld.npz";
 pub(crate) struct MetaFiles {
     scene: PathBuf,
     folder: PathBuf,
-    pub files: Vec<(PathBuf, Part)>,
+    pub files: Vec<(PathBuf, SplitName)>,
 }
 
 /// The set in a folder.
 pub(crate) fn find(path: &Path) -> Option<MetaFiles> {
-    let files: Vec<(PathBuf, Part)> = [(TRAIN_FILE, Part::Train), (TEST_FILE, Part::Test)]
-        .map(|(name, part)| (path.join(name), part))
+    let files: Vec<(PathBuf, SplitName)> = [(TRAIN_FILE, SplitName::Train), (TEST_FILE, SplitName::Test)]
+        .map(|(name, split)| (path.join(name), split))
         .into_iter()
         .filter(|(file, _)| file.is_file())
         .collect();
-    let trains = files.iter().any(|(_, part)| *part == Part::Train);
+    let trains = files.iter().any(|(_, split)| *split == SplitName::Train);
     trains.then(|| MetaFiles { scene: path.to_path_buf(), folder: path.to_path_buf(), files })
 }
 
@@ -72,7 +72,7 @@ pub(crate) fn read(
     let mut frames = Vec::new();
     let mut last_time = None;
     let mut missing = Vec::new();
-    for (file, part) in &files.files {
+    for (file, split) in &files.files {
         let Some(top) = findings.take(json::read(file))? else { continue };
         let meta = Meta::read(&top, file);
         let Some(meta) = findings.take(meta)? else { continue };
@@ -98,7 +98,7 @@ pub(crate) fn read(
                     masks,
                     exposure: None,
                     sides,
-                    part: (files.files.len() > 1).then(|| part.clone()),
+                    split: (files.files.len() > 1).then(|| split.clone()),
                     file: file.clone(),
                 });
             }

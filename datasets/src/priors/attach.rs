@@ -11,9 +11,9 @@ use crate::pixels;
 use crate::resample::resample;
 use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
 
-/// The photo that the files belong to.
+/// Size and treatment of the photo that the files belong to.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Photo {
+pub(crate) struct PhotoShape {
     /// Width and height of the file, pixels.
     pub size: (usize, usize),
     /// Width and height to load at.
@@ -38,9 +38,9 @@ pub(crate) enum Reason {
     Flat,
 }
 
-/// What was found on the way, for sentences about many photos.
+/// Files that were used and left out, for sentences about many photos.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Notes {
+pub(crate) struct SideNotes {
     pub used: Vec<Kind>,
     pub left_out: Vec<(Kind, Reason)>,
     /// Kinds whose size was not the photo's.
@@ -56,11 +56,11 @@ pub(crate) struct Notes {
 pub(crate) struct Attached {
     pub priors: Priors,
     pub truth: Truth,
-    pub notes: Notes,
+    pub notes: SideNotes,
 }
 
 /// Loads all side files of a photo. Depth, velocity and masks take the nearest pixel, images an area mean.
-pub(crate) fn attach(files: &SideFiles, photo: &Photo) -> Attached {
+pub(crate) fn attach(files: &SideFiles, photo: &PhotoShape) -> Attached {
     let mut attached = Attached::default();
     for file in &files.files {
         match load(file, files.depth, photo, &mut attached) {
@@ -71,7 +71,7 @@ pub(crate) fn attach(files: &SideFiles, photo: &Photo) -> Attached {
     attached
 }
 
-fn load(file: &SideFile, meaning: DepthMeaning, photo: &Photo, into: &mut Attached) -> Result<(), Reason> {
+fn load(file: &SideFile, meaning: DepthMeaning, photo: &PhotoShape, into: &mut Attached) -> Result<(), Reason> {
     let path = file.path.as_deref().filter(|path| path.is_file()).ok_or(Reason::Missing)?;
     if photo.undistorted {
         return Err(Reason::Distorted);
@@ -131,7 +131,7 @@ fn broken(error: DatasetError) -> Reason {
 }
 
 /// A map at training size; an error when it is no picture of the photo's view.
-fn fit<T: Copy>(map: Map<T>, kind: Kind, photo: &Photo, notes: &mut Notes) -> Result<Vec<T>, Reason> {
+fn fit<T: Copy>(map: Map<T>, kind: Kind, photo: &PhotoShape, notes: &mut SideNotes) -> Result<Vec<T>, Reason> {
     if !same_shape(map.size(), photo.size) {
         return Err(wrong_size(map.size(), photo.size));
     }
@@ -143,7 +143,7 @@ fn fit<T: Copy>(map: Map<T>, kind: Kind, photo: &Photo, notes: &mut Notes) -> Re
 
 /// An image at training size. It may be smaller than the photo's file but not than the training image: enlarged, it
 /// would be blurred by the enlargement, and how sharp it is is all it is there for.
-fn picture(path: &Path, photo: &Photo) -> Result<RgbImage8, Reason> {
+fn picture(path: &Path, photo: &PhotoShape) -> Result<RgbImage8, Reason> {
     let image = pixels::open(path, photo.behind).map_err(broken)?;
     let size = image.size();
     let (width, height) = photo.target;

@@ -44,7 +44,7 @@ fn open(path: &Path) -> Result<Content, DatasetError> {
     }
 }
 
-/// Opens a depth file. Unknown places are 0 in the map: what is not finite, sky, and in metric depth what is not in
+/// Opens a depth file. Unknown pixels are 0 in the map: what is not finite, sky, and in metric depth what is not in
 /// front of the camera.
 ///
 /// Where the data set does not say what the numbers mean, an 8-bit picture is taken for inverse depth, since that is

@@ -50,8 +50,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map
         if samples.len() != width * height {
             return Err(wrong("channels of the layer's size", format!("{} samples in {name}", samples.len())));
         }
-        for (place, value) in values.iter_mut().skip(i).step_by(found.len()).zip(samples) {
-            *place = *value;
+        for (slot, value) in values.iter_mut().skip(i).step_by(found.len()).zip(samples) {
+            *slot = *value;
         }
     }
     Map::new(width, height, found.len(), values).ok_or_else(|| wrong("at least one pixel", "none".to_string()))

@@ -21,7 +21,7 @@ impl<T: Copy> Map<T> {
     }
 
     /// The values at `target` (width, height): each new pixel takes the old one that its centre lies in. Depth and
-    /// masks are never averaged: the mean of a near and a far surface is a place where nothing is.
+    /// masks are never averaged: the mean of a near and a far surface is a depth where nothing is.
     pub fn nearest(self, target: (usize, usize)) -> Vec<T> {
         if self.size() == target {
             return self.values;

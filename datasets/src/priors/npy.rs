@@ -149,8 +149,8 @@ impl Number {
     /// Reads one value of `self.bytes` bytes.
     fn read(&self, bytes: &[u8]) -> f64 {
         let mut raw = [0_u8; 8];
-        for (place, byte) in raw.iter_mut().zip(bytes) {
-            *place = *byte;
+        for (slot, byte) in raw.iter_mut().zip(bytes) {
+            *slot = *byte;
         }
         if self.big_endian {
             raw[..self.bytes].reverse();
@@ -179,12 +179,12 @@ fn to_c_order(values: &[f64], shape: &[usize]) -> Vec<f64> {
     }
     (0..values.len())
         .map(|index| {
-            let (mut rest, mut place) = (index, 0);
+            let (mut rest, mut offset) = (index, 0);
             for (side, stride) in shape.iter().zip(&strides).rev() {
-                place += rest % side * stride;
+                offset += rest % side * stride;
                 rest /= side;
             }
-            values[place]
+            values[offset]
         })
         .collect()
 }

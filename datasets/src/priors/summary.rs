@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::attach::{Notes, Reason};
+use super::attach::{Reason, SideNotes};
 use crate::findings::Findings;
 use crate::frame::DepthSpace;
 use crate::mask::SUSPECT_SHARE;
 use crate::names::some_names;
 use crate::side_files::Kind;
 
-/// What is said about one view's files.
+/// One view's files.
 pub(crate) struct Noted<'a> {
     pub name: &'a str,
-    /// The view trains; a held-out view needs no prior, so that a missing one is not worth a word.
+    /// Whether the view trains. A held-out view needs no prior, so a missing prior of it is not reported.
     pub trains: bool,
-    pub notes: &'a Notes,
+    pub notes: &'a SideNotes,
 }
 
 /// Warnings about files that were left out, resampled or look wrong.

@@ -115,7 +115,7 @@ fn what_cannot_be_averaged_is_refused() {
         (|_, options| options.window = 4, "`window`: expected an odd number"),
         (|_, options| options.stride = 0, "`stride`: expected at least 1 frame"),
         (|_, options| options.window = 9, "cameras with at most 7 frames"),
-        (|set, _| set["frames"][2]["transform_matrix"] = ring(9), "expected a camera that stands still"),
+        (|set, _| set["frames"][2]["transform_matrix"] = ring(9), "expected a static camera"),
         (|set, _| set["frames"][2]["time"] = Value::Null, "expected a time in every frame"),
         (|set, _| set["frames"][2]["time"] = json!(0.1), "expected one frame at a time"),
         (|set, _| set["frames"][2]["fl_x"] = json!(11.0), "expected one lens per camera"),
@@ -126,7 +126,7 @@ fn what_cannot_be_averaged_is_refused() {
                     frame["transform_matrix"] = ring(i);
                 }
             },
-            "21 frames from as many places, as a moving camera takes them",
+            "21 frames from as many positions, as a moving camera takes them",
         ),
     ];
     for (change, expected) in cases {

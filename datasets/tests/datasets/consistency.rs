@@ -42,7 +42,7 @@ fn a_sound_set_is_not_complained_about() {
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     let report = check(folder.path(), &LoadOptions::default()).to_string();
     for part in
-        ["exposure of 8 views is 0.09, 0.90 of the frame interval", "3 of 3 cameras with several times stand still"]
+        ["exposure of 8 views is 0.09, 0.90 of the frame interval", "3 of 3 cameras with several times are static"]
     {
         assert!(report.contains(part), "{part:?} is not in\n{report}");
     }

@@ -154,7 +154,7 @@ pub(crate) fn scene(
             lens,
             time: None,
             camera_id: Some(image.camera_id.to_string()),
-            part: None,
+            split: None,
             file: cameras_file.clone(),
         });
     }

@@ -80,7 +80,7 @@ pub(super) fn images(
             masks,
             exposure: entry.exposure,
             sides,
-            part: None,
+            split: None,
             file: file.to_path_buf(),
         });
     }

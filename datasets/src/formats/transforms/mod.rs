@@ -18,27 +18,27 @@ use crate::frame::CameraPose;
 use crate::names;
 use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::raw::{Part, RawFrame, RawPoints, RawScene};
+use crate::raw::{RawFrame, RawPoints, RawScene, SplitName};
 use crate::scene::{SceneFormat, Split};
 use crate::{pixels, ply};
 
-/// The JSON files of a scene, each with the part of the split it stands for.
+/// The JSON files of a scene, each with the split that it lists.
 pub(crate) struct Sources {
     pub scene: PathBuf,
-    pub files: Vec<(PathBuf, Option<Part>)>,
+    pub files: Vec<(PathBuf, Option<SplitName>)>,
 }
 
 /// The JSON files at `path`: the file itself, or in a folder transforms_{train,val,test}.json, else transforms.json.
 pub(crate) fn find(path: &Path, is_folder: bool) -> Option<Sources> {
     let files = if is_folder {
-        let parts = [("train", Part::Train), ("val", Part::Validation), ("test", Part::Test)];
-        let split: Vec<(PathBuf, Option<Part>)> = parts
+        let parts = [("train", SplitName::Train), ("val", SplitName::Validation), ("test", SplitName::Test)];
+        let split: Vec<(PathBuf, Option<SplitName>)> = parts
             .into_iter()
-            .map(|(name, part)| (path.join(format!("transforms_{name}.json")), Some(part)))
+            .map(|(name, split_name)| (path.join(format!("transforms_{name}.json")), Some(split_name)))
             .filter(|(file, _)| file.is_file())
             .collect();
         let whole = path.join("transforms.json");
-        if split.iter().any(|(_, part)| *part == Some(Part::Train)) || !whole.is_file() {
+        if split.iter().any(|(_, split_name)| *split_name == Some(SplitName::Train)) || !whole.is_file() {
             split
         } else {
             vec![(whole, None)]
@@ -60,14 +60,14 @@ pub(crate) fn read(
     let mut listed = 0;
     // A lone train file is a whole data set that has yet to be split.
     let splits = sources.files.len() > 1;
-    for (file, part) in &sources.files {
+    for (file, split_name) in &sources.files {
         let Some(top) = findings.take(json::read(file))? else { continue };
         let root = folder_of(file);
         let parsed = frames::read(&top, file, findings);
         let Some(entries) = findings.take(parsed)? else { continue };
         listed += entries.len();
         let found = attach::images(entries, &top, root, file, options, findings)?;
-        let found = assign_parts(found, &top, file, part.clone().filter(|_| splits), findings)?;
+        let found = assign_splits(found, &top, file, split_name.clone().filter(|_| splits), findings)?;
         scene.frames.extend(found);
         if scene.points.is_none() {
             let points = read_points(&top, root, file);
@@ -147,15 +147,15 @@ fn folder_of(file: &Path) -> &Path {
 }
 
 /// Marks frames by the file they are in, or by nerfstudio's lists.
-fn assign_parts(
+fn assign_splits(
     mut found: Vec<RawFrame>,
     top: &Map<String, Value>,
     file: &Path,
-    part: Option<Part>,
+    split_name: Option<SplitName>,
     findings: &mut Findings,
 ) -> Result<Vec<RawFrame>, DatasetError> {
-    if part.is_some() {
-        found.iter_mut().for_each(|frame| frame.part = part.clone());
+    if split_name.is_some() {
+        found.iter_mut().for_each(|frame| frame.split = split_name.clone());
         return Ok(found);
     }
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
@@ -164,11 +164,11 @@ fn assign_parts(
     if lists.is_empty() {
         return Ok(found);
     }
-    let train_listed = lists.contains_key(&Part::Train);
+    let train_listed = lists.contains_key(&SplitName::Train);
     let mut twice = Vec::new();
     for frame in &mut found {
-        let mut listed = lists.iter().filter(|(_, list)| list.contains(&frame.name)).map(|(part, _)| part);
-        frame.part = listed.next().cloned().or((!train_listed).then_some(Part::Train));
+        let mut listed = lists.iter().filter(|(_, list)| list.contains(&frame.name)).map(|(split_name, _)| split_name);
+        frame.split = listed.next().cloned().or((!train_listed).then_some(SplitName::Train));
         twice.extend(listed.next().map(|_| frame.name.clone()));
     }
     if !twice.is_empty() {
@@ -180,7 +180,7 @@ fn assign_parts(
         ));
     }
     let before = found.len();
-    found.retain(|frame| frame.part.is_some());
+    found.retain(|frame| frame.split.is_some());
     if found.is_empty() && before > 0 {
         let expected = "a list with the file_path of a frame";
         return Err(keys.wrong("train_filenames", expected, format!("none of the {before} frames")));
@@ -194,16 +194,20 @@ fn assign_parts(
 
 /// The names of frames in nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`. Beside `train_filenames` other keys
 /// `NAME_filenames` are lists of a split too, if they list frames: alone they may be lists of anything.
-fn split_lists(keys: &Keys, root: &Path, found: &[RawFrame]) -> Result<BTreeMap<Part, HashSet<String>>, DatasetError> {
+fn split_lists(
+    keys: &Keys,
+    root: &Path,
+    found: &[RawFrame],
+) -> Result<BTreeMap<SplitName, HashSet<String>>, DatasetError> {
     const ENDING: &str = "_filenames";
     let named = |list: Vec<&str>| -> HashSet<String> { list.iter().map(|path| names::view_name(root, path)).collect() };
     let mut lists = BTreeMap::new();
-    for (name, part) in [("train", Part::Train), ("val", Part::Validation), ("test", Part::Test)] {
+    for (name, split_name) in [("train", SplitName::Train), ("val", SplitName::Validation), ("test", SplitName::Test)] {
         if let Some(list) = keys.texts(&format!("{name}{ENDING}"))? {
-            lists.insert(part, named(list));
+            lists.insert(split_name, named(list));
         }
     }
-    if !lists.contains_key(&Part::Train) {
+    if !lists.contains_key(&SplitName::Train) {
         return Ok(lists);
     }
     let written = keys.objects.iter().flat_map(|object| object.keys());
@@ -212,13 +216,13 @@ fn split_lists(keys: &Keys, root: &Path, found: &[RawFrame]) -> Result<BTreeMap<
         let Ok(Some(list)) = keys.texts(key) else { continue };
         let list = named(list);
         if found.iter().any(|frame| list.contains(&frame.name)) {
-            let part = match names::view_name(Path::new(""), name).replace('/', "_").as_str() {
-                Split::TRAIN => Part::Train,
-                Split::TEST => Part::Test,
-                Split::VALIDATION => Part::Validation,
-                other => Part::Other(other.into()),
+            let split_name = match names::view_name(Path::new(""), name).replace('/', "_").as_str() {
+                Split::TRAIN => SplitName::Train,
+                Split::TEST => SplitName::Test,
+                Split::VALIDATION => SplitName::Validation,
+                other => SplitName::Other(other.into()),
             };
-            lists.entry(part).or_insert_with(HashSet::new).extend(list);
+            lists.entry(split_name).or_insert_with(HashSet::new).extend(list);
         }
     }
     Ok(lists)

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::BlurFromFrames;
 use crate::error::DatasetError;
 use crate::names;
-use crate::raw::{Part, RawFrame};
+use crate::raw::{RawFrame, SplitName};
 use crate::split::is_held_out;
 
 /// Poses of one camera may differ by this much (rotation entries; translations likewise, relative to 1 scene unit)
@@ -16,8 +16,8 @@ const STATIC_TOLERANCE: f64 = 1e-5;
 /// Frames follow each other when the time between them is within this share of the camera's usual one.
 const SPACING_TOLERANCE: f64 = 0.1;
 
-/// A camera that stands still, its frames in order of time.
-pub(super) struct Still {
+/// A static camera, its frames in order of time.
+pub(super) struct StaticCamera {
     pub id: String,
     /// A name for folders.
     pub folder: String,
@@ -33,26 +33,26 @@ pub(super) struct Windows {
     pub skipped: usize,
 }
 
-/// Groups frames by camera and checks that each camera stands still.
-pub(super) fn cameras(source: &Path, frames: Vec<RawFrame>) -> Result<Vec<Still>, DatasetError> {
+/// Groups frames by camera and checks that each camera is static.
+pub(super) fn cameras(source: &Path, frames: Vec<RawFrame>) -> Result<Vec<StaticCamera>, DatasetError> {
     let mut groups: BTreeMap<(usize, String), Vec<RawFrame>> = BTreeMap::new();
     for frame in frames {
-        // Without a name a camera is known by where it stands.
+        // Without a name a camera is known by its position.
         let id = frame.camera_id.clone().unwrap_or_else(|| format!("at {}", frame.c2w.w_axis.truncate()));
         // By length first: "2" before "10".
         groups.entry((id.len(), id)).or_default().push(frame);
     }
     if groups.len() > 1 && groups.values().all(|frames| frames.len() == 1) {
         let expected = "static cameras with several frames each";
-        let found = format!("{} frames from as many places, as a moving camera takes them", groups.len());
+        let found = format!("{} frames from as many positions, as a moving camera takes them", groups.len());
         return Err(DatasetError::malformed(source, "cameras", expected, found));
     }
-    let has_split = groups.values().flatten().any(|frame| frame.part == Some(Part::Test));
+    let has_split = groups.values().flatten().any(|frame| frame.split == Some(SplitName::Test));
     let count = groups.len();
     let mut cameras = Vec::new();
     for (index, ((_, id), frames)) in groups.into_iter().enumerate() {
         let is_test = match has_split {
-            true => frames.iter().any(|frame| frame.part == Some(Part::Test)),
+            true => frames.iter().any(|frame| frame.split == Some(SplitName::Test)),
             false => is_held_out(index, count),
         };
         let folder = match id.parse::<usize>() {
@@ -76,7 +76,7 @@ fn still(
     folder: String,
     is_test: bool,
     mut frames: Vec<RawFrame>,
-) -> Result<Still, DatasetError> {
+) -> Result<StaticCamera, DatasetError> {
     let timeless = |frame: &&RawFrame| !frame.time.is_some_and(f64::is_finite);
     if let Some(frame) = frames.iter().find(timeless) {
         let location = format!("frame {:?}", frame.name);
@@ -95,7 +95,7 @@ fn still(
         }
         let moved = (frame.c2w - first.c2w).to_cols_array().iter().fold(0.0_f64, |most, d| most.max(d.abs()));
         if moved > STATIC_TOLERANCE {
-            let expected = "a camera that stands still (the frames of a moving one cannot be averaged)";
+            let expected = "a static camera (the frames of a moving one cannot be averaged)";
             return Err(wrong(expected, format!("a pose that differs by {moved:.2e} from {:?}", first.name)));
         }
         if frame.lens != first.lens {
@@ -108,10 +108,10 @@ fn still(
         let (location, expected) = (format!("camera {id}"), "video, that is several frames with different times");
         DatasetError::malformed(source, location, expected, "one frame")
     })?;
-    Ok(Still { id, folder, is_test, frames, spacing })
+    Ok(StaticCamera { id, folder, is_test, frames, spacing })
 }
 
-impl Still {
+impl StaticCamera {
     /// Windows of frames that follow each other without gaps.
     pub fn windows(&self, options: &BlurFromFrames) -> Windows {
         let mut windows = Windows { starts: Vec::new(), skipped: 0 };

@@ -11,7 +11,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use self::camera::{Still, cameras};
+use self::camera::{StaticCamera, cameras};
 use self::window::blur_camera;
 use crate::error::DatasetError;
 use crate::findings::Findings;
@@ -114,7 +114,7 @@ fn check(source: &Path, options: &BlurFromFrames) -> Result<(), DatasetError> {
 fn finish(
     source: &Path,
     out: &Path,
-    cameras: &[Still],
+    cameras: &[StaticCamera],
     written: Vec<Vec<Value>>,
     points: Option<&RawPoints>,
     warnings: Vec<String>,
@@ -163,9 +163,9 @@ fn finish(
 }
 
 fn ply(points: &RawPoints) -> String {
-    let lines = points.positions.iter().zip(&points.colors).map(|(place, [r, g, b])| {
+    let lines = points.positions.iter().zip(&points.colors).map(|(position, [r, g, b])| {
         // As many digits as the source may have: coordinates can be large.
-        format!("{} {} {} {r} {g} {b}\n", place.x, place.y, place.z)
+        format!("{} {} {} {r} {g} {b}\n", position.x, position.y, position.z)
     });
     let header = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\

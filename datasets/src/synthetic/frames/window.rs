@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::BlurFromFrames;
-use super::camera::{Still, Windows};
+use super::camera::{StaticCamera, Windows};
 use crate::error::DatasetError;
 use crate::frame::Intrinsics;
 use crate::image_io::write_png;
@@ -24,7 +24,7 @@ const BLACK: Behind = Behind { color: [0.0; 3], is_light: true };
 /// The JSON entries of a camera's photos.
 pub(super) fn blur_camera(
     out: &Path,
-    camera: &Still,
+    camera: &StaticCamera,
     windows: &Windows,
     options: &BlurFromFrames,
 ) -> Result<Vec<Value>, DatasetError> {
@@ -44,7 +44,7 @@ pub(super) fn blur_camera(
 /// Averages one window and writes its files.
 fn blur_window(
     out: &Path,
-    camera: &Still,
+    camera: &StaticCamera,
     frames: &[RawFrame],
     stem: &str,
     options: &BlurFromFrames,
