@@ -1,9 +1,9 @@
-//! [`write()`]: moving bodies in a textured room, filmed by static cameras with open shutters, with the truth beside it.
+//! [`write()`]: moving objects in a textured room, filmed by static cameras with open shutters, with the truth beside it.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `motion.rs` | rigid motion in closed form, with its velocity |
-//! | `texture.rs`, `body.rs`, `stage.rs` | paint; forms and where rays meet them; light and shadows at an instant |
+//! | `texture.rs`, `solid.rs`, `stage.rs` | paint; forms and where rays meet them; light and shadows at an instant |
 //! | `worlds.rs` | the worlds |
 //! | `rig.rs` | the cameras |
 //! | `shutter.rs` | exposures: blurry, sharp, depth, velocity, masks |
@@ -14,12 +14,12 @@
 //! Light is added up in linear light with the curve of [`light`](crate::light). Nothing here is shared with the
 //! rasterizer that learns from these images.
 
-mod body;
 mod motion;
 mod points;
 mod priors;
 mod rig;
 mod shutter;
+mod solid;
 mod stage;
 mod texture;
 mod worlds;
@@ -34,8 +34,8 @@ use std::str::FromStr;
 pub use priors::{PriorFault, PriorFaults};
 pub use write::write;
 
-/// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one mover
-/// in a room with still bodies; the last has two.
+/// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one moving object
+/// in a room with static objects; the last has two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum World {
     /// A tilted box that crosses the room while it turns.
@@ -115,13 +115,13 @@ pub struct DeblurOptions {
     /// How long the shutter is open, as a share of the time between frames, 0 to 2; 0 gives sharp photos, above 1
     /// the exposures overlap. For a single frame, of 1/15.
     pub exposure: f64,
-    /// Multiplies all velocities; bodies are at the same place at time 0.5. -10 to 10; 0 holds everything still.
+    /// Multiplies all velocities; objects are at the same position at time 0.5. -10 to 10; 0 holds everything still.
     pub speed: f64,
     /// Points to start from, at most 10 million; 0 writes none.
     pub points: usize,
     /// What is wrong with the priors.
     pub priors: PriorFaults,
-    /// Seed of all random draws: textures, still bodies, cameras, points and faults. The same options write the same
+    /// Seed of all random draws: textures, static objects, cameras, points and faults. The same options write the same
     /// bytes.
     pub seed: u64,
 }

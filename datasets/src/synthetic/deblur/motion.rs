@@ -1,11 +1,11 @@
-//! Rigid motion in closed form: where a body is and how it moves, at any time and without differences.
+//! Rigid motion in closed form: where an object is and how it moves, at any time and without differences.
 //!
-//! A surface point p of a body at c with velocity v and angular velocity w moves at `v + w x (p - c)`. Every path and
+//! A surface point p of an object at c with velocity v and angular velocity w moves at `v + w x (p - c)`. Every path and
 //! spin below has its derivative beside it, so that this velocity is exact.
 
 use glam::{DQuat, DVec3};
 
-/// Where a body is: body coordinates to world.
+/// Where an object is: object coordinates to world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose {
     pub rotation: DQuat,
@@ -13,23 +13,23 @@ pub(super) struct Pose {
     pub position: DVec3,
 }
 
-/// How a body moves.
+/// How an object moves.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Twist {
-    /// Of the body's origin, metres per unit of time.
+    /// Of the object's origin, metres per unit of time.
     pub velocity: DVec3,
     /// World axes, radians per unit of time.
     pub angular: DVec3,
 }
 
 impl Twist {
-    /// The velocity of a place on the body, which is at `pose`.
-    pub fn at(&self, place: DVec3, pose: &Pose) -> DVec3 {
-        self.velocity + self.angular.cross(place - pose.position)
+    /// The velocity of a position on the object, which is at `pose`.
+    pub fn at(&self, position: DVec3, pose: &Pose) -> DVec3 {
+        self.velocity + self.angular.cross(position - pose.position)
     }
 }
 
-/// The path of a body's origin over `s`, time from the middle of the sequence.
+/// The path of an object's origin over `s`, time from the middle of the sequence.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Path {
     /// `centre + swing sin(rate s)`: nearly straight through the middle, and in view at any speed.
@@ -112,14 +112,14 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Where the body is at time `t`, 0 to 1 over the sequence.
+    /// Where the object is at time `t`, 0 to 1 over the sequence.
     pub fn pose(&self, t: f64) -> Pose {
         let s = self.speed * (t - 0.5);
         let angle = self.rate * s + 0.5 * self.acceleration * s * s;
         Pose { rotation: DQuat::from_axis_angle(self.axis, angle) * self.turn, position: self.path.at(s).0 }
     }
 
-    /// How the body moves at time `t`, per unit of `t`.
+    /// How the object moves at time `t`, per unit of `t`.
     pub fn twist(&self, t: f64) -> Twist {
         let s = self.speed * (t - 0.5);
         Twist {

@@ -1,4 +1,4 @@
-//! Static cameras on an arc in front of the stage or all around it, all looking at one place.
+//! Static cameras on an arc in front of the stage or all around it, all looking at one point.
 
 use std::f64::consts::TAU;
 
@@ -52,7 +52,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// The ray through a place in the image, pixels from the top left corner.
+    /// The ray through a position in the image, pixels from the top left corner.
     pub fn ray(&self, u: f64, v: f64) -> Ray {
         let local = DVec3::new(u - 0.5 * self.width as f64, 0.5 * self.height as f64 - v, -self.focal);
         Ray { origin: self.c2w.w_axis.truncate(), direction: self.c2w.transform_vector3(local).normalize() }
@@ -63,10 +63,10 @@ impl Camera {
         if t.is_finite() { -t * ray.direction.dot(self.c2w.z_axis.truncate()) } else { 0.0 }
     }
 
-    /// Where a place in the world is in the image, pixels, and its camera z, metres.
+    /// Where a position in the world is in the image, pixels, and its camera z, metres.
     #[cfg(test)]
-    pub fn project(&self, place: DVec3) -> (f64, f64, f64) {
-        let p = self.c2w.inverse().transform_point3(place);
+    pub fn project(&self, position: DVec3) -> (f64, f64, f64) {
+        let p = self.c2w.inverse().transform_point3(position);
         let scale = self.focal / -p.z;
         (0.5 * self.width as f64 + scale * p.x, 0.5 * self.height as f64 - scale * p.y, -p.z)
     }

@@ -1,9 +1,10 @@
 //! Exposures: what one static camera records of the stage over time, with the truth behind every pixel.
 //!
 //! A blurry pixel is the mean, in linear light, of what one ray per sub-frame meets; the rays of successive sub-frames
-//! take the [`SIDE`]^2 places inside the pixel in turn, and with each a share of the lamp, so that the sub-frames smooth
-//! edges, textures and half shadows for free. A sharp pixel is the mean over all these places at one instant. Where no mover covers or shades any of them, both are the mean
-//! of what the rays meet without movers, computed once for all frames: blurry and sharp images are then equal to the bit.
+//! take the [`SIDE`]^2 positions inside the pixel in turn, and with each a share of the lamp, so that the sub-frames smooth
+//! edges, textures and half shadows for free. A sharp pixel is the mean over all these positions at one instant.
+//! Where no moving object covers or shades any of them, both are the mean
+//! of what the rays meet without moving objects, computed once for all frames: blurry and sharp images are then equal to the bit.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,28 +12,28 @@ use rayon::prelude::*;
 use super::super::shapes::Ray;
 use super::motion::Twist;
 use super::rig::Camera;
-use super::stage::{Lit, Placed, Stage, StillPoint};
+use super::stage::{Lit, Placed, Stage, StaticPoint};
 use crate::light::to_byte;
 
 /// Rays along each side of a pixel.
 const SIDE: usize = 4;
 
-/// The order in which sub-frames take the places in a pixel (Bayer's 4 x 4 matrix): any few in a row are spread out.
+/// The order in which sub-frames take the positions in a pixel (Bayer's 4 x 4 matrix): any few in a row are spread out.
 const ORDER: [usize; SIDE * SIDE] = [0, 10, 2, 8, 5, 15, 7, 13, 1, 11, 3, 9, 4, 14, 6, 12];
 
 /// Samples of the shorter exposure that a pseudo-sharp image is made from.
 const PARTLY_SAMPLES: usize = 8;
 
 /// What one frame asks for.
-pub(super) struct Moment {
+pub(super) struct ExposurePoses {
     /// The exposure's centre.
     centre: Vec<Placed>,
     twists: Vec<Twist>,
-    /// The movers at every sub-frame.
+    /// The moving objects at every sub-frame.
     open: Vec<Vec<Placed>>,
-    /// The movers at instants of the shorter exposure; empty when it has no duration.
+    /// The moving objects at instants of the shorter exposure; empty when it has no duration.
     partly: Vec<Vec<Placed>>,
-    /// Per mover a ball that holds it throughout the exposure.
+    /// Per moving object a ball that holds it throughout the exposure.
     reach: Vec<(DVec3, f64)>,
 }
 
@@ -49,9 +50,9 @@ pub(super) struct Shot {
     pub depth: Vec<f32>,
     /// X, Y and Z, each `[height, width]`, metres per unit of time, world axes, likewise.
     pub velocity: [Vec<f32>; 3],
-    /// `[height, width]`, 255 where a mover is seen, likewise.
+    /// `[height, width]`, 255 where a moving object is seen, likewise.
     pub moving: Vec<u8>,
-    /// `[height, width]`, 255 where a mover is seen at any time of the exposure.
+    /// `[height, width]`, 255 where a moving object is seen at any time of the exposure.
     pub moving_union: Vec<u8>,
 }
 
@@ -72,57 +73,57 @@ pub(super) fn instants(centre: f64, exposure: f64, count: usize) -> impl Iterato
     (0..count).map(move |k| centre + exposure * ((k as f64 + 0.5) / count as f64 - 0.5))
 }
 
-impl Moment {
+impl ExposurePoses {
     /// A frame at `time`. `partly` is the share of the exposure that the pseudo-sharp image keeps.
     pub fn new(stage: &Stage, time: f64, exposure: f64, subframes: usize, partly: f64) -> Self {
         let placed = |exposure: f64, count: usize| instants(time, exposure, count).map(|t| stage.placed(t)).collect();
         let open: Vec<Vec<Placed>> = placed(exposure, subframes);
         let centre = stage.placed(time);
         let reach = stage
-            .movers
+            .objects
             .iter()
             .enumerate()
-            .map(|(i, mover)| {
+            .map(|(i, object)| {
                 let middle = centre[i].pose.position;
-                let way = open.iter().map(|movers| movers[i].pose.position.distance(middle)).fold(0.0, f64::max);
-                (middle, mover.body.radius + way)
+                let way = open.iter().map(|objects| objects[i].pose.position.distance(middle)).fold(0.0, f64::max);
+                (middle, object.solid.radius + way)
             })
             .collect();
         let partly = if partly > 0.0 { placed(exposure * partly, PARTLY_SAMPLES) } else { Vec::new() };
-        let twists = stage.movers.iter().map(|mover| mover.motion.twist(time)).collect();
+        let twists = stage.objects.iter().map(|object| object.motion.twist(time)).collect();
         Self { centre, twists, open, partly, reach }
     }
 }
 
 /// Photographs all moments with one camera, rows in parallel. What does not move is traced once.
-pub(super) fn photograph(stage: &Stage, camera: &Camera, moments: &[Moment]) -> Vec<Shot> {
-    let rows: Vec<Vec<Pixel>> = (0..camera.height).into_par_iter().map(|y| row(stage, camera, moments, y)).collect();
-    moments.iter().enumerate().map(|(index, _)| gather(&rows, index, camera)).collect()
+pub(super) fn photograph(stage: &Stage, camera: &Camera, exposures: &[ExposurePoses]) -> Vec<Shot> {
+    let rows: Vec<Vec<Pixel>> = (0..camera.height).into_par_iter().map(|y| row(stage, camera, exposures, y)).collect();
+    exposures.iter().enumerate().map(|(index, _)| gather(&rows, index, camera)).collect()
 }
 
 /// One row of all moments, `[moments, width]`.
-fn row(stage: &Stage, camera: &Camera, moments: &[Moment], y: usize) -> Vec<Pixel> {
-    let mut pixels = Vec::with_capacity(moments.len() * camera.width);
+fn row(stage: &Stage, camera: &Camera, exposures: &[ExposurePoses], y: usize) -> Vec<Pixel> {
+    let mut pixels = Vec::with_capacity(exposures.len() * camera.width);
     let still: Vec<PixelStill> = (0..camera.width).map(|x| PixelStill::new(stage, camera, x, y)).collect();
-    for moment in moments {
-        pixels.extend(still.iter().map(|still| still.expose(stage, camera, moment)));
+    for exposure in exposures {
+        pixels.extend(still.iter().map(|still| still.expose(stage, camera, exposure)));
     }
     pixels
 }
 
-/// The rays of a pixel and what they meet without movers.
+/// The rays of a pixel and what they meet without moving objects.
 struct PixelStill {
     /// In [`ORDER`], then the one through the centre.
-    samples: [(Ray, StillPoint); SIDE * SIDE + 1],
+    samples: [(Ray, StaticPoint); SIDE * SIDE + 1],
     color: [u8; 3],
 }
 
 impl PixelStill {
     fn new(stage: &Stage, camera: &Camera, x: usize, y: usize) -> Self {
         let samples = std::array::from_fn(|i| {
-            let place = |sub: usize| (sub as f64 + 0.5) / SIDE as f64;
+            let position = |sub: usize| (sub as f64 + 0.5) / SIDE as f64;
             let (u, v) = match ORDER.get(i) {
-                Some(order) => (place(order % SIDE), place(order / SIDE)),
+                Some(order) => (position(order % SIDE), position(order / SIDE)),
                 None => (0.5, 0.5),
             };
             let ray = camera.ray(x as f64 + u, y as f64 + v);
@@ -133,7 +134,7 @@ impl PixelStill {
         still
     }
 
-    fn expose(&self, stage: &Stage, camera: &Camera, moment: &Moment) -> Pixel {
+    fn expose(&self, stage: &Stage, camera: &Camera, exposure: &ExposurePoses) -> Pixel {
         let (ray, point) = &self.samples[SIDE * SIDE];
         let depth = camera.depth(ray, point.t) as f32;
         let mut pixel = Pixel {
@@ -145,31 +146,31 @@ impl PixelStill {
             is_moving: false,
             is_touched: false,
         };
-        let may_touch = |(ray, point): &(Ray, StillPoint)| {
-            moment.reach.iter().any(|(centre, radius)| stage.may_touch(ray, point, *centre, *radius))
+        let may_touch = |(ray, point): &(Ray, StaticPoint)| {
+            exposure.reach.iter().any(|(centre, radius)| stage.may_touch(ray, point, *centre, *radius))
         };
         if !self.samples.iter().any(may_touch) {
             return pixel;
         }
-        let centre = stage.sight(ray, point, &moment.centre);
-        if let Some((mover, t)) = centre.mover {
-            let velocity = moment.twists[mover].at(ray.at(t), &moment.centre[mover].pose);
+        let centre = stage.sample(ray, point, &exposure.centre);
+        if let Some((object, t)) = centre.object {
+            let velocity = exposure.twists[object].at(ray.at(t), &exposure.centre[object].pose);
             pixel.depth = camera.depth(ray, t) as f32;
             pixel.velocity = velocity.as_vec3().to_array();
             pixel.is_moving = true;
         }
         let mut is_touched = pixel.is_moving;
-        let mut look = |i: usize, movers: &[Placed]| {
+        let mut look = |i: usize, objects: &[Placed]| {
             let (ray, point) = &self.samples[i % (SIDE * SIDE)];
-            let sight = stage.sight(ray, point, movers);
-            is_touched |= sight.mover.is_some();
-            sight.color
+            let sample = stage.sample(ray, point, objects);
+            is_touched |= sample.object.is_some();
+            sample.color
         };
-        pixel.blurry = encode(moment.open.iter().enumerate().map(|(k, movers)| look(k, movers)));
-        pixel.sharp = encode((0..SIDE * SIDE).map(|i| look(i, &moment.centre)));
-        pixel.partly = match moment.partly.is_empty() {
+        pixel.blurry = encode(exposure.open.iter().enumerate().map(|(k, objects)| look(k, objects)));
+        pixel.sharp = encode((0..SIDE * SIDE).map(|i| look(i, &exposure.centre)));
+        pixel.partly = match exposure.partly.is_empty() {
             true => pixel.sharp,
-            false => encode(moment.partly.iter().enumerate().map(|(k, movers)| look(k, movers))),
+            false => encode(exposure.partly.iter().enumerate().map(|(k, objects)| look(k, objects))),
         };
         pixel.is_touched = is_touched;
         pixel
@@ -182,9 +183,9 @@ fn encode(colors: impl ExactSizeIterator<Item = DVec3>) -> [u8; 3] {
     (colors.sum::<DVec3>() / count).as_vec3().to_array().map(to_byte)
 }
 
-fn gather(rows: &[Vec<Pixel>], moment: usize, camera: &Camera) -> Shot {
+fn gather(rows: &[Vec<Pixel>], exposure: usize, camera: &Camera) -> Shot {
     let mut shot = Shot::default();
-    for pixel in rows.iter().flat_map(|row| &row[moment * camera.width..][..camera.width]) {
+    for pixel in rows.iter().flat_map(|row| &row[exposure * camera.width..][..camera.width]) {
         shot.blurry.extend(pixel.blurry);
         shot.sharp.extend(pixel.sharp);
         shot.partly.extend(pixel.partly);

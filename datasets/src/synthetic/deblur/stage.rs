@@ -1,23 +1,23 @@
-//! A room with still and moving bodies under one area lamp: what a ray sees at a given time.
+//! A room with static and moving objects under one area lamp: what a ray sees at a given time.
 //!
-//! Lambert's law, soft shadows, light from the sky; all surfaces are matt, so a place has one colour in every view. The
-//! still part of a shot does not depend on time: a [`StillPoint`] keeps what a ray meets there and which places on the
-//! lamp light it, and at each instant only what movers cover or shade is worked out again.
+//! Lambert's law, soft shadows, light from the sky; all surfaces are matt, so a position has one colour in every view. The
+//! still part of a shot does not depend on time: a [`StaticPoint`] keeps what a ray meets there and which positions on the
+//! lamp light it, and at each instant only what moving objects cover or shade is worked out again.
 
 use glam::DVec3;
 
 use super::super::shapes::Ray;
-use super::body::{Body, Hit};
 use super::motion::{Motion, Pose};
+use super::solid::{Hit, Solid};
 use super::texture::Texture;
 
-/// Places on the lamp. The pattern is the same everywhere, so that a place has the same colour in every view.
+/// Positions on the lamp. The pattern is the same everywhere, so that a position has the same colour in every view.
 const LAMP_RAYS: usize = 16;
 
-/// The lamp's places are dealt to this many rays in turn: the rays of a pixel together see the whole lamp.
+/// The lamp's positions are dealt to this many rays in turn: the rays of a pixel together see the whole lamp.
 pub(super) const LAMP_SHARES: usize = 4;
 
-/// A set of the lamp's places, one bit each.
+/// A set of the lamp's positions, one bit each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Lit(u32);
 
@@ -25,18 +25,18 @@ impl Lit {
     /// The whole lamp.
     pub const ALL: Self = Self((1 << LAMP_RAYS) - 1);
 
-    /// Every [`LAMP_SHARES`]-th place, from `index` on.
+    /// Every [`LAMP_SHARES`]-th position, from `index` on.
     pub fn share(index: usize) -> Self {
-        let places = (index % LAMP_SHARES..LAMP_RAYS).step_by(LAMP_SHARES);
-        Self(places.fold(0, |bits, place| bits | 1 << place))
+        let positions = (index % LAMP_SHARES..LAMP_RAYS).step_by(LAMP_SHARES);
+        Self(positions.fold(0, |bits, position| bits | 1 << position))
     }
 
     fn keep(self, keeps: impl Fn(usize) -> bool) -> Self {
         let (mut left, mut kept) = (self.0, 0);
         while left != 0 {
-            let place = left.trailing_zeros();
+            let position = left.trailing_zeros();
             left &= left - 1;
-            kept |= u32::from(keeps(place as usize)) << place;
+            kept |= u32::from(keeps(position as usize)) << position;
         }
         Self(kept)
     }
@@ -45,7 +45,7 @@ impl Lit {
 /// Shadow rays start this far off a surface, metres: farther than marching leaves it.
 const LIFT: f64 = 1e-4;
 
-/// A wall or floor, seen from the side its normal points to; `normal . place = offset`.
+/// A wall or floor, seen from the side its normal points to; `normal . position = offset`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plane {
     pub normal: DVec3,
@@ -55,7 +55,7 @@ pub(super) struct Plane {
     pub texture: Texture,
 }
 
-/// A body's pose, and the lamp as the body sees it: shadow rays are then tested in the body's coordinates without being
+/// An object's pose, and the lamp as the object sees it: shadow rays are then tested in its coordinates without being
 /// turned one by one.
 #[derive(Debug, Clone)]
 pub(super) struct Placed {
@@ -63,11 +63,11 @@ pub(super) struct Placed {
     lamp: [DVec3; LAMP_RAYS],
 }
 
-/// A moving body.
+/// A moving object.
 #[derive(Debug, Clone)]
-pub(super) struct Mover {
+pub(super) struct MovingObject {
     pub name: &'static str,
-    pub body: Body,
+    pub solid: Solid,
     pub motion: Motion,
 }
 
@@ -76,7 +76,7 @@ pub(super) struct Mover {
 pub(super) struct Lamp {
     pub centre: DVec3,
     pub radius: f64,
-    places: [DVec3; LAMP_RAYS],
+    positions: [DVec3; LAMP_RAYS],
 }
 
 /// Light of the sky, brighter towards the horizon, linear.
@@ -88,8 +88,8 @@ fn sky(direction: DVec3) -> DVec3 {
 #[derive(Debug, Clone)]
 pub(super) struct Stage {
     pub planes: Vec<Plane>,
-    pub still: Vec<(Placed, Body)>,
-    pub movers: Vec<Mover>,
+    pub still: Vec<(Placed, Solid)>,
+    pub objects: Vec<MovingObject>,
     pub lamp: Lamp,
     /// Light that arrives at a surface facing the lamp.
     pub lamp_color: DVec3,
@@ -97,15 +97,15 @@ pub(super) struct Stage {
     pub sky: [DVec3; 2],
 }
 
-/// What a ray meets when no mover is there.
+/// What a ray meets when no moving object is there.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct StillPoint {
+pub(super) struct StaticPoint {
     /// Infinite when the ray meets nothing but the sky.
     pub t: f64,
-    pub place: DVec3,
+    pub position: DVec3,
     normal: DVec3,
     albedo: DVec3,
-    /// The places on the lamp that this ray asks for, and those of them that no still body hides.
+    /// The positions on the lamp that this ray asks for, and those of them that no static object hides.
     lamp: Lit,
     lit: Lit,
     /// Linear light.
@@ -114,41 +114,41 @@ pub(super) struct StillPoint {
 
 /// What a ray meets at an instant.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sight {
+pub(super) struct RaySample {
     /// Linear light.
     pub color: DVec3,
-    /// The mover that is met and where, if one is.
-    pub mover: Option<(usize, f64)>,
+    /// The moving object that is met and where, if one is.
+    pub object: Option<(usize, f64)>,
 }
 
 impl Lamp {
-    /// A disc that faces the origin, its places in a sunflower's pattern: even and without directions.
+    /// A disc that faces the origin, its positions in a sunflower's pattern: even and without directions.
     pub fn new(centre: DVec3, radius: f64) -> Self {
         let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
         let (across, up) = centre.normalize().any_orthonormal_pair();
-        let places = std::array::from_fn(|i| {
+        let positions = std::array::from_fn(|i| {
             let r = radius * ((i as f64 + 0.5) / LAMP_RAYS as f64).sqrt();
             let (sin, cos) = (i as f64 * golden_angle).sin_cos();
             centre + r * (cos * across + sin * up)
         });
-        Self { centre, radius, places }
+        Self { centre, radius, positions }
     }
 
-    /// A body at `pose` under this lamp.
-    pub fn place(&self, pose: Pose) -> Placed {
+    /// An object at `pose` under this lamp.
+    pub fn posed(&self, pose: Pose) -> Placed {
         let back = pose.rotation.conjugate();
-        Placed { pose, lamp: self.places.map(|place| back * (place - pose.position)) }
+        Placed { pose, lamp: self.positions.map(|position| back * (position - pose.position)) }
     }
 }
 
 impl Stage {
-    /// All movers at time `t`.
+    /// All moving objects at time `t`.
     pub fn placed(&self, t: f64) -> Vec<Placed> {
-        self.movers.iter().map(|mover| self.lamp.place(mover.motion.pose(t))).collect()
+        self.objects.iter().map(|object| self.lamp.posed(object.motion.pose(t))).collect()
     }
 
-    /// What a ray meets of planes and still bodies, as the places in `lamp` light it.
-    pub fn still(&self, ray: &Ray, lamp: Lit) -> StillPoint {
+    /// What a ray meets of planes and static objects, as the positions in `lamp` light it.
+    pub fn still(&self, ray: &Ray, lamp: Lit) -> StaticPoint {
         let (mut t, mut normal, mut albedo) = (f64::INFINITY, DVec3::Z, DVec3::ZERO);
         let mut own = None;
         for plane in &self.planes {
@@ -159,108 +159,116 @@ impl Stage {
                 albedo = plane.texture.color(ray.at(at));
             }
         }
-        for (index, (placed, body)) in self.still.iter().enumerate() {
-            if let Some(hit) = body.intersect(ray, &placed.pose).filter(|hit| hit.t < t) {
+        for (index, (placed, solid)) in self.still.iter().enumerate() {
+            if let Some(hit) = solid.intersect(ray, &placed.pose).filter(|hit| hit.t < t) {
                 (t, normal) = (hit.t, hit.normal);
-                albedo = body.parts[hit.part].texture.color(hit.local);
+                albedo = solid.parts[hit.part].texture.color(hit.local);
                 own = Some((index, hit.part));
             }
         }
         if t.is_infinite() {
-            return StillPoint { t, place: ray.origin, normal, albedo, lamp, lit: Lit(0), color: sky(ray.direction) };
+            return StaticPoint {
+                t,
+                position: ray.origin,
+                normal,
+                albedo,
+                lamp,
+                lit: Lit(0),
+                color: sky(ray.direction),
+            };
         }
-        let place = ray.at(t);
-        let lit = self.lit_by_still(place, normal, lamp, own);
-        StillPoint { t, place, normal, albedo, lamp, lit, color: self.reflect(place, normal, albedo, lamp, lit) }
+        let position = ray.at(t);
+        let lit = self.lit_by_still(position, normal, lamp, own);
+        StaticPoint { t, position, normal, albedo, lamp, lit, color: self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// What a ray meets when the movers are at `movers`; `still` is what it meets without them.
-    pub fn sight(&self, ray: &Ray, still: &StillPoint, movers: &[Placed]) -> Sight {
+    /// What a ray meets when the moving objects are at `objects`; `still` is what it meets without them.
+    pub fn sample(&self, ray: &Ray, still: &StaticPoint, objects: &[Placed]) -> RaySample {
         let mut nearest: Option<(usize, Hit)> = None;
-        for (index, (mover, placed)) in self.movers.iter().zip(movers).enumerate() {
+        for (index, (object, placed)) in self.objects.iter().zip(objects).enumerate() {
             let limit = nearest.map_or(still.t, |(_, hit)| hit.t);
-            if let Some(hit) = mover.body.intersect(ray, &placed.pose).filter(|hit| hit.t < limit) {
+            if let Some(hit) = object.solid.intersect(ray, &placed.pose).filter(|hit| hit.t < limit) {
                 nearest = Some((index, hit));
             }
         }
         let Some((index, hit)) = nearest else {
-            return Sight { color: self.shaded(still, movers), mover: None };
+            return RaySample { color: self.shaded(still, objects), object: None };
         };
-        let place = ray.at(hit.t);
-        let albedo = self.movers[index].body.parts[hit.part].texture.color(hit.local);
-        let lit = self.lit_by_still(place, hit.normal, still.lamp, None);
-        let lit = self.lit_by_movers(place, hit.normal, lit, movers, Some((index, hit.part)));
-        Sight { color: self.reflect(place, hit.normal, albedo, still.lamp, lit), mover: Some((index, hit.t)) }
+        let position = ray.at(hit.t);
+        let albedo = self.objects[index].solid.parts[hit.part].texture.color(hit.local);
+        let lit = self.lit_by_still(position, hit.normal, still.lamp, None);
+        let lit = self.lit_by_objects(position, hit.normal, lit, objects, Some((index, hit.part)));
+        RaySample { color: self.reflect(position, hit.normal, albedo, still.lamp, lit), object: Some((index, hit.t)) }
     }
 
-    /// Whether a mover within `radius` of `centre` may cover or shade what a ray meets.
-    pub fn may_touch(&self, ray: &Ray, still: &StillPoint, centre: DVec3, radius: f64) -> bool {
+    /// Whether a moving object within `radius` of `centre` may cover or shade what a ray meets.
+    pub fn may_touch(&self, ray: &Ray, still: &StaticPoint, centre: DVec3, radius: f64) -> bool {
         let ahead = (centre - ray.origin).dot(ray.direction).clamp(0.0, still.t.min(1e9));
-        ray.at(ahead).distance_squared(centre) <= radius * radius || self.may_shade(still.place, centre, radius)
+        ray.at(ahead).distance_squared(centre) <= radius * radius || self.may_shade(still.position, centre, radius)
     }
 
-    /// Whether a ball may stand between a place and any part of the lamp. A segment to a place on the lamp is, at share
+    /// Whether a ball may stand between a position and any part of the lamp. A segment to a position on the lamp is, at share
     /// s of its length, at most s lamp radii away from the segment to the lamp's centre.
-    fn may_shade(&self, place: DVec3, centre: DVec3, radius: f64) -> bool {
-        let to_lamp = self.lamp.centre - place;
+    fn may_shade(&self, position: DVec3, centre: DVec3, radius: f64) -> bool {
+        let to_lamp = self.lamp.centre - position;
         let length = to_lamp.length();
         let direction = to_lamp / length;
-        let ahead = (centre - place).dot(direction);
+        let ahead = (centre - position).dot(direction);
         let spread = self.lamp.radius * ((ahead + radius + self.lamp.radius) / length).clamp(0.0, 1.0);
         let reach = radius + spread;
-        (place + ahead.clamp(0.0, length) * direction).distance_squared(centre) <= reach * reach
+        (position + ahead.clamp(0.0, length) * direction).distance_squared(centre) <= reach * reach
     }
 
-    /// The colour of a still place under the movers' shadows.
-    fn shaded(&self, still: &StillPoint, movers: &[Placed]) -> DVec3 {
-        let StillPoint { place, normal, albedo, lamp, .. } = *still;
-        let lit = self.lit_by_movers(place, normal, still.lit, movers, None);
-        if lit == still.lit { still.color } else { self.reflect(place, normal, albedo, lamp, lit) }
+    /// The colour of a still position under the moving objects' shadows.
+    fn shaded(&self, still: &StaticPoint, objects: &[Placed]) -> DVec3 {
+        let StaticPoint { position, normal, albedo, lamp, .. } = *still;
+        let lit = self.lit_by_objects(position, normal, still.lit, objects, None);
+        if lit == still.lit { still.color } else { self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// The places in `lit` that movers do not hide; `own` is the mover and part that the place is on.
-    fn lit_by_movers(
+    /// The positions in `lit` that moving objects do not hide; `own` is the moving object and part that the position is on.
+    fn lit_by_objects(
         &self,
-        place: DVec3,
+        position: DVec3,
         normal: DVec3,
         mut lit: Lit,
-        movers: &[Placed],
+        objects: &[Placed],
         own: Option<(usize, usize)>,
     ) -> Lit {
-        let origin = place + LIFT * normal;
-        for (index, (mover, placed)) in self.movers.iter().zip(movers).enumerate() {
+        let origin = position + LIFT * normal;
+        for (index, (object, placed)) in self.objects.iter().zip(objects).enumerate() {
             let except = own.filter(|(own, _)| *own == index).map(|(_, part)| part);
-            lit = self.unhidden(origin, lit, &mover.body, placed, except);
+            lit = self.unhidden(origin, lit, &object.solid, placed, except);
         }
         lit
     }
 
-    /// The places in `lamp` that a surface faces and no still body hides; `own` as above, among still bodies.
-    fn lit_by_still(&self, place: DVec3, normal: DVec3, lamp: Lit, own: Option<(usize, usize)>) -> Lit {
-        let origin = place + LIFT * normal;
-        let mut lit = lamp.keep(|i| normal.dot(self.lamp.places[i] - origin) > 0.0);
-        for (index, (placed, body)) in self.still.iter().enumerate() {
+    /// The positions in `lamp` that a surface faces and no static object hides; `own` as above, among static objects.
+    fn lit_by_still(&self, position: DVec3, normal: DVec3, lamp: Lit, own: Option<(usize, usize)>) -> Lit {
+        let origin = position + LIFT * normal;
+        let mut lit = lamp.keep(|i| normal.dot(self.lamp.positions[i] - origin) > 0.0);
+        for (index, (placed, solid)) in self.still.iter().enumerate() {
             let except = own.filter(|(own, _)| *own == index).map(|(_, part)| part);
-            lit = self.unhidden(origin, lit, body, placed, except);
+            lit = self.unhidden(origin, lit, solid, placed, except);
         }
         lit
     }
 
-    /// The places in `lit` that a body does not hide from `origin`; `except` is the part of the body it is on.
-    fn unhidden(&self, origin: DVec3, lit: Lit, body: &Body, placed: &Placed, except: Option<usize>) -> Lit {
-        let is_alone = except.is_some() && body.parts.len() == 1;
-        if lit.0 == 0 || is_alone || !self.may_shade(origin, placed.pose.position, body.radius) {
+    /// The positions in `lit` that an object does not hide from `origin`; `except` is the part of the object it is on.
+    fn unhidden(&self, origin: DVec3, lit: Lit, solid: &Solid, placed: &Placed, except: Option<usize>) -> Lit {
+        let is_alone = except.is_some() && solid.parts.len() == 1;
+        if lit.0 == 0 || is_alone || !self.may_shade(origin, placed.pose.position, solid.radius) {
             return lit;
         }
         let origin = placed.pose.rotation.conjugate() * (origin - placed.pose.position);
-        lit.keep(|i| !body.is_between(origin, placed.lamp[i] - origin, except))
+        lit.keep(|i| !solid.is_between(origin, placed.lamp[i] - origin, except))
     }
 
-    /// Light that leaves a place (linear, not above 1) when `lit` of the lamp's places `lamp` light it.
-    fn reflect(&self, place: DVec3, normal: DVec3, albedo: DVec3, lamp: Lit, lit: Lit) -> DVec3 {
+    /// Light that leaves a position (linear, not above 1) when `lit` of the lamp's positions `lamp` light it.
+    fn reflect(&self, position: DVec3, normal: DVec3, albedo: DVec3, lamp: Lit, lit: Lit) -> DVec3 {
         let (mut direct, mut left) = (0.0, lit.0);
         while left != 0 {
-            let to_lamp = self.lamp.places[left.trailing_zeros() as usize] - place;
+            let to_lamp = self.lamp.positions[left.trailing_zeros() as usize] - position;
             direct += normal.dot(to_lamp).max(0.0) / to_lamp.length();
             left &= left - 1;
         }

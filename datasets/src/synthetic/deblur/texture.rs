@@ -1,6 +1,6 @@
 //! Paint with detail at all scales: a texture without fine detail would look the same blurred and sharp.
 //!
-//! Textures are functions of the place in a body's own coordinates, so they turn with it. Cells get their colours from
+//! Textures are functions of the position in an object's own coordinates, so they turn with it. Cells get their colours from
 //! a hash of their numbers and a salt, which comes from the seed.
 
 use std::f64::consts::TAU;
@@ -36,14 +36,14 @@ pub(super) enum Pattern {
     Skin,
 }
 
-/// Cells are moved by this share of their side, so that no face of a body or room lies in the plane between two.
+/// Cells are moved by this share of their side, so that no face of an object or room lies in the plane between two.
 const CELL_OFFSET: f64 = 0.37;
 
 impl Texture {
-    /// The share of light that is reflected per channel at a place in the body's coordinates.
-    pub fn color(&self, place: DVec3) -> DVec3 {
+    /// The share of light that is reflected per channel at a position in the object's coordinates.
+    pub fn color(&self, position: DVec3) -> DVec3 {
         let [a, b, c] = self.colors;
-        let p = place / self.size;
+        let p = position / self.size;
         match self.pattern {
             Pattern::Mosaic => {
                 let shifted = p + CELL_OFFSET;
@@ -84,8 +84,8 @@ impl Texture {
                 if noise(2.3 * p, self.salt ^ 2) > 0.73 { c } else { color }
             }
             Pattern::Ball => {
-                let turns = place.y.atan2(place.x) / TAU;
-                let height = place.z / place.length().max(1e-9);
+                let turns = position.y.atan2(position.x) / TAU;
+                let height = position.z / position.length().max(1e-9);
                 let (column, row) = ((12.0 * turns).floor(), (3.5 * height).floor());
                 let (x, z) = (12.0 * turns - column - 0.5, 3.5 * height - row - 0.5);
                 let patch = self.pick(DVec3::new(column, row, 3.0));
@@ -98,7 +98,7 @@ impl Texture {
                 }
             }
             Pattern::Skin => {
-                let height = smooth(-0.5, 0.6, bumps(place));
+                let height = smooth(-0.5, 0.6, bumps(position));
                 let mark = noise(p, self.salt);
                 let color = a.lerp(b, height) * (0.65 + 0.7 * noise(3.0 * p, self.salt ^ 1));
                 if mark > 0.70 {
@@ -122,14 +122,14 @@ impl Texture {
 /// Half waves of the relief over one radius: a bump is about a quarter of a radius wide.
 const BUMPS: f64 = 3.5;
 
-/// The relief of a bumpy sphere in the direction of `place`: -1 in pits to 1 on bumps.
-pub(super) fn bumps(place: DVec3) -> f64 {
+/// The relief of a bumpy sphere in the direction of `position`: -1 in pits to 1 on bumps.
+pub(super) fn bumps(position: DVec3) -> f64 {
     // Parabolas in place of sines, and a cast in place of a rounding: marching evaluates this more than anything else.
     let wave = |u: f64| {
         let u = u - 2.0 * f64::from((0.5 * u + 64.5) as i32 - 64);
         4.0 * u * (1.0 - u.abs())
     };
-    let u = place * (BUMPS / place.length().max(1e-9));
+    let u = position * (BUMPS / position.length().max(1e-9));
     wave(u.x) * wave(u.y) * wave(u.z)
 }
 

@@ -1,4 +1,5 @@
-//! The worlds: one room, one mover each after the paper's scenes (and one with two), and still bodies that a mask must not include.
+//! The worlds: one room, one moving object each after the paper's scenes (and one with two), and static objects that a mask
+//! must not include.
 //!
 //! Units are metres; z is up; the cameras look along +y. At the default camera a metre at the target is about 76
 //! pixels of a 256 pixel wide image, so a metre per unit of time is about 4.6 pixels per exposure of 0.06.
@@ -8,18 +9,18 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::World;
-use super::body::{Body, Form, Part};
 use super::motion::{Bounce, Motion, Path, Pose};
-use super::stage::{Lamp, Mover, Plane, Stage};
+use super::solid::{Form, Part, Solid};
+use super::stage::{Lamp, MovingObject, Plane, Stage};
 use super::texture::{Pattern, Texture};
 
-/// Half the room's width, the places of its back and front wall, metres.
+/// Half the room's width, the positions of its back and front wall, metres.
 const ROOM: (f64, f64, f64) = (3.0, 2.3, -5.0);
 
 /// Radius of the floor in the open, metres.
 const GROUND: f64 = 5.0;
 
-/// Builds a world, in a room or in the `open`; textures and the still bodies' turns come from `rng`.
+/// Builds a world, in a room or in the `open`; textures and the static objects' turns come from `rng`.
 pub(super) fn stage(world: World, speed: f64, open: bool, rng: &mut ChaCha8Rng) -> Stage {
     let mut paint = |pattern, size, colors: [[f64; 3]; 3]| Texture {
         pattern,
@@ -27,7 +28,7 @@ pub(super) fn stage(world: World, speed: f64, open: bool, rng: &mut ChaCha8Rng) 
         colors: colors.map(DVec3::from_array),
         salt: rng.random(),
     };
-    let mut movers = match world {
+    let mut objects = match world {
         World::Cube => vec![cube(&mut paint)],
         World::Lychee => vec![lychee(&mut paint)],
         World::Monkey => vec![monkey(&mut paint)],
@@ -42,26 +43,26 @@ pub(super) fn stage(world: World, speed: f64, open: bool, rng: &mut ChaCha8Rng) 
     let lamp = Lamp::new(DVec3::new(1.4, -2.2, 4.0), 0.5);
     let still = distractors(world, &mut paint)
         .into_iter()
-        .map(|(place, part)| {
+        .map(|(position, part)| {
             let turn = DQuat::from_rotation_z(rng.random_range(-0.4..0.4));
-            (lamp.place(Pose { rotation: turn, position: place }), Body::new(vec![part]))
+            (lamp.posed(Pose { rotation: turn, position }), Solid::new(vec![part]))
         })
         .collect();
-    for mover in &mut movers {
-        mover.motion.speed = speed;
+    for object in &mut objects {
+        object.motion.speed = speed;
     }
     Stage {
         planes,
         still,
-        movers,
+        objects,
         lamp,
         lamp_color: DVec3::new(0.92, 0.86, 0.76),
         sky: [DVec3::new(0.24, 0.27, 0.33), DVec3::new(0.12, 0.11, 0.10)],
     }
 }
 
-fn part(form: Form, place: [f64; 3], texture: Texture) -> Part {
-    Part { form, place: DVec3::from_array(place), turn: DQuat::IDENTITY, texture }
+fn part(form: Form, position: [f64; 3], texture: Texture) -> Part {
+    Part { form, position: DVec3::from_array(position), turn: DQuat::IDENTITY, texture }
 }
 
 fn motion(path: Path, axis: [f64; 3], rate: f64, acceleration: f64) -> Motion {
@@ -72,25 +73,25 @@ fn motion(path: Path, axis: [f64; 3], rate: f64, acceleration: f64) -> Motion {
 type Paint<'a> = dyn FnMut(Pattern, f64, [[f64; 3]; 3]) -> Texture + 'a;
 
 /// A tilted box that crosses the room while it turns.
-fn cube(paint: &mut Paint) -> Mover {
+fn cube(paint: &mut Paint) -> MovingObject {
     let texture = paint(Pattern::Mosaic, 0.12, [[0.80, 0.62, 0.10], [0.08, 0.25, 0.60], [0.85, 0.83, 0.78]]);
-    let body = Body::new(vec![part(Form::Cuboid { half: DVec3::splat(0.34) }, [0.0; 3], texture)]);
+    let solid = Solid::new(vec![part(Form::Cuboid { half: DVec3::splat(0.34) }, [0.0; 3], texture)]);
     let path = Path::Sway { centre: DVec3::new(0.0, 0.05, 0.78), swing: DVec3::new(0.78, 0.30, 0.10), rate: 2.1 };
     let mut motion = motion(path, [0.35, 0.15, 1.0], 1.4, 0.0);
     motion.turn = DQuat::from_rotation_x(0.35) * DQuat::from_rotation_z(0.6);
-    Mover { name: "cube", body, motion }
+    MovingObject { name: "cube", solid, motion }
 }
 
 /// A bumpy fruit that spins about a tilted axis and drifts.
-fn lychee(paint: &mut Paint) -> Mover {
+fn lychee(paint: &mut Paint) -> MovingObject {
     let texture = paint(Pattern::Skin, 0.11, [[0.30, 0.02, 0.04], [0.80, 0.16, 0.14], [0.88, 0.72, 0.45]]);
-    let body = Body::new(vec![part(Form::Bumpy { radius: 0.56, relief: 0.07 }, [0.0; 3], texture)]);
+    let solid = Solid::new(vec![part(Form::Bumpy { radius: 0.56, relief: 0.07 }, [0.0; 3], texture)]);
     let path = Path::Sway { centre: DVec3::new(0.0, 0.0, 0.68), swing: DVec3::new(0.40, 0.12, 0.05), rate: 1.6 };
-    Mover { name: "lychee", body, motion: motion(path, [0.25, 0.15, 1.0], 2.0, 0.0) }
+    MovingObject { name: "lychee", solid, motion: motion(path, [0.25, 0.15, 1.0], 2.0, 0.0) }
 }
 
 /// A head of spheres and rings that runs around a bend, ever faster, and turns with it.
-fn monkey(paint: &mut Paint) -> Mover {
+fn monkey(paint: &mut Paint) -> MovingObject {
     let fur = paint(Pattern::Fur, 0.13, [[0.42, 0.22, 0.08], [0.10, 0.05, 0.02], [0.75, 0.55, 0.30]]);
     let skin = paint(Pattern::Plaster, 0.10, [[0.80, 0.55, 0.36], [0.62, 0.36, 0.22], [0.40, 0.16, 0.10]]);
     let ring = paint(Pattern::Mosaic, 0.09, [[0.10, 0.45, 0.25], [0.85, 0.80, 0.30], [0.80, 0.20, 0.12]]);
@@ -98,7 +99,7 @@ fn monkey(paint: &mut Paint) -> Mover {
     let sphere = |radius: f64| Form::Sphere { radius };
     let ear = Form::Torus { major: 0.13, minor: 0.056 };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let body = Body::new(vec![
+    let solid = Solid::new(vec![
         part(sphere(0.37), [0.0, 0.0, 0.0], fur),
         part(sphere(0.21), [0.0, -0.25, -0.11], skin),
         part(sphere(0.07), [-0.14, -0.32, 0.11], eye),
@@ -108,36 +109,36 @@ fn monkey(paint: &mut Paint) -> Mover {
         part(Form::Torus { major: 0.31, minor: 0.09 }, [0.0, 0.0, -0.34], ring),
         part(Form::Cuboid { half: DVec3::new(0.15, 0.15, 0.10) }, [0.0, 0.02, 0.42], ring),
     ]);
-    // The bend's angle and the spin are the same function of time: the face keeps its place on the bend.
+    // The bend's angle and the spin are the same function of time: the face keeps its position on the bend.
     let (rate, acceleration, middle) = (1.5, 1.9, -std::f64::consts::FRAC_PI_2);
     let path = Path::Orbit { centre: DVec3::new(-0.08, 0.72, 0.70), radius: 0.80, start: middle, rate, acceleration };
-    Mover { name: "monkey", body, motion: motion(path, [0.0, 0.0, 1.0], rate, acceleration) }
+    MovingObject { name: "monkey", solid, motion: motion(path, [0.0, 0.0, 1.0], rate, acceleration) }
 }
 
 /// A ball that falls, touches the floor once and comes up again.
-fn sphere(paint: &mut Paint) -> Mover {
+fn sphere(paint: &mut Paint) -> MovingObject {
     let texture = paint(Pattern::Ball, 0.06, [[0.75, 0.08, 0.06], [0.10, 0.30, 0.65], [0.85, 0.65, 0.10]]);
     let radius = 0.33;
-    let body = Body::new(vec![part(Form::Sphere { radius }, [0.0; 3], texture)]);
+    let solid = Solid::new(vec![part(Form::Sphere { radius }, [0.0; 3], texture)]);
     let bounce = Bounce { height: 0.72, fall: 0.46, contact: 0.05, touch: 0.04 };
     let centre = DVec3::new(0.05, -0.1, radius);
     let path = Path::Bounce { centre, swing: DVec3::new(0.55, 0.25, 0.0), rate: 1.6, bounce };
     let mut motion = motion(path, [0.3, 1.0, 0.2], 1.3, 0.0);
     motion.turn = DQuat::from_rotation_x(0.5);
-    Mover { name: "sphere", body, motion }
+    MovingObject { name: "sphere", solid, motion }
 }
 
 /// A box on the left and a bumpy ball on the right, which turn about other axes at other rates.
-fn pair(paint: &mut Paint) -> Vec<Mover> {
+fn pair(paint: &mut Paint) -> Vec<MovingObject> {
     let tiles = paint(Pattern::Mosaic, 0.10, [[0.12, 0.42, 0.38], [0.86, 0.80, 0.62], [0.70, 0.26, 0.10]]);
     let skin = paint(Pattern::Skin, 0.10, [[0.20, 0.06, 0.28], [0.62, 0.24, 0.52], [0.88, 0.78, 0.60]]);
-    let cuboid = Body::new(vec![part(Form::Cuboid { half: DVec3::splat(0.25) }, [0.0; 3], tiles)]);
-    let bumpy = Body::new(vec![part(Form::Bumpy { radius: 0.34, relief: 0.05 }, [0.0; 3], skin)]);
+    let cuboid = Solid::new(vec![part(Form::Cuboid { half: DVec3::splat(0.25) }, [0.0; 3], tiles)]);
+    let bumpy = Solid::new(vec![part(Form::Bumpy { radius: 0.34, relief: 0.05 }, [0.0; 3], skin)]);
     let left = Path::Sway { centre: DVec3::new(-0.72, 0.0, 0.72), swing: DVec3::new(0.30, 0.25, 0.24), rate: 2.3 };
     let right = Path::Sway { centre: DVec3::new(0.74, 0.05, 0.62), swing: DVec3::new(0.26, -0.30, -0.12), rate: 1.9 };
     vec![
-        Mover { name: "box", body: cuboid, motion: motion(left, [0.3, 0.1, 1.0], 2.2, 0.0) },
-        Mover { name: "bumpy", body: bumpy, motion: motion(right, [-0.2, 0.3, -1.0], 2.4, 0.0) },
+        MovingObject { name: "box", solid: cuboid, motion: motion(left, [0.3, 0.1, 1.0], 2.2, 0.0) },
+        MovingObject { name: "bumpy", solid: bumpy, motion: motion(right, [-0.2, 0.3, -1.0], 2.4, 0.0) },
     ]
 }
 
@@ -172,14 +173,14 @@ fn room(world: World, paint: &mut Paint) -> Vec<Plane> {
     ]
 }
 
-/// Still bodies around the movers' paths, none in them.
+/// Static objects around the moving objects' paths, none in them.
 fn distractors(world: World, paint: &mut Paint) -> Vec<(DVec3, Part)> {
     let wood = paint(Pattern::Planks, 0.10, [[0.45, 0.24, 0.08], [0.58, 0.38, 0.16], [0.22, 0.10, 0.04]]);
     let blue = paint(Pattern::Plaster, 0.13, [[0.08, 0.20, 0.50], [0.20, 0.42, 0.66], [0.75, 0.75, 0.72]]);
     let tiles = paint(Pattern::Mosaic, 0.11, [[0.60, 0.20, 0.14], [0.75, 0.68, 0.52], [0.18, 0.30, 0.24]]);
     let striped = paint(Pattern::Fur, 0.17, [[0.62, 0.50, 0.14], [0.16, 0.24, 0.30], [0.80, 0.76, 0.66]]);
     let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
-    let still = |place: DVec3, form: Form, texture: Texture| (place, part(form, [0.0; 3], texture));
+    let still = |position: DVec3, form: Form, texture: Texture| (position, part(form, [0.0; 3], texture));
     let cuboid = |x: f64, y: f64, z: f64| Form::Cuboid { half: DVec3::new(x, y, z) };
     let ball = |radius: f64| Form::Sphere { radius };
     let ring = Form::Torus { major: 0.26, minor: 0.09 };

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::rig::{ANGLE_X, Camera, Rig, cameras};
-use super::shutter::{Moment, Shot, photograph};
+use super::shutter::{ExposurePoses, Shot, photograph};
 use super::stage::Stage;
 use super::{DeblurOptions, points, priors, worlds};
 use crate::error::DatasetError;
@@ -52,13 +52,13 @@ impl Draws {
 /// truth/{sharp,blurry}/...          their counterparts
 /// truth/{depth,velocity}/...        EXR: camera z (channel Z), metres; world velocity (X, Y, Z), metres per unit of time;
 ///                                   both through the pixel's centre at the exposure's centre
-/// truth/{masks,masks_union}/...     255 where a mover is seen at the exposure's centre, and at any time of it
+/// truth/{masks,masks_union}/...     255 where a moving object is seen at the exposure's centre, and at any time of it
 /// priors/{depth,masks,sharp}/...    of training photos, with the faults of `options.priors`
 /// ```
 ///
 /// Keys of the JSON beside the usual ones: `exposure` (unit of `time`), `mask_meaning`, `depth_kind`, `blur_space`; per
 /// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the truth;
-/// `movers` with every mover's pose, velocity and angular velocity at each time. The JSON is written last: a folder
+/// `movers` with every moving object's pose, velocity and angular velocity at each time. The JSON is written last: a folder
 /// without it is not finished.
 ///
 /// # Errors
@@ -70,10 +70,10 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
     let (width, height) = (options.width, options.height);
     let rig = Rig { cameras: options.cameras, held_out: options.held_out, ring: options.ring, width, height };
     let cameras = cameras(&rig, &mut Draws::Rig.rng(seed));
-    let moments: Vec<Moment> = (0..options.frames)
+    let exposures: Vec<ExposurePoses> = (0..options.frames)
         .map(|i| {
             let (time, partly) = (options.time(i), options.priors.sharp_blur);
-            Moment::new(&stage, time, options.exposure_time(), options.subframes, partly)
+            ExposurePoses::new(&stage, time, options.exposure_time(), options.subframes, partly)
         })
         .collect();
     let together = (PIXELS_MAX / (width * height)).max(1);
@@ -81,8 +81,8 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
     progress(0, total);
     for (number, camera) in cameras.iter().enumerate() {
         let mut done = 0;
-        for moments in moments.chunks(together) {
-            let shots = photograph(&stage, camera, moments);
+        for exposures in exposures.chunks(together) {
+            let shots = photograph(&stage, camera, exposures);
             let written: Vec<Result<(), DatasetError>> = shots
                 .par_iter()
                 .enumerate()
@@ -93,7 +93,7 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
                 .collect();
             // Collected first, so that the error of the first frame is reported and not of the fastest.
             written.into_iter().collect::<Result<(), _>>()?;
-            done += moments.len();
+            done += exposures.len();
             progress(number * options.frames + done, total);
         }
     }
@@ -237,7 +237,7 @@ fn transforms(stage: &Stage, cameras: &[&Camera], options: &DeblurOptions) -> Va
         "mask_meaning": "dynamic",
         "depth_kind": options.priors.depth_kind(),
         "world": options.world.name(),
-        "movers": movers(stage, options),
+        "movers": objects(stage, options),
         "frames": frames,
     });
     if options.points > 0 {
@@ -246,13 +246,13 @@ fn transforms(stage: &Stage, cameras: &[&Camera], options: &DeblurOptions) -> Va
     top
 }
 
-/// Where every mover is and how it moves at each frame's time: the truth for motion models.
-fn movers(stage: &Stage, options: &DeblurOptions) -> Value {
-    let list = |mover: &super::stage::Mover| {
+/// Where every moving object is and how it moves at each frame's time: the truth for motion models.
+fn objects(stage: &Stage, options: &DeblurOptions) -> Value {
+    let list = |object: &super::stage::MovingObject| {
         let poses: Vec<Value> = (0..options.frames)
             .map(|frame| {
                 let time = options.time(frame);
-                let (pose, twist) = (mover.motion.pose(time), mover.motion.twist(time));
+                let (pose, twist) = (object.motion.pose(time), object.motion.twist(time));
                 let DQuat { x, y, z, w } = pose.rotation;
                 json!({
                     "time": time,
@@ -263,7 +263,7 @@ fn movers(stage: &Stage, options: &DeblurOptions) -> Value {
                 })
             })
             .collect();
-        json!({ "name": mover.name, "radius": mover.body.radius, "poses": poses })
+        json!({ "name": object.name, "radius": object.solid.radius, "poses": poses })
     };
-    stage.movers.iter().map(list).collect()
+    stage.objects.iter().map(list).collect()
 }

@@ -1,4 +1,4 @@
-//! Rigid bodies: parts with a form and a texture, and where rays meet them.
+//! Rigid objects: parts with a form and a texture, and where rays meet them.
 
 use glam::{DQuat, DVec3};
 
@@ -27,30 +27,30 @@ pub(super) enum Form {
     },
 }
 
-/// One painted form, placed and turned in its body.
+/// One painted form, placed and turned in its object.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Part {
     pub form: Form,
-    pub place: DVec3,
+    pub position: DVec3,
     pub turn: DQuat,
     pub texture: Texture,
 }
 
 /// Parts that move together.
 #[derive(Debug, Clone)]
-pub(super) struct Body {
+pub(super) struct Solid {
     pub parts: Vec<Part>,
-    /// Of the sphere around the body's origin that holds all parts.
+    /// Of the sphere around the object's origin that holds all parts.
     pub radius: f64,
 }
 
-/// Where a ray meets a body.
+/// Where a ray meets an object.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
     pub t: f64,
     /// Outward, world.
     pub normal: DVec3,
-    /// The part, and the place in its coordinates.
+    /// The part, and the position in its coordinates.
     pub part: usize,
     pub local: DVec3,
 }
@@ -81,16 +81,16 @@ impl Form {
     }
 
     /// About the distance to the surface, for forms without a short formula for crossings: below 0 inside.
-    fn distance(&self, place: DVec3) -> f64 {
+    fn distance(&self, position: DVec3) -> f64 {
         match *self {
             Self::Torus { major, minor } => {
-                let ring = place.truncate().length() - major;
-                (ring * ring + place.z * place.z).sqrt() - minor
+                let ring = position.truncate().length() - major;
+                (ring * ring + position.z * position.z).sqrt() - minor
             }
             // The height above the relief.
-            Self::Bumpy { radius, relief } => place.length() - radius * (1.0 + relief * bumps(place)),
-            Self::Sphere { radius } => place.length() - radius,
-            Self::Cuboid { half } => (place.abs() - half).max_element(),
+            Self::Bumpy { radius, relief } => position.length() - radius * (1.0 + relief * bumps(position)),
+            Self::Sphere { radius } => position.length() - radius,
+            Self::Cuboid { half } => (position.abs() - half).max_element(),
         }
     }
 
@@ -116,7 +116,7 @@ impl Form {
         Some(Crossing { t: outside, normal: self.slope(ray.at(outside)) })
     }
 
-    /// The crossing between a place outside and one inside: false position, which halves the weight of an end that
+    /// The crossing between a position outside and one inside: false position, which halves the weight of an end that
     /// stays (Illinois), so that both ends close in.
     fn crossing(&self, ray: &Ray, mut outside: (f64, f64), mut inside: (f64, f64)) -> f64 {
         let mut last = 0.0;
@@ -139,7 +139,7 @@ impl Form {
     }
 
     /// The outward normal: the direction in which the distance grows, by differences to the corners of a tetrahedron.
-    fn slope(&self, place: DVec3) -> DVec3 {
+    fn slope(&self, position: DVec3) -> DVec3 {
         const STEP: f64 = 1e-5;
         const CORNERS: [DVec3; 4] = [
             DVec3::new(1.0, -1.0, -1.0),
@@ -147,7 +147,7 @@ impl Form {
             DVec3::new(-1.0, -1.0, 1.0),
             DVec3::new(1.0, 1.0, 1.0),
         ];
-        let along = CORNERS.map(|corner| corner * self.distance(place + STEP * corner));
+        let along = CORNERS.map(|corner| corner * self.distance(position + STEP * corner));
         along.into_iter().sum::<DVec3>().normalize_or(DVec3::Z)
     }
 
@@ -188,13 +188,13 @@ fn to_local(ray: &Ray, rotation: DQuat, position: DVec3) -> Ray {
     Ray { origin: back * (ray.origin - position), direction: back * ray.direction }
 }
 
-impl Body {
+impl Solid {
     pub fn new(parts: Vec<Part>) -> Self {
-        let radius = parts.iter().map(|part| part.place.length() + part.form.radius()).fold(0.0, f64::max);
+        let radius = parts.iter().map(|part| part.position.length() + part.form.radius()).fold(0.0, f64::max);
         Self { parts, radius }
     }
 
-    /// The nearest crossing of a ray (world) with the body at `pose`.
+    /// The nearest crossing of a ray (world) with the object at `pose`.
     pub fn intersect(&self, ray: &Ray, pose: &Pose) -> Option<Hit> {
         if !may_meet(ray, pose.position, self.radius) {
             return None;
@@ -202,10 +202,10 @@ impl Body {
         let ray = to_local(ray, pose.rotation, pose.position);
         let mut nearest: Option<Hit> = None;
         for (index, part) in self.parts.iter().enumerate() {
-            if !may_meet(&ray, part.place, part.form.radius()) {
+            if !may_meet(&ray, part.position, part.form.radius()) {
                 continue;
             }
-            let inner = to_local(&ray, part.turn, part.place);
+            let inner = to_local(&ray, part.turn, part.position);
             let Some(crossing) = part.form.intersect(&inner) else { continue };
             if nearest.is_none_or(|hit| crossing.t < hit.t) {
                 let normal = pose.rotation * (part.turn * crossing.normal);
@@ -215,14 +215,14 @@ impl Body {
         nearest
     }
 
-    /// Whether a part other than `except` stands between `origin` and `origin + way`, in the body's coordinates. A surface
+    /// Whether a part other than `except` stands between `origin` and `origin + way`, in the object's coordinates. A surface
     /// that a light shines on does not shade itself as long as its own form is round, which all forms nearly are.
     pub fn is_between(&self, origin: DVec3, way: DVec3, except: Option<usize>) -> bool {
         if self.parts.len() > 1 && !passes(origin, way, self.radius) {
             return false;
         }
         self.parts.iter().enumerate().any(|(index, part)| {
-            let from = origin - part.place;
+            let from = origin - part.position;
             if except == Some(index) || !passes(from, way, part.form.radius()) {
                 return false;
             }
@@ -233,21 +233,21 @@ impl Body {
         })
     }
 
-    /// The first place along a ray, in steps from `from` to `to`, that is inside the body.
+    /// The first position along a ray, in steps from `from` to `to`, that is inside the object.
     #[cfg(test)]
     pub fn walk(&self, ray: &Ray, pose: &Pose, from: f64, to: f64, step: f64) -> Option<f64> {
         let count = ((to - from) / step) as usize;
         (0..count).map(|i| from + i as f64 * step).find(|t| {
-            let place = pose.rotation.conjugate() * (ray.at(*t) - pose.position);
-            self.parts.iter().any(|part| part.form.distance(part.turn.conjugate() * (place - part.place)) < 0.0)
+            let position = pose.rotation.conjugate() * (ray.at(*t) - pose.position);
+            self.parts.iter().any(|part| part.form.distance(part.turn.conjugate() * (position - part.position)) < 0.0)
         })
     }
 
-    /// The height of the body's lowest point at `pose`, by the balls around its parts or, for a lone box, its corners.
+    /// The height of the object's lowest point at `pose`, by the balls around its parts or, for a lone box, its corners.
     #[cfg(test)]
     pub fn lowest(&self, pose: &Pose) -> f64 {
         let bottom = |part: &Part| {
-            let height = (pose.position + pose.rotation * part.place).z;
+            let height = (pose.position + pose.rotation * part.position).z;
             let down = (pose.rotation * part.turn).conjugate() * -DVec3::Z;
             height
                 - match part.form {
