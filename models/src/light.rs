@@ -1,5 +1,5 @@
-//! Light: encoded colour, as files store it, to linear, in which light adds up, and back; the sRGB curve of
-//! IEC 61966-2-1, whose constants are in [`gs_burn::constants`].
+//! Encoded colour, as files store it, to linear light, which adds up, and back: the sRGB curve of IEC 61966-2-1, whose
+//! constants are in [`gs_burn::constants`].
 //!
 //! `linear = x / 12.92` up to 0.04045, `((x + 0.055) / 1.055)^2.4` above. Neither way clamps: outside 0..1 the two
 //! branches go on, so a colour that overshoots still has a gradient.
@@ -23,7 +23,7 @@ pub fn to_encoded<const D: usize>(linear: Tensor<D>) -> Tensor<D> {
     bright.mask_where(dark, linear * SRGB_SLOPE)
 }
 
-/// In which space colours are averaged.
+/// The space in which colours are averaged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mixing {
     /// As light adds up on a sensor.
@@ -34,12 +34,12 @@ pub enum Mixing {
 }
 
 impl Mixing {
-    /// Colours as stored to where they are averaged.
+    /// Stored colours in the space of averaging.
     pub fn decode<const D: usize>(self, encoded: Tensor<D>) -> Tensor<D> {
         if self == Self::Linear { to_linear(encoded) } else { encoded }
     }
 
-    /// And back.
+    /// Averaged colours as they are stored.
     pub fn encode<const D: usize>(self, mixed: Tensor<D>) -> Tensor<D> {
         if self == Self::Linear { to_encoded(mixed) } else { mixed }
     }

@@ -1,7 +1,7 @@
-//! Some of an image's pixels, as rows.
+//! A selection of an image's pixels, as rows.
 //!
-//! The blur synthesis works on rows of pixels, not on images: Eq. 15 compares moving pixels only, and they are a small
-//! part of most images.
+//! Losses and networks that concern moving pixels work on rows of them, not on images: moving pixels are a small part of most
+//! images.
 
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
 

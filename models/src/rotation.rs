@@ -24,7 +24,7 @@ const PRODUCT: [[(usize, f64); 4]; 4] = [
 
 /// `exp(r / 2) - 1` of rotation vectors `r` `[M, 3]` (radians, world axes), as quaternions w x y z `[M, 4]`.
 ///
-/// Smooth everywhere, zero included. Less one, because near the identity the small difference is what carries the
+/// Smooth everywhere, zero included. The identity is subtracted, because near it the small difference carries the
 /// digits.
 pub fn exp_less_one(rotation: Tensor<2>) -> Tensor<2> {
     let squared = rotation.clone().square().sum_dim(1);

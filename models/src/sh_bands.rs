@@ -1,8 +1,8 @@
-//! No more view-dependent colour than a scene needs: spherical-harmonic bands by the colour change they can make.
+//! Pruning of view-dependent colour: spherical-harmonic bands are judged by the colour change they can make.
 //!
 //! Band `l` adds `sum_m b_lm Y_lm(d)` to a channel. Since `sum_m Y_lm(d)^2 = (2 l + 1) / 4 pi` in every direction (addition
 //! theorem), it changes the channel by at most `sqrt((2 l + 1) / 4 pi) |b_l|`, and by that much in some direction. As for
-//! orders of motion, each band is shrunk as one group by a soft threshold, and the highest bands fall as long as nobody sees it.
+//! orders of motion, each band is shrunk as one group by a soft threshold, and the highest bands are removed as long as nobody sees it.
 
 use std::f64::consts::PI;
 
@@ -17,7 +17,7 @@ pub fn change(sh: &[f32], l: usize) -> f64 {
     (((2 * l + 1) as f64) / (4.0 * PI) * squares.into_iter().fold(0.0, largest)).sqrt()
 }
 
-/// The larger of two; not a number if either is.
+/// The larger of two; NaN if either is.
 fn largest(a: f64, b: f64) -> f64 {
     if a.is_nan() || a >= b { a } else { b }
 }
@@ -32,7 +32,7 @@ pub fn shrink(sh: &mut [f32], amount: f64) {
 }
 
 /// Zeroes the highest bands as long as all of them together change no channel by more than `limit`, and returns the degree that
-/// is left. Not a number counts as colour: a degree must not hide it.
+/// is left. NaN counts as colour: a degree must not hide it.
 pub fn lower(sh: &mut [f32], limit: f64) -> usize {
     let (mut degree, mut changed) = (room(sh), 0.0);
     while degree > 0 {

@@ -1,23 +1,23 @@
-//! An image between its pixels: bilinear sampling, differentiable by image and place (for Eq. 12).
+//! An image between its pixels: bilinear sampling, differentiable by image and position (for Eq. 12).
 
 use burn::tensor::Tensor;
 
-/// Colours of `image` `[H, W, C]` at `places` `[P, 2]` (x, y in pixels, the first pixel's centre at (0.5, 0.5)), `[P, C]`.
+/// Colours of `image` `[H, W, C]` at `positions` `[P, 2]` (x, y in pixels, the first pixel's centre at (0.5, 0.5)), `[P, C]`.
 ///
-/// Beyond the outermost centres the image goes on as it is at its border. The gradient by place is the slope of the
-/// bilinear patch, zero beyond the border; on a line between two patches it is that of the right or lower one.
+/// Beyond the outermost centres the image goes on as it is at its border. The gradient by position is the slope of the
+/// bilinear patch, zero beyond the border; on a line between two patches the right or lower patch counts.
 ///
 /// # Panics
 /// When the image has no pixels.
-pub fn bilinear(image: Tensor<3>, places: Tensor<2>) -> Tensor<2> {
+pub fn bilinear(image: Tensor<3>, positions: Tensor<2>) -> Tensor<2> {
     let [height, width, channels] = image.dims();
-    let count = places.dims()[0];
+    let count = positions.dims()[0];
     assert!(height > 0 && width > 0, "an image to sample must have pixels, it has {width} x {height}");
     // Patches are named by their first pixel; an image one pixel wide has one patch, of which only that side is used.
     // Turned once, since every operation on a column of two would walk memory with a stride.
-    let places = places.transpose();
-    let x = Axis::new(places.clone().narrow(0, 0, 1), width);
-    let y = Axis::new(places.narrow(0, 1, 1), height);
+    let positions = positions.transpose();
+    let x = Axis::new(positions.clone().narrow(0, 0, 1), width);
+    let y = Axis::new(positions.narrow(0, 1, 1), height);
     let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
     // One look-up for all four corners: its backward pass then writes into one image and not into four.
     let index = corners.map(|(right, below)| x.pixel(right) + y.pixel(below) * width as f64);
@@ -31,7 +31,7 @@ pub fn bilinear(image: Tensor<3>, places: Tensor<2>) -> Tensor<2> {
     (colors * share).reshape([4, count, channels]).sum_dim(0).reshape([count, channels])
 }
 
-/// Where places lie along one axis.
+/// Positions along one axis, between two pixels each.
 struct Axis {
     /// `[1, P]`, number of the pixel at or before each, no gradient.
     first: Tensor<2>,
@@ -41,13 +41,13 @@ struct Axis {
 }
 
 impl Axis {
-    fn new(places: Tensor<2>, pixels: usize) -> Self {
+    fn new(positions: Tensor<2>, pixels: usize) -> Self {
         let last = (pixels - 1) as f64;
-        let places = (places - 0.5).clamp(0.0, last);
-        let first = places.clone().detach().floor().clamp(0.0, (last - 1.0).max(0.0));
-        // What is not a number looks at pixel 0 (ndarray's conversion to whole numbers panics on it); the shares carry it.
+        let positions = (positions - 0.5).clamp(0.0, last);
+        let first = positions.clone().detach().floor().clamp(0.0, (last - 1.0).max(0.0));
+        // NaN looks at pixel 0 (ndarray's conversion to whole numbers panics on it); the shares carry it.
         let first = first.clone().mask_fill(first.is_nan(), 0.0);
-        Self { fraction: places - first.clone(), first, last }
+        Self { fraction: positions - first.clone(), first, last }
     }
 
     fn pixel(&self, next: f64) -> Tensor<2> {

@@ -1,4 +1,4 @@
-//! Where a pixel's light came from during the exposure: Eq. 6 and 8 to 10.
+//! The path of a pixel's surface through the image during the exposure: Eq. 6 and 8 to 10.
 //!
 //! `P_cam = D_in K^-1 (u, 1)`, `v_cam = R_view V_final`, `u_i = project(P_cam + t_i v_cam)`. Written out for a pinhole with
 //! focal length `f` and principal point `c`, with `v_cam = (v_xy, v_z)`:
@@ -46,7 +46,7 @@ pub fn to_world(points: Tensor<2>, viewmat: &Tensor<2>) -> Tensor<2> {
     exact_matmul(points.clone() - translation, rotation(viewmat, &points))
 }
 
-/// Where each pixel's surface is in the image at each moment of the exposure, Eq. 10: `[N, P, 2]`, pixels.
+/// Image positions of each pixel's surface at each moment of the exposure, Eq. 10: `[N, P, 2]`, pixels.
 ///
 /// `depth` `[P, 1]` is camera z (Eq. 6), `velocity` `[P, 3]` is in camera axes, scene units per unit of time (Eq. 9),
 /// `offsets` `[N]` are the moments, in the unit of time, from the exposure's centre (Eq. 7). Differentiable by all three.

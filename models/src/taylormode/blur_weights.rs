@@ -1,7 +1,7 @@
 //! How much each moment of the exposure counts at a pixel: the weight network of Eq. 11.
 //!
 //! `w(u) = softmax(F_w(D_in(u), v_cam(u)))`, N weights that sum to 1. The last layer starts at zero, so the first weights
-//! are those of a shutter that opens and closes at once: all equal.
+//! are all equal, as for a shutter that opens and closes at once.
 
 use burn::config::Config;
 use burn::module::Module;

@@ -1,9 +1,9 @@
-//! How much motion each Gaussian has: its polynomial order, and whether a higher one is worth its numbers.
+//! The polynomial order of each Gaussian's motion, and whether a higher one is worth its numbers.
 //!
 //! Order 0 is static; there is no other flag. A path is lowered by the polynomial of the next lower order that is nearest
 //! to it over the window in the largest deviation: `s^k` minus `T_k(s) / 2^(k-1)`, `T_k` Chebyshev's, deviates by
 //! `2^(1-k)` at most (economisation). A likelihood check on the photos decides between orders for a group of Gaussians; the
-//! remainder is worth having only where what is left over has a pattern in time. Not part of the paper, which has one
+//! remainder is worth having only where the residuals have a pattern in time. Not part of the paper, which has one
 //! order for all.
 
 use super::shrinkage::norm;
@@ -17,8 +17,8 @@ pub const NOTICEABLE: f64 = 0.1;
 const PATTERN: f64 = 2.0;
 
 /// Lowers a path of blocks of three from `order` as long as all lowerings together move it by no more than `limit` pixels, and
-/// returns the order that is left. What is taken out is zero in `path`; what that adds to the constant goes to `centre`. Not a
-/// number counts as motion: an order must not hide it.
+/// returns the order that is left. Removed blocks are zero in `path`, and their contribution to the constant goes to `centre`. NaN
+/// counts as motion: an order must not hide it.
 pub fn lower(path: &mut [f32], mut order: usize, pixels_per_unit: f64, limit: f64, centre: &mut [f32; 3]) -> usize {
     let mut moved = 0.0;
     while order > 0 {
@@ -37,7 +37,7 @@ pub fn deviation(path: &[f32], order: usize) -> f64 {
     norm(block(path, order)) * 0.5f64.powi(order as i32 - 1)
 }
 
-/// Replaces the path of `order` by the nearest of the next lower order; what that adds to the constant goes to `centre`.
+/// Replaces the path of `order` by the nearest of the next lower order; its contribution to the constant goes to `centre`.
 pub fn economise(path: &mut [f32], order: usize, centre: &mut [f32; 3]) {
     let leading = block(path, order);
     let leading = [leading[0], leading[1], leading[2]];
@@ -75,7 +75,7 @@ fn block(path: &[f32], order: usize) -> &[f32] {
     &path[3 * (order - 1)..][..3]
 }
 
-/// What two orders of the same Gaussians make of the same pixels: fitted ones, for which the criterion is made.
+/// Residuals of two orders of the same Gaussians at the same pixels. Both orders are fitted, as the criterion assumes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
     /// Sum of squared colour differences with the lower order.
@@ -86,7 +86,7 @@ pub struct Evidence {
     pub variance: f64,
     /// How many differences were summed.
     pub pixels: f64,
-    /// Area over which they are correlated, pixels: that of the blur kernel, at least 1. Neighbours that share a blur
+    /// Area over which the differences are correlated, pixels: the blur kernel's, at least 1. Neighbours that share a blur
     /// do not witness independently; counted one by one they would accept any order.
     pub blur_area: f64,
     /// How many numbers the higher order has more.

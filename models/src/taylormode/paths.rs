@@ -154,7 +154,7 @@ impl Paths {
         )
     }
 
-    /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, out of those of all rows at `t0`
+    /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, from all rows at `t0`
     /// (`[N, 3]`, `[N, 4]`).
     pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, at: impl Into<Instant>) -> (Tensor<2>, Tensor<2>) {
         self.samples(means, quats, &[at.into()]).remove(0)

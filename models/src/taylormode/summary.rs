@@ -1,11 +1,11 @@
-//! What a scene costs: its numbers counted, beside those of the same scene at one fixed order for all.
+//! Size of a scene: its numbers, and the numbers of the same scene at one fixed order for all Gaussians.
 
 /// Numbers of one Gaussian besides colour and motion: centre 3, orientation 4, size 3, opacity 1.
 const SHAPE: usize = 11;
-/// Bytes of a stored number, and of a row's place in the scene.
+/// Bytes of a stored number, and of a row number.
 const BYTES: usize = 4;
 
-/// How many there are of what.
+/// Counts of what a scene stores.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Size {
     /// Gaussians, static ones included.
@@ -20,7 +20,7 @@ pub struct Size {
     pub network: usize,
 }
 
-/// The same scene without restraint: every Gaussian moves, all at these orders.
+/// The same scene at one fixed order: every Gaussian moves, all at these orders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FixedOrder {
     /// Gaussians.

@@ -188,7 +188,7 @@ impl TaylorMotion {
         (self.gather(&own), own)
     }
 
-    /// Keeps the moving Gaussians `kept` (indices into [`rows`](Self::rows), ascending) and lets the others stand still. The
+    /// Keeps the moving Gaussians `kept` (indices into [`rows`](Self::rows), ascending) and makes the others static. The
     /// second answer as in [`follow`](Self::follow).
     pub fn retain(mut self, kept: &[u32]) -> (Self, RowMap) {
         self.rows = kept.iter().map(|index| self.rows[*index as usize]).collect();

@@ -2,7 +2,7 @@
 //!
 //! All times become `s = (t - t0) / half`: -1 to 1 inside the window. Outside, a polynomial of order `n` runs away as
 //! `|s|^n`, and one that fits the window best extrapolates worst. So past the edge each basis function returns, within
-//! [`FADE`], to its own best straight line over the window (least squares, uniform in `s`), which is what a model of order
+//! [`FADE`], to its own best straight line over the window (least squares, uniform in `s`), as a model of order
 //! 1 would have learned there, and then goes on at constant velocity. Position and velocity stay continuous, order 1 is
 //! not changed at all, and no order can extrapolate much worse than order 1.
 

@@ -1,8 +1,8 @@
 //! The small network: the same from the same seed, layers as written down, gradients by differences.
 
 use burn::module::Module;
+use burn::tensor::Tensor;
 use burn::tensor::activation::{relu, silu};
-use burn::tensor::{Tensor, TensorData};
 use gs_burn::{NamedGradients, NamedParameter, map_parameters, named_parameters};
 use gs_models::{Activation, Mlp, MlpConfig};
 use gs_tests::devices::{everywhere, reference};
@@ -64,7 +64,7 @@ fn a_seed_draws_these_numbers() {
     }
 }
 
-/// `forward` to the bit: product, then bias as a row, layer by layer.
+/// `forward` and its gradients to the bit: product, then bias as a row, layer by layer.
 #[test]
 fn forward_is_the_formula() {
     for place in everywhere() {
@@ -77,20 +77,36 @@ fn forward_is_the_formula() {
                 true => table + 0.37,
                 false => table,
             });
-            let bias = |layer: usize| -> Tensor<2> {
-                let row = mlp.layers[layer].bias.as_ref().expect("every layer has one").val();
-                let columns = row.dims()[0];
-                Tensor::from_data(TensorData::new(values(&row), [1, columns]), (&place.device, place.dtype))
-            };
-            let mut x = input.clone().matmul(mlp.layers[0].weight.val()) + bias(0);
-            for layer in 1..3 {
+            // Weights `[in, out]` and biases `[1, out]`, in turn.
+            let leaves: Vec<Tensor<2>> = named_parameters(&mlp)
+                .into_iter()
+                .map(|parameter| {
+                    let shape = match parameter.shape.len() {
+                        1 => [1, parameter.shape[0]],
+                        _ => parameter.table.dims(),
+                    };
+                    place.leaf(&values(&parameter.table), shape)
+                })
+                .collect();
+            let mut x = input.clone().matmul(leaves[0].clone()) + leaves[1].clone();
+            for layer in leaves[2..].chunks(2) {
                 x = match activation {
                     Activation::Relu => relu(x),
                     Activation::Silu => silu(x),
                 };
-                x = x.matmul(mlp.layers[layer].weight.val()) + bias(layer);
+                x = x.matmul(layer[0].clone()) + layer[1].clone();
             }
-            assert_eq!(values(&mlp.forward(input.clone())), values(&x), "{}: {activation:?}", place.name);
+            let tracked = mlp.train();
+            let found = tracked.forward(input.clone());
+            assert_eq!(values(&found), values(&x), "{}: {activation:?}", place.name);
+
+            let gradients = NamedGradients::take(&tracked, &mut found.square().sum().backward());
+            let expected = x.square().sum().backward();
+            for (parameter, leaf) in named_parameters(&tracked).iter().zip(&leaves) {
+                let (name, path) = (&place.name, &parameter.path);
+                let found = values(gradients.get(path).expect("a leaf"));
+                assert_eq!(found, values(&leaf.grad(&expected).expect("tracked")), "{name}: {activation:?}: {path}");
+            }
         }
     }
 }
