@@ -70,14 +70,20 @@ mod tests {
     #[test]
     fn every_recipe_says_what_it_is() {
         for recipe in &RECIPES {
-            assert!(recipe.about().ends_with('.') || recipe.about().ends_with(':'), "{}: {}", recipe.name, recipe.about());
+            assert!(
+                recipe.about().ends_with('.') || recipe.about().ends_with(':'),
+                "{}: {}",
+                recipe.name,
+                recipe.about()
+            );
         }
     }
 
     #[test]
     fn every_file_is_a_recipe() {
         fn count(folder: &std::path::Path) -> usize {
-            let entries = std::fs::read_dir(folder).expect("the folder of this crate").flatten().map(|entry| entry.path());
+            let entries =
+                std::fs::read_dir(folder).expect("the folder of this crate").flatten().map(|entry| entry.path());
             let files = entries.map(|path| match path.is_dir() {
                 true if path.ends_with("target") => 0,
                 true => count(&path),

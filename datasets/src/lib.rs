@@ -66,8 +66,8 @@ pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage
 pub use loader::{load, load_cameras};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
-pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SplitUse};
 pub use names::some_names;
+pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SplitUse};
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
 pub use statistics::mean;
-pub use subject::{nearest_to_axes, subject};
+pub use subject::{nearest_to_axes, subject, subject_distance};

@@ -122,8 +122,7 @@ impl Scene {
         1.1 * centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max)
     }
 
-    /// The median distance of the training cameras from the subject that all of them look at, scene units; `None` where there is no
-    /// such subject.
+    /// [`subject_distance`](crate::subject_distance) of the training cameras, scene units.
     pub fn subject_distance(&self) -> Option<f64> {
         subject_distance(&self.train.iter().map(|view| view.c2w).collect::<Vec<DMat4>>())
     }

@@ -39,9 +39,48 @@ pub fn subject(poses: &[DMat4]) -> Option<DVec3> {
     poses.iter().all(sees).then_some(subject)
 }
 
-/// The median distance of cameras (camera to world, OpenCV axes) from the subject that all of them look at, scene units; `None` where
-/// their axes do not meet before each of them (parallel axes, a walk through rooms, one camera).
-pub(crate) fn subject_distance(poses: &[DMat4]) -> Option<f64> {
-    let target = subject(poses)?;
-    median(poses.iter().map(|c2w| c2w.w_axis.truncate().distance(target)).collect())
+/// Least determinant (see [`nearest_to_axes`]) with which the subject says how far things are: axes that spread by some 10 degrees. A
+/// narrower rig knows its subject's distance worse than by half.
+const SPREAD: f64 = 0.005;
+
+/// Fewest cameras whose axes say where the subject is: those of two need not come near each other.
+const CAMERAS_MIN: usize = 3;
+
+/// The median depth of the subject, along the optical axes of the cameras (camera to world, OpenCV axes) that have it before them, scene
+/// units; `None` where their axes do not meet before most of them (parallel axes, a forward-facing rig, a walk through rooms, fewer than
+/// three cameras). The one meaning of "distance of the subject": near planes, warnings about them, and the depths at which random points
+/// begin are shares of it.
+pub fn subject_distance(poses: &[DMat4]) -> Option<f64> {
+    let subject = nearest_to_axes(poses, SPREAD).filter(|_| poses.len() >= CAMERAS_MIN)?;
+    let depth = |c2w: &DMat4| (subject - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
+    let before: Vec<f64> = poses.iter().map(depth).filter(|depth| *depth > 0.0).collect();
+    if 2 * before.len() > poses.len() { median(before) } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cameras on a circle of radius 4 that look at its middle, over an angle.
+    fn arc(count: usize, angle: f64) -> Vec<DMat4> {
+        let camera = |i: usize| {
+            let turn = angle * i as f64 / (count - 1) as f64;
+            let position = DVec3::new(4.0 * turn.sin(), 0.0, -4.0 * turn.cos());
+            let (z, y) = (-position.normalize(), DVec3::Y);
+            DMat4::from_cols(y.cross(z).extend(0.0), y.extend(0.0), z.extend(0.0), position.extend(1.0))
+        };
+        (0..count).map(camera).collect()
+    }
+
+    #[test]
+    fn the_distance_is_that_of_most_cameras() {
+        let mut poses = arc(6, 1.0);
+        assert!((subject_distance(&poses).expect("an arc") - 4.0).abs() < 1e-9);
+        // One camera that was held the wrong way round.
+        let axes = [poses[5].x_axis, poses[5].z_axis].map(|axis| -axis);
+        (poses[5].x_axis, poses[5].z_axis) = (axes[0], axes[1]);
+        assert!((subject_distance(&poses).expect("five of six") - 4.0).abs() < 1e-9);
+        assert_eq!(subject_distance(&arc(6, 0.1)), None, "a rig of six degrees");
+        assert_eq!(subject_distance(&arc(2, 1.0)), None, "two cameras");
+    }
 }

@@ -15,24 +15,15 @@ use std::path::PathBuf;
 use clap::builder::ValueHint;
 use clap::{ArgAction, Args, Parser, Subcommand};
 
+use crate::pipelines::examples;
+
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
 
-const EXAMPLES: &str = "\
-Examples:
-  gsburn demo                                       blurry video to a sharp moving scene on the CPU, with a report
-  gsburn check my-photos                            what is in a data set, and what is wrong with it
-  gsburn train my-photos --set data.max_width=800   photos with poses (COLMAP or transforms.json) to Gaussians
-  gsburn train --resume --out runs/my-photos        continue after Ctrl-C or a power cut
-  gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
-  gsburn train sphere --recipe taylormode/base
-  gsburn render runs/my-photos --cameras path/transforms.json --out frames
-  gsburn export runs/my-photos --out scene.ply";
-
 /// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.
 #[derive(Debug, Parser)]
-#[command(name = "gsburn", version, after_help = EXAMPLES, max_term_width = 110)]
+#[command(name = "gsburn", version, after_help = examples::PROGRAM, max_term_width = 110)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -89,7 +80,7 @@ pub struct ConfigArgs {
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
 
-    /// A recipe that is compiled in, as in --recipe taylormode/paper (`gsburn recipes` lists them)
+    /// A recipe that is compiled in, by its name (`gsburn recipes` lists them)
     #[arg(long, value_name = "NAME", conflicts_with = "config")]
     pub recipe: Option<String>,
 

@@ -6,20 +6,11 @@ use clap::Args;
 use clap::builder::ValueHint;
 
 use crate::cli::DeviceArgs;
-
-const EXAMPLES: &str = "\
-Examples:
-  gsburn stability taylormode --out runs/stability
-  gsburn stability taylormode --out runs/stability --only divergence,direction
-  gsburn stability taylormode --out runs/look --quick
-  gsburn stability taylormode --out runs/sensitivity --only sensitivity --data my-video
-
-Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
-shown as missed and is no error. A wrong name after --only lists the experiments.";
+use crate::pipelines::examples;
 
 /// Arguments of `stability`.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = examples::STABILITY)]
 pub struct StabilityArgs {
     /// The pipeline whose limits are looked for
     #[arg(value_name = "PIPELINE")]

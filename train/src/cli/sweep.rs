@@ -6,20 +6,11 @@ use clap::Args;
 use clap::builder::ValueHint;
 
 use super::DeviceArgs;
-
-const SWEEP_EXAMPLES: &str = "\
-Examples:
-  gsburn sweep cube --recipe taylormode/base \\
-      --over blur.samples=3,7,15 --over density.cap=5000,10000 --out runs/cube-sweep
-  gsburn sweep cube --recipes taylormode/paper,taylormode/itg,taylormode/base --set steps=2000 --out runs/methods
-
-One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
-chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes
-on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130.";
+use crate::pipelines::examples;
 
 /// Arguments of `sweep`.
 #[derive(Debug, Args)]
-#[command(after_help = SWEEP_EXAMPLES)]
+#[command(after_help = examples::SWEEP)]
 pub struct SweepArgs {
     /// The data set of all runs
     #[arg(value_hint = ValueHint::AnyPath)]

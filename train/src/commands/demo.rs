@@ -10,15 +10,9 @@ use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use crate::cli::DemoArgs;
 use crate::commands::train::{execute, next_folder};
 use crate::commands::{device, print};
-use crate::pipelines::{Sources, resolve};
+use crate::pipelines::{DEMO_RECIPES, Sources, resolve};
 use crate::run::folder::RunFolder;
 use crate::run::watch::Job;
-
-/// The recipe of the demo: world and training must be done within two minutes on two old cores.
-const RECIPE: &str = "taylormode/demo";
-
-/// The recipe of the demo that stands still.
-const STILL_RECIPE: &str = "static/demo";
 
 /// The demo's blurry video: a sliding, turning box seen by nine cameras, one of them held out.
 fn video() -> DeblurOptions {
@@ -39,7 +33,8 @@ fn video() -> DeblurOptions {
 /// One sentence, when the disk does not take the files.
 pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
-    let recipe = if args.still { STILL_RECIPE } else { RECIPE };
+    let [moving, still] = DEMO_RECIPES;
+    let recipe = if args.still { still } else { moving };
     let overrides: Vec<String> = args.steps.map(|n| format!("steps={n}")).into_iter().collect();
     let resolved = resolve(Sources { recipe: Some(recipe), overrides: &overrides, ..Sources::default() })?;
     let folder = RunFolder::vacant(args.out.clone().unwrap_or_else(|| next_folder("demo")))?;

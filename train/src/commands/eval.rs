@@ -105,7 +105,8 @@ fn table(measured: &Measured) -> String {
         described_split(&measured.split)
     );
     if quality.compared == "formed blur" {
-        text += "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";
+        text +=
+            "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";
     }
     text.extend(measured.figures_line().map(|line| format!("\n{line}")));
     for reason in [&quality.ms_ssim_reason, &quality.lpips_reason].into_iter().flatten() {

@@ -9,9 +9,9 @@ use gs_burn::device::{BACKENDS, select};
 use crate::cli::InfoArgs;
 use crate::commands::print;
 use crate::fit::density::ops::sigmoid;
-use crate::run::memory::megabytes;
 use crate::fit::parameters::to_host;
 use crate::pipelines::load_scene;
+use crate::run::memory::megabytes;
 
 /// Prints what the program can do, or what a scene holds.
 ///

@@ -98,7 +98,12 @@ impl DensityConfig {
         check("density.start", self.start, self.start >= 1, "at least 1")?;
         check("density.every", self.every, self.every >= 1, "at least 1")?;
         check("density.stop", self.stop, (0.0..=1.0).contains(&self.stop), "from 0 to 1")?;
-        check("density.prune_share", self.prune_share, (0.0..1.0).contains(&self.prune_share), "at least 0 and below 1")?;
+        check(
+            "density.prune_share",
+            self.prune_share,
+            (0.0..1.0).contains(&self.prune_share),
+            "at least 0 and below 1",
+        )?;
         check("density.min_opacity", self.min_opacity, open_unit(self.min_opacity), "between 0 and 1, both excluded")?;
         check("density.growth", self.growth, not_negative(self.growth), "0 or more")?;
         check("density.noise", self.noise, not_negative(self.noise), "0 or more")?;

@@ -91,12 +91,7 @@ pub enum ConfigError {
 }
 
 /// `Ok` when `holds`, otherwise the sentence "`key` must be `expected`, found `found`".
-pub fn check(
-    key: &'static str,
-    found: impl ToString,
-    holds: bool,
-    expected: &'static str,
-) -> Result<(), ConfigError> {
+pub fn check(key: &'static str, found: impl ToString, holds: bool, expected: &'static str) -> Result<(), ConfigError> {
     if holds { Ok(()) } else { Err(ConfigError::Range { key, expected, found: found.to_string() }) }
 }
 

@@ -18,9 +18,9 @@ pub mod tables;
 use std::fmt::Debug;
 use std::ops::Deref;
 
+use serde::Deserialize;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::Deserialize;
 use toml::{Table, Value};
 
 pub use data::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};

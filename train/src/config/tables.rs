@@ -29,8 +29,7 @@ pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
         if layers.len() > MAX_BASES {
             return Err(ConfigError::Circle { origin: path.display().to_string() });
         }
-        let text =
-            std::fs::read_to_string(&path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
+        let text = std::fs::read_to_string(&path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
         let (layer, base) = layer(&text, path.display().to_string())?;
         next = base.map(|name| path.with_file_name(name));
         layers.push(layer);
@@ -43,7 +42,10 @@ pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
 ///
 /// # Errors
 /// As [`file_layers`]; `None` where `find` does not know the name.
-pub fn recipe_layers(name: &str, find: impl Fn(&str) -> Option<&'static str>) -> Result<Option<Vec<Layer>>, ConfigError> {
+pub fn recipe_layers(
+    name: &str,
+    find: impl Fn(&str) -> Option<&'static str>,
+) -> Result<Option<Vec<Layer>>, ConfigError> {
     let mut next = Some(name.to_string());
     let mut layers = Vec::new();
     while let Some(name) = next {

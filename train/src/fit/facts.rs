@@ -119,4 +119,3 @@ fn border(view: &View) -> impl Iterator<Item = [u8; 3]> {
     let columns = (0..height).flat_map(move |y| [y * width, y * width + width - 1]);
     rows.chain(columns).map(|pixel| [0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]))
 }
-

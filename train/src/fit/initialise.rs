@@ -5,14 +5,14 @@
 
 use std::num::NonZero;
 
-use gs_datasets::{PointCloud, Scene, View, nearest_to_axes};
+use super::random::{Purpose, stream};
+use crate::config::InitConfig;
+use gs_datasets::{PointCloud, Scene, View, subject_distance};
 use gs_multiview::plane_sweep;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::Rng;
 use rand::seq::index;
 use rayon::prelude::*;
-use super::random::{Purpose, stream};
-use crate::config::InitConfig;
 
 /// The zeroth real spherical harmonic, `1 / (2 sqrt(pi))`.
 pub const SH_C0: f32 = 0.282_094_8;
@@ -42,13 +42,7 @@ pub struct InitialGaussians {
 }
 
 /// Gaussians for `scene`, at most `cap` of them; `extent` in scene units.
-pub fn initial_gaussians(
-    scene: &Scene,
-    config: &InitConfig,
-    cap: usize,
-    extent: f64,
-    seed: u64,
-) -> InitialGaussians {
+pub fn initial_gaussians(scene: &Scene, config: &InitConfig, cap: usize, extent: f64, seed: u64) -> InitialGaussians {
     match &scene.points {
         Some(points) if !points.is_empty() => gaussians_at(points, extent, config, cap, seed),
         _ => {
@@ -138,7 +132,8 @@ impl Default for Random {
 /// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
 pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Random, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);
-    let distance = subject_distance(views).unwrap_or(extent);
+    let poses: Vec<glam::DMat4> = views.iter().map(|view| view.c2w).collect();
+    let distance = subject_distance(&poses).unwrap_or(extent);
     let [near, far] = DEPTHS.map(|d| d * distance);
     let mut points = plane_sweep(views, near, far, (SWEPT * count as f64) as usize, seed);
     tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
@@ -188,23 +183,6 @@ fn is_plain(view: &View, column: usize, row: usize) -> bool {
     let span = |middle: usize, size: usize| middle.saturating_sub(PLAIN_REACH)..(middle + PLAIN_REACH + 1).min(size);
     let is_like = |(x, y)| here.iter().zip(at(x, y)).all(|(a, b)| a.abs_diff(*b) <= PLAIN_LEVELS);
     span(row, view.height).flat_map(|y| span(column, view.width).map(move |x| (x, y))).all(is_like)
-}
-
-/// Least spread of the axes with which the point nearest to them says how far things are: some 10 degrees.
-const SPREAD: f64 = 0.005;
-
-/// Median distance from the cameras to the point nearest to all their optical axes; `None` when the axes do not meet in
-/// front of most of them (a forward-facing rig, a single camera).
-fn subject_distance(views: &[View]) -> Option<f64> {
-    let poses: Vec<_> = views.iter().map(|view| view.c2w).collect();
-    let subject = nearest_to_axes(&poses, SPREAD).filter(|_| views.len() >= 3)?;
-    let mut depths: Vec<f64> = views
-        .iter()
-        .map(|view| (subject - view.c2w.w_axis.truncate()).dot(view.c2w.z_axis.truncate()))
-        .filter(|depth| *depth > 0.0)
-        .collect();
-    depths.sort_by(f64::total_cmp);
-    (2 * depths.len() > views.len()).then(|| depths[depths.len() / 2])
 }
 
 #[cfg(test)]

@@ -268,11 +268,8 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     ///
     /// # Errors
     /// A sentence when the frame is damaged.
-    fn from_frame(
-        frame: &serde_json::Value,
-        config: &FitConfig<Self::Config>,
-        device: &Device,
-    ) -> Result<Self, String>;
+    fn from_frame(frame: &serde_json::Value, config: &FitConfig<Self::Config>, device: &Device)
+    -> Result<Self, String>;
 
     /// Whether its tensors fit each other and `gaussians`, after they were read from a file.
     ///

@@ -59,8 +59,7 @@ impl<'a, M: Method> Session<'a, M> {
         trainer: Option<Trainer<M>>,
         device: &Device,
     ) -> Self {
-        let trainer = trainer
-            .unwrap_or_else(|| Trainer::begin(&data.scene, &data.cues, config, data.facts, device));
+        let trainer = trainer.unwrap_or_else(|| Trainer::begin(&data.scene, &data.cues, config, data.facts, device));
         let order = trainer.method().order(&data.scene.train, config);
         let facts = trainer.facts;
         let extra = move |view: &gs_datasets::View, index, device: &Device| {
@@ -83,6 +82,11 @@ impl<'a, M: Method> Session<'a, M> {
     /// What the method may look at now.
     pub fn at(&self) -> Step<'_, M> {
         self.trainer.at(&self.data.cues, self.config)
+    }
+
+    /// The state alone; the photos on the device are let go.
+    pub fn into_trainer(self) -> Trainer<M> {
+        self.trainer
     }
 
     /// Training photo `index`, and the image that is compared with it now, `[H, W, 3]`, without going on.

@@ -244,7 +244,12 @@ impl<M: Method> Trainer<M> {
             // Its statistics were of the rows before, and are not used any more.
             self.density = Density::new(&config.density, &gaussians);
         }
-        tracing::info!(before, gaussians = gaussians.len(), share, "Gaussians that contribute next to nothing were pruned");
+        tracing::info!(
+            before,
+            gaussians = gaussians.len(),
+            share,
+            "Gaussians that contribute next to nothing were pruned"
+        );
         self.model = Some(Model { gaussians, method });
     }
 

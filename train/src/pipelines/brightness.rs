@@ -96,7 +96,13 @@ impl Method for Brightness {
         Index(index)
     }
 
-    fn forward(&self, gaussians: &Gaussians, photos: &[Photo<Index>], screens: &[Tensor<2>], at: &Step<Self>) -> Forward {
+    fn forward(
+        &self,
+        gaussians: &Gaussians,
+        photos: &[Photo<Index>],
+        screens: &[Tensor<2>],
+        at: &Step<Self>,
+    ) -> Forward {
         let (photo, options) = (&photos[0], at.facts.render_options(&at.config.render, gaussians.sh_degree()));
         let extras = Extras { screen: screens.first().cloned(), features: None };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
@@ -117,7 +123,8 @@ impl Method for Brightness {
     fn figures(&self, _: &Gaussians, _: &Scene, _: &[View], _: &Step<Self>) -> Figures {
         let factors: Vec<f64> = to_host(self.factors()).into_iter().map(f64::from).collect();
         let widest = |pick: fn(f64, f64) -> f64| factors.iter().copied().reduce(pick).unwrap_or(1.0);
-        let spread = Figure::new("brightness_ratio", "brightest / darkest photo", widest(f64::max) / widest(f64::min), "");
+        let spread =
+            Figure::new("brightness_ratio", "brightest / darkest photo", widest(f64::max) / widest(f64::min), "");
         Figures { numbers: vec![spread.digits(3).headline()], tables: Vec::new() }
     }
 
@@ -126,7 +133,8 @@ impl Method for Brightness {
     }
 
     fn from_frame(frame: &serde_json::Value, _: &FitConfig<Sections>, device: &Device) -> Result<Self, String> {
-        let photos = frame.as_u64().filter(|photos| *photos < 1 << 24).ok_or("the number of photos is missing or absurd")?;
+        let photos =
+            frame.as_u64().filter(|photos| *photos < 1 << 24).ok_or("the number of photos is missing or absurd")?;
         Ok(Self::of(photos as usize, device))
     }
 }

@@ -10,7 +10,7 @@ use gs_datasets::{CheckReport, LoadOptions, Scene};
 use toml::Table;
 
 use super::{EvalRequest, Evaluated, Pipeline};
-use crate::config::{ConfigError, FitConfig, tables};
+use crate::config::{Background, ConfigError, FitConfig, tables};
 use crate::fit::facts::SceneFacts;
 use crate::fit::method::{ChartKey, Method, Step};
 use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
@@ -71,7 +71,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
             run.save(step, &Snapshot::of(&session.trainer))?;
         }
     }
-    finish(run, job, &data, &session.trainer.clone(), config, &evaluator)
+    finish(run, job, &data, &session.into_trainer(), config, &evaluator)
 }
 
 /// Saves, measures and reports a finished training.
@@ -172,6 +172,14 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
         trainer.gaussians().len(),
         session.config.density.cap
     ));
+    let near_open = session.config.render.near == 0.0;
+    let background_open = matches!(session.config.data.background, Background::Found(_));
+    let is_open = |key: &str| (key == "render.near" && near_open) || (key == "data.background" && background_open);
+    let facts = trainer.facts.listed().into_iter().filter(|(_, _, key)| is_open(key));
+    let facts: Vec<String> = facts.map(|(name, value, key)| format!("{name} {value} ({key})")).collect();
+    if !facts.is_empty() {
+        run.say(&format!("settled by the data set: {}", facts.join("; ")));
+    }
     let (lines, warnings) = trainer.method().introduction(scene, &session.at());
     lines.iter().for_each(|line| run.say(line));
     let near = near_warning(trainer.facts.near, trainer.facts.subject_distance);
@@ -273,11 +281,7 @@ impl<M: Method> Pipeline for Fit<M> {
         let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {
             let names: Vec<&str> = scene.held_out.iter().map(|split| split.name.as_str()).collect();
             let asked = request.split.unwrap_or_default();
-            bail!(
-                "{}: expected a split from train, {}; found {asked:?}",
-                request.dataset.display(),
-                names.join(", ")
-            );
+            bail!("{}: expected a split from train, {}; found {asked:?}", request.dataset.display(), names.join(", "));
         };
         let kept = if request.pictures { held_out.views.len() } else { 0 };
         let evaluator = Evaluator::new(&config.eval, request.device);
@@ -294,7 +298,10 @@ impl<M: Method> Pipeline for Fit<M> {
 ///
 /// # Errors
 /// A sentence when the checkpoint is damaged or of another pipeline.
-pub fn read_model<M: Method>(checkpoint: &Checkpoint, device: &Device) -> Result<(Model<M>, FitConfig<M::Config>, Notes)> {
+pub fn read_model<M: Method>(
+    checkpoint: &Checkpoint,
+    device: &Device,
+) -> Result<(Model<M>, FitConfig<M::Config>, Notes)> {
     let origin = format!("{}: configuration", checkpoint.path.display());
     let config = FitConfig::<M::Config>::from_table(&tables::parse(&checkpoint.origin.config, &origin)?, &origin)?;
     let read = || -> Result<(Model<M>, Notes), String> {

@@ -4,6 +4,7 @@
 //! [`Fit`](fit::Fit) makes a pipeline of.
 
 pub mod brightness;
+pub mod examples;
 pub mod fit;
 pub mod resolve;
 pub mod still;
@@ -31,6 +32,10 @@ pub static PIPELINES: [&dyn Pipeline; 3] = [
     &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
 ];
+
+/// The recipes of `gsburn demo`: of blurry video, and of photos of a static scene. World and training must be done within two minutes on
+/// two old cores.
+pub const DEMO_RECIPES: [&str; 2] = ["taylormode/demo", "static/demo"];
 
 /// What the program sees of a paper.
 pub trait Pipeline: Sync {

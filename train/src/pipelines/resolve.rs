@@ -186,7 +186,10 @@ mod tests {
         };
         let config = file("scene.toml").expect("valid");
         assert_eq!(config["steps"].as_integer(), Some(10));
-        assert_eq!((config["density"]["cap"].as_integer(), config["density"]["every"].as_integer()), (Some(20), Some(30)));
+        assert_eq!(
+            (config["density"]["cap"].as_integer(), config["density"]["every"].as_integer()),
+            (Some(20), Some(30))
+        );
         assert!(file("circle.toml").expect_err("circle").to_string().contains("circle"));
         assert!(file("none.toml").expect_err("missing").to_string().contains("none.toml"));
     }
@@ -195,7 +198,11 @@ mod tests {
     fn recipes_are_found_by_name() {
         let recipe = |name: &str| resolve(Sources { recipe: Some(name), ..Sources::default() });
         let alone = of(&["pipeline=taylormode"]).expect("valid");
-        assert_eq!(recipe("taylormode/base").expect("a recipe").text, alone.text, "the pipeline alone is its base recipe");
+        assert_eq!(
+            recipe("taylormode/base").expect("a recipe").text,
+            alone.text,
+            "the pipeline alone is its base recipe"
+        );
         assert!(recipe("taylormode/papr").map(|_| ()).expect_err("none").to_string().contains("taylormode/paper"));
     }
 }

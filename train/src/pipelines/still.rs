@@ -59,7 +59,11 @@ impl Method for Still {
         (Vec::new(), moves.then(|| warning.to_string()).into_iter().collect())
     }
 
-    fn from_frame(_frame: &serde_json::Value, _config: &FitConfig<NoSection>, _device: &Device) -> Result<Self, String> {
+    fn from_frame(
+        _frame: &serde_json::Value,
+        _config: &FitConfig<NoSection>,
+        _device: &Device,
+    ) -> Result<Self, String> {
         Ok(Self {})
     }
 }

@@ -82,9 +82,7 @@ fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
     let mut counts: Vec<&String> = Vec::new();
     for line in history {
         let (names, all): (Vec<&String>, _) = match line {
-            MetricsLine::Eval(evaluation) => {
-                (evaluation.measured.quality.regions.keys().collect(), &mut regions)
-            }
+            MetricsLine::Eval(evaluation) => (evaluation.measured.quality.regions.keys().collect(), &mut regions),
             MetricsLine::Train(line) => (line.counts.keys().collect(), &mut counts),
         };
         for name in names {

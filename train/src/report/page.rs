@@ -89,8 +89,11 @@ fn summary(eval: &EvalFile) -> String {
         n => format!(" <strong>{n} steps were skipped because their gradients were not finite.</strong>"),
     };
     let compared = match quality.compared.as_str() {
-        "formed blur" => " The photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms over its \
-                          exposure.",
+        "formed blur" => {
+            " The photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms over its \
+                          exposure."
+        }
+        "sharp truth" => " The sharp truth of the blurry photos is compared with the sharp rendering.",
         _ => "",
     };
     format!(
@@ -128,9 +131,9 @@ fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
     };
     let (ms_ssim, ms_ssim_note) = score(quality.mean.ms_ssim, &quality.ms_ssim_reason);
     let (lpips, lpips_note) = score(quality.mean.lpips, &quality.lpips_reason);
-    let cpu = cost.cpu_seconds.map_or(String::new(), |cpu| {
-        format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64)
-    });
+    let cpu = cost
+        .cpu_seconds
+        .map_or(String::new(), |cpu| format!("<small>{:.3} CPU seconds a step</small>", cpu / last.step.max(1) as f64));
     let peak = cost.peak_memory_bytes.map_or("–".into(), megabytes);
     let predicted = format!("<small>{} predicted</small>", megabytes(eval.predicted_memory_bytes));
     let cap = eval.settings.iter().find(|setting| setting.key == "density.cap");

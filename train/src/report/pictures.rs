@@ -2,8 +2,8 @@
 
 use burn::tensor::Tensor;
 
-use crate::run::evaluate::Comparison;
 use crate::fit::parameters::to_host;
+use crate::run::evaluate::Comparison;
 
 /// Mean absolute error of a pixel that is drawn in the brightest colour.
 pub const ERROR_FULL_SCALE: f32 = 0.25;

@@ -44,14 +44,8 @@ mod tests {
             share,
         };
         let stages = vec![stage("rasterize", 0.6), stage("Adam", 0.3)];
-        let profile = Profile {
-            device: "flex".into(),
-            threads: 2,
-            steps: 4,
-            wall_seconds: 1.0,
-            cpu_seconds: Some(0.9),
-            stages,
-        };
+        let profile =
+            Profile { device: "flex".into(), threads: 2, steps: 4, wall_seconds: 1.0, cpu_seconds: Some(0.9), stages };
         assert!(bars(&profile).contains("width:100.0%") && bars(&profile).contains("width:50.0%"));
     }
 }

@@ -48,7 +48,8 @@ pub struct Quality {
     /// The mean over the views in which a region has pixels, by the region's name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, Scores>,
-    /// Which images were compared: "sharp" renderings, or "formed blur", the blur that the scene forms over each photo's exposure.
+    /// The comparison that was made: a sharp rendering with the "photo", with the "sharp truth" of a blurry photo, or the "formed blur" of the
+    /// scene over each photo's exposure with the blurry photo.
     pub compared: String,
     /// The network of LPIPS: "vgg", "alex" or "squeeze".
     pub lpips_network: Option<String>,
@@ -145,8 +146,12 @@ impl<'a> HeldOut<'a> {
     pub fn of<M: Method>(scene: &'a Scene, name: Option<&str>, at: &Step<M>) -> Option<Self> {
         let (split, views) = match name {
             Some("train") => ("train", scene.train.as_slice()),
-            Some(name) => scene.held_out.iter().find(|split| split.name == name).map(|s| (s.name.as_str(), s.views.as_slice()))?,
-            None => scene.reported().map_or(("train", scene.train.as_slice()), |s| (s.name.as_str(), s.views.as_slice())),
+            Some(name) => {
+                scene.held_out.iter().find(|split| split.name == name).map(|s| (s.name.as_str(), s.views.as_slice()))?
+            }
+            None => {
+                scene.reported().map_or(("train", scene.train.as_slice()), |s| (s.name.as_str(), s.views.as_slice()))
+            }
         };
         Some(Self { split, views, regions: M::regions(views, at.config) })
     }
@@ -229,11 +234,19 @@ impl Evaluator {
             if kept > 0 && index % keep_every == 0 {
                 let blurry = view.truth.blurry.as_ref().map(|blurry| to_tensor(view, &blurry.data, 3, &self.device));
                 let psnr = whole.psnr;
-                comparisons.push(Comparison { name: view.name.clone(), truth: photo.image, image, mask: photo.mask, blurry, psnr });
+                comparisons.push(Comparison {
+                    name: view.name.clone(),
+                    truth: photo.image,
+                    image,
+                    mask: photo.mask,
+                    blurry,
+                    psnr,
+                });
             }
             scores.push(ViewScores { name: view.name.clone(), scores: whole, regions });
         }
-        (self.summary(scores, compared), comparisons)
+        let has_truth = views.iter().any(|view| view.truth.blurry.is_some());
+        (self.summary(scores, described_comparison(compared, has_truth)), comparisons)
     }
 
     /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. Others are black in both images for
@@ -265,7 +278,7 @@ impl Evaluator {
         Some(Scores { ms_ssim: None, ..self.scores(image, photo.image.clone(), Some(counts))? })
     }
 
-    fn summary(&self, views: Vec<ViewScores>, compared: Compared) -> Quality {
+    fn summary(&self, views: Vec<ViewScores>, compared: &str) -> Quality {
         let mean = mean(views.iter().map(|view| &view.scores)).unwrap_or_default();
         let mut names: Vec<&String> = views.iter().flat_map(|view| view.regions.keys()).collect();
         names.sort();
@@ -280,10 +293,7 @@ impl Evaluator {
         Quality {
             mean,
             regions,
-            compared: match compared {
-                Compared::Sharp => "sharp".into(),
-                Compared::FormedBlur => "formed blur".into(),
-            },
+            compared: compared.into(),
             lpips_network: self.perceptual.as_ref().ok().map(|network| network.name.into()),
             lpips_reason: self.perceptual.as_ref().err().cloned(),
             ms_ssim_reason,
@@ -369,6 +379,15 @@ impl Measured {
             })
             .collect();
         (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+/// A comparison in a word; `has_truth`: the sharp truth of blurry photos is known.
+fn described_comparison(compared: Compared, has_truth: bool) -> &'static str {
+    match (compared, has_truth) {
+        (Compared::FormedBlur, _) => "formed blur",
+        (Compared::Sharp, true) => "sharp truth",
+        (Compared::Sharp, false) => "photo",
     }
 }
 

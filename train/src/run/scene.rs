@@ -118,7 +118,8 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
     if !path.exists() {
         bail!("{}: expected a run folder, a checkpoint or a PLY file, found nothing", path.display());
     }
-    let checkpoint = |path: &Path| -> Result<SceneFile> { Ok(SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?))) };
+    let checkpoint =
+        |path: &Path| -> Result<SceneFile> { Ok(SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?))) };
     if path.is_dir() {
         let Some((_, newest)) = RunFolder::at(path).saved().pop() else {
             bail!("{}: expected a run folder with a checkpoint, found none", path.display());

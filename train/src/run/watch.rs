@@ -239,11 +239,8 @@ impl<'a> Run<'a> {
     /// # Errors
     /// When the disk does not take them.
     pub fn record(&mut self, step: usize, measured: Measured) -> Result<EvalFile> {
-        let cost = Cost {
-            seconds: self.clock.seconds,
-            cpu_seconds: self.clock.cpu_seconds,
-            peak_memory_bytes: peak_memory(),
-        };
+        let cost =
+            Cost { seconds: self.clock.seconds, cpu_seconds: self.clock.cpu_seconds, peak_memory_bytes: peak_memory() };
         let evaluation = Evaluation { step, measured, cost };
         self.say(&evaluation.line());
         if let Some(line) = evaluation.measured.figures_line() {

@@ -5,13 +5,13 @@ use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use gs_burn::Gaussians;
 
-use crate::fit::density::ops::{Draft, logit, sigmoid};
 use super::{Changes, Observation, Refinement, StepContext};
 use crate::config::{DensityConfig, OpacityPolicy};
-use gs_burn::adam::Adam;
+use crate::fit::density::ops::{Draft, logit, sigmoid};
 use crate::fit::parameters::{Group, Table, from_host, to_host};
 use crate::fit::random::{Purpose, normal_triple, stream};
 use crate::fit::schedule::due;
+use gs_burn::adam::Adam;
 
 /// A split Gaussian's parts are smaller by this factor (3DGS: phi).
 const SPLIT_SHRINK: f64 = 1.6;
@@ -126,12 +126,7 @@ fn split_or_clone(
 }
 
 /// Lowers opacities where `config.opacity_policy` asks for it after this step.
-pub fn lower_opacities(
-    gaussians: &mut Gaussians,
-    adam: &mut Adam,
-    config: &DensityConfig,
-    context: &StepContext,
-) {
+pub fn lower_opacities(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) {
     if !config.active(context.step, context.steps) {
         return;
     }

@@ -13,12 +13,12 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 use gs_burn::Gaussians;
 use rayon::prelude::*;
 
-use crate::fit::density::ops::{Draft, sample, sigmoid};
 use super::{Changes, Refinement, StepContext};
 use crate::config::DensityConfig;
-use gs_burn::adam::Adam;
+use crate::fit::density::ops::{Draft, sample, sigmoid};
 use crate::fit::parameters::{Group, Table, from_host, indices, to_host};
 use crate::fit::random::{Purpose, normal_triple, stream};
+use gs_burn::adam::Adam;
 
 /// Steepness of the gate over opacity (paper: k).
 const GATE_STEEPNESS: f64 = 100.0;
@@ -33,12 +33,7 @@ const GATE_MIN: f64 = 1e-3;
 const CHUNK: usize = 4096;
 
 /// Moves the dead onto the living and grows by `config.growth`, never above `config.cap`.
-pub fn refine(
-    gaussians: &mut Gaussians,
-    adam: &mut Adam,
-    config: &DensityConfig,
-    context: &StepContext,
-) -> Refinement {
+pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) -> Refinement {
     let mut rng = stream(context.seed, Purpose::Density, context.step as u64);
     let mut draft = Draft::read(gaussians);
     let before = draft.len();

@@ -10,9 +10,9 @@ use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 
 use crate::config::{DensityConfig, Strategy};
-use gs_burn::adam::Adam;
-use gs_burn::RowMap;
 use crate::fit::schedule::due;
+use gs_burn::RowMap;
+use gs_burn::adam::Adam;
 
 pub use default::Adaptive;
 

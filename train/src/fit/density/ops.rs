@@ -6,9 +6,9 @@
 use gs_burn::Gaussians;
 use rand::Rng;
 
-use gs_burn::adam::Adam;
-use gs_burn::RowMap;
 use crate::fit::parameters::{Group, Table, from_host, indices};
+use gs_burn::RowMap;
+use gs_burn::adam::Adam;
 
 /// Most Gaussians one can become in one change (3DGS-MCMC tabulates its binomials up to here).
 pub const MAX_COPIES: usize = 51;

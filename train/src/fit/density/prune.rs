@@ -12,19 +12,20 @@ use gs_datasets::View;
 use gs_models::DynamicScene;
 use rand::seq::index;
 
-use crate::fit::photos::camera;
 use super::ops::Draft;
-use gs_burn::adam::Adam;
-use gs_burn::RowMap;
 use crate::fit::parameters::to_host;
+use crate::fit::photos::camera;
 use crate::fit::random::{Purpose, stream};
+use gs_burn::RowMap;
+use gs_burn::adam::Adam;
 
 /// At most this many views are sampled. A Gaussian seen in 2 % of the views is missed by all samples with probability 1/170.
 const VIEWS: usize = 256;
 
 /// Pixels that each Gaussian of `model` fills in `views`, `[N]`.
 pub fn contributions(model: &dyn DynamicScene, views: &[View], options: &RenderOptions, seed: u64) -> Vec<f64> {
-    let mut chosen = index::sample(&mut stream(seed, Purpose::Prune, 0), views.len(), VIEWS.min(views.len())).into_vec();
+    let mut chosen =
+        index::sample(&mut stream(seed, Purpose::Prune, 0), views.len(), VIEWS.min(views.len())).into_vec();
     chosen.sort_unstable();
     let mut sums = Vec::new();
     for view in chosen.into_iter().map(|index| &views[index]) {

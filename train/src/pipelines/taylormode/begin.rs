@@ -39,13 +39,8 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
         );
     }
     let kinked = contacts(&cues.tracks, &window, choice.motion.kinks);
-    let (order, kinked) = shape(
-        &cues.tracks,
-        window,
-        kinked,
-        (cues.scale.widths_per_unit, choice.cues.unseen),
-        choice.motion.order,
-    );
+    let (order, kinked) =
+        shape(&cues.tracks, window, kinked, (cues.scale.widths_per_unit, choice.cues.unseen), choice.motion.order);
     let mut frame = MotionFrame::new(rows, order, choice.motion.rotation_order, window);
     if let Some((first, last)) = scene.time_range {
         frame.recording = [first, last];

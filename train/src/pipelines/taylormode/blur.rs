@@ -2,8 +2,8 @@
 //! averaged (Eq. 12, with renderings in place of warped images).
 
 use burn::tensor::Tensor;
-use gs_burn::{Camera, Gaussians};
 use gs_burn::exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
+use gs_burn::{Camera, Gaussians};
 use gs_models::taylormode::{Instant, Paths};
 
 /// The mean over `instants` of `gaussians`, of which `rows` (ascending, the rows of `paths`) move; `screen` `[N, 4]` as in

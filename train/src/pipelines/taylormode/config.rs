@@ -338,7 +338,7 @@ pub struct CuesConfig {
     /// steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at 0.6.
     pub near_share: f64,
     /// Random points at pixels without texture are no nearer than this, in distances of the subject. Photos do not say how far a sky is:
-    /// begun between the cameras it stays there and is fog to other cameras; too far, and a plain wall is missed.
+    /// begun between the cameras it stays there and is fog to other cameras; too far, and a plain wall is missed. Random points end at 3.
     pub plain_nearest: f64,
     /// Root mean square distance of an object's centres from its path, share of the image width, up to which it is an object of its own.
     /// Larger: fragments become objects. Smaller: objects with rough masks get no path.
@@ -387,9 +387,14 @@ impl CuesConfig {
     }
 
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        check("cues.near_share", self.near_share, positive(self.near_share) && self.near_share < 1.0, "above 0, below 1")?;
-        let plain = (0.3..=3.0).contains(&self.plain_nearest);
-        check("cues.plain_nearest", self.plain_nearest, plain, "from 0.3 to 3")?;
+        check(
+            "cues.near_share",
+            self.near_share,
+            positive(self.near_share) && self.near_share < 1.0,
+            "above 0, below 1",
+        )?;
+        let plain = (0.3..=2.9).contains(&self.plain_nearest);
+        check("cues.plain_nearest", self.plain_nearest, plain, "from 0.3 to 2.9")?;
         let share = |x: f64| positive(x) && x <= 0.1;
         check("cues.body_size", self.body_size, share(self.body_size), "above 0, at most 0.1")?;
         check("cues.followed", self.followed, share(self.followed), "above 0, at most 0.1")?;

@@ -253,9 +253,7 @@ impl MotionCost {
             Figure::new("mean_order", "mean order of the moving", self.mean_order, "").digits(2),
             count("kinks", "kinks in each path", self.kinks),
             count("remainder", "3D remainder", usize::from(self.remainder)),
-            count("motion_numbers", "numbers of motion", self.motion_parameters)
-                .better(Better::Lower)
-                .column(),
+            count("motion_numbers", "numbers of motion", self.motion_parameters).better(Better::Lower).column(),
             count("fixed_motion_numbers", "numbers of motion at one order", self.fixed_motion_parameters),
             count("numbers", "numbers", self.parameters).better(Better::Lower),
             count("fixed_numbers", "numbers at one order and degree", self.fixed_parameters),

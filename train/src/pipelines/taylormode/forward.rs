@@ -111,7 +111,8 @@ impl Formation<'_> {
         let image = self.photo.image.clone();
         let mut intersections = formed.intersections;
         let mut loss = if decoupled {
-            self.photometric(formed.color.clone(), image, self.photo.extra.moving.clone()) * self.config.method.prior.blur
+            self.photometric(formed.color.clone(), image, self.photo.extra.moving.clone())
+                * self.config.method.prior.blur
         } else {
             self.photometric(formed.color.clone(), image, None)
         };
@@ -263,8 +264,10 @@ impl Formation<'_> {
         let Some(moving) = extra.moving.clone() else {
             return Some(self.photometric(color, image, None));
         };
-        let pseudo =
-            extra.sharp.clone().filter(|_| self.config.method.prior.pseudo && self.progress < self.config.method.prior.until);
+        let pseudo = extra
+            .sharp
+            .clone()
+            .filter(|_| self.config.method.prior.pseudo && self.progress < self.config.method.prior.until);
         Some(match pseudo {
             Some(sharp) => self.photometric(color, losses::hybrid_target(sharp, image, moving), None),
             None if self.config.method.prior.pseudo => self.photometric(color, image, Some(moving.neg() + 1.0)),

@@ -4,7 +4,6 @@ use glam::DVec3;
 use gs_models::taylormode::{Contact, MotionFrame, TimeWindow};
 use gs_multiview::{Kink, Track, Trajectory};
 
-
 /// Times at which a path is sampled for each order it is fitted with.
 const SAMPLES_PER_ORDER: usize = 4;
 

@@ -57,9 +57,8 @@ pub fn select_with_check(
         let dropped = blocks(&model.motion) - blocks(&selection.motion);
         let simpler =
             Candidate { gaussians: &selection.gaussians, motion: &selection.motion, exposure: &model.exposure };
-        let one = |(view, before): (&&View, &Tensor<3>)| {
-            compared(view, simpler.formed(view, at), before.clone(), &device)
-        };
+        let one =
+            |(view, before): (&&View, &Tensor<3>)| compared(view, simpler.formed(view, at), before.clone(), &device);
         let [lower, higher, pixels] = judges.iter().zip(&before).map(one).fold([0.0; 3], add);
         let evidence = Evidence {
             lower,
@@ -94,8 +93,7 @@ impl Candidate<'_> {
         let blur = &at.config.method.blur;
         let render = at.facts.render_options(&at.config.render, self.gaussians.sh_degree());
         let count = if blur.mode == BlurMode::None { 1 } else { blur.samples };
-        let instants =
-            Samples::Middles.instants(view.time.unwrap_or(0.0), self.exposure.tau_on_host(), count);
+        let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), self.exposure.tau_on_host(), count);
         let options = ExposureOptions { render, linear: blur.linear };
         let (paths, device) = (self.motion.paths(&self.gaussians.means.val()), self.gaussians.device());
         expose(self.gaussians, &paths, &self.motion.rows, &instants, &camera(view, &device), &options, None).color

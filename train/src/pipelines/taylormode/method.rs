@@ -178,12 +178,7 @@ impl Method for Taylormode {
 
     fn chart_keys() -> &'static [ChartKey] {
         const KEYS: [ChartKey; 4] = [
-            ChartKey {
-                name: "blur",
-                key: "blur.mode",
-                words: &[("none", "no blur model"), ("*", "")],
-                unless: None,
-            },
+            ChartKey { name: "blur", key: "blur.mode", words: &[("none", "no blur model"), ("*", "")], unless: None },
             ChartKey { name: "N", key: "blur.samples", words: &[], unless: Some(("blur.mode", "none")) },
             ChartKey { name: "order", key: "motion.order", words: &[], unless: None },
             CAP,

@@ -4,8 +4,8 @@ use burn::module::Module;
 use burn::tensor::Device;
 use gs_burn::Gaussians;
 use gs_models::taylormode::{
-    BlurWeights, BlurWeightsConfig, DirectVelocity, DirectVelocityConfig, Exposure, MotionFrame, PeanoMap, PeanoMapConfig,
-    TaylorMotion, TaylorScene, TimeWindow,
+    BlurWeights, BlurWeightsConfig, DirectVelocity, DirectVelocityConfig, Exposure, MotionFrame, PeanoMap,
+    PeanoMapConfig, TaylorMotion, TaylorScene, TimeWindow,
 };
 use serde::{Deserialize, Serialize};
 

@@ -81,8 +81,9 @@ pub fn select(gaussians: &Gaussians, motion: &TaylorMotion, views: &[View], conf
     }
     let jumps = motion.kinks.as_ref().map_or(Vec::new(), |kinks| to_host(kinks.jumps.val()));
     let width = 3 * motion.contacts().len();
-    let is_kinked =
-        |i: usize| jumps[width * i..][..width].chunks_exact(3).any(|jump| norm(jump) * scales[i] > config.select_pixels);
+    let is_kinked = |i: usize| {
+        jumps[width * i..][..width].chunks_exact(3).any(|jump| norm(jump) * scales[i] > config.select_pixels)
+    };
     let strayed = remainder_moves(&gaussians, &motion);
     let is_strayed = |i: usize| strayed.get(i).is_some_and(|moves| moves * scales[i] > config.select_pixels);
     let moving: Vec<u32> = (0..motion.rows.len())

@@ -12,7 +12,8 @@ const CAP: &str = "density.cap";
 
 /// The verdict on runs that differ in their cap alone, at least two; else `None`. In one sentence.
 pub fn enough(runs: &[ComparedRun]) -> Option<String> {
-    let mut ladder: Vec<(usize, &Evaluation)> = runs.iter().filter_map(|run| Some((run.values.get(CAP)?.parse().ok()?, &run.eval.last))).collect();
+    let mut ladder: Vec<(usize, &Evaluation)> =
+        runs.iter().filter_map(|run| Some((run.values.get(CAP)?.parse().ok()?, &run.eval.last))).collect();
     ladder.sort_by_key(|(cap, _)| *cap);
     let rest = |run: &ComparedRun| {
         let mut values = run.values.clone();
@@ -51,7 +52,8 @@ fn figure(cap: usize, evaluation: &Evaluation, moving: bool) -> Option<(usize, f
         true => view.regions.get(MOVING).map(|scores| scores.psnr),
         false => Some(view.scores.psnr),
     };
-    let values: Vec<f64> = evaluation.measured.quality.views.iter().filter_map(of).filter(|psnr| psnr.is_finite()).collect();
+    let values: Vec<f64> =
+        evaluation.measured.quality.views.iter().filter_map(of).filter(|psnr| psnr.is_finite()).collect();
     if values.len() < 2 {
         return None;
     }

@@ -213,8 +213,7 @@ mod tests {
     #[test]
     fn runs_that_differ_elsewhere_have_their_names() {
         let pseudo = |value| [("prior.pseudo", value)];
-        let runs =
-            [of("with", 20.0, &[CAP], &pseudo("true")), of("without", 21.0, &[CAP], &pseudo("false"))];
+        let runs = [of("with", 20.0, &[CAP], &pseudo("true")), of("without", 21.0, &[CAP], &pseudo("false"))];
         let marks = Marks::new(&runs);
         assert_eq!(marks.labels, ["with", "without"]);
         assert!(marks.legend.is_empty() && marks.note.contains("also differing: prior.pseudo"), "{marks:?}");

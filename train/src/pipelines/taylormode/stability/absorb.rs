@@ -7,10 +7,10 @@ use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_models::DynamicScene;
 
 use super::Trial;
-use crate::pipelines::taylormode::Taylormode;
-use crate::run::metrics::psnr_of_mse;
 use crate::fit::parameters::to_host;
+use crate::pipelines::taylormode::Taylormode;
 use crate::report::charts::{Chart, Series};
+use crate::run::metrics::psnr_of_mse;
 use crate::stability::lab::{Session, moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 

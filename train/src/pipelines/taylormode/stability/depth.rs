@@ -8,12 +8,12 @@ use gs_models::depth_prior::align;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::Trial;
+use crate::pipelines::taylormode::forward::in_space;
 use crate::report::charts::{Chart, Series};
 use crate::stability::findings::largest;
 use crate::stability::lab::small;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
-use super::Trial;
-use crate::pipelines::taylormode::forward::in_space;
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {

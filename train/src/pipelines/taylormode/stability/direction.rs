@@ -4,19 +4,19 @@
 use anyhow::Result;
 use burn::module::Param;
 use gs_datasets::Scene;
+use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFaults, World};
 use gs_models::taylormode::TaylorMotion;
 use gs_multiview::Trajectory;
-use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFaults, World};
 
+use super::Trial;
+use super::surface::on_surface;
 use crate::fit::parameters::from_host;
+use crate::pipelines::taylormode::Taylormode;
+use crate::pipelines::taylormode::cues::find_cues;
 use crate::report::charts::{Chart, Series};
 use crate::stability::findings::{largest, smallest};
 use crate::stability::lab::small;
-use super::Trial;
-use super::surface::on_surface;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
-use crate::pipelines::taylormode::Taylormode;
-use crate::pipelines::taylormode::cues::find_cues;
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {
@@ -84,7 +84,8 @@ fn run(lab: &Lab) -> Result<Findings> {
 fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
     let part = frames(scene, count);
     let steps = lab.either(STEPS, STEPS_QUICK);
-    let config = Trial::config(lab, 
+    let config = Trial::config(
+        lab,
         steps,
         &[
             "motion.order=1",
@@ -108,10 +109,10 @@ fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
     let start = path.map_or(glam::DVec3::ZERO, |path| path.velocity(window.t0)) * sign * window.half;
     let row = start.to_array().map(|x| x as f32).to_vec();
     let turned = Param::from_tensor(from_host(row.repeat(rows), 3, &lab.device));
-    session.fit.trainer.change_method(|method| Taylormode {
-        motion: TaylorMotion { position: turned, ..method.motion },
-        ..method
-    });
+    session
+        .fit
+        .trainer
+        .change_method(|method| Taylormode { motion: TaylorMotion { position: turned, ..method.motion }, ..method });
     session.until(steps)?;
     let compared = on_surface(&session.scene(), &part, window.t0);
     let right = compared.iter().filter(|pair| pair.found.dot(pair.truth) > 0.0).count();

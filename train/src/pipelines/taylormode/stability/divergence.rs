@@ -4,15 +4,15 @@
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
 use glam::DVec3;
-use gs_multiview::{Centre, Track, Trajectory, least_squares};
 use gs_models::taylormode::window::powers;
 use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
+use gs_multiview::{Centre, Track, Trajectory, least_squares};
 
 use crate::fit::parameters::{from_host, to_host};
+use crate::pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 use crate::report::charts::{Chart, Series};
 use crate::stability::findings::{largest, smallest};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
-use crate::pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {

@@ -8,16 +8,16 @@ use gs_datasets::Scene;
 use gs_datasets::synthetic::deblur::World;
 use gs_models::taylormode::{Kinks, TaylorScene};
 
-use crate::fit::photos::to_tensor;
-use crate::run::metrics::median;
-use crate::report::charts::{Chart, Series};
-use crate::stability::findings::largest;
-use crate::stability::lab::{Session, small};
 use super::Trial;
 use super::surface::on_surface;
-use crate::stability::{Criterion, Experiment, Findings, Lab};
+use crate::fit::photos::to_tensor;
 use crate::pipelines::taylormode::Taylormode;
 use crate::pipelines::taylormode::figures::blur_over;
+use crate::report::charts::{Chart, Series};
+use crate::run::metrics::median;
+use crate::stability::findings::largest;
+use crate::stability::lab::{Session, small};
+use crate::stability::{Criterion, Experiment, Findings, Lab};
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {

@@ -4,9 +4,9 @@ use anyhow::Result;
 use gs_datasets::Scene;
 use gs_datasets::synthetic::deblur::World;
 
+use super::Trial;
 use crate::report::charts::{Chart, Series};
 use crate::stability::findings::largest;
-use super::Trial;
 use crate::stability::lab::{moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 

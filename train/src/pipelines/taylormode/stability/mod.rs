@@ -12,6 +12,7 @@
 //! | [`speed`] | how much motion per exposure can be undone? |
 //! | [`thrown`] | does early training throw Gaussians away? |
 //! | [`opacity`] | what do opacity resets cost? |
+//! | [`sensitivity`] | what do the heuristics cost where they are wrong by a factor of two? |
 
 pub mod absorb;
 pub mod depth;
@@ -21,6 +22,7 @@ pub mod exposure;
 pub mod masks;
 pub mod opacity;
 pub mod samples;
+pub mod sensitivity;
 pub mod speed;
 mod surface;
 pub mod thrown;
@@ -31,7 +33,7 @@ pub use trial::Trial;
 use crate::stability::Experiment;
 
 /// All experiments, cheapest kinds first.
-pub static EXPERIMENTS: [&Experiment; 10] = [
+pub static EXPERIMENTS: [&Experiment; 11] = [
     &divergence::EXPERIMENT,
     &thrown::EXPERIMENT,
     &samples::EXPERIMENT,
@@ -42,4 +44,5 @@ pub static EXPERIMENTS: [&Experiment; 10] = [
     &masks::EXPERIMENT,
     &speed::EXPERIMENT,
     &opacity::EXPERIMENT,
+    &sensitivity::EXPERIMENT,
 ];

@@ -3,16 +3,16 @@
 
 use anyhow::Result;
 use gs_burn::render;
-use gs_datasets::{Scene, View};
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
+use gs_datasets::{Scene, View};
 
-use crate::fit::photos::{camera, to_tensor};
 use super::trial::{SHARED, Trial};
 use crate::fit::method::Method;
+use crate::fit::photos::{camera, to_tensor};
 use crate::fit::session::Data;
 use crate::pipelines::still::Still;
-use crate::run::metrics::psnr;
 use crate::report::charts::{Chart, Series};
+use crate::run::metrics::psnr;
 use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
@@ -44,14 +44,10 @@ fn run(lab: &Lab) -> Result<Findings> {
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Lychee, 6) })?;
     let still = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
     let mut found = Findings::default();
-    let scenes: [(&str, &Scene, &[&str]); 3] = [
-        ("moving", &moving, &[]),
-        ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]),
-        ("still", &still, &[]),
-    ];
+    let scenes: [(&str, &Scene, &[&str]); 3] =
+        [("moving", &moving, &[]), ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]), ("still", &still, &[])];
     for (name, scene, changes) in scenes {
-        let curves: Vec<Vec<(f64, f64)>> =
-            POLICIES
+        let curves: Vec<Vec<(f64, f64)>> = POLICIES
             .iter()
             .map(|policy| match name {
                 "still" => still_curve(lab, scene, policy),

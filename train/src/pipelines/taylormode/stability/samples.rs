@@ -9,15 +9,15 @@ use gs_datasets::synthetic::deblur::World;
 use gs_models::DynamicScene;
 use gs_models::taylormode::{Samples, TaylorScene};
 
-use crate::fit::photos::camera;
 use super::Trial;
-use crate::pipelines::taylormode::Step;
 use crate::fit::parameters::to_host;
+use crate::fit::photos::camera;
+use crate::pipelines::taylormode::Step;
+use crate::pipelines::taylormode::blur::expose;
 use crate::report::charts::{Chart, Series};
 use crate::stability::findings::largest;
 use crate::stability::lab::small;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
-use crate::pipelines::taylormode::blur::expose;
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {

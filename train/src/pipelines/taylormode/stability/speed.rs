@@ -4,10 +4,10 @@ use anyhow::Result;
 use gs_datasets::Scene;
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 
-use crate::run::metrics::median;
-use crate::report::charts::{Chart, Series};
-use crate::stability::findings::smallest;
 use super::Trial;
+use crate::report::charts::{Chart, Series};
+use crate::run::metrics::median;
+use crate::stability::findings::smallest;
 use crate::stability::lab::{moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 

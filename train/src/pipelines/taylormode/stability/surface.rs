@@ -1,9 +1,9 @@
 //! Gaussians held against the true velocity of the surface they lie on.
 
 use glam::DVec3;
-use gs_multiview::Pinhole;
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::TaylorScene;
+use gs_multiview::Pinhole;
 
 use crate::fit::parameters::to_host;
 

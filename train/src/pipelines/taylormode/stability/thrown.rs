@@ -8,12 +8,12 @@ use gs_datasets::synthetic::deblur::World;
 
 use super::Trial;
 use crate::pipelines::taylormode::Config;
+use crate::pipelines::taylormode::Taylormode;
+use crate::pipelines::taylormode::config::MaskSource;
 use crate::report::charts::{Chart, Series};
 use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
-use crate::pipelines::taylormode::Taylormode;
-use crate::pipelines::taylormode::config::MaskSource;
 
 /// See the module.
 pub const EXPERIMENT: Experiment = Experiment {

@@ -1,0 +1,35 @@
+//! Example commands that the program's help shows, since they name pipelines and recipes.
+
+/// Below `gsburn --help`.
+pub const PROGRAM: &str = "\
+Examples:
+  gsburn demo                                       blurry video to a sharp moving scene on the CPU, with a report
+  gsburn check my-photos                            what is in a data set, and what is wrong with it
+  gsburn train my-photos --set data.max_width=800   photos with poses (COLMAP or transforms.json) to Gaussians
+  gsburn train --resume --out runs/my-photos        continue after Ctrl-C or a power cut
+  gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
+  gsburn train sphere --recipe taylormode/base
+  gsburn render runs/my-photos --cameras path/transforms.json --out frames
+  gsburn export runs/my-photos --out scene.ply";
+
+/// Below `gsburn sweep --help`.
+pub const SWEEP: &str = "\
+Examples:
+  gsburn sweep cube --recipe taylormode/base \\
+      --over blur.samples=3,7,15 --over density.cap=5000,10000 --out runs/cube-sweep
+  gsburn sweep cube --recipes taylormode/paper,taylormode/itg,taylormode/base --set steps=2000 --out runs/methods
+
+One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
+chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes
+on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130.";
+
+/// Below `gsburn stability --help`.
+pub const STABILITY: &str = "\
+Examples:
+  gsburn stability taylormode --out runs/stability
+  gsburn stability taylormode --out runs/stability --only divergence,direction
+  gsburn stability taylormode --out runs/look --quick
+  gsburn stability taylormode --out runs/sensitivity --only sensitivity --data my-video
+
+Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
+shown as missed and is no error. A wrong name after --only lists the experiments.";
