@@ -147,7 +147,7 @@ fn a_killed_run_continues() {
         .args(["train", "scene", "--out", "run", "--quiet", "--steps", "100000", "--set", "checkpoint.every=5"])
         .spawn()
         .expect("the program starts");
-    let saved = || gs_train::run_folder::RunFolder::at(folder.join("run")).saved();
+    let saved = || gs_train::run::folder::RunFolder::at(folder.join("run")).saved();
     while saved().is_empty() {
         std::thread::sleep(std::time::Duration::from_millis(20));
         assert!(running.try_wait().expect("a process").is_none(), "it runs until it is killed");
@@ -180,8 +180,8 @@ fn an_interrupted_run_saves_and_continues() {
         }
         let id = running.id().to_string();
         assert!(Command::new("kill").args([format!("-{signal}"), id]).status().expect("kill").success());
-        assert_eq!(running.wait().expect("ended").code(), Some(gs_train::interrupt::EXIT_CODE), "{signal}");
-        let saved = gs_train::run_folder::RunFolder::at(folder.join(signal)).saved();
+        assert_eq!(running.wait().expect("ended").code(), Some(gs_train::run::interrupt::EXIT_CODE), "{signal}");
+        let saved = gs_train::run::folder::RunFolder::at(folder.join(signal)).saved();
         let step = saved.last().expect("it saved").0;
         assert!(step >= 10, "{signal}: step {step}");
     }

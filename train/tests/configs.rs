@@ -1,69 +1,86 @@
-//! The configuration files of the repository: all valid, and the written-out defaults are the defaults.
+//! The recipes: all valid, the files of the repository, and the written-out defaults are the defaults.
+
+mod common;
 
 use std::path::{Path, PathBuf};
 
-use gs_train::commands::demo::{RECIPE, STILL_RECIPE};
-use gs_train::experiment::Config;
+use gs_train::config::{Config, NoSection, tables};
+use gs_train::pipelines::taylormode::Sections;
+use gs_train::pipelines::{PIPELINES, Resolved, Sources, find, resolve, resolve_overrides};
+use toml::Table;
 
-/// Sections that only moving scenes have; configs/taylormode/base.toml writes them out.
-const MOVING: [&str; 3] = ["motion", "blur", "prior"];
-
-fn folder(name: &str) -> PathBuf {
+fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(name)
 }
 
+fn of_file(name: &str) -> Resolved {
+    let path = file(name);
+    resolve(Sources { file: Some(&path), ..Sources::default() }).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn of_recipe(name: &str) -> Resolved {
+    resolve(Sources { recipe: Some(name), ..Sources::default() }).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The keys that a file itself has, sorted.
+fn keys_of_file(name: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(file(name)).expect("read");
+    sorted(&text.parse().expect("TOML"))
+}
+
+fn sorted(table: &Table) -> Vec<String> {
+    let mut keys = tables::keys(table);
+    keys.sort();
+    keys
+}
+
 #[test]
-fn every_file_is_valid() {
-    for (name, least) in [("static", 5), ("taylormode", 6), ("taylormode/ablations", 9)] {
-        let mut count = 0;
-        for entry in std::fs::read_dir(folder(name)).expect("a folder of configurations").flatten() {
-            if entry.path().is_file() {
-                Config::read(&entry.path()).unwrap_or_else(|error| panic!("{error}"));
-                count += 1;
-            }
-        }
-        assert!(count >= least, "{name}: {count}");
+fn every_recipe_is_its_file() {
+    for recipe in &gs_recipes::RECIPES {
+        let (compiled, read) = (of_recipe(recipe.name), of_file(&format!("{}.toml", recipe.name)));
+        assert_eq!(compiled.text, read.text, "{}", recipe.name);
+        assert!(recipe.name.starts_with(compiled.pipeline.name()), "{}: {}", recipe.name, compiled.pipeline.name());
+    }
+    assert!(gs_recipes::RECIPES.len() >= 20);
+}
+
+/// Three ways to ask for the same.
+#[test]
+fn a_pipeline_alone_is_its_base_recipe() {
+    for name in ["static", "taylormode"] {
+        let alone = resolve_overrides(&[format!("pipeline={name}")]).expect("valid");
+        assert_eq!(alone.text, of_recipe(&format!("{name}/base")).text);
+        assert_eq!(alone.text, of_file(&format!("{name}/base.toml")).text);
+        assert_eq!(alone.config, find(name).expect("a pipeline").defaults());
+    }
+    assert_eq!(resolve_overrides(&[]).expect("valid").pipeline.name(), "static");
+    for pipeline in &PIPELINES {
+        let alone = resolve_overrides(&[format!("pipeline={}", pipeline.name())]).expect("valid");
+        assert_eq!(sorted(&alone.config), sorted(&pipeline.defaults()), "{}", pipeline.name());
     }
 }
 
 #[test]
-fn base_is_the_defaults_with_every_key() {
-    let path = folder("static").join("base.toml");
-    assert_eq!(Config::read(&path).expect("valid"), Config::default());
-    let text = std::fs::read_to_string(&path).expect("read");
-    let written: toml::Table = text.parse().expect("TOML");
-    let all: toml::Table = Config::default().to_toml().parse().expect("TOML");
-    for (section, value) in all.iter().filter(|(section, _)| !MOVING.contains(&section.as_str())) {
-        let keys = |value: &toml::Value| value.as_table().map(|table| table.keys().cloned().collect::<Vec<_>>());
-        let mut expected = keys(value);
-        let mut found = written.get(section).and_then(keys);
-        expected.iter_mut().chain(&mut found).for_each(|keys| keys.sort());
-        assert_eq!(expected, found, "[{section}] of base.toml");
-    }
+fn the_static_base_names_every_key() {
+    let defaults = Table::try_from(Config::default()).expect("a table");
+    assert_eq!(of_file("static/base.toml").config, defaults);
+    assert_eq!(keys_of_file("static/base.toml"), sorted(&defaults));
+    assert_eq!(Table::try_from(NoSection::default()).expect("a table").len(), 0);
 }
 
 #[test]
 fn the_base_of_moving_scenes_names_every_key_of_theirs() {
-    let path = folder("taylormode").join("base.toml");
-    let written: toml::Table = std::fs::read_to_string(&path).expect("read").parse().expect("TOML");
-    let all: toml::Table = Config::default().to_toml().parse().expect("TOML");
-    for section in MOVING {
-        let keys = |table: &toml::Table| -> Vec<String> {
-            let mut keys: Vec<String> = table[section].as_table().expect("a section").keys().cloned().collect();
-            keys.sort();
-            keys
-        };
-        assert_eq!(keys(&all), keys(&written), "[{section}] of configs/taylormode/base.toml");
-    }
+    let own = Table::try_from(Sections::default()).expect("a table");
+    let written = keys_of_file("taylormode/base.toml");
+    let is_own = |key: &&String| own.contains_key(key.split('.').next().unwrap_or_default());
+    assert_eq!(written.iter().filter(is_own).cloned().collect::<Vec<_>>(), sorted(&own));
 }
 
+/// `gsburn demo` trains by recipes that are compiled in.
 #[test]
-fn the_demos_are_their_files() {
-    let resolve = |recipe: &[&str]| {
-        Config::resolve(None, &recipe.iter().map(|text| text.to_string()).collect::<Vec<_>>()).expect("valid")
-    };
-    let still = Config::read(&folder("static").join("demo.toml")).expect("valid");
-    assert_eq!(resolve(&STILL_RECIPE), still);
-    let moving = Config::read(&folder("taylormode").join("demo.toml")).expect("valid");
-    assert_eq!(resolve(&RECIPE), moving);
+fn the_demos_are_recipes() {
+    assert_eq!(of_recipe("static/demo").pipeline.name(), "static");
+    let moving = of_recipe("taylormode/demo");
+    assert_eq!(moving.pipeline.name(), "taylormode");
+    assert!(moving.config["steps"].as_integer() < of_recipe("taylormode/base").config["steps"].as_integer());
 }

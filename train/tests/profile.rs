@@ -3,7 +3,8 @@
 mod common;
 
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
-use gs_train::profile::{Profile, begin};
+use gs_train::run::profile::{Profile, begin};
+use gs_train::run::watch::Job;
 
 const OVERRIDES: [&str; 6] = [
     "pipeline=taylormode",
@@ -31,15 +32,15 @@ fn a_profile_adds_up_and_changes_nothing() {
     };
     deblur::write(&world, &options, |_, _| {}).expect("the world is written");
     let config = common::config(STEPS, &OVERRIDES);
-    let plain = common::request(&world, &folder.join("plain"), &config);
+    let plain = common::job(&world, &folder.join("plain"), &config);
     common::finish(&plain);
     assert!(Profile::read(&plain.folder).is_none());
 
-    let profiled = common::request(&world, &folder.join("profiled"), &config);
+    let profiled = common::job(&world, &folder.join("profiled"), &config);
     begin(&profiled.device);
     common::finish(&profiled);
     gs_burn::profile::end();
-    let bits = |request: &gs_train::run::RunRequest| std::fs::read(request.folder.checkpoint(STEPS)).expect("saved");
+    let bits = |job: &Job| std::fs::read(job.folder.checkpoint(STEPS)).expect("saved");
     assert!(bits(&plain) == bits(&profiled), "measuring changes what is learned");
 
     let profile = Profile::read(&profiled.folder).expect("profile.json");

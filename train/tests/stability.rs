@@ -2,13 +2,17 @@
 
 use std::path::Path;
 
+use gs_train::pipelines::taylormode::stability::EXPERIMENTS;
 use gs_train::stability::{Outcome, Request, run};
 
 mod common;
 
 fn experiment(folder: &Path, name: &str, quick: bool) -> Outcome {
-    let request = Request { out: folder.into(), only: vec![name.into()], quick, device: common::device(), quiet: true };
-    run(&request).expect("the experiment runs").remove(0)
+    run("taylormode", &EXPERIMENTS, &request(folder, name, quick)).expect("the experiment runs").remove(0)
+}
+
+fn request(folder: &Path, name: &str, quick: bool) -> Request {
+    Request { out: folder.into(), only: vec![name.into()], data: None, quick, device: common::device(), quiet: true }
 }
 
 /// A small version, whose files nobody looks at.
@@ -161,13 +165,7 @@ fn two_frames_tell_the_direction_and_one_does_not() {
 #[test]
 fn a_name_that_is_none_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let request = Request {
-        out: folder.path().into(),
-        only: vec!["directions".into()],
-        quick: true,
-        device: common::device(),
-        quiet: true,
-    };
-    let message = run(&request).expect_err("unknown").to_string();
+    let request = request(folder.path(), "directions", true);
+    let message = run("taylormode", &EXPERIMENTS, &request).expect_err("unknown").to_string();
     assert!(message.contains("directions") && message.contains("direction"), "{message}");
 }

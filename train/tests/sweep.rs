@@ -6,10 +6,10 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use gs_train::comparison::gather;
-use gs_train::experiment::Config;
-use gs_train::run::{Ending, RunRequest, run};
-use gs_train::run_folder::{MetricsLine, RunFolder};
+use gs_train::pipelines::resolve_overrides;
+use gs_train::report::comparison::gather;
+use gs_train::run::folder::{MetricsLine, RunFolder};
+use gs_train::run::watch::{Ending, Job};
 
 fn gsburn(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_gsburn")).args(args).current_dir(folder).output().expect("the program starts")
@@ -37,10 +37,10 @@ fn a_sweep_continues_where_it_was_cut_off() {
     let scene = common::tiny_scene(folder);
     // The first of its runs, cut off after two steps as Ctrl-C would.
     let overrides = COMMON.iter().chain(&["density.cap=160", "seed=1"]).map(|text| text.to_string());
-    let config = Config::resolve(None, &overrides.collect::<Vec<_>>()).expect("valid");
+    let config = resolve_overrides(&overrides.collect::<Vec<_>>()).expect("valid").config;
     let first = folder.join("swept/cap-160_seed-1");
-    let request = RunRequest { stop_at: Some(2), ..common::request(&scene, &first, &config) };
-    assert!(matches!(run(&request), Ok(Ending::Interrupted(2))));
+    let job = Job { stop_at: Some(2), ..common::job(&scene, &first, &config) };
+    assert!(matches!(common::train(&job), Ok(Ending::Interrupted(2))));
 
     let (table, said) = succeeds(folder, &sweep());
     assert!(said.contains("resuming after step 2") && said.contains("run 2 of 2: cap-200_seed-1"), "{said}");
@@ -73,18 +73,15 @@ fn a_chart_names_what_it_leaves_out() {
     let folder = temporary.path();
     let scene = common::tiny_scene(folder);
     let finish = |name: &str, scene: &Path| {
-        common::finish(&common::request(scene, &folder.join(name), &common::config(3, &["eval.at=[1]"])));
+        common::finish(&common::job(scene, &folder.join(name), &common::config(3, &["eval.at=[1]"])));
     };
     finish("a", &scene);
     finish("b", &scene);
     let elsewhere = folder.join("elsewhere");
     fs::create_dir(&elsewhere).expect("made");
     finish("c", &common::tiny_scene(&elsewhere));
-    let cut = RunRequest {
-        stop_at: Some(2),
-        ..common::request(&scene, &folder.join("d"), &common::config(3, &["eval.at=[1]"]))
-    };
-    run(&cut).expect("it runs");
+    let cut = Job { stop_at: Some(2), ..common::job(&scene, &folder.join("d"), &common::config(3, &["eval.at=[1]"])) };
+    common::train(&cut).expect("it runs");
     fs::write(folder.join("chart.svg"), "an earlier chart").expect("written");
 
     let paths = ["a", "b", "c", "d", "scene", "nowhere", "chart.svg"];
@@ -112,6 +109,6 @@ fn a_chart_names_what_it_leaves_out() {
     let folder_a = RunFolder::at(folder.join("a"));
     let (config, _) = folder_a.read_config().expect("a run");
     let eval = folder_a.read_eval().expect("figures");
-    gs_train::report::write(&folder_a, &eval, &[], &[], &config).expect("written");
+    gs_train::report::write(&folder_a, &eval, &[], &[], &config.to_string()).expect("written");
     assert!(fs::read_to_string(folder_a.report()).expect("read").contains("gsburn chart a b c"));
 }

@@ -119,3 +119,74 @@ fn border(view: &View) -> impl Iterator<Item = [u8; 3]> {
     let columns = (0..height).flat_map(move |y| [y * width, y * width + width - 1]);
     rows.chain(columns).map(|pixel| [0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]))
 }
+
+#[cfg(test)]
+mod tests {
+    use gs_datasets::SceneFormat;
+
+    use super::*;
+
+    /// Twelve cameras on a ring of radius 4 that look at its middle; photos of one colour, the inner pixels of another.
+    fn ring(color: u8) -> Scene {
+        let view = |i: usize| {
+            let turn = i as f64 * std::f64::consts::TAU / 12.0;
+            let place = glam::DVec3::new(4.0 * turn.cos(), 0.0, 4.0 * turn.sin());
+            let (z, y) = (-place.normalize(), glam::DVec3::Y);
+            let column = |v: glam::DVec3, w: f64| v.extend(w);
+            let c2w =
+                glam::DMat4::from_cols(column(y.cross(z), 0.0), column(y, 0.0), column(z, 0.0), column(place, 1.0));
+            let inner = |pixel: usize| (2..4).contains(&(pixel % 6)) && (2..4).contains(&(pixel / 6));
+            let mut view = View { name: i.to_string(), c2w, time: Some(0.0), ..View::blank(6, 6) };
+            view.image.data = (0..36).flat_map(|pixel| [if inner(pixel) { 40 } else { color }; 3]).collect();
+            view
+        };
+        Scene {
+            train: (0..12).map(view).collect(),
+            held_out: Vec::new(),
+            points: None,
+            origin: glam::DVec3::ZERO,
+            format: SceneFormat::Transforms,
+            warnings: Vec::new(),
+            time_range: None,
+        }
+    }
+
+    #[test]
+    fn what_is_left_open_is_found() {
+        let config = Config::default();
+        let found = SceneFacts::of(&ring(250), &config, Some(0.3));
+        assert!((found.near - 1.2).abs() < 1e-9, "{}", found.near);
+        assert!((found.subject_distance.expect("the axes meet") - 4.0).abs() < 1e-9);
+        assert_eq!(found.background, [250.0 / 255.0; 3]);
+        let plain = SceneFacts::of(&ring(0), &config, None);
+        assert!((plain.near - 0.01).abs() < 1e-9, "{}", plain.near);
+        assert_eq!(plain.background, [0.0; 3]);
+    }
+
+    #[test]
+    fn what_is_chosen_stays() {
+        let mut config = Config::default();
+        config.render.near = 0.5;
+        config.data.background = Background::Color([0.0, 1.0, 0.0]);
+        let found = SceneFacts::of(&ring(250), &config, Some(0.3));
+        assert_eq!((found.near, found.background), (0.5, [0.0, 1.0, 0.0]));
+    }
+
+    /// A camera that stands nearer to its subject than the usual near plane still sees it.
+    #[test]
+    fn a_small_world_has_a_near_plane_of_its_own() {
+        let mut scene = ring(250);
+        scene.train.iter_mut().for_each(|view| view.c2w.w_axis = (view.c2w.w_axis.truncate() * 1e-3).extend(1.0));
+        let found = SceneFacts::of(&scene, &Config::default(), None);
+        assert!((found.near - 4e-3 * NEAR_ADVISED).abs() < 1e-12, "{}", found.near);
+    }
+
+    #[test]
+    fn borders_of_many_colours_are_no_background() {
+        let mut scene = ring(250);
+        for (i, view) in scene.train.iter_mut().enumerate() {
+            view.image.data.iter_mut().for_each(|level| *level = level.saturating_sub(5 * i as u8));
+        }
+        assert_eq!(SceneFacts::of(&scene, &Config::default(), None).background, [0.0; 3]);
+    }
+}

@@ -111,6 +111,12 @@ impl<M: Method> Trainer<M> {
         self.model = Some(Model { gaussians, method: change(method) });
     }
 
+    /// Replaces the Gaussians by `change` of them, as many as before.
+    pub fn change_gaussians(&mut self, change: impl FnOnce(Gaussians) -> Gaussians) {
+        let Model { gaussians, method } = self.take_model();
+        self.model = Some(Model { gaussians: change(gaussians), method });
+    }
+
     fn take_model(&mut self) -> Model<M> {
         self.model.take().expect("the model is taken out only within a function")
     }

@@ -45,7 +45,7 @@ pub struct TrainLine {
     pub seconds: f64,
     /// Processor time of training so far, seconds.
     pub cpu_seconds: Option<f64>,
-    /// Counts of this step, by name: "gaussians", "sh_degree", "intersections".
+    /// Counts of this step, by name: "Gaussians", "SH degree", "tile intersections".
     #[serde(default)]
     pub counts: BTreeMap<String, f64>,
 }

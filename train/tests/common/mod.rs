@@ -6,13 +6,17 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use gs_burn::device::{BACKENDS, DeviceKind, select};
-use gs_datasets::Scene;
 use gs_datasets::synthetic::{DemoOptions, demo_scene};
-use gs_train::data::{Photo, Photos};
-use gs_train::experiment::Config;
-use gs_train::run::{Ending, RunRequest, run};
-use gs_train::run_folder::RunFolder;
-use gs_train::step::Trainer;
+use gs_train::config::FitConfig;
+use gs_train::fit::method::Method;
+use gs_train::fit::photos::Photo;
+use gs_train::fit::session::Data;
+use gs_train::fit::trainer::{StepReport, Trainer};
+use gs_train::pipelines::still::Still;
+use gs_train::pipelines::{Pipeline, Resolved, find, fit, resolve_overrides};
+use gs_train::run::folder::{EvalFile, RunFolder};
+use gs_train::run::watch::{Ending, Job};
+use toml::Table;
 
 /// Points of the tiny scene.
 pub const POINTS: usize = 150;
@@ -44,26 +48,60 @@ pub fn tiny_scene(folder: &Path) -> PathBuf {
     path
 }
 
-/// A configuration for a run of `steps`, changed by `overrides`.
-pub fn config(steps: usize, overrides: &[&str]) -> Config {
+/// A configuration of any pipeline for a run of `steps`, changed by `overrides`.
+pub fn resolved(steps: usize, overrides: &[&str]) -> Resolved {
     let common =
         [format!("steps={steps}"), "eval.ms_ssim=false".into(), "eval.lpips=false".into(), "eval.images=1".into()];
     let all: Vec<String> = common.into_iter().chain(overrides.iter().map(|s| s.to_string())).collect();
-    Config::resolve(None, &all).expect("a valid configuration")
+    resolve_overrides(&all).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The tiny scene, a trainer at the beginning of `config`, and the first training photo.
-pub fn begun(config: &Config) -> (Scene, Trainer, Photo) {
+/// The same as a table.
+pub fn config(steps: usize, overrides: &[&str]) -> Table {
+    resolved(steps, overrides).config
+}
+
+/// A configuration as the method sees it.
+pub fn typed<M: Method>(config: &Table) -> FitConfig<M::Config> {
+    FitConfig::from_table(config, "the test").expect("a valid configuration")
+}
+
+/// The pipeline that a configuration names.
+pub fn pipeline(config: &Table) -> &'static dyn Pipeline {
+    let name = config["pipeline"].as_str().expect("a name");
+    find(name).expect("one of the list")
+}
+
+/// A static fit before its first step, and the first training photo.
+pub struct Begun {
+    pub config: FitConfig<<Still as Method>::Config>,
+    pub data: Data<Still>,
+    pub trainer: Trainer<Still>,
+    pub photo: Photo<()>,
+}
+
+impl Begun {
+    /// One step on the photo.
+    pub fn step(&mut self) -> StepReport {
+        let Self { config, data, trainer, photo } = self;
+        trainer.step(std::slice::from_ref(photo), &data.scene.train, &data.cues, config)
+    }
+}
+
+/// A trainer on the tiny scene at the beginning of `config`.
+pub fn begun(config: &Table) -> Begun {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = config.load(&tiny_scene(folder.path())).expect("loads");
-    let trainer = Trainer::begin(&scene, None, config, &device());
-    let photo = Photos::new(&scene.train, &device(), 0).get(0);
-    (scene, trainer, photo)
+    let config = typed::<Still>(config);
+    let scene = fit::load::<Still>(&tiny_scene(folder.path()), &config).expect("loads");
+    let data = Data::new(scene, &config);
+    let trainer = Trainer::begin(&data.scene, &data.cues, &config, data.facts, &device());
+    let photo = gs_train::fit::photos::Photos::plain(&data.scene.train, &device()).get(0);
+    Begun { config, data, trainer, photo }
 }
 
 /// What to run in `folder` on `dataset`.
-pub fn request(dataset: &Path, folder: &Path, config: &Config) -> RunRequest {
-    RunRequest {
+pub fn job(dataset: &Path, folder: &Path, config: &Table) -> Job {
+    Job {
         dataset: dataset.to_path_buf(),
         config: config.clone(),
         folder: RunFolder::vacant(folder).expect("a new folder"),
@@ -75,10 +113,36 @@ pub fn request(dataset: &Path, folder: &Path, config: &Config) -> RunRequest {
     }
 }
 
+/// Runs.
+pub fn train(job: &Job) -> anyhow::Result<Ending> {
+    pipeline(&job.config).train(job)
+}
+
 /// Runs to the end.
-pub fn finish(request: &RunRequest) -> gs_train::run_folder::EvalFile {
-    match run(request).expect("the run succeeds") {
+pub fn finish(job: &Job) -> EvalFile {
+    match train(job).expect("the run succeeds") {
         Ending::Finished(eval) => *eval,
         Ending::Interrupted(step) => panic!("interrupted after step {step}"),
     }
+}
+
+/// Runs to the end with an interruption after each step of `stops`.
+pub fn finish_interrupted(job: &Job, stops: &[usize]) -> EvalFile {
+    let mut job = job.clone();
+    for stop in stops {
+        job.stop_at = Some(*stop);
+        assert!(matches!(train(&job), Ok(Ending::Interrupted(step)) if step == *stop));
+        job.resume = true;
+    }
+    job.stop_at = None;
+    finish(&job)
+}
+
+/// Rewrites the frames of a data set's description.
+pub fn edit(world: &Path, file: &str, change: impl FnOnce(&mut Vec<serde_json::Value>)) {
+    let path = world.join(file);
+    let text = std::fs::read_to_string(&path).expect("a file");
+    let mut json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    change(json["frames"].as_array_mut().expect("frames"));
+    std::fs::write(&path, json.to_string()).expect("written");
 }

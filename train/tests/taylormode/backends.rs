@@ -1,9 +1,9 @@
 //! It trains the same scene on every backend.
 
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
-use gs_train::run::RunRequest;
+use gs_train::run::watch::Job;
 
-use crate::{common, request, written};
+use crate::{common, job, written};
 
 /// Largest difference between backends, dB. Sums in another order differ in the seventh digit; forty steps of Adam, whose first have
 /// full length whatever the gradient, made 4e-4 dB of that.
@@ -18,12 +18,12 @@ fn every_backend_trains_the_same_scene() {
     let world = written(folder, DeblurOptions { world: World::Pair, ..DeblurOptions::default() });
     for more in [["blur.mode=integrate", "motion.remainder=on"], ["blur.mode=warp", "blur.decouple=true"]] {
         let trained = common::backends().map(|backend| {
-            let run = RunRequest {
+            let run = Job {
                 device: common::named(backend),
-                ..request(&world, &folder.join(format!("{backend} {}", more[0])), &more)
+                ..job(&world, &folder.join(format!("{backend} {}", more[0])), &more)
             };
             let last = common::finish(&run).last;
-            (backend, [last.mean.psnr, last.moving.expect("the truth's mask").psnr])
+            (backend, [last.mean().psnr, last.moving().expect("the truth's mask").psnr])
         });
         let trained: Vec<(&str, [f64; 2])> = trained.collect();
         let (_, first) = trained[0];

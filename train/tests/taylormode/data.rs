@@ -2,18 +2,35 @@
 
 use std::path::Path;
 
-use gs_train::commands::check::examine;
-use gs_train::run::run;
-use gs_train::taylormode::hints;
+use gs_datasets::{CheckReport, Scene};
+use gs_train::fit::method::Method;
+use gs_train::pipelines::fit::load;
+use gs_train::pipelines::still::Still;
+use gs_train::pipelines::taylormode::{Config, Taylormode, cues};
 
-use crate::{OVERRIDES, STEPS, common, finish_in, request, tiny_world};
+use crate::{STEPS, common, config, finish_in, job, tiny_world};
+
+/// The report of `check` on a data set.
+fn examine(dataset: &Path, config: &toml::Table) -> CheckReport {
+    common::pipeline(config).check(dataset, config).expect("a valid configuration")
+}
+
+/// A data set as a method's training would load it.
+fn loaded<M: Method>(dataset: &Path, config: &toml::Table) -> Scene {
+    load::<M>(dataset, &common::typed::<M>(config)).expect("loads")
+}
+
+/// What a static run and a moving one of the program's own settings are asked with.
+fn plain(pipeline: &str) -> toml::Table {
+    common::config(STEPS, &[pipeline])
+}
 
 #[test]
 fn a_set_without_times_is_refused_in_a_sentence() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let still = common::tiny_scene(folder);
-    let error = run(&request(&still, &folder.join("run"), &[])).expect_err("no times").to_string();
+    let error = common::train(&job(&still, &folder.join("run"), &[])).expect_err("no times").to_string();
     assert!(error.contains("expected a time for each frame") && !error.contains('\n'), "{error}");
 }
 
@@ -23,20 +40,21 @@ fn times_that_say_nothing_are_not_believed() {
     let temporary = tempfile::tempdir().expect("a folder");
     let world = tiny_world(temporary.path());
     let mut count = 0;
-    edit(&world, "transforms_train.json", |frames| {
+    common::edit(&world, "transforms_train.json", |frames| {
         count = frames.len();
         frames[2].as_object_mut().expect("a frame").remove("time");
     });
     let load = |more: &[&str]| {
-        let config = common::config(STEPS, &[&OVERRIDES, more].concat());
-        (config.load(&world).expect("loads"), config)
+        let config = config(more);
+        let typed: Config = common::typed::<Taylormode>(&config);
+        (loaded::<Taylormode>(&world, &config), typed)
     };
     let (scene, config) = load(&[]);
     assert_eq!(scene.train.len(), count - 1);
     assert!(scene.warnings.iter().any(|w| w.contains("1 photos without a time are left out")), "{:?}", scene.warnings);
-    assert_eq!(hints::first_exposure(&scene, &config).1, None);
+    assert_eq!(cues::first_exposure(&scene, &config).1, None);
     let (scene, config) = load(&["blur.exposure=0.3"]);
-    let (exposure, warning) = hints::first_exposure(&scene, &config);
+    let (exposure, warning) = cues::first_exposure(&scene, &config);
     assert!(exposure == 0.3 && warning.expect("a warning").contains("time between two frames, 0.25"));
 }
 
@@ -44,14 +62,13 @@ fn times_that_say_nothing_are_not_believed() {
 fn a_still_scene_reads_no_prior_that_it_does_not_use() {
     let temporary = tempfile::tempdir().expect("a folder");
     let world = tiny_world(temporary.path());
-    let priors = |pipeline: &str| {
-        let scene = common::config(STEPS, &[pipeline]).load(&world).expect("loads");
+    let priors = |scene: Scene| {
         let all = scene.train.into_iter().map(|view| view.priors);
         let each = all.map(|priors| [priors.depth.is_some(), priors.moving.is_some(), priors.sharp.is_some()]);
         each.collect::<Vec<_>>()
     };
-    assert!(priors("pipeline=taylormode").contains(&[true; 3]));
-    let still = priors("pipeline=static");
+    assert!(priors(loaded::<Taylormode>(&world, &plain("pipeline=taylormode"))).contains(&[true; 3]));
+    let still = priors(loaded::<Still>(&world, &plain("pipeline=static")));
     assert!(still.contains(&[false, true, false]) && still.iter().all(|[depth, _, sharp]| !depth && !sharp));
 }
 
@@ -61,18 +78,17 @@ fn checking_asks_what_training_asks() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let still = common::tiny_scene(folder);
-    let config = |pipeline: &str| common::config(STEPS, &[pipeline]);
-    let report = examine(&still, &config("pipeline=taylormode"));
-    let refused = run(&request(&still, &folder.join("run"), &[])).expect_err("no times").to_string();
+    let report = examine(&still, &plain("pipeline=taylormode"));
+    let refused = common::train(&job(&still, &folder.join("run"), &[])).expect_err("no times").to_string();
     assert!(report.errors == [refused], "{report}");
-    assert!(examine(&still, &config("pipeline=static")).is_ok());
+    assert!(examine(&still, &plain("pipeline=static")).is_ok());
 
     let world = tiny_world(folder);
-    edit(&world, "transforms_train.json", |frames| {
+    common::edit(&world, "transforms_train.json", |frames| {
         frames[2].as_object_mut().expect("a frame").remove("time");
     });
-    let report = examine(&world, &config("pipeline=taylormode"));
-    let loaded = config("pipeline=taylormode").load(&world).expect("loads").warnings;
+    let report = examine(&world, &plain("pipeline=taylormode"));
+    let loaded = loaded::<Taylormode>(&world, &plain("pipeline=taylormode")).warnings;
     assert!(report.is_ok() && report.warnings == loaded, "{report}: {loaded:?}");
     assert!(loaded.iter().any(|w| w.contains("1 photos without a time are left out")), "{loaded:?}");
 }
@@ -87,9 +103,22 @@ fn a_world_too_small_for_its_near_plane_is_told() {
         report.warnings.iter().any(|warning| warning.contains("render.near"))
     };
     assert!(!warns("render.near=0.01"));
-    let config = common::config(STEPS, &["pipeline=taylormode"]);
-    let distance = config.load(&world).expect("loads").subject_distance().expect("cameras look at the body");
+    let scene = loaded::<Taylormode>(&world, &plain("pipeline=taylormode"));
+    let distance = scene.subject_distance().expect("cameras look at the body");
     assert!(warns(&format!("render.near={}", 0.6 * distance)));
+}
+
+/// Points say how near things are; without them nothing is looked for, or drawn, close to a static camera.
+#[test]
+fn the_near_plane_is_proposed_without_points_alone() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let world = tiny_world(temporary.path());
+    let config = common::typed::<Taylormode>(&plain("pipeline=taylormode"));
+    let mut scene = load::<Taylormode>(&world, &config).expect("loads");
+    assert!(scene.points.is_some());
+    assert_eq!(Taylormode::near_share(&scene, &config), None);
+    scene.points = None;
+    assert_eq!(Taylormode::near_share(&scene, &config), Some(config.method.cues.near_share));
 }
 
 /// One exposure is learned; the first view's is no truth where others differ.
@@ -98,25 +127,16 @@ fn exposures_that_differ_are_judged_by_their_median() {
     let temporary = tempfile::tempdir().expect("a folder");
     let world = tiny_world(temporary.path());
     for file in ["transforms_train.json", "transforms_test.json"] {
-        edit(&world, file, |frames| {
+        common::edit(&world, file, |frames| {
             frames.iter_mut().enumerate().for_each(|(i, frame)| frame["exposure"] = [0.2_f64, 0.05][i.min(1)].into());
         });
     }
-    let run =
-        |name: &str, from: &str| finish_in(temporary.path(), &world, name, &[from]).last.motion.expect("it moves");
+    let run = |name: &str, from: &str| finish_in(temporary.path(), &world, name, &[from]).last;
+    let exposure = |last: &gs_train::run::evaluate::Evaluation| last.figure("exposure").expect("it moves");
     let held = run("held", "blur.exposure_from=1");
-    assert!((held.exposure / 0.05 - 1.0).abs() < 1e-6, "{}", held.exposure);
-    assert_eq!(held.exposure_error, None, "what is held is not found");
+    assert!((exposure(&held) / 0.05 - 1.0).abs() < 1e-6, "{}", exposure(&held));
+    assert_eq!(held.figure("exposure_error"), None, "what is held is not found");
     let learned = run("learned", "blur.exposure_from=0");
-    let error = learned.exposure_error.expect("a stated exposure");
-    assert!(error > 1e-6 && (error - (learned.exposure / 0.05 - 1.0).abs()).abs() < 1e-12, "{error}");
-}
-
-/// Rewrites the frames of a set's description.
-fn edit(world: &Path, file: &str, change: impl FnOnce(&mut Vec<serde_json::Value>)) {
-    let path = world.join(file);
-    let mut json: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(&path).expect("a file")).expect("JSON");
-    change(json["frames"].as_array_mut().expect("frames"));
-    std::fs::write(&path, json.to_string()).expect("written");
+    let error = learned.figure("exposure_error").expect("a stated exposure") / 100.0;
+    assert!(error > 1e-6 && (error - (exposure(&learned) / 0.05 - 1.0).abs()).abs() < 1e-12, "{error}");
 }

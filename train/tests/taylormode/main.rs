@@ -13,8 +13,8 @@ mod selection;
 use std::path::{Path, PathBuf};
 
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
-use gs_train::run::RunRequest;
-use gs_train::run_folder::EvalFile;
+use gs_train::run::folder::EvalFile;
+use gs_train::run::watch::Job;
 
 const STEPS: usize = 40;
 
@@ -43,11 +43,14 @@ const OVERRIDES: [&str; 9] = [
     "blur.samples=3",
 ];
 
-fn request(world: &Path, folder: &Path, more: &[&str]) -> RunRequest {
-    let overrides: Vec<&str> = OVERRIDES.iter().chain(more).copied().collect();
-    common::request(world, folder, &common::config(STEPS, &overrides))
+fn config(more: &[&str]) -> toml::Table {
+    common::config(STEPS, &[&OVERRIDES[..], more].concat())
+}
+
+fn job(world: &Path, folder: &Path, more: &[&str]) -> Job {
+    common::job(world, folder, &config(more))
 }
 
 fn finish_in(folder: &Path, world: &Path, name: &str, more: &[&str]) -> EvalFile {
-    common::finish(&request(world, &folder.join(name), more))
+    common::finish(&job(world, &folder.join(name), more))
 }

@@ -3,10 +3,15 @@
 use std::path::Path;
 
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
-use gs_train::parameters::to_host;
-use gs_train::run::{Ending, RunRequest, run};
+use gs_train::fit::parameters::to_host;
+use gs_train::pipelines::fit::read_model;
+use gs_train::pipelines::load_scene;
+use gs_train::pipelines::taylormode::Taylormode;
+use gs_train::pipelines::taylormode::common_motion::CommonMotion;
+use gs_train::run::checkpoint::Checkpoint;
+use gs_train::run::watch::Job;
 
-use crate::{STEPS, common, request, tiny_world, written};
+use crate::{STEPS, common, job, tiny_world, written};
 
 /// Interrupted twice, and on one thread: the same checkpoint.
 fn resumes_to_the_same_bits(more: &[&str]) {
@@ -17,24 +22,26 @@ fn resumes_to_the_same_bits(more: &[&str]) {
 
 /// The folder is left with the runs in it.
 fn resumes_on(world: &Path, folder: &Path, more: &[&str]) {
-    let checkpoint =
-        |request: &RunRequest| std::fs::read(request.folder.checkpoint(STEPS)).expect("the last checkpoint");
-    let whole = request(world, &folder.join("whole"), more);
+    let whole = job(world, &folder.join("whole"), more);
     common::finish(&whole);
+    let resumed = job(world, &folder.join("resumed"), more);
+    common::finish_interrupted(&resumed, &[13, 27]);
+    assert!(last_checkpoint(&whole) == last_checkpoint(&resumed), "the resumed run differs");
 
-    let mut resumed = request(world, &folder.join("resumed"), more);
-    for stop in [13, 27] {
-        resumed.stop_at = Some(stop);
-        assert!(matches!(run(&resumed), Ok(Ending::Interrupted(step)) if step == stop));
-        resumed.resume = true;
-    }
-    resumed.stop_at = None;
-    common::finish(&resumed);
-    assert!(checkpoint(&whole) == checkpoint(&resumed), "the resumed run differs");
-
-    let one_thread = request(world, &folder.join("one"), more);
+    let one_thread = job(world, &folder.join("one"), more);
     rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(|| common::finish(&one_thread));
-    assert!(checkpoint(&whole) == checkpoint(&one_thread), "one thread gives other bits");
+    assert!(last_checkpoint(&whole) == last_checkpoint(&one_thread), "one thread gives other bits");
+}
+
+fn last_checkpoint(job: &Job) -> Vec<u8> {
+    std::fs::read(job.folder.checkpoint(STEPS)).expect("the last checkpoint")
+}
+
+/// What the run in `folder` learned beside the Gaussians.
+fn learned(folder: &Path) -> Taylormode {
+    let run = gs_train::run::folder::RunFolder::at(folder);
+    let file = Checkpoint::load(&run.checkpoint(STEPS)).expect("loads");
+    read_model::<Taylormode>(&file, &common::device()).expect("a moving scene").0.method
 }
 
 #[test]
@@ -65,28 +72,27 @@ fn a_bounce_resumes_to_the_same_bits() {
     };
     deblur::write(&world, &options, |_, _| {}).expect("the world is written");
     resumes_on(&world, folder, &["blur.exposure_from=0.6"]);
-    let loaded = gs_train::export::load_scene(&folder.join("whole"), &common::device()).expect("a scene");
-    let state = loaded.motion.as_ref().expect("a moving scene");
-    assert!(!state.contacts.is_empty() && state.bodies.len() == 1 && state.exposure_said);
-    let jumps = to_host(state.kinks.value.clone());
-    assert_eq!(jumps.len(), 3 * state.contacts.len() * state.rows.len());
+    let state = learned(&folder.join("whole"));
+    let motion = &state.motion;
+    assert!(!motion.contacts().is_empty() && state.objects.len() == 1 && state.exposure_is_stated);
+    let jumps = to_host(motion.kinks.as_ref().expect("kinks").jumps.val());
+    assert_eq!(jumps.len(), 3 * motion.contacts().len() * motion.rows.len());
     assert!(jumps.iter().any(|jump| *jump != 0.0), "nothing jumps");
-    assert!((state.exposure() - options.exposure_time()).abs() > 1e-6, "the exposure was never learned");
-    let times = loaded.times(3);
+    assert!((state.exposure_on_host() - options.exposure_time()).abs() > 1e-6, "the exposure was never learned");
+    let times = load_scene(&folder.join("whole"), &common::device()).expect("a scene").times(3);
     assert!(times[0] == 0.0 && times[2] == 1.0, "the recording is from 0 to 1, not {times:?}");
 }
 
-/// Two bodies that move apart have a path and a common motion each.
+/// Two objects that move apart have a path and a common motion each.
 #[test]
 fn a_pair_resumes_to_the_same_bits() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let world = written(folder, DeblurOptions { world: World::Pair, ..DeblurOptions::default() });
     resumes_on(&world, folder, &[]);
-    let loaded = gs_train::export::load_scene(&folder.join("whole"), &common::device()).expect("a scene");
-    let bodies = loaded.motion.expect("a moving scene").bodies;
-    assert_eq!(bodies.len(), 2);
-    let moved = |body: &gs_train::taylormode::collective::Collective| to_host(body.sum.value.clone());
-    assert!(bodies.iter().all(|body| moved(body).iter().any(|x| *x != 0.0)), "a body never moved as one");
-    assert_ne!(moved(&bodies[0]), moved(&bodies[1]));
+    let objects = learned(&folder.join("whole")).objects;
+    assert_eq!(objects.len(), 2);
+    let moved = |object: &CommonMotion| to_host(object.sum.val());
+    assert!(objects.iter().all(|object| moved(object).iter().any(|x| *x != 0.0)), "an object never moved as one");
+    assert_ne!(moved(&objects[0]), moved(&objects[1]));
 }
