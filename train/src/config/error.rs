@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::tables::MAX_BASES;
+/// Files that may be stacked by `base`; more is taken for a circle.
+pub const MAX_BASES: usize = 8;
 
 /// What can be wrong with a configuration; one sentence each.
 #[derive(Debug, thiserror::Error)]

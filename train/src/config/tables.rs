@@ -4,10 +4,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::error::ConfigError;
-
-/// Files that may be stacked by `base`; more is taken for a circle.
-pub const MAX_BASES: usize = 8;
+use super::error::{ConfigError, MAX_BASES};
 
 /// Values from one place.
 #[derive(Debug, Clone, PartialEq)]
