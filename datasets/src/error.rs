@@ -18,6 +18,26 @@ pub enum DatasetError {
         source: std::io::Error,
     },
 
+    /// There is no regular file where one was expected.
+    #[error("{}: expected a file, found {found}", path.display())]
+    NotAFile {
+        /// What was to be read.
+        path: PathBuf,
+        /// What it is: "a folder", "a device", "a pipe" or "a socket".
+        found: &'static str,
+    },
+
+    /// A file is longer than any that makes sense in its place.
+    #[error("{}: expected a file of at most {limit}, found {found}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The longest that is read, with its unit.
+        limit: String,
+        /// Its length, with its unit.
+        found: String,
+    },
+
     /// The folder or file is none of the formats this crate reads.
     #[error("{}: expected {expected}, found {found}", path.display())]
     UnknownFormat {

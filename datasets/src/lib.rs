@@ -33,6 +33,7 @@ mod error;
 mod findings;
 mod formats;
 mod frame;
+pub mod guarded;
 pub mod image_io;
 mod jpeg;
 mod lens;

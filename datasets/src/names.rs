@@ -1,7 +1,9 @@
 //! Paths as data sets write them, the view names made from them, and lists of names in messages.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+
+use crate::guarded;
 
 /// Endings that are an image's extension rather than a part of its name.
 const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "gif"];
@@ -14,16 +16,25 @@ pub(crate) fn with_slashes(written: &str) -> String {
     written.replace('\\', "/")
 }
 
-/// The file that `written` names relative to `root`, trying extensions if it has none. `None` if there is none.
+/// The file that `written` names relative to `root`, trying extensions if it has none. `None` if there is none. What is there and is
+/// no file, a folder `a.png` or a pipe, is found too, to be refused when it is read.
 pub(crate) fn find_image(root: &Path, written: &str) -> Option<PathBuf> {
     let path = root.join(with_slashes(written));
-    if path.is_file() {
+    if guarded::is_there(&path) || has_image_extension(written) && path.exists() {
         return Some(path);
     }
-    if has_image_extension(written) {
-        return None;
-    }
-    TRIED.iter().map(|extension| PathBuf::from(format!("{}.{extension}", path.display()))).find(|path| path.is_file())
+    if has_image_extension(written) { None } else { with_extension(&path, &TRIED) }
+}
+
+/// The first file that is there of `path` with each of the extensions appended.
+pub(crate) fn with_extension(path: &Path, extensions: &[&str]) -> Option<PathBuf> {
+    let appended = |extension: &&str| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(".");
+        name.push(extension);
+        PathBuf::from(name)
+    };
+    extensions.iter().map(appended).find(|path| guarded::is_there(path))
 }
 
 fn has_image_extension(written: &str) -> bool {
@@ -53,14 +64,17 @@ pub(crate) fn view_name(root: &Path, written: &str) -> String {
 
 /// Makes names unique by appending `_2`, `_3`, ... to later ones.
 pub(crate) fn make_unique<'a>(names: impl Iterator<Item = &'a mut String>) {
-    let mut seen = HashSet::new();
+    // The number to try next: thousands of frames may show one photo at different times.
+    let mut seen: HashMap<String, u64> = HashMap::new();
     for name in names {
-        if !seen.insert(name.clone()) {
-            let free = (2..).map(|n| format!("{name}_{n}")).find(|candidate| !seen.contains(candidate));
-            if let Some(free) = free {
-                seen.insert(free.clone());
-                *name = free;
-            }
+        let Some(&next) = seen.get(name.as_str()) else {
+            seen.insert(name.clone(), 2);
+            continue;
+        };
+        let free = (next..).map(|n| (n, format!("{name}_{n}"))).find(|(_, candidate)| !seen.contains_key(candidate));
+        if let Some((n, free)) = free {
+            seen.insert(std::mem::replace(name, free.clone()), n + 1);
+            seen.insert(free, 2);
         }
     }
 }

@@ -1,12 +1,12 @@
 //! Decoding photos: opaque colour out, transparency composited on the chosen background.
 
-use std::fs;
-use std::io::{BufReader, Cursor};
+use std::io::{BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use crate::error::DatasetError;
+use crate::guarded;
 use crate::jpeg;
 use crate::light::{to_encoded, to_linear};
 
@@ -54,7 +54,7 @@ impl Photo {
 
 /// Opens an image file within limits. The format is told from the content, because wrong extensions are common.
 pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
-    let bytes = fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
     let mut reader = ImageReader::new(Cursor::new(&bytes));
     reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     let mut limits = Limits::default();
@@ -77,12 +77,12 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
 /// Width and height from the file's header.
 pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be described.
-    let file = fs::File::open(path).map_err(|error| DatasetError::read(path, error))?;
-    if let Some(size) = jpeg::size(&mut BufReader::new(file)) {
+    let mut file = BufReader::new(guarded::open_regular(path, guarded::IMAGE_MAX)?);
+    if let Some(size) = jpeg::size(&mut file) {
         return Ok(size);
     }
-    let reader = ImageReader::open(path).map_err(|error| DatasetError::read(path, error))?;
-    let reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
+    file.rewind().map_err(|error| DatasetError::read(path, error))?;
+    let reader = ImageReader::new(file).with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::error::DatasetError;
+use crate::guarded;
 use crate::raw::RawPoints;
 
 /// Colour of points without one: mid grey.
@@ -91,7 +92,7 @@ struct Header {
 
 /// Reads the vertices of a PLY file as points.
 pub(crate) fn read(path: &Path) -> Result<RawPoints, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let bytes = guarded::read(path, guarded::POINTS_MAX)?;
     let header = header(&bytes, path)?;
     let column = |names: &[&str]| header.properties.iter().position(|(name, _)| names.contains(&name.as_str()));
     let mut position = [0; 3];

@@ -1,5 +1,7 @@
 //! One mistake of a whole data set is found in every frame: it is said once.
 
+use std::collections::HashMap;
+
 use crate::error::DatasetError;
 use crate::names::some_names;
 
@@ -7,15 +9,19 @@ use crate::names::some_names;
 pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
     // What they have in common, their sentences, and what each is about.
     let mut groups: Vec<(String, String, Vec<String>)> = Vec::new();
+    let mut places: HashMap<String, usize> = HashMap::new();
     for error in errors {
         let whole = error.to_string();
         let Some((common, name)) = apart(error) else {
             groups.push((whole.clone(), whole, Vec::new()));
             continue;
         };
-        match groups.iter_mut().find(|(known, _, names)| *known == common && !names.is_empty()) {
-            Some((_, _, names)) => names.push(name),
-            None => groups.push((common, whole, vec![name])),
+        match places.get(&common) {
+            Some(place) => groups[*place].2.push(name),
+            None => {
+                places.insert(common.clone(), groups.len());
+                groups.push((common, whole, vec![name]));
+            }
         }
     }
     let said = |(common, whole, names): (String, String, Vec<String>)| match names.len() {

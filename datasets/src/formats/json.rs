@@ -5,10 +5,11 @@ use std::path::Path;
 use serde_json::{Map, Value};
 
 use crate::error::DatasetError;
+use crate::guarded;
 
 /// Reads a JSON file whose top level is an object.
 pub(crate) fn read(path: &Path) -> Result<Map<String, Value>, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let bytes = guarded::read(path, guarded::DESCRIPTION_MAX)?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
         DatasetError::malformed(path, format!("byte {offset}"), "JSON in UTF-8", "bytes that are not UTF-8")

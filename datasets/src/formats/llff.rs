@@ -16,6 +16,7 @@ use glam::DMat4;
 
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::guarded;
 use crate::lens::{Distortion, Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
@@ -64,7 +65,7 @@ pub(crate) fn find(path: &Path) -> Option<PoseFile> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         (path.to_path_buf(), folder.to_path_buf())
     };
-    if file.file_name()? != POSE_FILE || !file.is_file() {
+    if file.file_name()? != POSE_FILE || !file.exists() {
         return None;
     }
     let is_camera = |path: &Path| file_name(path).to_ascii_lowercase().starts_with(CAMERA_PREFIX);
@@ -168,7 +169,7 @@ fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, Datase
 
 fn frames_of(folder: &Path) -> Vec<PathBuf> {
     let images = |folder: &Path| -> Vec<PathBuf> {
-        sorted(folder).into_iter().filter(|path| has_extension(path, &IMAGES) && path.is_file()).collect()
+        sorted(folder).into_iter().filter(|path| has_extension(path, &IMAGES) && guarded::is_there(path)).collect()
     };
     let found = images(folder);
     if found.is_empty() { images(&folder.join("images")) } else { found }

@@ -15,6 +15,7 @@ use serde_json::{Map, Value};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
+use crate::guarded;
 use crate::lens::{Distortion, Focal, Lens};
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
@@ -48,7 +49,7 @@ pub(crate) fn find(path: &Path) -> Option<MetaFiles> {
     let files: Vec<(PathBuf, SplitName)> = [(TRAIN_FILE, SplitName::Train), (TEST_FILE, SplitName::Test)]
         .map(|(name, split)| (path.join(name), split))
         .into_iter()
-        .filter(|(file, _)| file.is_file())
+        .filter(|(file, _)| file.exists())
         .collect();
     let trains = files.iter().any(|(_, split)| *split == SplitName::Train);
     trains.then(|| MetaFiles { scene: path.to_path_buf(), folder: path.to_path_buf(), files })
@@ -56,7 +57,7 @@ pub(crate) fn find(path: &Path) -> Option<MetaFiles> {
 
 /// The set whose train_meta.json was given by name.
 pub(crate) fn find_named(path: &Path) -> Option<MetaFiles> {
-    if path.file_name()? != TRAIN_FILE || !path.is_file() {
+    if path.file_name()? != TRAIN_FILE || !path.exists() {
         return None;
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -112,7 +113,7 @@ pub(crate) fn read(
             some_names(&missing)
         ));
     }
-    if files.folder.join(POINTS_FILE).is_file() {
+    if files.folder.join(POINTS_FILE).exists() {
         findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
     }
     if frames.is_empty() && !findings.lenient {
@@ -132,7 +133,7 @@ fn masks(files: &MetaFiles, name: &str, options: &LoadOptions) -> (Vec<MaskFile>
     let mut sides = SideFiles { files: Vec::new(), depth };
     let relative = name.strip_prefix(IMAGE_FOLDER).unwrap_or(name).trim_start_matches('/');
     let path = files.folder.join(MASK_FOLDER).join(format!("{relative}.png"));
-    if !path.is_file() || options.masks == MaskUse::Ignore {
+    if !guarded::is_there(&path) || options.masks == MaskUse::Ignore {
         return (Vec::new(), sides);
     }
     let counting = |white| vec![MaskFile { path: path.clone(), white }];

@@ -72,7 +72,7 @@ pub(crate) fn attach(files: &SideFiles, photo: &PhotoShape) -> Attached {
 }
 
 fn load(file: &SideFile, meaning: DepthMeaning, photo: &PhotoShape, into: &mut Attached) -> Result<(), Reason> {
-    let path = file.path.as_deref().filter(|path| path.is_file()).ok_or(Reason::Missing)?;
+    let path = file.path.as_deref().filter(|path| path.exists()).ok_or(Reason::Missing)?;
     if photo.undistorted {
         return Err(Reason::Distorted);
     }

@@ -8,6 +8,7 @@ use super::map::Map;
 use super::{exr, npy};
 use crate::error::DatasetError;
 use crate::frame::DepthSpace;
+use crate::guarded;
 use crate::mask;
 use crate::options::DepthKind;
 use crate::pixels;
@@ -34,7 +35,7 @@ enum Content {
 }
 
 fn open(path: &Path) -> Result<Content, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
     if bytes.starts_with(npy::MAGIC) {
         npy::parse(path, &bytes).map(Content::Numpy)
     } else if bytes.starts_with(exr::MAGIC) {

@@ -11,12 +11,16 @@ use exr::prelude::f16;
 
 use super::map::Map;
 use crate::error::DatasetError;
+use crate::guarded;
 
 /// The first bytes of every file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Longest header that is read, bytes. NumPy itself refuses more than 10 000.
 const HEADER_MAX: usize = 1 << 16;
+
+/// Most axes of an array: NumPy has no more. Bringing a value into order takes a step for each.
+const AXES_MAX: usize = 64;
 
 /// Most values that are read: half a GiB in f64, and more pixels than any camera has.
 const VALUES_MAX: usize = 1 << 26;
@@ -30,7 +34,7 @@ pub(crate) struct Array {
 
 /// Reads a file.
 pub(crate) fn read(path: &Path) -> Result<Array, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
     parse(path, &bytes)
 }
 
@@ -63,6 +67,9 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Array, DatasetError> {
         .ok_or_else(|| wrong("header", "a dictionary with descr, fortran_order and shape", shortened(&header)))?;
     let number = Number::from_descr(&header.descr)
         .ok_or_else(|| wrong("descr", "a plain number type (f2 f4 f8 u1 u2 u4 i1 .. i8 b1)", header.descr.clone()))?;
+    if header.shape.len() > AXES_MAX {
+        return Err(wrong("shape", &format!("at most {AXES_MAX} axes"), header.shape.len().to_string()));
+    }
     let count = header.shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
     let count = count.filter(|count| *count <= VALUES_MAX);
     let needed = count.and_then(|count| count.checked_mul(number.bytes));

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::findings::Findings;
+use crate::guarded;
 use crate::names;
 use crate::options::PriorUse;
 use crate::raw::RawFrame;
@@ -35,10 +36,10 @@ const TRIED: &[&str] = &["png", "exr", "npy", "jpg"];
 /// The file that a key names, whether it exists or not.
 pub(crate) fn named(root: &Path, written: &str) -> PathBuf {
     let path = root.join(names::with_slashes(written));
-    if path.is_file() {
+    if guarded::is_there(&path) {
         return path;
     }
-    with_extension(&path, TRIED).unwrap_or(path)
+    names::with_extension(&path, TRIED).unwrap_or(path)
 }
 
 /// Whether the user wants a kind of file read; truth always is.
@@ -103,14 +104,7 @@ fn report(kind: Kind, folder: &Path, file: &Path, found: usize, findings: &mut F
 /// `folder/train/0001.png` for `train/0001`, or `folder/0001.png`: some tools keep the photos' own folder, others not.
 fn beside(folder: &Path, name: &str, extensions: &[&str]) -> Option<PathBuf> {
     let shorter = name.split_once('/').map(|(_, rest)| rest);
-    [Some(name), shorter].into_iter().flatten().find_map(|name| with_extension(&folder.join(name), extensions))
-}
-
-fn with_extension(path: &Path, extensions: &[&str]) -> Option<PathBuf> {
-    extensions
-        .iter()
-        .map(|extension| PathBuf::from(format!("{}.{extension}", path.display())))
-        .find(|path| path.is_file())
+    [Some(name), shorter].into_iter().flatten().find_map(|name| names::with_extension(&folder.join(name), extensions))
 }
 
 /// Adds an entry without a path where other frames have one of the kind, so that the gap is counted.

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::model::{Camera, Image, Point, model_by_id};
 use crate::error::DatasetError;
+use crate::guarded;
 
 /// The id of "no point".
 const NO_POINT: u64 = u64::MAX;
@@ -90,7 +91,7 @@ impl<'a> Bytes<'a> {
 }
 
 fn read<T>(path: &Path, parse: impl Fn(&mut Bytes) -> Result<T, DatasetError>) -> Result<T, DatasetError> {
-    let all = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
+    let all = guarded::read(path, guarded::MODEL_MAX)?;
     let mut bytes = Bytes { file: path, all: &all, offset: 0 };
     let parsed = parse(&mut bytes)?;
     bytes.end()?;

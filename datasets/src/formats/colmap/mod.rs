@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use self::model::Model;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::guarded;
 use crate::lens::Lens;
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
@@ -48,7 +49,7 @@ pub(crate) fn find(path: &Path) -> Option<ModelFiles> {
     for below in MODEL_FOLDERS {
         let folder = path.join(below);
         for (extension, format) in [("bin", SceneFormat::ColmapBinary), ("txt", SceneFormat::ColmapText)] {
-            let has = |stem: &str| folder.join(format!("{stem}.{extension}")).is_file();
+            let has = |stem: &str| folder.join(format!("{stem}.{extension}")).exists();
             if has("cameras") && has("images") {
                 return Some(ModelFiles { scene: path.to_path_buf(), folder, format });
             }
@@ -77,7 +78,7 @@ pub(crate) fn read_model(
         if is_binary { binary::images(&path, keep_observations) } else { text::images(&path, keep_observations) };
     model.images = findings.take(images)?.unwrap_or_default();
     let path = files.file("points3D");
-    if !path.is_file() {
+    if !path.exists() {
         findings.warn(format!("{}: there are no points ({} is missing)", files.folder.display(), path.display()));
         return Ok(model);
     }
@@ -229,7 +230,7 @@ fn mask(folder: Option<&Path>, image: &str, masks: MaskUse) -> Option<MaskFile> 
     let stem = whole.rsplit_once('.').map_or(whole.as_str(), |(stem, _)| stem);
     let path = [folder.join(format!("{whole}.png")), folder.join(format!("{stem}.png"))]
         .into_iter()
-        .find(|path| path.is_file())?;
+        .find(|path| guarded::is_there(path))?;
     let white = if masks == MaskUse::KeepBlack { White::Ignore } else { White::Keep };
     Some(MaskFile { path, white })
 }

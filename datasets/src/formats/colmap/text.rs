@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::model::{Camera, Image, Point, model_by_name};
 use crate::error::DatasetError;
+use crate::guarded;
 
 /// The words of one line.
 struct Line<'a> {
@@ -40,11 +41,7 @@ impl<'a> Line<'a> {
 }
 
 fn read(path: &Path) -> Result<String, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|error| DatasetError::read(path, error))?;
-    String::from_utf8(bytes).map_err(|error| {
-        let offset = error.utf8_error().valid_up_to();
-        DatasetError::malformed(path, format!("byte {offset}"), "text in UTF-8", "bytes that are not UTF-8")
-    })
+    guarded::read_to_string(path, guarded::MODEL_MAX)
 }
 
 /// Lines with their numbers, comments left out and blank lines kept.

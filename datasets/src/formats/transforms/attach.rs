@@ -9,6 +9,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::Keys;
 use crate::formats::panoptic;
+use crate::guarded;
 use crate::mask::{MaskFile, White};
 use crate::names;
 use crate::names::some_names;
@@ -214,5 +215,5 @@ fn dynamic_mask(image: &Path, masks: MaskUse) -> Option<MaskFile> {
     }
     let stem = image.file_stem()?.to_str()?;
     let path = image.with_file_name(format!("dynamic_mask_{stem}.png"));
-    path.is_file().then_some(MaskFile { path, white: White::Ignore })
+    guarded::is_there(&path).then_some(MaskFile { path, white: White::Ignore })
 }

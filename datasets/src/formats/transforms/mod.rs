@@ -35,10 +35,10 @@ pub(crate) fn find(path: &Path, is_folder: bool) -> Option<Sources> {
         let split: Vec<(PathBuf, Option<SplitName>)> = parts
             .into_iter()
             .map(|(name, split_name)| (path.join(format!("transforms_{name}.json")), Some(split_name)))
-            .filter(|(file, _)| file.is_file())
+            .filter(|(file, _)| file.exists())
             .collect();
         let whole = path.join("transforms.json");
-        if split.iter().any(|(_, split_name)| *split_name == Some(SplitName::Train)) || !whole.is_file() {
+        if split.iter().any(|(_, split_name)| *split_name == Some(SplitName::Train)) || !whole.exists() {
             split
         } else {
             vec![(whole, None)]
@@ -88,7 +88,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
     let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
     let file = if metadata.is_dir() {
         let choices = ["transforms_render.json", "transforms.json", "transforms_test.json", "transforms_train.json"];
-        let found = choices.iter().map(|name| path.join(name)).find(|file| file.is_file());
+        let found = choices.iter().map(|name| path.join(name)).find(|file| file.exists());
         found.ok_or_else(|| DatasetError::UnknownFormat {
             path: path.to_path_buf(),
             expected: format!("one of {}", choices.join(", ")),
@@ -233,7 +233,7 @@ fn read_points(top: &Map<String, Value>, root: &Path, file: &Path) -> Result<Opt
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
     let Some(written) = keys.text("ply_file_path")? else { return Ok(None) };
     let path = root.join(names::with_slashes(written));
-    if !path.is_file() {
+    if !path.exists() {
         let expected = "a file of points, or no such key: training then finds points of its own";
         return Err(keys.wrong("ply_file_path", expected, format!("no file {}", path.display())));
     }
