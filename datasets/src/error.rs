@@ -1,14 +1,17 @@
 //! [`DatasetError`]: a mistake of a data set in one sentence, with the file, the expected and the found.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::printable::{printable, shown};
+
 /// Any failure to read or write a data set. Its text is one sentence that names the file, what was expected there and
-/// what was found instead; underlying errors are part of the text, so nothing is lost by printing only `Display`.
-#[derive(Debug, thiserror::Error)]
+/// what was found instead; underlying errors are part of the text, so nothing is lost by printing only `Display`. Names in it are
+/// [`printable`](crate::printable()).
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum DatasetError {
     /// A file or folder could not be opened, read or written.
-    #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -19,7 +22,6 @@ pub enum DatasetError {
     },
 
     /// There is no regular file where one was expected.
-    #[error("{}: expected a file, found {found}", path.display())]
     NotAFile {
         /// What was to be read.
         path: PathBuf,
@@ -28,7 +30,6 @@ pub enum DatasetError {
     },
 
     /// A file is longer than any that makes sense in its place.
-    #[error("{}: expected a file of at most {limit}, found {found}", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -39,7 +40,6 @@ pub enum DatasetError {
     },
 
     /// The folder or file is none of the formats this crate reads.
-    #[error("{}: expected {expected}, found {found}", path.display())]
     UnknownFormat {
         /// What was given to `load`.
         path: PathBuf,
@@ -50,7 +50,6 @@ pub enum DatasetError {
     },
 
     /// A file's content breaks the rules of its format.
-    #[error("{}: {location}: expected {expected}, found {found}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -63,7 +62,6 @@ pub enum DatasetError {
     },
 
     /// A camera pose is not a rotation and a translation.
-    #[error("{}: pose of frame {frame:?}: expected {expected}, found {found}", path.display())]
     Pose {
         /// The file with the pose.
         path: PathBuf,
@@ -76,10 +74,6 @@ pub enum DatasetError {
     },
 
     /// An image's proportions contradict the size its intrinsics were made for, so they cannot be rescaled to it.
-    #[error(
-        "{}: expected an image of {} x {} pixels (or the same proportions) as {} declares, found {} x {}{hint}",
-        path.display(), declared.0, declared.1, declared_in.display(), actual.0, actual.1
-    )]
     SizeMismatch {
         /// The image.
         path: PathBuf,
@@ -94,7 +88,6 @@ pub enum DatasetError {
     },
 
     /// An image could not be decoded.
-    #[error("{}: expected a readable PNG or JPEG image, found: {found}", path.display())]
     Image {
         /// The image.
         path: PathBuf,
@@ -103,10 +96,6 @@ pub enum DatasetError {
     },
 
     /// A mask does not lie over its photo.
-    #[error(
-        "{}: expected a mask of the photo's proportions, {} x {} pixels, found {} x {}",
-        path.display(), photo.0, photo.1, found.0, found.1
-    )]
     MaskShape {
         /// The mask.
         path: PathBuf,
@@ -117,7 +106,6 @@ pub enum DatasetError {
     },
 
     /// A valid file asks for something this crate does not do.
-    #[error("{}: {what} is not supported: expected {expected}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -128,7 +116,6 @@ pub enum DatasetError {
     },
 
     /// Nothing is left to load.
-    #[error("{}: expected at least one frame with an image, found {found}", path.display())]
     NoFrames {
         /// The scene.
         path: PathBuf,
@@ -137,7 +124,6 @@ pub enum DatasetError {
     },
 
     /// The split leaves nothing to train on.
-    #[error("{}: expected at least one training view, found none: {found}", path.display())]
     NoTrainingViews {
         /// The scene.
         path: PathBuf,
@@ -146,7 +132,6 @@ pub enum DatasetError {
     },
 
     /// A load option has no meaning for this scene.
-    #[error("{}: option `{option}`: expected {expected}, found {found}", path.display())]
     Option {
         /// The scene.
         path: PathBuf,
@@ -159,7 +144,74 @@ pub enum DatasetError {
     },
 }
 
+impl fmt::Display for DatasetError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // No sentence has a control character of its own, so that all of it may be escaped at once.
+        f.write_str(&printable(&self.sentence()))
+    }
+}
+
+impl std::error::Error for DatasetError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
 impl DatasetError {
+    fn sentence(&self) -> String {
+        match self {
+            Self::Io { path, action, source } => format!("{}: cannot {action}: {source}", shown(path)),
+            Self::NotAFile { path, found } => format!("{}: expected a file, found {found}", shown(path)),
+            Self::TooLarge { path, limit, found } => {
+                format!("{}: expected a file of at most {limit}, found {found}", shown(path))
+            }
+            Self::UnknownFormat { path, expected, found } => {
+                format!("{}: expected {expected}, found {found}", shown(path))
+            }
+            Self::Malformed { path, location, expected, found } => {
+                format!("{}: {location}: expected {expected}, found {found}", shown(path))
+            }
+            Self::Pose { path, frame, expected, found } => {
+                format!("{}: pose of frame {frame:?}: expected {expected}, found {found}", shown(path))
+            }
+            Self::SizeMismatch { path, declared_in, declared, actual, hint } => format!(
+                "{}: expected an image of {} x {} pixels (or the same proportions) as {} declares, found {} x {}{hint}",
+                shown(path),
+                declared.0,
+                declared.1,
+                shown(declared_in),
+                actual.0,
+                actual.1
+            ),
+            Self::Image { path, found } => {
+                format!("{}: expected a readable PNG or JPEG image, found: {found}", shown(path))
+            }
+            Self::MaskShape { path, photo, found } => format!(
+                "{}: expected a mask of the photo's proportions, {} x {} pixels, found {} x {}",
+                shown(path),
+                photo.0,
+                photo.1,
+                found.0,
+                found.1
+            ),
+            Self::Unsupported { path, what, expected } => {
+                format!("{}: {what} is not supported: expected {expected}", shown(path))
+            }
+            Self::NoFrames { path, found } => {
+                format!("{}: expected at least one frame with an image, found {found}", shown(path))
+            }
+            Self::NoTrainingViews { path, found } => {
+                format!("{}: expected at least one training view, found none: {found}", shown(path))
+            }
+            Self::Option { path, option, expected, found } => {
+                format!("{}: option `{option}`: expected {expected}, found {found}", shown(path))
+            }
+        }
+    }
+
     pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
         Self::Io { path: path.to_path_buf(), action: "read", source }
     }

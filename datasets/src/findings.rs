@@ -1,22 +1,49 @@
 //! [`Findings`]: facts, warnings and errors, collected while a data set is read.
 
 use crate::error::DatasetError;
+use crate::printable::printable;
 
 /// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
-    /// Keep reading after an error.
-    pub lenient: bool,
-    /// What was found, where that is worth a sentence.
-    pub facts: Vec<String>,
-    pub warnings: Vec<String>,
+    /// See [`is_lenient`](Findings::is_lenient).
+    lenient: bool,
+    /// See [`fact`](Findings::fact).
+    facts: Vec<String>,
+    /// See [`warn`](Findings::warn).
+    warnings: Vec<String>,
     pub errors: Vec<DatasetError>,
 }
 
 impl Findings {
-    /// Notes something that was repaired or left out.
-    pub fn warn(&mut self, text: impl Into<String>) {
-        self.warnings.push(text.into());
+    /// Of a reader that goes on after an error.
+    pub fn lenient() -> Self {
+        Self { lenient: true, ..Self::default() }
+    }
+
+    /// Whether reading goes on after an error.
+    pub fn is_lenient(&self) -> bool {
+        self.lenient
+    }
+
+    /// Notes something that was repaired or left out. Names in the sentence are made [`printable`].
+    pub fn warn(&mut self, text: impl AsRef<str>) {
+        self.warnings.push(printable(text.as_ref()).into_owned());
+    }
+
+    /// Notes what was found, where that is worth a sentence. Names in it are made [`printable`].
+    pub fn fact(&mut self, text: impl AsRef<str>) {
+        self.facts.push(printable(text.as_ref()).into_owned());
+    }
+
+    /// The facts since the last call.
+    pub fn take_facts(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.facts)
+    }
+
+    /// The warnings since the last call.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
     }
 
     /// Writes facts and warnings to the log of the program.

@@ -44,7 +44,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
         .map(|(note, frame)| Noted { name: &note.name, trains: frame.split == Split::TRAIN, notes: &note.sides })
         .collect();
     summary::warn(path, &noted, &mut findings);
-    findings.warnings.extend(log.disagreements().map(str::to_string));
+    log.disagreements().for_each(|sentence| findings.warn(sentence));
     if summary::no_mask_marks_anything(&noted) {
         views.iter_mut().for_each(|view| view.priors.moving = None);
     }
@@ -62,7 +62,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
         points: log.points().cloned(),
         origin: log.origin(),
         format: log.format(),
-        warnings: findings.warnings,
+        warnings: findings.take_warnings(),
         time_range,
     })
 }
@@ -92,7 +92,7 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
         ));
     }
     let off_photo: Vec<&str> = notes.iter().filter(|note| note.off_photo).map(|note| note.name.as_str()).collect();
-    findings.warnings.extend(off_photo_warning(path, &off_photo));
+    off_photo_warning(path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
     let blank: Vec<&str> = notes.iter().filter(|note| note.is_blank).map(|note| note.name.as_str()).collect();
     if !blank.is_empty() {
         findings.warn(format!(
@@ -103,5 +103,5 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
         ));
     }
     let masked = notes.iter().filter_map(|note| note.masked).collect();
-    findings.warnings.extend(mask::suspicion(path, masked));
+    mask::suspicion(path, masked).into_iter().for_each(|sentence| findings.warn(sentence));
 }

@@ -15,6 +15,7 @@ use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{Intrinsics, View};
 use crate::options::LoadOptions;
+use crate::printable::{printable, shown};
 use crate::raw::RawFrame;
 use crate::scene::{PointCloud, SceneFormat, Split};
 use crate::split::{self, SplitPlan};
@@ -88,9 +89,9 @@ impl Log {
     /// As [`load`](crate::load), without the errors of images and masks.
     pub fn open(path: &Path, options: &LoadOptions) -> Result<Self, DatasetError> {
         let (mut log, mut findings) = Self::describe(path, options)?;
-        findings.warnings.extend(log.disagreements().map(str::to_string));
+        log.disagreements().for_each(|sentence| findings.warn(sentence));
         findings.log();
-        log.warnings = findings.warnings;
+        log.warnings = findings.take_warnings();
         Ok(log)
     }
 
@@ -101,13 +102,8 @@ impl Log {
         let raw = formats::read(path, options, &mut findings)?;
         let description = Description::of(raw, path, options, &mut findings);
         let plan = split::plan(&description.frames, &options.holdout, options.splits, path)?;
-        tracing::info!(
-            "{}: {} training views, held out: {} ({})",
-            path.display(),
-            plan.train.len(),
-            plan.counts(),
-            plan.rule
-        );
+        let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
+        tracing::info!("{}: {} training views, {}", shown(path), plan.train.len(), printable(&held_out));
         Ok((Self::of(description, &plan, path, options), findings))
     }
 

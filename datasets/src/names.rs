@@ -1,9 +1,11 @@
 //! Paths as data sets write them, the view names made from them, and lists of names in messages.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use crate::guarded;
+use crate::printable::{is_steering, printable};
 
 /// Endings that are an image's extension rather than a part of its name.
 const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "gif"];
@@ -44,8 +46,8 @@ fn has_image_extension(written: &str) -> bool {
         .is_some_and(|extension| EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str()))
 }
 
-/// A view's name from the path the data set writes: relative to `root`, without extension, and without `.`, `..` and
-/// drive letters, since output files are named after it.
+/// A view's name from the path the data set writes: relative to `root`, without extension, and without `.`, `..`, drive letters and
+/// characters that steer a terminal (`_` in place of each), since output files are named after it.
 pub(crate) fn view_name(root: &Path, written: &str) -> String {
     let slashed = with_slashes(written);
     let relative = match Path::new(&slashed).strip_prefix(root) {
@@ -59,7 +61,10 @@ pub(crate) fn view_name(root: &Path, written: &str) -> String {
     let joined = parts.join("/");
     let stem =
         if has_image_extension(&joined) { joined.rsplit_once('.').map_or("", |(stem, _)| stem) } else { &joined };
-    if stem.is_empty() || stem.ends_with('/') { "unnamed".to_string() } else { stem.to_string() }
+    if stem.is_empty() || stem.ends_with('/') {
+        return "unnamed".to_string();
+    }
+    stem.chars().map(|c| if is_steering(c) { '_' } else { c }).collect()
 }
 
 /// Makes names unique by appending `_2`, `_3`, ... to later ones.
@@ -79,9 +84,9 @@ pub(crate) fn make_unique<'a>(names: impl Iterator<Item = &'a mut String>) {
     }
 }
 
-/// "a, b, c, ...": at most three names, for sentences about many.
+/// "a, b, c, ...": at most three names, [`printable`], for sentences about many.
 pub fn some_names<S: AsRef<str>>(names: &[S]) -> String {
-    let shown: Vec<&str> = names.iter().take(3).map(AsRef::as_ref).collect();
+    let shown: Vec<Cow<str>> = names.iter().take(3).map(|name| printable(name.as_ref())).collect();
     let more = if names.len() > shown.len() { ", ..." } else { "" };
     format!("{}{more}", shown.join(", "))
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use crate::error::DatasetError;
 use crate::names::some_names;
+use crate::printable::{printable, shown};
 
 /// The errors in the order found; those that differ only in the frame or image they are about are one sentence.
 pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
@@ -28,7 +29,7 @@ pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
         0 | 1 => whole,
         count => format!("{common} ({count} times: {})", some_names(&names)),
     };
-    groups.into_iter().map(said).collect()
+    groups.into_iter().map(said).map(|sentence| printable(&sentence).into_owned()).collect()
 }
 
 /// An error without the frame or image it is about, and that.
@@ -37,28 +38,28 @@ fn apart(error: &DatasetError) -> Option<(String, String)> {
         DatasetError::Malformed { path, location, expected, found } => {
             let (name, place) = frame_of(location)?;
             let place = if place.is_empty() { "a frame" } else { place };
-            Some((format!("{}: {place}: expected {expected}, found {found}", path.display()), name))
+            Some((format!("{}: {place}: expected {expected}, found {found}", shown(path)), name))
         }
         DatasetError::Pose { path, frame, expected, found } => {
-            Some((format!("{}: pose: expected {expected}, found {found}", path.display()), frame.clone()))
+            Some((format!("{}: pose: expected {expected}, found {found}", shown(path)), frame.clone()))
         }
         DatasetError::SizeMismatch { path, declared_in, declared, actual, hint } => {
             let common = format!(
                 "expected images of {} x {} pixels (or the same proportions) as {} declares, found {} x {}{hint}",
                 declared.0,
                 declared.1,
-                declared_in.display(),
+                shown(declared_in),
                 actual.0,
                 actual.1
             );
-            Some((common, path.display().to_string()))
+            Some((common, shown(path)))
         }
         DatasetError::Image { path, found } => {
-            Some((format!("expected readable PNG or JPEG images, found: {found}"), path.display().to_string()))
+            Some((format!("expected readable PNG or JPEG images, found: {found}"), shown(path)))
         }
         DatasetError::Unsupported { path, what, expected } => {
             let (what, frame) = what.strip_suffix(')')?.rsplit_once(" (frame ")?;
-            let common = format!("{}: {what} is not supported: expected {expected}", path.display());
+            let common = format!("{}: {what} is not supported: expected {expected}", shown(path));
             Some((common, frame.trim_matches('"').to_string()))
         }
         _ => None,

@@ -51,7 +51,7 @@ pub(super) fn describe(
     }
     let off_photo: Vec<&str> =
         decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
-    findings.warnings.extend(off_photo_warning(&report.path, &off_photo));
+    off_photo_warning(&report.path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
     let across = |focal: fn(&ViewNote) -> f64| {
         let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
         (low, decoded.iter().map(focal).fold(0.0, f64::max))
@@ -77,7 +77,7 @@ pub(super) fn describe(
     }
     report.blank = decoded.iter().filter(|value| value.is_blank).count();
     let shares = decoded.iter().filter_map(|value| value.masked).collect();
-    findings.warnings.extend(mask::suspicion(&report.path, shares));
+    mask::suspicion(&report.path, shares).into_iter().for_each(|sentence| findings.warn(sentence));
     let noted: Vec<Noted> = decoded
         .iter()
         .zip(trains)

@@ -14,6 +14,7 @@ use crate::findings::Findings;
 use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
 use crate::names::some_names;
 use crate::options::LoadOptions;
+use crate::printable::printable;
 use crate::raw::{RawFrame, SplitName};
 use crate::split;
 use crate::statistics::mean;
@@ -25,11 +26,12 @@ pub use self::report::CheckReport;
 /// after errors, so that the report lists all of them. With a COLMAP model the reprojection error is recomputed.
 pub fn check(path: &Path, options: &LoadOptions) -> CheckReport {
     let mut report = CheckReport { path: path.to_path_buf(), ..CheckReport::default() };
-    let mut findings = Findings { lenient: true, ..Findings::default() };
+    let mut findings = Findings::lenient();
     if let Err(error) = check_options(path, options).and_then(|()| fill(&mut report, path, options, &mut findings)) {
         findings.errors.push(error);
     }
-    report.warnings = findings.warnings;
+    report.facts = report.facts.iter().map(|fact| printable(fact).into_owned()).collect();
+    report.warnings = findings.take_warnings();
     report.errors = grouping::sentences(&findings.errors);
     report
 }
@@ -67,9 +69,9 @@ fn fill(
         }
     };
     report.format = Some(raw.format);
-    report.facts.append(&mut findings.facts);
+    report.facts.append(&mut findings.take_facts());
     let Description { frames, points, decoder, .. } = Description::of(raw, path, options, findings);
-    report.facts.append(&mut findings.facts);
+    report.facts.append(&mut findings.take_facts());
     report.points = points.as_ref().map_or(0, |points| points.positions.len());
     report.facts.push(geometry::describe_points(points.as_ref()));
     if frames.is_empty() {
@@ -99,7 +101,7 @@ fn fill(
         0 => format!("{} views train, none is held out: {}.", report.train, plan.rule),
         count => format!("{} views train, {count} are held out ({}): {}.", report.train, plan.counts(), plan.rule),
     });
-    findings.warnings.extend(consistency::compare_splits(&train, &held_out, path));
+    consistency::compare_splits(&train, &held_out, path).iter().for_each(|sentence| findings.warn(sentence));
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
     report.without_time = consistency::without_time(&train, &held_out).len();
     let poses: Vec<glam::DMat4> = train.iter().map(|frame| frame.c2w).collect();

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::printable::shown;
 use crate::scene::SceneFormat;
 
 /// Contents and mistakes of a data set. `Display` prints it whole, one sentence a line.
@@ -52,8 +53,8 @@ impl CheckReport {
 impl fmt::Display for CheckReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.format {
-            Some(format) => writeln!(f, "{}: {format}", self.path.display())?,
-            None => writeln!(f, "{}: not recognised", self.path.display())?,
+            Some(format) => writeln!(f, "{}: {format}", shown(&self.path))?,
+            None => writeln!(f, "{}: not recognised", shown(&self.path))?,
         }
         for (label, sentences) in [("", &self.facts), ("warning: ", &self.warnings), ("error: ", &self.errors)] {
             for sentence in sentences {

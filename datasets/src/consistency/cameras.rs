@@ -54,7 +54,7 @@ pub(super) fn name_by_pose(frames: &mut [RawFrame], findings: &mut Findings) {
     for (frame, group) in frames.iter_mut().zip(group_of) {
         frame.camera_id = Some(format!("pose{group:02}"));
     }
-    findings.facts.push(format!("No camera is named; {} were told apart by their poses.", groups.len()));
+    findings.fact(format!("No camera is named; {} were told apart by their poses.", groups.len()));
 }
 
 /// More camera poses than any rig has.

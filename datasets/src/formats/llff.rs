@@ -105,7 +105,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
             });
         }
     }
-    if frames.is_empty() && !findings.lenient {
+    if frames.is_empty() && !findings.is_lenient() {
         let found = format!("none for {} poses", rows.len());
         return Err(DatasetError::NoFrames { path: poses.folder.clone(), found });
     }

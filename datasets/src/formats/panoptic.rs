@@ -20,6 +20,7 @@ use crate::lens::{Distortion, Focal, Lens};
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
+use crate::printable::printable;
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
@@ -116,7 +117,7 @@ pub(crate) fn read(
     if files.folder.join(POINTS_FILE).exists() {
         findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
     }
-    if frames.is_empty() && !findings.lenient {
+    if frames.is_empty() && !findings.is_lenient() {
         let found = format!("none of {} images", missing.len());
         return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
     }
@@ -204,7 +205,7 @@ impl<'a> Meta<'a> {
                 };
                 let image = names[t][c].as_str().ok_or_else(|| at("fn", "a file name", &names[t][c]))?;
                 let camera = match &ids[t][c] {
-                    Value::String(id) => id.clone(),
+                    Value::String(id) => printable(id).into_owned(),
                     Value::Number(id) => id.to_string(),
                     other => return Err(at("cam_id", "a number or a name", other)),
                 };

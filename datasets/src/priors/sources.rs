@@ -97,7 +97,7 @@ fn report(kind: Kind, folder: &Path, file: &Path, found: usize, findings: &mut F
     if kind == Kind::Sharp {
         findings.warn(format!("{sentence}, guesses to learn from; if they are the truth, load without this prior"));
     } else {
-        findings.facts.push(format!("{sentence}."));
+        findings.fact(format!("{sentence}."));
     }
 }
 

@@ -53,7 +53,11 @@ fn a_description_that_is_no_file_is_named() {
             for is_binary in [true, false] {
                 let folder = Folder::new();
                 let model = colmap::example(&folder);
-                if is_binary { model.write_binary(&folder, "sparse/0") } else { model.write_text(&folder, "sparse/0") }
+                if is_binary {
+                    model.write_binary(&folder, "sparse/0")
+                } else {
+                    model.write_text(&folder, "sparse/0")
+                }
                 let name = format!("sparse/0/{stem}.{}", if is_binary { "bin" } else { "txt" });
                 replace(&folder.file(&name), impostor);
                 assert_refused(&folder, &[&name, found]);
@@ -133,7 +137,11 @@ fn a_file_of_absurd_size_is_refused_before_it_is_read() {
         for is_binary in [true, false] {
             let folder = Folder::new();
             let model = colmap::example(&folder);
-            if is_binary { model.write_binary(&folder, "sparse/0") } else { model.write_text(&folder, "sparse/0") }
+            if is_binary {
+                model.write_binary(&folder, "sparse/0")
+            } else {
+                model.write_text(&folder, "sparse/0")
+            }
             let name = format!("sparse/0/{name}.{}", if is_binary { "bin" } else { "txt" });
             stretched(&folder, &name);
             assert_refused(&folder, &[&name, "at most", "1.0 TiB"]);

@@ -13,6 +13,7 @@ mod image_io;
 mod layouts;
 mod log;
 mod masks;
+mod odd_names;
 mod poses;
 mod priors;
 mod split;

@@ -168,7 +168,7 @@ pub(crate) fn scene(
             some_names(&missing)
         ));
     }
-    if frames.is_empty() && !findings.lenient {
+    if frames.is_empty() && !findings.is_lenient() {
         let found = match total {
             0 => format!("no image in {}", images_file.display()),
             _ => format!("none of the {total} images in {}", image_folder.display()),

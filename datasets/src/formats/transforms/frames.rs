@@ -11,6 +11,7 @@ use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
 use crate::pose;
+use crate::printable::printable;
 use crate::priors::sources::{FRAME_KEYS, TRUTH_KEYS};
 use crate::side_files::Kind;
 
@@ -102,9 +103,9 @@ fn read_entry(
     objects.push(top);
     let all = Keys { file, location: own.location.clone(), objects };
     let camera_id = match own.get("camera_id") {
-        Some(Value::String(id)) => Some(id.clone()),
+        Some(Value::String(id)) => Some(printable(id).into_owned()),
         Some(Value::Number(id)) => Some(id.to_string()),
-        _ => camera.map(|(key, _)| key.to_string()),
+        _ => camera.map(|(key, _)| printable(key).into_owned()),
     };
     let time = own.number("time")?;
     Ok(Entry {

@@ -74,7 +74,7 @@ pub(crate) fn read(
             scene.points = findings.take(points)?.flatten();
         }
     }
-    if scene.frames.is_empty() && !findings.lenient {
+    if scene.frames.is_empty() && !findings.is_lenient() {
         let found =
             if listed == 0 { "an empty list of frames".to_string() } else { format!("none of {listed} images") };
         return Err(DatasetError::NoFrames { path: sources.scene.clone(), found });
@@ -109,9 +109,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
         cameras.push(camera(index, entry, root, &file)?);
     }
     names::make_unique(cameras.iter_mut().map(|camera| &mut camera.name));
-    for warning in &findings.warnings {
-        tracing::warn!("{warning}");
-    }
+    findings.log();
     Ok(cameras)
 }
 
@@ -172,7 +170,7 @@ fn assign_splits(
         twice.extend(listed.next().map(|_| frame.name.clone()));
     }
     if !twice.is_empty() {
-        findings.facts.push(format!(
+        findings.fact(format!(
             "{}: {} frames are in several of the split's lists; each counts once, as training before test before other lists ({}).",
             file.display(),
             twice.len(),

@@ -90,7 +90,7 @@ pub fn blur_from_frames(source: &Path, out: &Path, options: &BlurFromFrames) -> 
             some_names(&gaps)
         ));
     }
-    finish(source, out, &cameras, written, raw.points.as_ref(), findings.warnings)
+    finish(source, out, &cameras, written, raw.points.as_ref(), findings.take_warnings())
 }
 
 fn check(source: &Path, options: &BlurFromFrames) -> Result<(), DatasetError> {
