@@ -93,7 +93,9 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
 /// A name beside `path` that no other thread or process uses.
 fn temporary_beside(path: &Path) -> PathBuf {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    // A part of the name says whose it is; all of it and the rest may be longer than a name can be.
+    const KEPT: usize = 32;
+    let name: String = path.file_name().unwrap_or_default().to_string_lossy().chars().take(KEPT).collect();
     let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
     path.with_file_name(format!(".{name}.{}.{unique}.tmp", std::process::id()))
 }

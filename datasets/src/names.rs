@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::error::DatasetError;
 use crate::guarded;
 use crate::printable::{is_steering, printable};
 
@@ -65,6 +66,33 @@ pub(crate) fn view_name(root: &Path, written: &str) -> String {
         return "unnamed".to_string();
     }
     stem.chars().map(|c| if is_steering(c) { '_' } else { c }).collect()
+}
+
+/// Longest part of a view's name between slashes, bytes. File systems allow 255 (NAME_MAX of Linux, macOS and Windows), and output
+/// files append to it: at most `_4294967295_depth_color.png`, 27 bytes, after the number that tells equal names apart.
+const PART_MAX: usize = 215;
+
+/// The [`view_name`] of a frame that `file` describes, if output files can be named after it. It is asked for before the image is
+/// looked for: one of a longer name cannot exist, and would be counted among those that are missing.
+pub(crate) fn output_name(root: &Path, written: &str, file: &Path) -> Result<String, DatasetError> {
+    let name = view_name(root, written);
+    let Some(long) = name.split('/').find(|part| part.len() > PART_MAX) else { return Ok(name) };
+    let start: String = long.chars().take(40).collect();
+    let expected =
+        format!("a name of at most {PART_MAX} bytes between slashes, since rendered images are named after it");
+    Err(DatasetError::malformed(file, format!("frame {:?}", start + "..."), expected, format!("{} bytes", long.len())))
+}
+
+/// A path below `root` as text, which names are. Other bytes are refused: names with the same text instead of them would be one.
+pub(crate) fn text_below<'a>(root: &Path, path: &'a Path) -> Result<&'a str, DatasetError> {
+    path.strip_prefix(root).unwrap_or(path).to_str().ok_or_else(|| {
+        DatasetError::malformed(
+            path,
+            "its name",
+            "a file name in UTF-8",
+            "other bytes; please rename the file or folder",
+        )
+    })
 }
 
 /// Makes names unique by appending `_2`, `_3`, ... to later ones.

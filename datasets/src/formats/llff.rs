@@ -20,6 +20,7 @@ use crate::guarded;
 use crate::lens::{Distortion, Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
+use crate::printable::printable;
 use crate::priors::{npy, sources};
 use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
@@ -90,8 +91,11 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
         let Some((c2w, lens)) = findings.take(camera)? else { continue };
         for photo in photos.iter().filter(|photo| photo.row == index) {
             let depth = DepthMeaning { kind: options.depth_kind, ..DepthMeaning::default() };
+            let name = names::text_below(&poses.folder, &photo.path)
+                .and_then(|written| names::output_name(&poses.folder, written, &poses.path));
+            let Some(name) = findings.take(name)? else { continue };
             frames.push(RawFrame {
-                name: names::view_name(&poses.folder, &photo.path.to_string_lossy()),
+                name,
                 image_path: photo.path.clone(),
                 c2w,
                 lens: lens.clone(),
@@ -159,7 +163,7 @@ fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, Datase
                 path,
                 row,
                 time: (stems.len() > 1).then_some(index as f64 / last),
-                camera: Some(file_name(&poses.cameras[row])),
+                camera: Some(printable(&file_name(&poses.cameras[row])).into_owned()),
                 split: (rows > 1).then_some(split),
             });
         }

@@ -84,11 +84,12 @@ pub(crate) fn read(
                 let written = format!("{IMAGE_FOLDER}/{}", names::with_slashes(shot.image));
                 let c2w = shot.c2w(file);
                 let Some(c2w) = findings.take(c2w)? else { continue };
+                let name = names::output_name(&files.folder, &written, file);
+                let Some(name) = findings.take(name)? else { continue };
                 let Some(image_path) = names::find_image(&files.folder, &written) else {
                     missing.push(written);
                     continue;
                 };
-                let name = names::view_name(&files.folder, &written);
                 let (masks, sides) = masks(files, &name, options);
                 frames.push(RawFrame {
                     name,

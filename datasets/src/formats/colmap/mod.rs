@@ -121,6 +121,8 @@ pub(crate) fn scene(
     let (mut frames, mut missing) = (Vec::new(), Vec::new());
     let total = model.images.len();
     for image in &model.images {
+        let name = names::output_name(&image_folder, &image.name, &images_file);
+        let Some(name) = findings.take(name)? else { continue };
         let Some(image_path) = names::find_image(&image_folder, &image.name) else {
             missing.push(image.name.as_str());
             continue;
@@ -146,7 +148,7 @@ pub(crate) fn scene(
             sides.files.push(SideFile { kind: Kind::Moving, path: mask.as_ref().map(|mask| mask.path.clone()) });
         }
         frames.push(RawFrame {
-            name: names::view_name(&image_folder, &image.name),
+            name,
             masks: mask.filter(|_| options.masks != MaskUse::Moving).into_iter().collect(),
             exposure: None,
             sides,

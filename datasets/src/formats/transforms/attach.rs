@@ -49,6 +49,7 @@ pub(super) fn images(
             missing.push("a frame without file_path".to_string());
             continue;
         };
+        let Some(name) = findings.take(names::output_name(root, &written, file))? else { continue };
         let Some(image_path) = names::find_image(root, &written) else {
             missing.push(written);
             continue;
@@ -72,7 +73,7 @@ pub(super) fn images(
         }
         masks.extend(dynamic_mask(&image_path, options.masks));
         found.push(RawFrame {
-            name: names::view_name(root, &written),
+            name,
             image_path,
             c2w: entry.c2w,
             lens: entry.lens,

@@ -114,7 +114,10 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
 }
 
 fn camera(index: usize, entry: &Entry, root: &Path, file: &Path) -> Result<CameraPose, DatasetError> {
-    let name = entry.file_path.as_ref().map_or_else(|| format!("{index:05}"), |path| names::view_name(root, path));
+    let name = match &entry.file_path {
+        Some(path) => names::output_name(root, path, file)?,
+        None => format!("{index:05}"),
+    };
     let declared = match (entry.lens.width, entry.lens.height) {
         (Some(width), Some(height)) => (width.round() as u32, height.round() as u32),
         _ => {
@@ -214,7 +217,7 @@ fn split_lists(
         let Ok(Some(list)) = keys.texts(key) else { continue };
         let list = named(list);
         if found.iter().any(|frame| list.contains(&frame.name)) {
-            let split_name = match names::view_name(Path::new(""), name).replace('/', "_").as_str() {
+            let split_name = match names::output_name(Path::new(""), name, keys.file)?.replace('/', "_").as_str() {
                 Split::TRAIN => SplitName::Train,
                 Split::TEST => SplitName::Test,
                 Split::VALIDATION => SplitName::Validation,
