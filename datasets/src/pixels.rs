@@ -6,6 +6,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use crate::error::DatasetError;
+use crate::foreign::Foreign;
 use crate::guarded;
 use crate::jpeg;
 use crate::light::{to_encoded, to_linear};
@@ -63,6 +64,10 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
     limits.max_alloc = Some(DECODE_MAX);
     reader.limits(limits);
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
+    let is_read = matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg));
+    if let Some(foreign) = Foreign::of_bytes(&bytes).filter(|_| !is_read) {
+        return Err(wrong(foreign.advice()));
+    }
     // The decoder fills what is missing with grey and says nothing.
     if reader.format() == Some(ImageFormat::Jpeg) && !jpeg::is_whole(&bytes) {
         return Err(wrong(format!("a JPEG cut short, of {} bytes", bytes.len())));

@@ -16,6 +16,7 @@ use glam::DMat4;
 
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::foreign::{CONVERT, Foreign};
 use crate::guarded;
 use crate::lens::{Distortion, Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
@@ -139,8 +140,7 @@ struct FrameFile {
 fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, DatasetError> {
     let found: Vec<Vec<PathBuf>> = poses.cameras.iter().map(|folder| frames_of(folder)).collect();
     if found.iter().all(Vec::is_empty) {
-        let what =
-            if poses.has_videos { "videos, which have to be taken apart into frames first" } else { "empty folders" };
+        let what = if poses.has_videos { VIDEOS_ONLY } else { foreign_photos(poses).unwrap_or("empty folders") };
         let (path, found) = (poses.folder.clone(), what.to_string());
         return Err(DatasetError::NoFrames { path, found });
     }
@@ -169,6 +169,17 @@ fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, Datase
         }
     }
     Ok(photos)
+}
+
+/// The sentence about cameras with videos and no frames.
+const VIDEOS_ONLY: &str = "videos, which have to be taken apart into frames first (`ffmpeg -i cam00.mp4 cam00/%04d.png`, for each \
+                           camera)";
+
+/// What to do with the photos of folders that hold none that are read.
+fn foreign_photos(poses: &PoseFile) -> Option<&'static str> {
+    let is_foreign = |path: &PathBuf| matches!(Foreign::of_extension(path), Some(Foreign::Photo(_)));
+    let mut folders = poses.cameras.iter().flat_map(|folder| [folder.clone(), folder.join("images")]);
+    folders.any(|folder| sorted(&folder).iter().any(is_foreign)).then_some(CONVERT)
 }
 
 fn frames_of(folder: &Path) -> Vec<PathBuf> {

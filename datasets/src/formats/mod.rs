@@ -4,6 +4,7 @@ pub(crate) mod colmap;
 pub(crate) mod json;
 pub(crate) mod llff;
 pub(crate) mod panoptic;
+mod poseless;
 pub(crate) mod transforms;
 
 use std::path::Path;
@@ -46,15 +47,14 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     if let Some(poses) = poses {
         return Ok(Layout::Llff(poses));
     }
-    Err(DatasetError::UnknownFormat {
-        path: path.to_path_buf(),
-        expected:
-            "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, or a COLMAP \
+    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, or a COLMAP \
                    model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
-                   sparse_bin/0 or dense/sparse"
-                .to_string(),
-        found: contents(path, metadata.is_dir()),
-    })
+                   sparse_bin/0 or dense/sparse";
+    let (expected, found) = match poseless::found(path, metadata.is_dir()) {
+        Some(found) => ("photos with their camera poses (a COLMAP model in sparse/0, or transforms.json)", found),
+        None => (layouts, contents(path, metadata.is_dir())),
+    };
+    Err(DatasetError::UnknownFormat { path: path.to_path_buf(), expected: expected.to_string(), found })
 }
 
 /// Reads the description of a scene; images are looked for but not opened.

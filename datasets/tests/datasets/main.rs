@@ -6,6 +6,7 @@ mod colmap;
 mod consistency;
 mod deblur;
 mod fixtures;
+mod foreign;
 mod guards;
 mod hostile;
 mod hostile_priors;
