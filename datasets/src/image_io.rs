@@ -18,6 +18,14 @@ use crate::error::DatasetError;
 /// # Errors
 /// When `data` fits none of these shapes or the file cannot be written; then `path` is as it was before.
 pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<(), DatasetError> {
+    write_atomic(path, &encode_png(path, width, height, data)?)
+}
+
+/// The bytes of [`write_png`]; `path` is for errors.
+///
+/// # Errors
+/// When `data` fits none of the shapes.
+pub fn encode_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<Vec<u8>, DatasetError> {
     let pixels = width.saturating_mul(height);
     let color = match data.len() {
         _ if pixels == 0 => None,
@@ -33,7 +41,7 @@ pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Resul
     PngEncoder::new(&mut bytes)
         .write_image(data, w, h, color)
         .map_err(|error| DatasetError::write(path, std::io::Error::other(error)))?;
-    write_atomic(path, &bytes)
+    Ok(bytes)
 }
 
 /// Writes an OpenEXR file of 32-bit float channels atomically. Each channel is a name ("R", "G", "B", "Z", "A") and
@@ -42,6 +50,19 @@ pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Resul
 /// # Errors
 /// When a channel has not `width * height` values or the file cannot be written; then `path` is as it was before.
 pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[(&str, &[f32])]) -> Result<(), DatasetError> {
+    write_atomic(path, &encode_exr(path, (width, height), channels, None)?)
+}
+
+/// The bytes of [`write_exr`], with the name of the program that made them; `path` is for errors.
+///
+/// # Errors
+/// When a channel has not as many values as there are pixels.
+pub fn encode_exr(
+    path: &Path,
+    (width, height): (usize, usize),
+    channels: &[(&str, &[f32])],
+    software: Option<&str>,
+) -> Result<Vec<u8>, DatasetError> {
     let pixels = width.saturating_mul(height);
     let mut list: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
     for (name, values) in channels {
@@ -55,14 +76,15 @@ pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[(&str, &[
     if list.is_empty() {
         return Err(wrong_shape(path, width, height, 0));
     }
-    let layer =
-        Layer::new(Vec2(width, height), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, AnyChannels::sort(list));
+    let software_name = software.and_then(exr::prelude::Text::new_or_none);
+    let attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
+    let layer = Layer::new(Vec2(width, height), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(list));
     let mut bytes = Cursor::new(Vec::new());
     Image::from_layer(layer)
         .write()
         .to_buffered(&mut bytes)
         .map_err(|error| DatasetError::write(path, std::io::Error::other(error)))?;
-    write_atomic(path, bytes.get_ref())
+    Ok(bytes.into_inner())
 }
 
 /// Writes `bytes` to a temporary file beside `path`, then renames it over `path`: whoever opens `path` finds the old

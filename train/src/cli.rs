@@ -105,7 +105,7 @@ Examples:
   gsburn train --resume --out runs/my-photos
 
 A run is a folder: config.toml, metrics.jsonl, checkpoints/, eval.json, renders/, plots/, scene.ply and report.html.
-Ctrl-C saves a checkpoint and leaves with exit code 130; --resume continues where it stopped.";
+Ctrl-C saves a checkpoint and leaves with exit code 130, SIGTERM likewise with 143; --resume continues where it stopped.";
 
 /// Arguments of `train`.
 #[derive(Debug, Args)]
@@ -164,7 +164,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
     pub data: Option<PathBuf>,
 
-    /// Configuration for a .ply (how to read the data set, how to render); a run has its own
+    /// Configuration for a .ply (how to read the data set, how to render); a run has its own, of which --set changes single values
     #[command(flatten)]
     pub config: ConfigArgs,
 

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use anyhow::{Result, anyhow};
 use clap::Parser;
 use gs_burn::limits::is_limit;
+use gs_datasets::printable;
 use gs_train::cli::{Cli, Command};
 use gs_train::run::resources;
 use gs_train::{commands, logging};
@@ -17,8 +18,9 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     logging::init(cli.verbose);
     let done = within_limits(|| call(&cli.command));
+    let done = done.and_then(|code| commands::all_printed().map(|()| code));
     done.unwrap_or_else(|error| {
-        eprintln!("error: {}", logging::one_sentence(&error));
+        eprintln!("error: {}", printable(&logging::one_sentence(&error)));
         ExitCode::FAILURE
     })
 }

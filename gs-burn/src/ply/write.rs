@@ -85,7 +85,11 @@ impl Records {
 fn write(path: &Path, records: &Records) -> io::Result<()> {
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     let layout = layout(records.rest);
-    writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}", records.count)?;
+    writeln!(
+        file,
+        "ply\nformat binary_little_endian 1.0\ncomment written by gsburn\nelement vertex {}",
+        records.count
+    )?;
     for (name, _) in &layout {
         writeln!(file, "property float {name}")?;
     }

@@ -6,9 +6,10 @@ use anyhow::{Result, bail};
 use gs_datasets::image_io::write_atomic;
 
 use crate::cli::ChartArgs;
-use crate::commands::{command_line, print};
+use crate::commands::{command_line, marked, print};
 use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, stacked};
 use crate::run::folder::RunFolder;
+use crate::run::outputs;
 
 /// Draws the charts and writes the table.
 ///
@@ -19,6 +20,10 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     if !["svg", "html"].contains(&extension) {
         bail!("{}: expected the name of an .svg or .html file", args.out.display());
     }
+    let markdown = args.out.with_extension("md");
+    let table = (extension == "svg").then(|| markdown.clone());
+    let paths: Vec<_> = [args.out.clone()].into_iter().chain(table).chain(args.csv.clone()).collect();
+    outputs::check(&paths, &[])?;
     let found = gather(&args.runs)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
@@ -33,8 +38,7 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
         print(format!("page   {}", args.out.display()));
     } else {
         write_atomic(&args.out, stacked(&panels, &command).as_bytes())?;
-        let markdown = args.out.with_extension("md");
-        write_atomic(&markdown, table.markdown().as_bytes())?;
+        write_atomic(&markdown, marked(&table.markdown()).as_bytes())?;
         print(format!("chart  {}\ntable  {}", args.out.display(), markdown.display()));
     }
     if let Some(path) = &args.csv {

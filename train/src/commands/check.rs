@@ -7,13 +7,16 @@ use anyhow::Result;
 use crate::cli::CheckArgs;
 use crate::commands::print;
 use crate::commands::train::resolve;
+use crate::run::folder::utf8;
 
 /// Prints what is in a data set; fails when it cannot be trained on.
 ///
 /// # Errors
-/// When the configuration is not valid. A bad data set is no error but a finding, and exit code 1.
+/// When the configuration is not valid or the path is not UTF-8. A bad data set is no error but a finding, and exit code 1.
 pub fn run(args: &CheckArgs) -> Result<ExitCode> {
     let resolved = resolve(&args.config, &[])?;
+    // What training would refuse.
+    utf8(&args.dataset)?;
     let report = resolved.pipeline.check(&args.dataset, &resolved.config)?;
     print(&report);
     Ok(if report.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE })

@@ -3,22 +3,25 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::{write_atomic, write_png};
+use gs_datasets::image_io::{encode_png, write_atomic};
 use serde::Serialize;
 
 use crate::cli::EvalArgs;
 use crate::commands::train::resolve;
-use crate::commands::{device, print};
+use crate::commands::{device, missing, print};
 use crate::config::tables;
-use crate::pipelines::{EvalRequest, Evaluated, find, of_checkpoint, resolve_saved};
+use crate::pipelines::{EvalRequest, Evaluated, find, of_checkpoint, resolve_changed};
 use crate::report::pictures::SideBySide;
 use crate::run::evaluate::{Measured, Scores, described_split};
+use crate::run::outputs::{self, MARK, check_one, marked_png};
 use crate::run::resources::peak_memory;
 use crate::run::scene::{SceneFile, read_file};
 
 /// The content of `eval --out`.
 #[derive(Debug, Serialize)]
 struct Figures {
+    /// [`MARK`], so that a later measurement may write over the file.
+    program: &'static str,
     /// Steps that the scene was trained.
     step: usize,
     #[serde(flatten)]
@@ -32,16 +35,17 @@ struct Figures {
 /// # Errors
 /// One sentence saying what was wrong with the scene or the data set.
 pub fn run(args: &EvalArgs) -> Result<ExitCode> {
+    args.out.as_deref().map_or(Ok(()), check_one)?;
     let device = device(&args.device)?;
     let file = read_file(&args.scene, &device)?;
     let (pipeline, resolved) = match &file {
-        SceneFile::Checkpoint(_) if args.config.is_typed() => {
-            bail!("{}: a run has its own configuration; leave out --config, --recipe and --set", args.scene.display())
+        SceneFile::Checkpoint(_) if args.config.config.is_some() || args.config.recipe.is_some() => {
+            bail!("{}: a run has its own configuration; leave out --config and --recipe", args.scene.display())
         }
         SceneFile::Checkpoint(checkpoint) => {
             let origin = format!("{}: configuration", checkpoint.path.display());
             let config = tables::parse(&checkpoint.origin.config, &origin)?;
-            (of_checkpoint(checkpoint)?, resolve_saved(&config, &origin)?)
+            (of_checkpoint(checkpoint)?, resolve_changed(&config, &origin, &args.config.set)?)
         }
         SceneFile::Ply(_) => {
             let resolved = resolve(&args.config, &[])?;
@@ -67,13 +71,17 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
     // Before files are written: a disk that is full does not cost the figures.
     print(table(&measured));
     if let Some(folder) = &args.renders {
-        for picture in pictures.iter().map(SideBySide::new) {
-            let path = folder.join(format!("{}.png", picture.name));
-            write_png(&path, picture.width, picture.height, &picture.pixels)?;
+        let path = |picture: &SideBySide| folder.join(format!("{}.png", picture.name));
+        let pictures: Vec<SideBySide> = pictures.iter().map(SideBySide::new).collect();
+        outputs::check(&pictures.iter().map(path).collect::<Vec<_>>(), &[])?;
+        for picture in &pictures {
+            let path = path(picture);
+            let png = encode_png(&path, picture.width, picture.height, &picture.pixels)?;
+            write_atomic(&path, &marked_png(&png))?;
         }
     }
     if let Some(path) = &args.out {
-        let figures = Figures { step, measured, peak_memory_bytes: peak_memory() };
+        let figures = Figures { program: MARK, step, measured, peak_memory_bytes: peak_memory() };
         let text = serde_json::to_string_pretty(&figures).expect("figures are JSON");
         write_atomic(path, (text + "\n").as_bytes())?;
     }
@@ -109,7 +117,7 @@ fn table(measured: &Measured) -> String {
             "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";
     }
     text.extend(measured.figures_line().map(|line| format!("\n{line}")));
-    for reason in [&quality.ms_ssim_reason, &quality.lpips_reason].into_iter().flatten() {
+    for reason in missing(quality) {
         text += &format!("\n{reason}");
     }
     text

@@ -7,9 +7,10 @@ use anyhow::{Result, bail};
 use gs_burn::Gaussians;
 
 use crate::cli::ExportArgs;
-use crate::commands::print;
+use crate::commands::{counted, print};
 use crate::pipelines::load_scene;
 use crate::run::memory::megabytes;
+use crate::run::outputs;
 use crate::run::scene::{FloaterFilter, truncate_sh, without_floaters, write_ply};
 
 /// Writes a scene as PLY.
@@ -31,12 +32,11 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         (None, time) => vec![time.unwrap_or(loaded.middle)],
     };
     loaded.warn_outside(args.time);
-    for (index, t) in times.iter().enumerate() {
-        let path = match args.frames {
-            Some(_) => numbered(&args.out, index),
-            None => args.out.clone(),
-        };
-        write_one(args, &path, loaded.scene.at(*t), loaded.origin)?;
+    let path = |index| if args.frames.is_some() { numbered(&args.out, index) } else { args.out.clone() };
+    let paths: Vec<PathBuf> = (0..times.len()).map(path).collect();
+    outputs::check(&paths, &[])?;
+    for (path, t) in paths.iter().zip(times) {
+        write_one(args, path, loaded.scene.at(t), loaded.origin)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -52,8 +52,8 @@ fn write_one(args: &ExportArgs, path: &Path, mut gaussians: Gaussians, origin: g
     write_ply(path, &gaussians, origin)?;
     let removed = before - gaussians.len();
     let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    let note = if args.no_floaters { format!(", {removed} floaters left out") } else { String::new() };
-    print(format!("{}: {} Gaussians{note}, {}", path.display(), gaussians.len(), megabytes(size)));
+    let note = if args.no_floaters { format!(", {} left out", counted(removed, "floater")) } else { String::new() };
+    print(format!("{}: {}{note}, {}", path.display(), counted(gaussians.len(), "Gaussian"), megabytes(size)));
     Ok(())
 }
 

@@ -14,12 +14,18 @@ pub mod sweep;
 pub mod synth;
 pub mod train;
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::sync::OnceLock;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use burn::tensor::Device;
+use gs_datasets::printable;
 
 use crate::cli::DeviceArgs;
+use crate::run::evaluate::Quality;
+use crate::run::metrics::NO_LPIPS;
+use crate::run::outputs::MARK;
 
 /// The device that was asked for, without autodiff.
 fn device(args: &DeviceArgs) -> Result<Device> {
@@ -41,15 +47,61 @@ pub fn describe(device: &Device) -> String {
 /// The command as it was typed, for figures that name it; words that a shell would take apart are quoted.
 fn command_line() -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_=./,:+@%".contains(c);
-    let quoted = std::env::args().skip(1).map(|word| match !word.is_empty() && word.chars().all(plain) {
+    // A name that is not UTF-8 cannot stand in a figure; it is shown with replacement characters.
+    let typed = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    let quoted = typed.map(|word| match !word.is_empty() && word.chars().all(plain) {
         true => word,
         false => format!("'{}'", word.replace('\'', r"'\''")),
     });
     std::iter::once("gsburn".to_string()).chain(quoted).collect::<Vec<_>>().join(" ")
 }
 
-/// Prints to stdout. A reader that left (`gsburn info | head -1`) is no error.
+/// Why standard output did not take a result.
+static LOST: OnceLock<String> = OnceLock::new();
+
+/// Prints to stdout, where results go. A reader that left (`gsburn info | head -1`) is no error; what else fails is one at the end, after
+/// the files of the command were written.
 fn print(text: impl std::fmt::Display) {
-    // Stdout is where results go; when it is gone there is nobody left to tell.
-    let _ = writeln!(std::io::stdout(), "{text}");
+    let text = text.to_string();
+    let lines: Vec<_> = text.split('\n').map(printable).collect();
+    let mut stdout = std::io::stdout();
+    let written = writeln!(stdout, "{}", lines.join("\n")).and_then(|()| stdout.flush());
+    if let Err(error) = written
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        LOST.get_or_init(|| error.to_string());
+    }
+}
+
+/// That everything printed has arrived.
+///
+/// # Errors
+/// A sentence, when standard output did not take it (a full disk).
+pub fn all_printed() -> Result<()> {
+    LOST.get().map_or(Ok(()), |error| bail!("standard output: cannot write: {error}"))
+}
+
+/// Why figures are missing. What is missing for every run of this machine (the weights of LPIPS) is said once per machine.
+fn missing(quality: &Quality) -> Vec<&str> {
+    let once = |reason: &&str| !reason.starts_with(NO_LPIPS) || is_news(reason);
+    let reasons = [&quality.ms_ssim_reason, &quality.lpips_reason].into_iter().flatten();
+    reasons.map(String::as_str).filter(once).collect()
+}
+
+/// Whether a sentence is said for the first time on this machine. An empty file in the user's cache remembers it.
+fn is_news(sentence: &str) -> bool {
+    let Some(folder) = dirs::cache_dir().map(|cache| cache.join("gsburn")) else { return true };
+    let mark = folder.join(format!("said-{:08x}", crc32fast::hash(sentence.as_bytes())));
+    let made = std::fs::create_dir_all(&folder).and_then(|()| File::create_new(mark));
+    !made.is_err_and(|error| error.kind() == ErrorKind::AlreadyExists)
+}
+
+/// A Markdown table that a later one may be written over.
+fn marked(markdown: &str) -> String {
+    format!("<!-- {MARK} -->\n\n{markdown}")
+}
+
+/// "1 floater", "2 floaters".
+fn counted(count: usize, one: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }

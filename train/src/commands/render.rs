@@ -5,17 +5,18 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use gs_burn::{Camera, Extras, RenderOptions, Rendering, render_with};
-use gs_datasets::image_io::{write_atomic, write_exr, write_png};
+use gs_datasets::image_io::{encode_exr, encode_png, write_atomic};
 use gs_datasets::{CameraPose, load_cameras};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::cli::{ImageFormat, RenderArgs};
-use crate::commands::{device, print};
+use crate::commands::{counted, device, print};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::intrinsics;
 use crate::pipelines::load_scene;
 use crate::report::maps::{self, write_gif};
 use crate::report::pictures::image_bytes;
+use crate::run::outputs::{self, MARK, marked_png};
 use crate::run::scene::LoadedScene;
 
 /// Steps of depth in a 16-bit PNG per scene unit: millimetres where the unit is metres, as nerfstudio has it.
@@ -46,17 +47,24 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         background: args.background.as_deref().map_or(Ok(usual.background), parse_color)?,
         ..usual
     };
+    let jobs: Vec<(&CameraPose, Vec<(PathBuf, f64)>)> = cameras
+        .iter()
+        .map(|pose| {
+            let moments = moments(args, &loaded, pose.time).into_iter();
+            (pose, moments.map(|(suffix, t)| (args.out.join(format!("{}{suffix}", pose.name)), t)).collect())
+        })
+        .collect();
+    check_outputs(args, &jobs, loaded.scene.span().is_some())?;
     let mut count = 0;
-    for pose in &cameras {
+    for (pose, moments) in jobs {
         // A scene far from its world's origin was trained near zero.
         let c2w = glam::DMat4::from_translation(-loaded.origin) * pose.c2w;
         let camera = Camera::from_c2w(c2w, intrinsics(&pose.intrinsics), pose.width, pose.height, &device);
         let mut animation = Vec::new();
-        for (suffix, t) in moments(args, &loaded, pose.time) {
+        for (stem, t) in moments {
             let gaussians = loaded.scene.at(t);
             let features = (args.maps && loaded.scene.span().is_some()).then(|| loaded.scene.velocity(t));
             let rendering = render_with(&gaussians, &camera, &options, Extras { features, screen: None });
-            let stem = args.out.join(format!("{}{suffix}", pose.name));
             write(&stem, pose, &rendering, args.format)?;
             if args.maps {
                 write_maps(&stem, pose, &rendering)?;
@@ -67,12 +75,36 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
             count += 1;
         }
         if args.gif {
-            let path = args.out.join(format!("{}.gif", pose.name));
-            write_gif(&path, pose.width, pose.height, &animation)?;
+            write_gif(&gif(args, pose), pose.width, pose.height, &animation)?;
         }
     }
-    print(format!("{count} images in {}", args.out.display()));
+    print(format!("{} in {}", counted(count, "image"), args.out.display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// That nothing is written over but earlier renderings: neither photos that the cameras' file names, nor other files of the user.
+fn check_outputs(args: &RenderArgs, jobs: &[(&CameraPose, Vec<(PathBuf, f64)>)], moves: bool) -> Result<()> {
+    let mut suffixes = match args.format {
+        ImageFormat::Png => vec![".png", "_alpha.png", "_depth.png"],
+        ImageFormat::Exr => vec![".exr"],
+    };
+    suffixes.extend(args.maps.then_some("_depth_color.png"));
+    suffixes.extend((args.maps && moves).then_some("_velocity.png"));
+    let stems = jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(stem, _)| stem));
+    let mut paths: Vec<PathBuf> = stems.flat_map(|stem| suffixes.iter().map(|suffix| appended(stem, suffix))).collect();
+    paths.extend(jobs.iter().filter(|_| args.gif).map(|(pose, _)| gif(args, pose)));
+    let folder = args.cameras.parent().unwrap_or(Path::new(""));
+    // Names are those of the frames without their extension.
+    let extensions = ["png", "exr", "gif"];
+    let named: Vec<PathBuf> = jobs
+        .iter()
+        .flat_map(|(pose, _)| extensions.map(|extension| appended(&folder.join(&pose.name), &format!(".{extension}"))))
+        .collect();
+    outputs::check(&paths, &named)
+}
+
+fn gif(args: &RenderArgs, pose: &CameraPose) -> PathBuf {
+    args.out.join(format!("{}.gif", pose.name))
 }
 
 /// Each camera once: a file has as many of each as there are frames, and at times of our own they are all alike.
@@ -119,6 +151,11 @@ fn write_maps(stem: &Path, pose: &CameraPose, rendering: &Rendering) -> Result<(
     Ok(())
 }
 
+/// Writes an image that a later rendering may write over.
+fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<()> {
+    Ok(write_atomic(path, &marked_png(&encode_png(path, width, height, data)?))?)
+}
+
 fn write(stem: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFormat) -> Result<()> {
     let (width, height) = (pose.width, pose.height);
     let depth = to_host(rendering.expected_depth().expect("depth was asked for"));
@@ -136,7 +173,8 @@ fn write(stem: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFor
             let alpha = to_host(rendering.alpha.clone());
             let channels: [(&str, &[f32]); 5] =
                 [("R", &red), ("G", &green), ("B", &blue), ("A", &alpha), ("Z", &depth)];
-            write_exr(&path(".exr"), width, height, &channels)?;
+            let exr = encode_exr(&path(".exr"), (width, height), &channels, Some(MARK))?;
+            write_atomic(&path(".exr"), &exr)?;
         }
     }
     Ok(())
@@ -149,7 +187,7 @@ fn write_depth_png(path: &Path, width: usize, height: usize, depth: &[f32]) -> R
     PngEncoder::new(&mut png)
         .write_image(&bytes, width as u32, height as u32, ExtendedColorType::L16)
         .with_context(|| format!("{}: cannot encode", path.display()))?;
-    Ok(write_atomic(path, &png)?)
+    Ok(write_atomic(path, &marked_png(&png))?)
 }
 
 /// black, white, or three numbers from 0 to 1.

@@ -8,11 +8,12 @@ use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
 
 use crate::cli::SweepArgs;
-use crate::commands::{command_line, describe, device, print};
+use crate::commands::{command_line, describe, device, marked, print};
 use crate::pipelines::{Resolved, Sources, resolve, resolve_saved};
 use crate::report::comparison::{Panels, Table, enough, gather, page, stacked};
 use crate::run::folder::{RunFolder, full_path};
 use crate::run::interrupt;
+use crate::run::outputs;
 use crate::run::resources::forget_peak_memory;
 use crate::run::watch::{Ending, Job};
 
@@ -61,6 +62,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
             Ok((folder, config, state))
         })
         .collect::<Result<_>>()?;
+    outputs::check(&["chart.svg", "chart.md", "chart.csv", "index.html"].map(|name| args.out.join(name)), &[])?;
     interrupt::watch();
     for (i, (folder, config, state)) in plan.iter().enumerate() {
         let place = format!("run {} of {}: {}", i + 1, plan.len(), folder.name());
@@ -71,7 +73,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
         say(args, &place);
         if interrupt::asked() || !finishes(args, folder, config, *state, &device)? {
             eprintln!("stopped; the same command continues");
-            return Ok(ExitCode::from(interrupt::EXIT_CODE as u8));
+            return Ok(ExitCode::from(interrupt::exit_code()));
         }
     }
     compare(&args.out, &plan)
@@ -106,7 +108,7 @@ fn compare(out: &Path, plan: &[Planned]) -> Result<ExitCode> {
         print(verdict);
     }
     write_atomic(&out.join("chart.svg"), stacked(&panels, &command).as_bytes())?;
-    write_atomic(&out.join("chart.md"), table.markdown().as_bytes())?;
+    write_atomic(&out.join("chart.md"), marked(&table.markdown()).as_bytes())?;
     write_atomic(&out.join("chart.csv"), table.csv().as_bytes())?;
     let index = out.join("index.html");
     let linked = table.linked(&found.runs);
@@ -124,6 +126,7 @@ fn say(args: &SweepArgs, line: &str) {
 /// What `folder` holds of the run that is wanted there.
 fn state(folder: &RunFolder, config: &Resolved, dataset: &Path) -> Result<State> {
     if !folder.config().exists() {
+        RunFolder::vacant(folder.path())?;
         return Ok(State::New);
     }
     let (found, trained_on) = folder.read_config()?;

@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use burn::tensor::Device;
 
 use crate::cli::{ConfigArgs, TrainArgs};
-use crate::commands::{device, print};
+use crate::commands::{device, missing, print};
 use crate::config::ConfigError;
 use crate::pipelines::{Pipeline, Resolved, Sources, resolve as resolve_sources, resolve_saved};
 use crate::run::folder::{EvalFile, RunFolder, full_path};
@@ -50,7 +50,7 @@ pub(super) fn execute(pipeline: &dyn Pipeline, job: &Job) -> Result<ExitCode> {
         Ending::Interrupted(step) => {
             let folder = job.folder.path().display();
             eprintln!("stopped and saved after step {step}; continue with: gsburn train --resume --out {folder}");
-            Ok(ExitCode::from(interrupt::EXIT_CODE as u8))
+            Ok(ExitCode::from(interrupt::exit_code()))
         }
     }
 }
@@ -149,8 +149,7 @@ fn newest_folder(name: &str) -> Option<PathBuf> {
 /// What a finished run says.
 fn verdict(eval: &EvalFile, folder: &RunFolder) -> String {
     let quality = &eval.last.measured.quality;
-    let missing = [&quality.ms_ssim_reason, &quality.lpips_reason];
-    let missing: String = missing.into_iter().flatten().map(|reason| format!("\n{reason}")).collect();
+    let missing: String = missing(quality).iter().map(|reason| format!("\n{reason}")).collect();
     let report = full_path(&folder.report());
     format!("{}{missing}\nscene  {}\nreport {}", eval.last.line(), folder.ply().display(), report.display())
 }

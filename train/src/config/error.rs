@@ -9,13 +9,15 @@ pub const MAX_BASES: usize = 8;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("{}: cannot read the configuration: {source}", path.display())]
+    /// The file cannot be read, or is no file that a configuration can be in.
+    #[error("{source}{}", recipe.as_ref().map_or(String::new(), |name| format!("; it is compiled in: --recipe {name}")))]
     Read {
         /// The file.
         path: PathBuf,
-        /// The operating system's answer.
-        source: std::io::Error,
+        /// What was found.
+        source: gs_datasets::DatasetError,
+        /// The compiled-in recipe of its name, where it is missing and there is one.
+        recipe: Option<String>,
     },
     /// The file is not TOML.
     #[error("{origin}: expected TOML, found: {found}")]

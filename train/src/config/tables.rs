@@ -2,9 +2,13 @@
 
 use std::path::Path;
 
+use gs_datasets::guarded;
 use toml::{Table, Value};
 
 use super::error::{ConfigError, MAX_BASES};
+
+/// Largest configuration file, bytes: all keys with comments take some 20 kB.
+pub const FILE_MAX: u64 = 1 << 20;
 
 /// Values from one place.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +30,8 @@ pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
         if layers.len() > MAX_BASES {
             return Err(ConfigError::Circle { origin: path.display().to_string() });
         }
-        let text = std::fs::read_to_string(&path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
+        let read = guarded::read_to_string(&path, FILE_MAX);
+        let text = read.map_err(|source| ConfigError::Read { path: path.clone(), source, recipe: None })?;
         let (layer, base) = layer(&text, path.display().to_string())?;
         next = base.map(|name| path.with_file_name(name));
         layers.push(layer);

@@ -46,11 +46,15 @@ impl<M> Fit<M> {
 
 /// Trains a scene: begin or resume, step until done while the run watches, measure, save, report.
 fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
+    if let Some(eval) = watch::finished(job, &config.to_toml()) {
+        return Ok(Ending::Finished(Box::new(eval)));
+    }
+    let held = watch::enter(job)?;
     let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
     let plan = plan::<M>(job, config, &data);
     let trainer = resumed::<M>(job, config, &plan)?;
     let mut session = Session::begin(&data, config, trainer, &job.device);
-    let mut run = Run::begin(job, plan, session.trainer.step)?;
+    let mut run = Run::begin(job, plan, session.trainer.step, held)?;
     introduce(&run, &session, job);
     let evaluator = Evaluator::new(&config.eval, &job.device);
 
@@ -60,7 +64,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
             return run.leave(session.trainer.step);
         }
         let stepped = run.timed(|| session.step());
-        observe(&mut run, &session, stepped)?;
+        observe(&mut run, &session, stepped);
         let step = session.trainer.step;
         if config.eval.at.contains(&step) && step < config.steps {
             let held_out = HeldOut::of(&data.scene, None, &session.at()).expect("the reported split");
@@ -68,7 +72,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
             run.record(step, measured)?;
         }
         if run.is_save_due(step) {
-            run.save(step, &Snapshot::of(&session.trainer))?;
+            run.save_on_the_way(step, &Snapshot::of(&session.trainer));
         }
     }
     finish(run, job, &data, &session.into_trainer(), config, &evaluator)
@@ -187,11 +191,11 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
 }
 
 /// Bar and metrics after a step.
-fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) -> Result<()> {
+fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) {
     let Stepped { report, photos } = stepped;
     let (trainer, config) = (&session.trainer, session.config);
     let counts = [
-        ("Gaussians", trainer.gaussians().len() as f64),
+        (watch::GAUSSIANS, trainer.gaussians().len() as f64),
         ("SH degree", trainer.gaussians().sh_degree() as f64),
         ("tile intersections", report.intersections as f64),
     ];
@@ -203,7 +207,7 @@ fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::E
             None => psnr(image, truth),
             Some(mask) => psnr_masked(image, truth, mask.clone()),
         })
-    })
+    });
 }
 
 impl<M: Method> Pipeline for Fit<M> {

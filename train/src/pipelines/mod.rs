@@ -24,7 +24,7 @@ use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
 
-pub use resolve::{Resolved, Sources, resolve, resolve_overrides, resolve_saved};
+pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.
 pub static PIPELINES: [&dyn Pipeline; 3] = [

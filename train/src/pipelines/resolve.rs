@@ -41,7 +41,7 @@ pub fn resolve(sources: Sources) -> Result<Resolved, ConfigError> {
         layers.extend(recipe(name)?);
     }
     if let Some(path) = sources.file {
-        layers.extend(tables::file_layers(path)?);
+        layers.extend(tables::file_layers(path).map_err(|error| with_recipe(error, path))?);
     }
     let main = layers.last().map_or_else(|| "arguments".to_string(), |layer| layer.origin.clone());
     for text in sources.overrides {
@@ -63,7 +63,19 @@ pub fn resolve_overrides(overrides: &[String]) -> Result<Resolved, ConfigError> 
 /// # Errors
 /// As [`resolve`]; `origin` names the place.
 pub fn resolve_saved(config: &Table, origin: &str) -> Result<Resolved, ConfigError> {
-    stack(&[Layer { origin: origin.into(), table: config.clone() }], origin)
+    resolve_changed(config, origin, &[])
+}
+
+/// A configuration that a run saved, with some values changed.
+///
+/// # Errors
+/// As [`resolve`].
+pub fn resolve_changed(config: &Table, origin: &str, overrides: &[String]) -> Result<Resolved, ConfigError> {
+    let mut layers = vec![Layer { origin: origin.into(), table: config.clone() }];
+    for text in overrides {
+        layers.push(tables::override_layer(text)?);
+    }
+    stack(&layers, origin)
 }
 
 fn stack(layers: &[Layer], main: &str) -> Result<Resolved, ConfigError> {
@@ -110,6 +122,22 @@ fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Resul
     Err(ConfigError::UnknownKey { origin, key, nearest })
 }
 
+/// A file that is not there may be meant for the recipe of its name: `configs/taylormode/base.toml` outside of the repository.
+fn with_recipe(error: ConfigError, path: &Path) -> ConfigError {
+    match error {
+        ConfigError::Read { path: missing, source, .. } if missing == path && !path.exists() => {
+            let named = path.with_extension("").to_string_lossy().replace('\\', "/");
+            let is_meant = |recipe: &&gs_recipes::Recipe| {
+                let name = recipe.name;
+                named == name || named.strip_suffix(name).is_some_and(|before| before.ends_with('/'))
+            };
+            let recipe = gs_recipes::RECIPES.iter().find(is_meant).map(|recipe| recipe.name.to_string());
+            ConfigError::Read { path: missing, source, recipe }
+        }
+        error => error,
+    }
+}
+
 fn recipe(name: &str) -> Result<Vec<Layer>, ConfigError> {
     let name = name.strip_suffix(".toml").unwrap_or(name);
     let layers = tables::recipe_layers(name, |name| gs_recipes::find(name).map(|recipe| recipe.text))?;
@@ -129,6 +157,17 @@ mod tests {
 
     fn message(text: &str) -> String {
         of(&[text]).map(|_| ()).expect_err("invalid").to_string()
+    }
+
+    #[test]
+    fn a_missing_file_names_the_recipe_of_its_name() {
+        let of = |path: &str| {
+            let missing = resolve(Sources { file: Some(Path::new(path)), ..Sources::default() });
+            missing.map(|_| ()).expect_err("not there").to_string()
+        };
+        let message = of("configs/taylormode/paper.toml");
+        assert!(message.contains("--recipe taylormode/paper"), "{message}");
+        assert!(!of("nowhere/other.toml").contains("--recipe taylormode"));
     }
 
     #[test]

@@ -5,6 +5,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use gs_datasets::image_io::write_atomic;
 
+use crate::run::outputs::MARK;
+
 /// Share of the seen pixels at each end of the depth range that the colours do not spread over: a few wrong pixels must not
 /// flatten the rest.
 const DEPTH_TAILS: f64 = 0.02;
@@ -79,6 +81,7 @@ pub fn write_gif(path: &Path, width: usize, height: usize, frames: &[Vec<u8>]) -
     let mut bytes = Vec::new();
     let mut encoder = gif::Encoder::new(&mut bytes, width, height, &[])?;
     encoder.set_repeat(gif::Repeat::Infinite)?;
+    encoder.write_raw_extension(gif::Extension::Comment.into(), &[MARK.as_bytes()])?;
     for pixels in frames {
         let mut frame = gif::Frame::from_rgb(width, height, pixels);
         frame.delay = GIF_DELAY;

@@ -10,6 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use gs_datasets::guarded;
 use safetensors::tensor::{Metadata as Layout, View};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,9 @@ use crate::fit::snapshot::{Column, Snapshot, Source};
 
 /// The key of the metadata that calls a file a checkpoint.
 const FORMAT: &str = "gsburn-checkpoint";
+
+/// Largest checkpoint, bytes: 100 million Gaussians with their moments take 60 GB, and the file is read whole.
+const FILE_MAX: u64 = 64 << 30;
 
 /// Changes whenever an older program could misread a file.
 const VERSION: &str = "4";
@@ -69,14 +73,9 @@ pub struct Checkpoint {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CheckpointError {
-    /// It cannot be opened or read.
-    #[error("{}: cannot read the checkpoint: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's answer.
-        source: io::Error,
-    },
+    /// It cannot be opened or read, or is no file.
+    #[error(transparent)]
+    Read(#[from] gs_datasets::DatasetError),
     /// It cannot be written; nothing was changed.
     #[error("{}: cannot write the checkpoint: {source}", path.display())]
     Write {
@@ -113,6 +112,13 @@ pub enum CheckpointError {
     },
 }
 
+impl CheckpointError {
+    /// Whether the file was a checkpoint of this version, or may have been, and cannot be read any more.
+    pub fn is_damage(&self) -> bool {
+        matches!(self, Self::Damaged { .. } | Self::NotACheckpoint { .. })
+    }
+}
+
 /// Writes a checkpoint atomically.
 ///
 /// # Errors
@@ -128,7 +134,14 @@ pub fn save(path: &Path, origin: &Origin, snapshot: &Snapshot) -> Result<(), Che
     let content = serde_json::json!({ "version": VERSION, "content": content });
     let metadata = HashMap::from([(FORMAT.to_string(), content.to_string())]);
     let temporary = path.with_extension("part");
-    let written = safetensors::serialize_to_file(columns, Some(metadata), &temporary)
+    // The permissions that all other files of a run get; safetensors makes its file for the owner alone.
+    let permissions = File::create(&temporary).and_then(|file| Ok(file.metadata()?.permissions()));
+    let written = permissions
+        .map_err(SafeTensorError::IoError)
+        .and_then(|permissions| {
+            safetensors::serialize_to_file(columns, Some(metadata), &temporary)?;
+            Ok(fs::set_permissions(&temporary, permissions)?)
+        })
         .map_err(|error| match error {
             SafeTensorError::IoError(error) => error,
             other => io::Error::other(other.to_string()),
@@ -149,7 +162,7 @@ impl Checkpoint {
     /// # Errors
     /// A sentence that names the file and says what is wrong with it.
     pub fn load(path: &Path) -> Result<Self, CheckpointError> {
-        let bytes = fs::read(path).map_err(|source| CheckpointError::Read { path: path.into(), source })?;
+        let bytes = guarded::read(path, FILE_MAX)?;
         let Metadata { origin, notes, crc32, .. } = read_metadata(&bytes, path)?;
         let damaged = |error: SafeTensorError| CheckpointError::Damaged {
             path: path.into(),
@@ -159,6 +172,30 @@ impl Checkpoint {
         // Eight bytes with the length of the header stand before it.
         let begin = header + 8;
         Ok(Self { origin, path: path.into(), notes, crc32, layout, begin, bytes })
+    }
+
+    /// The checkpoint, when every tensor has the checksum that was written with it.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`], with the first tensor that has another.
+    pub fn whole(self) -> Result<Self, CheckpointError> {
+        let found = self.crc32.keys().find_map(|name| self.tensor(name).err());
+        found.map_or(Ok(()), |found| Err(self.damaged(found)))?;
+        Ok(self)
+    }
+
+    /// The bytes and the shape of a tensor whose checksum is right.
+    fn tensor(&self, name: &str) -> Result<(&[u8], &[usize]), String> {
+        let info = self.layout.info(name).ok_or_else(|| format!("it has no tensor {name}"))?;
+        let (from, to) = (self.begin + info.data_offsets.0, self.begin + info.data_offsets.1);
+        let data = self.bytes.get(from..to).ok_or_else(|| format!("{name} lies outside of the file"))?;
+        if info.dtype != Dtype::F32 {
+            return Err(format!("{name} has type {:?}", info.dtype));
+        }
+        if self.crc32.get(name) != Some(&crc32fast::hash(data)) {
+            return Err(format!("the checksum of {name} does not match its content"));
+        }
+        Ok((data, &info.shape))
     }
 
     /// The error that something found in the file is.
@@ -177,17 +214,8 @@ impl Source for Checkpoint {
     }
 
     fn read(&self, name: &str) -> Result<(Vec<f32>, Vec<usize>), String> {
-        let info = self.layout.info(name).ok_or_else(|| format!("it has no tensor {name}"))?;
-        let (from, to) = (self.begin + info.data_offsets.0, self.begin + info.data_offsets.1);
-        let data = self.bytes.get(from..to).ok_or_else(|| format!("{name} lies outside of the file"))?;
-        if info.dtype != Dtype::F32 {
-            return Err(format!("{name} has type {:?}", info.dtype));
-        }
-        if self.crc32.get(name) != Some(&crc32fast::hash(data)) {
-            return Err(format!("the checksum of {name} does not match its content"));
-        }
-        let values = data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        Ok((values, info.shape.clone()))
+        let (data, shape) = self.tensor(name)?;
+        Ok((data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect(), shape.to_vec()))
     }
 }
 

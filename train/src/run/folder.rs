@@ -1,18 +1,30 @@
 //! A run is a folder: configuration, metrics, checkpoints, figures, pictures, report. The only place that knows its layout.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use gs_datasets::guarded;
 use gs_datasets::image_io::write_atomic;
 use serde::{Deserialize, Serialize};
 
 use toml::Table;
 
 use super::evaluate::Evaluation;
+use super::lock;
 use crate::config::tables;
+
+/// Largest metrics.jsonl, bytes: a line of 200 bytes every ten steps makes 20 MB in a million steps.
+const METRICS_MAX: u64 = 1 << 30;
+
+/// Largest eval.json, bytes: a view takes some 300 bytes, and a measurement has at most some hundred thousand.
+const EVAL_MAX: u64 = 256 << 20;
+
+/// The folder of the saved states.
+const CHECKPOINTS: &str = "checkpoints";
 
 /// Where the parts of a run are.
 #[derive(Debug, Clone)]
@@ -79,6 +91,9 @@ pub struct EvalFile {
     /// The settings that charts tell runs apart by: name, key and value.
     #[serde(default)]
     pub settings: Vec<Setting>,
+    /// The most Gaussians that the scene had in training; `None` where the method has no count.
+    #[serde(default)]
+    pub most_gaussians: Option<usize>,
     /// Steps whose loss or gradients were not finite; they changed nothing.
     pub skipped_steps: usize,
     /// Memory that was predicted before the run, bytes.
@@ -110,6 +125,17 @@ pub fn full_path(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
 }
 
+/// That a path can stand in configurations, checkpoints and reports, which are text.
+///
+/// # Errors
+/// A sentence, where it is not UTF-8.
+pub fn utf8(path: &Path) -> Result<()> {
+    if full_path(path).to_str().is_none() {
+        bail!("{}: expected a path in UTF-8, because run folders name it; rename the folder", path.display());
+    }
+    Ok(())
+}
+
 impl RunFolder {
     /// The folder at `path`; nothing is made yet.
     pub fn at(path: impl Into<PathBuf>) -> Self {
@@ -119,16 +145,31 @@ impl RunFolder {
     /// A folder for a new run; nothing is made yet, so that a run that cannot start leaves nothing behind.
     ///
     /// # Errors
-    /// When it already holds a run.
+    /// When it already holds a run or other files, is a file, or has a path that a checkpoint cannot name.
     pub fn vacant(path: impl Into<PathBuf>) -> Result<Self> {
         let folder = Self::at(path);
+        let shown = folder.path.display();
+        utf8(&folder.path)?;
         if folder.config().exists() {
-            bail!(
-                "{}: already holds a run; continue it with --resume or choose another folder with --out",
-                folder.path.display()
-            );
+            bail!("{shown}: already holds a run; continue it with --resume or choose another folder with --out");
+        }
+        if folder.path.exists() && !folder.path.is_dir() {
+            bail!("{shown}: expected a folder or nothing, found a file; choose another folder with --out");
+        }
+        if let Some(name) = folder.foreign() {
+            bail!("{shown}: expected an empty folder or none, found {name:?} in it; choose another folder with --out");
         }
         Ok(folder)
+    }
+
+    /// The name of something in the folder that a run that has not begun does not leave there.
+    fn foreign(&self) -> Option<OsString> {
+        let names = fs::read_dir(&self.path).into_iter().flatten().flatten().map(|entry| entry.file_name());
+        let is_left = |name: &OsString| {
+            name == lock::FILE
+                || (name == CHECKPOINTS && fs::read_dir(self.checkpoints()).is_ok_and(|mut e| e.next().is_none()))
+        };
+        names.filter(|name| !is_left(name)).min()
     }
 
     /// Makes the folder.
@@ -203,7 +244,7 @@ impl RunFolder {
 
     /// Saved states.
     pub fn checkpoints(&self) -> PathBuf {
-        self.path.join("checkpoints")
+        self.path.join(CHECKPOINTS)
     }
 
     /// The saved state after `step` steps.
@@ -232,8 +273,9 @@ impl RunFolder {
         let entries = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
         let halves = entries.map(|entry| entry.path()).filter(|path| {
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-            // As `write_atomic` and the checkpoints call them.
+            // As `write_atomic`, safetensors and the checkpoints call them.
             (name.starts_with('.') && name.ends_with(".tmp"))
+                || name.starts_with(".tmp")
                 || path.extension().is_some_and(|extension| extension == "part")
         });
         for path in old.chain(halves) {
@@ -257,13 +299,12 @@ impl RunFolder {
     /// # Errors
     /// When this is no run folder or the configuration is not valid.
     pub fn read_config(&self) -> Result<(Table, PathBuf)> {
-        if !self.config().is_file() {
+        if !self.config().exists() {
             bail!("{}: expected a run folder (with config.toml), found none", self.path.display());
         }
-        let dataset =
-            fs::read_to_string(self.dataset()).with_context(|| format!("{}: cannot read", self.dataset().display()))?;
+        let dataset = guarded::read_to_string(&self.dataset(), tables::FILE_MAX)?;
         let path = self.config();
-        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot read", path.display()))?;
+        let text = guarded::read_to_string(&path, tables::FILE_MAX)?;
         Ok((tables::parse(&text, &path.display().to_string())?, PathBuf::from(dataset.trim())))
     }
 
@@ -276,7 +317,7 @@ impl RunFolder {
         if !path.exists() {
             return Ok(Vec::new());
         }
-        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot read", path.display()))?;
+        let text = guarded::read_to_string(&path, METRICS_MAX)?;
         let lines = text.lines().filter_map(|line| serde_json::from_str::<MetricsLine>(line).ok());
         Ok(lines.filter(|line| line.step() <= last_step).collect())
     }
@@ -291,7 +332,7 @@ impl RunFolder {
         write_atomic(&path, text.as_bytes())?;
         let file =
             OpenOptions::new().append(true).open(&path).with_context(|| format!("{}: cannot write", path.display()))?;
-        Ok(MetricsFile { file, path })
+        Ok(MetricsFile { file, path, unwritten: String::new() })
     }
 
     /// Writes eval.json.
@@ -309,8 +350,7 @@ impl RunFolder {
     /// When it is not there or not what this version writes.
     pub fn read_eval(&self) -> Result<EvalFile> {
         let path = self.eval();
-        let text = fs::read_to_string(&path)
-            .with_context(|| format!("{}: cannot read the figures of the run", path.display()))?;
+        let text = guarded::read_to_string(&path, EVAL_MAX).context("cannot read the figures of the run")?;
         serde_json::from_str(&text).with_context(|| format!("{}: expected the figures of a run", path.display()))
     }
 }
@@ -320,21 +360,32 @@ impl RunFolder {
 pub struct MetricsFile {
     file: File,
     path: PathBuf,
+    /// Lines that the disk did not take.
+    unwritten: String,
 }
 
 impl MetricsFile {
-    /// Appends a line, whole or not at all.
+    /// Appends a line. Where the disk does not take it, it is kept and written with the next.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// When it cannot be written now; the file then ends with a whole line.
     pub fn append(&mut self, line: &MetricsLine) -> Result<()> {
+        self.unwritten += &json_line(line);
+        self.flush()
+    }
+
+    /// Writes the lines that the disk did not take.
+    ///
+    /// # Errors
+    /// When they still cannot be written.
+    pub fn flush(&mut self) -> Result<()> {
         let before = self.file.metadata().map(|metadata| metadata.len());
-        let written = self.file.write_all(json_line(line).as_bytes());
-        if written.is_err()
-            && let Ok(length) = before
-        {
+        let written = self.file.write_all(self.unwritten.as_bytes());
+        match (&written, before) {
+            (Ok(()), _) => self.unwritten.clear(),
             // The write error is the one to report.
-            let _ = self.file.set_len(length);
+            (Err(_), Ok(length)) => drop(self.file.set_len(length)),
+            (Err(_), Err(_)) => {}
         }
         written.with_context(|| format!("{}: cannot write", self.path.display()))
     }

@@ -60,6 +60,9 @@ pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>) -> Option<f64> {
 /// Side of the patterns that tell networks apart, pixels: enough for five halvings.
 const PATTERN: usize = 64;
 
+/// How the sentence begins that says why LPIPS is missing.
+pub const NO_LPIPS: &str = "no LPIPS";
+
 /// LPIPS with pretrained weights, where Burn's cache has them; they are never downloaded by us.
 #[derive(Debug)]
 pub struct Perceptual {

@@ -3,10 +3,10 @@
 //! | file | idea |
 //! |---|---|
 //! | [`watch`] | a run under way, as the loop of a pipeline sees it |
-//! | [`folder`] | where a run's files are, and what is in them |
+//! | [`folder`], [`lock`] | where a run's files are, what is in them, and who may write them |
 //! | [`checkpoint`], [`fingerprint`] | saved states, and whether a run goes on with the views it began on |
 //! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
-//! | [`scene`] | finished scenes in and out |
+//! | [`scene`], [`outputs`] | finished scenes in and out, and files that are never written over |
 //! | [`progress`], [`resources`], [`memory`], [`profile`], [`interrupt`] | what a user sees while it runs |
 
 pub mod checkpoint;
@@ -14,8 +14,10 @@ pub mod evaluate;
 pub mod fingerprint;
 pub mod folder;
 pub mod interrupt;
+pub mod lock;
 pub mod memory;
 pub mod metrics;
+pub mod outputs;
 pub mod profile;
 pub mod progress;
 pub mod resources;

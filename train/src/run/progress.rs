@@ -1,12 +1,16 @@
-//! The progress bar: loss, PSNR, count, steps per second and time left. Without a terminal, a line now and then.
+//! The progress bar: loss, PSNR, count, steps per second and time left. Without a terminal, lines: soon, and then more and more rarely.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
+use gs_datasets::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Time between lines where there is no terminal.
-const LINE_EVERY: Duration = Duration::from_secs(30);
+/// Time to the first line where there is no terminal: a log shows at once that a run is alive, and how long it will take.
+const FIRST_LINE: Duration = Duration::from_secs(2);
+
+/// Longest time between lines; from the first on it doubles, so that the log of a day stays short.
+const LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// Weight of the newest value in the running means of loss and PSNR: about the last 20 photos.
 const SMOOTHING: f64 = 0.05;
@@ -18,6 +22,8 @@ pub struct Progress {
     terminal: bool,
     quiet: bool,
     last_line: Instant,
+    /// Time to the next line.
+    wait: Duration,
     first_step: usize,
     steps: usize,
     begun: Instant,
@@ -38,7 +44,18 @@ impl Progress {
         bar.set_position(step as u64);
         bar.reset_eta();
         let now = Instant::now();
-        Self { bar, terminal, quiet, last_line: now, first_step: step, steps, begun: now, loss: None, psnr: None }
+        Self {
+            bar,
+            terminal,
+            quiet,
+            last_line: now,
+            wait: FIRST_LINE,
+            first_step: step,
+            steps,
+            begun: now,
+            loss: None,
+            psnr: None,
+        }
     }
 
     /// After a step; `psnr` where it was measured. The first of `counts` is shown.
@@ -57,21 +74,29 @@ impl Progress {
         if self.terminal {
             self.bar.set_position(step as u64);
             self.bar.set_message(message);
-        } else if !self.quiet && self.last_line.elapsed() >= LINE_EVERY {
+        } else if !self.quiet && (self.last_line.elapsed() >= self.wait || step == self.steps) {
             self.last_line = Instant::now();
+            self.wait = (2 * self.wait).min(LINE_EVERY);
             let rate = (step - self.first_step) as f64 / self.begun.elapsed().as_secs_f64();
             let left = (self.steps - step) as f64 / rate;
-            eprintln!("{step}/{} {rate:.2}/s left {left:.0}s {message}", self.steps);
+            let spent = self.begun.elapsed().as_secs_f64();
+            // A closed stderr is no reason to end a run.
+            let _ = writeln!(
+                std::io::stderr(),
+                "step {step} of {}, {spent:.0} s, {rate:.2} a second, {left:.0} s left; {message}",
+                self.steps
+            );
         }
     }
 
     /// Prints a line above the bar.
     pub fn say(&self, line: &str) {
-        if self.terminal {
-            self.bar.suspend(|| eprintln!("{line}"));
-        } else if !self.quiet {
-            eprintln!("{line}");
+        if self.quiet {
+            return;
         }
+        // Names from data sets are in it. A closed stderr is no reason to end a run.
+        let print = || drop(writeln!(std::io::stderr(), "{}", printable(line)));
+        if self.terminal { self.bar.suspend(print) } else { print() }
     }
 
     /// Leaves the terminal as it was.

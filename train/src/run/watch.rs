@@ -1,29 +1,38 @@
 //! A run under way: what watches a training and writes its files.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
+use gs_datasets::guarded;
 use toml::Table;
 
-use super::checkpoint::{self, Checkpoint, Origin};
+use super::checkpoint::{self, Checkpoint, CheckpointError, Origin};
 use super::evaluate::{Cost, Evaluation, Measured};
 use super::fingerprint::Fingerprint;
-use super::folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, Setting, TrainLine, full_path};
+use super::folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, Setting, TrainLine, full_path, utf8};
 use super::interrupt;
+use super::lock::Lock;
 use super::memory::Prediction;
 use super::profile;
 use super::progress::Progress;
 use super::resources::{cpu_seconds, peak_memory};
-use crate::config::CheckpointConfig;
+use crate::config::{CheckpointConfig, tables};
 use crate::fit::method::Note;
 use crate::fit::schedule::due;
 use crate::fit::snapshot::Snapshot;
 
+/// Name of the count of Gaussians in metrics.
+pub const GAUSSIANS: &str = "Gaussians";
+
 /// Steps from one line of metrics to the next.
 const METRICS_EVERY: usize = 10;
+
+/// Steps from a save that failed to the next try: a disk is rarely full for seconds, and a checkpoint costs about a step's time.
+const RETRY_AFTER: usize = 50;
 
 /// What to train, and where.
 #[derive(Debug, Clone)]
@@ -84,21 +93,72 @@ pub struct Run<'a> {
     /// How often each note came.
     notes: BTreeMap<Note, usize>,
     skipped: usize,
+    /// The step at which a save that failed is tried again.
+    retry_at: Option<usize>,
+    /// Whether the user knows that the disk takes no more.
+    disk_warned: bool,
+    _lock: Lock,
 }
 
-/// The newest checkpoint of the run in `job.folder`, where it is to be continued and has one.
+/// The newest whole checkpoint of the run in `job.folder`, where it is to be continued and has one. Damaged ones that are newer are
+/// named, and set aside so that nothing takes them for the newest again.
 ///
 /// # Errors
-/// A sentence when it is damaged, or was begun with another configuration.
+/// A sentence when all are damaged, or it was begun with another configuration.
 pub fn saved(job: &Job, config: &str) -> Result<Option<Checkpoint>> {
-    let newest = job.resume.then(|| job.folder.saved().pop()).flatten();
-    let Some((_, path)) = newest else { return Ok(None) };
-    let checkpoint = Checkpoint::load(&path)?;
-    if checkpoint.origin.config != config {
-        let config = job.folder.config();
-        bail!("{}: expected the configuration of {}, found another one", path.display(), config.display());
+    if !job.resume {
+        return Ok(None);
     }
-    Ok(Some(checkpoint))
+    let mut damaged: Vec<(PathBuf, CheckpointError)> = Vec::new();
+    for (step, path) in job.folder.saved().into_iter().rev() {
+        let checkpoint = match Checkpoint::load(&path).and_then(Checkpoint::whole) {
+            Ok(checkpoint) => checkpoint,
+            Err(error) if error.is_damage() => {
+                damaged.push((path, error));
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if checkpoint.origin.config != config {
+            let config = job.folder.config();
+            bail!("{}: expected the configuration of {}, found another one", path.display(), config.display());
+        }
+        for (path, error) in damaged {
+            let aside = path.with_extension("damaged");
+            fs::rename(&path, &aside).with_context(|| format!("{}: cannot set aside", path.display()))?;
+            tracing::warn!("{error}; it is {} now, and the run goes on from step {step}", aside.display());
+        }
+        return Ok(Some(checkpoint));
+    }
+    // The newest one's damage is what the user can do something about, with a backup.
+    match damaged.into_iter().next() {
+        Some((_, error)) => Err(error).context("no whole checkpoint is left to continue from"),
+        None => Ok(None),
+    }
+}
+
+/// The figures of a run that is to be continued and has nothing left to do; `None` for any other.
+pub fn finished(job: &Job, config: &str) -> Option<EvalFile> {
+    let folder = &job.folder;
+    let newest = folder.saved().pop().filter(|_| job.resume)?;
+    let saved = guarded::read_to_string(&folder.config(), tables::FILE_MAX).ok()?;
+    let eval = folder.read_eval().ok()?;
+    let is_done = newest.0 == eval.steps && eval.last.step == eval.steps && saved == config;
+    let is_done = is_done && folder.ply().is_file() && folder.report().is_file();
+    if is_done && !job.quiet {
+        eprintln!("{}: the run is finished; nothing is written", folder.path().display());
+    }
+    is_done.then_some(eval)
+}
+
+/// That the paths of a run can be written down, and the lock of a folder that a run is to go on in.
+///
+/// # Errors
+/// A sentence: a path that is not UTF-8, or another process that writes the folder.
+pub fn enter(job: &Job) -> Result<Option<Lock>> {
+    utf8(&job.dataset)?;
+    utf8(job.folder.path())?;
+    (job.resume && job.folder.path().is_dir()).then(|| Lock::take(job.folder.path())).transpose()
 }
 
 /// That a run goes on with the views that it began on.
@@ -119,13 +179,21 @@ pub fn check_views(job: &Job, begun_on: Fingerprint, views: Fingerprint) -> Resu
 }
 
 impl<'a> Run<'a> {
-    /// Makes the folder, or goes on in it after `step` steps.
+    /// Makes the folder, or goes on in it after `step` steps. `held` is the lock of a folder that a run goes on in.
     ///
     /// # Errors
-    /// When the disk does not take it.
-    pub fn begin(job: &'a Job, plan: Plan, step: usize) -> Result<Self> {
+    /// When the disk does not take it, or another process writes it.
+    pub fn begin(job: &'a Job, plan: Plan, step: usize, held: Option<Lock>) -> Result<Self> {
         let folder = &job.folder;
         folder.make()?;
+        let lock = held.map_or_else(|| Lock::take(folder.path()), Ok)?;
+        if !job.resume && folder.config().exists() {
+            // While this run read its data.
+            bail!(
+                "{}: another process has begun a run here; choose another folder with --out",
+                folder.path().display()
+            );
+        }
         folder.prune_checkpoints(plan.checkpoint.keep);
         folder.write_config(&plan.origin.config, &job.dataset)?;
         let history = if job.resume { folder.read_metrics(step)? } else { Vec::new() };
@@ -138,6 +206,9 @@ impl<'a> Run<'a> {
             begun: Instant::now(),
             notes: BTreeMap::new(),
             skipped: 0,
+            retry_at: None,
+            disk_warned: false,
+            _lock: lock,
             job,
             plan,
         };
@@ -177,15 +248,13 @@ impl<'a> Run<'a> {
 
     /// Bar and metrics after `step` steps. `psnr` measures the step's image where a line is written.
     ///
-    /// # Errors
-    /// When the disk does not take the line.
     pub fn observe(
         &mut self,
         step: usize,
         (loss, skipped): (f32, usize),
         counts: &[(&str, f64)],
         psnr: impl FnOnce() -> Option<f64>,
-    ) -> Result<()> {
+    ) {
         let was_skipped = skipped > self.skipped;
         self.skipped = skipped;
         // A line at every planned checkpoint, because the clock of a resumed run continues from the last line. A run that is stopped in
@@ -203,9 +272,8 @@ impl<'a> Run<'a> {
                 seconds: self.clock.seconds,
                 cpu_seconds: self.clock.cpu_seconds,
                 counts: counts.iter().map(|(name, count)| ((*name).to_string(), *count)).collect(),
-            }))?;
+            }));
         }
-        Ok(())
     }
 
     /// Counts what went other than asked in a step; after the `last` step at which it may, each note that came often is said.
@@ -223,21 +291,46 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn note(&mut self, line: MetricsLine) -> Result<()> {
-        self.metrics.append(&line)?;
+    /// A line of metrics. One that the disk does not take now is written with the next.
+    fn note(&mut self, line: MetricsLine) {
+        if let Err(error) = self.metrics.append(&line) {
+            self.warn_of_disk(&error);
+        }
         self.history.push(line);
-        Ok(())
+    }
+
+    /// Says once that the disk takes no more.
+    fn warn_of_disk(&mut self, error: &anyhow::Error) {
+        if !self.disk_warned {
+            self.say(&format!("warning: {error:#}; the run goes on and tries again"));
+            self.disk_warned = true;
+        }
     }
 
     /// Whether the state is to be saved after `step` steps, the last excepted.
     pub fn is_save_due(&self, step: usize) -> bool {
-        due(step, self.plan.checkpoint.every) && step < self.plan.steps
+        (due(step, self.plan.checkpoint.every) || self.retry_at == Some(step)) && step < self.plan.steps
+    }
+
+    /// Saves the state in the course of the run. A save that fails is said, and tried again.
+    pub fn save_on_the_way(&mut self, step: usize, snapshot: &Snapshot) {
+        match self.save(step, snapshot) {
+            Ok(()) => {
+                if self.retry_at.take().is_some() {
+                    self.say(&format!("saved after step {step}"));
+                }
+            }
+            Err(error) => {
+                self.say(&format!("warning: {error:#}; the run goes on and tries again after {RETRY_AFTER} steps"));
+                self.retry_at = Some(step + RETRY_AFTER);
+            }
+        }
     }
 
     /// Writes a measurement into metrics.jsonl and eval.json.
     ///
     /// # Errors
-    /// When the disk does not take them.
+    /// When the disk does not take the last one; it may take an earlier one later.
     pub fn record(&mut self, step: usize, measured: Measured) -> Result<EvalFile> {
         let cost =
             Cost { seconds: self.clock.seconds, cpu_seconds: self.clock.cpu_seconds, peak_memory_bytes: peak_memory() };
@@ -246,9 +339,12 @@ impl<'a> Run<'a> {
         if let Some(line) = evaluation.measured.figures_line() {
             self.say(&line);
         }
-        self.note(MetricsLine::Eval(Box::new(evaluation.clone())))?;
+        self.note(MetricsLine::Eval(Box::new(evaluation.clone())));
         let file = self.eval_file(evaluation);
-        self.job.folder.write_eval(&file)?;
+        match self.job.folder.write_eval(&file) {
+            Err(error) if step < self.plan.steps => self.warn_of_disk(&error),
+            written => written?,
+        }
         Ok(file)
     }
 
@@ -266,6 +362,7 @@ impl<'a> Run<'a> {
             device: self.job.device_name.clone(),
             pipeline: self.plan.origin.pipeline.clone(),
             steps: self.plan.steps,
+            most_gaussians: most_gaussians(&self.history),
             skipped_steps: self.skipped,
             predicted_memory_bytes: self.plan.prediction.total(),
             total_seconds: self.begun.elapsed().as_secs_f64(),
@@ -291,8 +388,9 @@ impl<'a> Run<'a> {
     /// Ends the run before its last step; the state was saved.
     ///
     /// # Errors
-    /// When the disk does not take the profile.
-    pub fn leave(self, step: usize) -> Result<Ending> {
+    /// When the disk does not take the metrics or the profile.
+    pub fn leave(mut self, step: usize) -> Result<Ending> {
+        self.metrics.flush()?;
         profile::write_if_recording(&self.job.folder, &self.job.device_name)?;
         self.progress.finish();
         Ok(Ending::Interrupted(step))
@@ -301,8 +399,9 @@ impl<'a> Run<'a> {
     /// Ends the run after its last measurement; the lines of its metrics come back for the report.
     ///
     /// # Errors
-    /// When the disk does not take the profile.
-    pub fn finish(self) -> Result<Vec<MetricsLine>> {
+    /// When the disk does not take the metrics or the profile.
+    pub fn finish(mut self) -> Result<Vec<MetricsLine>> {
+        self.metrics.flush()?;
         self.progress.finish();
         profile::write_if_recording(&self.job.folder, &self.job.device_name)?;
         Ok(self.history)
@@ -314,6 +413,15 @@ impl<'a> Run<'a> {
 struct Clock {
     seconds: f64,
     cpu_seconds: Option<f64>,
+}
+
+/// The most Gaussians in any line of metrics.
+fn most_gaussians(history: &[MetricsLine]) -> Option<usize> {
+    let counts = history.iter().filter_map(|line| match line {
+        MetricsLine::Train(line) => line.counts.get(GAUSSIANS).copied(),
+        MetricsLine::Eval(_) => None,
+    });
+    counts.reduce(f64::max).map(|count| count as usize)
 }
 
 /// The clock at the last line of metrics.

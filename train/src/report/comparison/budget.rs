@@ -10,6 +10,10 @@ use crate::run::evaluate::{Evaluation, ViewScores};
 /// The key of the cap.
 const CAP: &str = "density.cap";
 
+/// With fewer held-out views the standard error is itself known no better than to a half of it (chi-squared with three degrees of freedom),
+/// and the verdict says how few they are.
+const VIEWS_MIN: usize = 4;
+
 /// The verdict on runs that differ in their cap alone, at least two; else `None`. In one sentence.
 pub fn enough(runs: &[ComparedRun]) -> Option<String> {
     let mut ladder: Vec<(usize, &Evaluation)> =
@@ -34,10 +38,26 @@ pub fn enough(runs: &[ComparedRun]) -> Option<String> {
     let best = figures.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let least = figures.iter().find(|(_, psnr, _)| *psnr >= best.1 - best.2)?;
     let of = if moving { " of moving parts" } else { "" };
+    let views = ladder.iter().map(|(_, e)| e.measured.quality.views.len()).min().unwrap_or(0);
+    let few = match views < VIEWS_MIN {
+        true => format!("; {views} held-out views are few to tell by"),
+        false => String::new(),
+    };
+    let within = format!("within one standard error ({:.2} dB over {views} held-out views) of the best", best.2);
+    // A cap that the run never reached did not hold it back, and says nothing.
+    let reached = runs.iter().find(|run| run.values.get(CAP).is_some_and(|cap| *cap == least.0.to_string()))?;
+    // Runs of older versions did not keep it.
+    let reached = reached.eval.most_gaussians.unwrap_or(least.0);
+    if reached < least.0 {
+        return Some(format!(
+            "budget: no cap is needed: the run with a cap of {} stopped at {reached} Gaussians by itself, {:.2} dB{of}, {within}, \
+             {:.2} dB at {}{few}",
+            least.0, least.1, best.1, best.0
+        ));
+    }
     Some(format!(
-        "budget: a cap of {} is enough: {:.2} dB{of}, within one standard error ({:.2} dB over the held-out views) of the best, \
-         {:.2} dB at {}",
-        least.0, least.1, best.2, best.1, best.0
+        "budget: a cap of {} is enough: {:.2} dB{of}, {within}, {:.2} dB at {}{few}",
+        least.0, least.1, best.1, best.0
     ))
 }
 
@@ -91,6 +111,26 @@ mod tests {
             verdict.starts_with("budget: a cap of 20000 is enough: 30.50 dB, within one standard error (1.29 dB"),
             "{verdict}"
         );
+    }
+
+    #[test]
+    fn a_cap_that_no_run_reached_is_not_recommended() {
+        let psnr = [28.0, 30.0, 32.0, 34.0];
+        let mut ladder = [run(10_000, psnr, "1"), run(20_000, psnr, "1")];
+        ladder.iter_mut().for_each(|run| run.eval.most_gaussians = Some(7_000));
+        let verdict = enough(&ladder).expect("a ladder");
+        assert!(
+            verdict.starts_with("budget: no cap is needed: the run with a cap of 10000 stopped at 7000"),
+            "{verdict}"
+        );
+    }
+
+    #[test]
+    fn two_views_are_called_few() {
+        let mut ladder = [run(1, [28.0, 30.0, 32.0, 34.0], "1"), run(2, [28.0, 30.0, 32.0, 34.0], "1")];
+        ladder.iter_mut().for_each(|run| run.eval.last.measured.quality.views.truncate(2));
+        let verdict = enough(&ladder).expect("a ladder");
+        assert!(verdict.ends_with("2 held-out views are few to tell by"), "{verdict}");
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
+use gs_datasets::guarded;
 use gs_datasets::image_io::write_atomic;
 
 use super::{Panels, Table};
@@ -10,13 +11,17 @@ use crate::report::html::escaped;
 use crate::report::scatter::SIZE;
 use crate::report::{STYLE, with_comparison};
 use crate::run::folder::RunFolder;
+use crate::run::outputs::MARK;
+
+/// Largest report, bytes: its pictures are in it.
+const PAGE_MAX: u64 = 1 << 30;
 
 /// The charts as one SVG, one below the other; the command that made them is in its description.
 pub fn stacked(panels: &Panels, command: &str) -> String {
     let (width, height) = SIZE;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{total}\" viewBox=\"0 0 {width} {total}\">\n\
-         <desc>{}</desc>\n",
+         <desc>{MARK}: {}</desc>\n",
         escaped(command),
         total = height * panels.charts.len() as u32
     );
@@ -41,7 +46,7 @@ fn section(panels: &Panels, table: &Table, warnings: &[String], command: &str) -
 pub fn page(title: &str, panels: &Panels, table: &Table, warnings: &[String], command: &str) -> String {
     let (title, section) = (escaped(title), section(panels, table, warnings, command));
     format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title} · gsburn</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>{title}</h1>\n</header>\n{section}\
          </main>\n</body>\n</html>\n"
@@ -64,7 +69,7 @@ pub fn add_to_report(
     if !path.is_file() {
         bail!("{}: expected the report of a finished run, found none", path.display());
     }
-    let report = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot read", path.display()))?;
+    let report = guarded::read_to_string(&path, PAGE_MAX)?;
     let section = section(panels, table, warnings, command);
     let Some(report) = with_comparison(&report, &section) else {
         bail!("{}: expected a report of gsburn, found another page", path.display());

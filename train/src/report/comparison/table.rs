@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use gs_datasets::printable;
+
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::fit::figure::Prominence;
 use crate::report::html::escaped;
@@ -105,21 +107,25 @@ impl Table {
         lines.join("\n")
     }
 
-    /// A Markdown table.
+    /// A Markdown table. Names are shown as they are: nothing in them is markup.
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| {
-            let cells = cells.iter().map(|cell| if cell.is_empty() { "–".into() } else { cell.replace('|', "\\|") });
+            let cells = cells.iter().map(|cell| if cell.is_empty() { "–".into() } else { in_markdown(cell) });
             format!("| {} |\n", cells.collect::<Vec<String>>().join(" | "))
         };
         let rule = format!("|{}\n", "---|".repeat(self.columns.len()));
         self.rows.iter().fold(line(&self.columns) + &rule, |text, row| text + &line(row))
     }
 
-    /// Comma-separated values with a first line of names (RFC 4180).
+    /// Comma-separated values with a first line of names (RFC 4180). A cell that a spreadsheet would take for a formula begins with an
+    /// apostrophe.
     pub fn csv(&self) -> String {
-        let cell = |cell: &String| match cell.contains([',', '"', '\n', '\r']) {
-            true => format!("\"{}\"", cell.replace('"', "\"\"")),
-            false => cell.clone(),
+        let cell = |cell: &String| {
+            let cell = if is_formula(cell) { format!("'{cell}") } else { cell.clone() };
+            match cell.contains([',', '"', '\n', '\r']) {
+                true => format!("\"{}\"", cell.replace('"', "\"\"")),
+                false => cell,
+            }
         };
         let line = |cells: &[String]| cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
         self.rows.iter().fold(line(&self.columns), |text, row| text + &line(row))
@@ -214,6 +220,25 @@ pub(super) fn differing_keys(runs: &[ComparedRun]) -> Vec<String> {
     // Runs of two pipelines have different keys.
     let all: BTreeSet<&String> = runs.iter().flat_map(|run| run.values.keys()).collect();
     all.into_iter().filter(counts).filter(differs).cloned().collect()
+}
+
+/// A cell with every character escaped that Markdown or the HTML in it gives a meaning.
+fn in_markdown(cell: &str) -> String {
+    let mut text = String::new();
+    for c in printable(cell).chars() {
+        match c {
+            '&' => text += "&amp;",
+            '<' => text += "&lt;",
+            '|' | '\\' | '`' | '*' | '_' | '[' | ']' | '~' | '$' => text.extend(['\\', c]),
+            c => text.push(c),
+        }
+    }
+    text
+}
+
+/// Whether a spreadsheet takes the cell for a formula; negative numbers are none.
+fn is_formula(cell: &str) -> bool {
+    cell.starts_with(['=', '+', '-', '@', '\t', '\r']) && cell.parse::<f64>().is_err()
 }
 
 #[cfg(test)]

@@ -38,6 +38,7 @@ pub fn run(name: &str, psnr: f64, moving: Option<f64>) -> ComparedRun {
             device: "flex".into(),
             pipeline: "static".into(),
             steps: 10,
+            most_gaussians: None,
             skipped_steps: 0,
             predicted_memory_bytes: 0,
             total_seconds: 0.0,

@@ -1,0 +1,110 @@
+//! Files that a command writes where users keep files of their own: never over one that a data set names or that this program did not
+//! make. A file of ours is known by a mark in its first bytes.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+
+/// The mark: a text chunk of a PNG, a comment of PLY, GIF, SVG, HTML and Markdown, an attribute of EXR, a field of JSON.
+pub const MARK: &str = "written by gsburn";
+
+/// First line of a CSV table, which has no place for a comment.
+const CSV: &str = "run,";
+
+/// Bytes in which the mark is looked for: a header with all its properties takes some 2 kB.
+const LOOKED_AT: u64 = 8192;
+
+/// Longest name of a file, bytes, on the usual file systems, less what a temporary name beside it adds.
+const NAME_MAX: usize = 255 - 32;
+
+/// That all of `paths` can be written: none is a file of somebody else, or of the data set, whose files are `named`.
+///
+/// # Errors
+/// A sentence with the first that cannot. Nothing was written.
+pub fn check(paths: &[PathBuf], named: &[PathBuf]) -> Result<()> {
+    let named: Vec<PathBuf> = named.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    for path in paths {
+        let name = path.file_name().map_or(0, |name| name.as_encoded_bytes().len());
+        if name > NAME_MAX {
+            bail!("{}: expected a name of at most {NAME_MAX} bytes, found one of {name}", path.display());
+        }
+        let Ok(existing) = path.canonicalize() else { continue };
+        if named.contains(&existing) {
+            bail!("{}: the data set names this file; choose another folder with --out", path.display());
+        }
+        if !is_ours(&existing) {
+            bail!(
+                "{}: expected no file, or one that gsburn wrote, found another; choose another place",
+                path.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// [`check`] of one file.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_one(path: &Path) -> Result<()> {
+    check(&[path.to_path_buf()], &[])
+}
+
+fn is_ours(path: &Path) -> bool {
+    let mut begin = Vec::new();
+    // What cannot be read is not ours; a pipe or a device is not opened.
+    let is_read =
+        path.is_file() && File::open(path).and_then(|file| file.take(LOOKED_AT).read_to_end(&mut begin)).is_ok();
+    let is_csv = path.extension().is_some_and(|extension| extension == "csv") && begin.starts_with(CSV.as_bytes());
+    is_read && (is_csv || begin.windows(MARK.len()).any(|bytes| bytes == MARK.as_bytes()))
+}
+
+/// A PNG with the mark in a text chunk behind its header.
+pub fn marked_png(png: &[u8]) -> Vec<u8> {
+    // Eight bytes of signature and the 25 of IHDR, which is always first.
+    let (header, rest) = png.split_at(33.min(png.len()));
+    let chunk = [b"tEXtSoftware\0", MARK.as_bytes()].concat();
+    let length = (chunk.len() - 4) as u32;
+    let crc = crc32fast::hash(&chunk);
+    [header, &length.to_be_bytes(), &chunk, &crc.to_be_bytes(), rest].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn only_files_of_ours_are_written_over() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let refused = |name: &str| check_one(&at(name)).expect_err("refused").to_string();
+        check_one(&at("new.png")).expect("nothing is there");
+        fs::write(at("photo.png"), "a photo").expect("written");
+        assert!(refused("photo.png").contains("found another"));
+        fs::write(at("scene.ply"), format!("ply\ncomment {MARK}\n")).expect("written");
+        check_one(&at("scene.ply")).expect("ours");
+        let named = check(&[at("scene.ply")], &[at("scene.ply")]).expect_err("of the data set").to_string();
+        assert!(named.contains("data set names"), "{named}");
+        fs::write(at("t.csv"), "run,step\n").expect("written");
+        check_one(&at("t.csv")).expect("ours");
+        assert!(refused(&"x".repeat(250)).contains("at most"));
+    }
+
+    #[test]
+    fn a_marked_image_is_still_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.png");
+        let mut png = Vec::new();
+        image::RgbImage::from_pixel(3, 2, image::Rgb([1, 2, 3]))
+            .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+            .expect("encoded");
+        fs::write(&path, marked_png(&png)).expect("written");
+        check_one(&path).expect("ours");
+        let read = image::open(&path).expect("an image").to_rgb8();
+        assert_eq!((read.dimensions(), read.get_pixel(2, 1).0), ((3, 2), [1, 2, 3]));
+    }
+}
