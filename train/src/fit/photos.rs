@@ -34,13 +34,16 @@ impl Extra for () {
     }
 }
 
+/// What is added to a view, by its index.
+type MakeExtra<'a, X> = Box<dyn Fn(&View, usize, &Device) -> X + 'a>;
+
 /// Views as tensors, converted when asked for and kept while they fit the cache.
 pub struct Photos<'a, X> {
     views: &'a [View],
     device: Device,
     kept: Vec<Option<Photo<X>>>,
     room: usize,
-    extra: Box<dyn Fn(&View, usize, &Device) -> X + 'a>,
+    extra: MakeExtra<'a, X>,
 }
 
 impl<'a> Photos<'a, ()> {

@@ -49,6 +49,7 @@ pub struct SceneRun {
 }
 
 /// The file of a scene.
+#[allow(clippy::large_enum_variant)] // there is one
 pub enum SceneFile {
     /// A saved state.
     Checkpoint(Box<Checkpoint>),

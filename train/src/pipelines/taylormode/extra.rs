@@ -27,6 +27,7 @@ pub struct PhotoPriors {
 
 /// The pixels at which a formed blur is compared.
 #[derive(Debug, Clone, Default)]
+#[allow(clippy::large_enum_variant)] // there is one per photo
 pub enum ComparedPixels {
     /// All: nothing is known of motion, and no pixel is ignored.
     #[default]
