@@ -1,9 +1,13 @@
-//! Experiments at the edge of the method, small: bounds that hold are kept, and the report says what was measured.
+//! Experiments at the edge of the method. Each criterion keeps its bound or is a *known miss*, listed here with the experiment's bound; a
+//! miss that is repaired fails its test until it is taken off the list, so the list stays true.
+//!
+//! Tests run the small version of an experiment, some of which are too short to say what the experiment asks. The full ones take minutes:
+//! `cargo test --release -p gs-train --test stability -- --ignored`; docs/stability has their figures.
 
 use std::path::Path;
 
 use gs_train::pipelines::taylormode::stability::EXPERIMENTS;
-use gs_train::stability::{Outcome, Request, run};
+use gs_train::stability::{Criterion, Outcome, Request, run};
 
 mod common;
 
@@ -21,6 +25,49 @@ fn quick(name: &str) -> Outcome {
     experiment(folder.path(), name, true)
 }
 
+/// The experiment itself.
+fn full(name: &str) -> Outcome {
+    let folder = tempfile::tempdir().expect("a folder");
+    experiment(folder.path(), name, false)
+}
+
+/// A bound that an experiment does not keep.
+struct KnownMiss {
+    /// Part of the criterion's description.
+    what: &'static str,
+    /// The bound that the experiment asks.
+    bound: &'static str,
+    /// How far off it may be: what was measured when it was listed, with some room. It guards against worse and is no aim.
+    no_worse: f64,
+}
+
+fn known_miss(what: &'static str, bound: &'static str, no_worse: f64) -> KnownMiss {
+    KnownMiss { what, bound, no_worse }
+}
+
+/// Every criterion keeps its bound but the known misses, which miss it.
+fn holds(outcome: &Outcome, misses: &[KnownMiss]) {
+    let mut listed = vec![false; misses.len()];
+    for criterion in &outcome.criteria {
+        let Criterion { what, bound, passed, .. } = criterion;
+        let (name, shown) = (&outcome.name, criterion.shown());
+        let Some(at) = misses.iter().position(|miss| what.contains(miss.what)) else {
+            assert!(passed, "{name}: {what}: expected {bound}, found {shown}");
+            continue;
+        };
+        let KnownMiss { bound: known, no_worse, .. } = &misses[at];
+        listed[at] = true;
+        assert_eq!(bound, known, "{name}: {what}: the experiment asks something else now");
+        assert!(!passed, "{name}: {what}: {shown} keeps {bound}: no miss any more, take it off the list");
+        let value = criterion.value.unwrap_or_else(|| panic!("{name}: {what} was not measured"));
+        let is_worse = if bound.starts_with("at most") { value > *no_worse } else { value < *no_worse };
+        assert!(!is_worse, "{name}: {what}: {shown} is worse than the known miss of {no_worse}");
+    }
+    for (miss, listed) in misses.iter().zip(listed) {
+        assert!(listed, "{}: no criterion on {:?}", outcome.name, miss.what);
+    }
+}
+
 /// The value of the first criterion whose description contains `part`.
 fn value(outcome: &Outcome, part: &str) -> f64 {
     let criterion = outcome.criteria.iter().find(|criterion| criterion.what.contains(part));
@@ -28,17 +75,18 @@ fn value(outcome: &Outcome, part: &str) -> f64 {
     criterion.value.unwrap_or_else(|| panic!("{}: {part:?} was not measured", outcome.name))
 }
 
+/// Arithmetic alone, so the small version is the full one.
 #[test]
 fn no_order_leaves_its_window_worse_than_a_line() {
-    let outcome = quick("divergence");
-    assert!(value(&outcome, "orders 2 to 5") <= 1.1, "{}", value(&outcome, "orders 2 to 5"));
-    // Missed by the bounce at order 5, which has eleven unknowns for sixteen frames; every other path keeps 1.1.
-    let rest = value(&outcome, "the same with the remainder");
-    assert!(rest <= 1.7, "with the remainder {rest} times the error of a line");
-    assert!(value(&outcome, "slope of the remainder") > 0.0);
-    for smooth in ["sinusoid", "circle", "ballistic"] {
-        assert!(value(&outcome, smooth) <= 0.01, "{smooth}: {}", value(&outcome, smooth));
-    }
+    holds(
+        &quick("divergence"),
+        &[
+            // 1.7 % of the object: it turns round in no time, and the shortest contact that frames show is an eighth of their interval.
+            known_miss("bounce: largest error inside the window", "at most 0.01", 0.018),
+            // 1.62 times, by the bounce at order 5: eleven unknowns for sixteen frames. Every other path keeps 1.1.
+            known_miss("the same with the remainder", "at most 1.1", 1.7),
+        ],
+    );
 }
 
 #[test]
@@ -58,16 +106,15 @@ fn the_report_is_one_file_that_says_what_was_missed() {
 #[test]
 fn nothing_is_thrown_away_at_any_scale() {
     let outcome = quick("thrown");
-    assert_eq!(value(&outcome, "before the first step"), 0.0);
-    let farthest = value(&outcome, "farthest");
-    assert!(farthest > 0.0 && farthest <= 0.01, "a step moved a Gaussian by {farthest} of the scene");
+    holds(&outcome, &[]);
+    assert!(value(&outcome, "farthest") > 0.0, "nothing moved");
 }
 
 #[test]
 fn enough_instants_form_the_exposure() {
     let outcome = quick("samples");
-    let error = value(&outcome, "mean difference");
-    assert!(error > 0.0 && error <= 1.0, "{error} / 255 at one pixel an instant");
+    holds(&outcome, &[]);
+    assert!(value(&outcome, "mean difference") > 0.0, "nothing is blurred");
 }
 
 /// The points of a figure's series.
@@ -80,10 +127,23 @@ fn points(outcome: &Outcome, figure: &str, series: &str) -> Vec<(f64, f64)> {
 /// In a hundred steps from minus the velocity; with two frames most turn round, with one it is the start that decides.
 #[test]
 fn one_frame_has_no_direction_and_two_have() {
-    let outcome = quick("direction");
-    let (two, from_chance) = (value(&outcome, "two or more frames"), value(&outcome, "one frame"));
-    assert!(two >= 60.0, "two frames turn {two} % round");
-    assert!(from_chance <= 15.0, "one frame knows more than it can: {from_chance} % from chance");
+    // 74 % here; a hundred steps are a tenth of what the experiment takes.
+    holds(&quick("direction"), &[known_miss("two or more frames", "at least 99", 60.0)]);
+}
+
+#[test]
+#[ignore = "trains fifteen times: minutes"]
+fn two_frames_tell_the_direction_and_one_does_not() {
+    holds(
+        &full("direction"),
+        &[
+            // 97.5 % at worst, with five frames; one frame leaves 38 % after the same start.
+            known_miss("0.8 pixels a frame", "at least 99", 90.0),
+            known_miss("1.7 pixels a frame", "at least 99", 90.0),
+            // 60 %: the nearest match of the texture is the wrong one.
+            known_miss("3.3 pixels a frame", "at least 99", 50.0),
+        ],
+    );
 }
 
 /// Sixty steps find no exposure; but they go towards it from either side, and along constant exposure times speed it is the other
@@ -102,64 +162,106 @@ fn neighbouring_frames_tell_exposure_from_speed() {
     // An octave off, first-order blur is the same in one frame; two frames are misplaced by half the motion.
     assert!(one.iter().all(|ratio| *ratio <= 1.02), "one frame, an octave off: {one:?} times the least difference");
     assert!(all.iter().all(|ratio| *ratio >= 1.1), "all frames, an octave off: {all:?} times the least difference");
+    holds(
+        &outcome,
+        &[
+            // 49 and 75 %, from starts that are 50 and 100 % off.
+            known_miss("error of exposure times speed", "at most 2", 60.0),
+            known_miss("error of the exposure over all starts", "at most 5", 95.0),
+        ],
+    );
 }
 
-/// Photos that were sharp stay sharp.
 #[test]
-fn no_blur_model_eats_a_sharp_scene() {
+#[ignore = "trains five times: minutes"]
+fn the_exposure_is_found_from_any_start() {
+    holds(
+        &full("exposure"),
+        &[
+            // 8.9 %: speeds are 4 % low, and exposures 3 % short, because a scene of few Gaussians is a little blurry itself.
+            known_miss("error of exposure times speed", "at most 2", 11.0),
+            // 7.4 % from four times the truth, for which 1600 steps are too few; at most 4.8 % from the other starts.
+            known_miss("error of the exposure over all starts", "at most 5", 9.0),
+        ],
+    );
+}
+
+/// Photos that were sharp stay sharp for sixty steps. These are too few for a blur model to eat a scene; see the full version.
+#[test]
+fn sharp_photos_stay_sharp_at_first() {
     let outcome = quick("absorb");
-    for mode in ["integrate", "warp"] {
-        let blur = value(&outcome, &format!("{mode}, sharp photos: mean change"));
-        let gain = value(&outcome, &format!("{mode}, sharp photos: PSNR"));
-        assert!(blur <= 0.02 && gain >= -0.1, "{mode}: blurs sharp photos by {blur}, {gain} dB");
-    }
+    // Sixty steps make no scene sharp enough for blur to matter: 0.1 dB is noise.
+    holds(&outcome, &[known_miss("integrate: sharp PSNR of moving parts", "at least 0", -0.2)]);
+}
+
+#[test]
+#[ignore = "trains six times: a minute or more"]
+fn no_blur_model_eats_a_sharp_scene() {
+    // 0.21 dB: the exact formation has to find there that the exposure is none.
+    let miss = known_miss("integrate, sharp photos: PSNR of moving parts", "at least -0.1", -0.4);
+    holds(&full("absorb"), &[miss]);
 }
 
 /// Scale and shift of a depth prior do not show where they are fitted; believed as they are, they show more.
 #[test]
 fn affine_errors_of_depth_are_fitted_away() {
     let outcome = quick("depth");
+    holds(&outcome, &[]);
     let aligned = value(&outcome, "affine error");
     let believed = points(&outcome, "depth.svg", "affine in depth, not aligned");
     let change = (believed[1].1 - believed[0].1).abs();
-    assert!(aligned <= 0.1, "aligned depth changes PSNR by {aligned} dB");
     assert!(change > aligned, "believed, wrong depth changes PSNR by {change} dB, aligned by {aligned}");
 }
 
 #[test]
 fn masks_may_be_two_pixels_wrong() {
-    let outcome = quick("masks");
-    let (moving, whole) = (value(&outcome, "loss in moving parts"), value(&outcome, "loss over the whole"));
-    assert!(moving <= 1.0 && whole <= 0.5, "moving parts lose {moving} dB, whole images {whole}");
+    holds(&quick("masks"), &[]);
+}
+
+/// Of two speeds, none and one, after forty steps: too few to lose much. The full version climbs to 75 pixels.
+#[test]
+fn forming_blur_harms_neither_moving_nor_still_things_at_first() {
+    holds(&quick("speed"), &[]);
 }
 
 #[test]
+#[ignore = "trains twelve times: minutes"]
 fn forming_blur_harms_neither_moving_nor_still_things() {
-    let outcome = quick("speed");
-    let (moving, still) = (value(&outcome, "gain over no blur model"), value(&outcome, "gain where nothing moves"));
-    assert!(moving >= -0.1 && still >= -0.1, "gains of {moving} dB and, where nothing moves, {still}");
+    // 0.6 dB at 50 pixels, where neither model finds the moving parts; it gains 2.2 dB at 6 and 1.6 at 13.
+    let miss = known_miss("gain over no blur model in moving parts", "at least -0.1", -0.8);
+    holds(&full("speed"), &[miss]);
 }
 
-/// After a reset, scenes are there again before the next one.
+/// Resets come after 60 and 120 steps, and looks every 15: before the next reset a scene is as good again as it was before the last.
 #[test]
 fn opacities_recover_from_a_reset() {
     let outcome = quick("opacity");
-    for scene in ["moving", "still"] {
+    holds(&outcome, &[]);
+    for scene in ["moving", "sharp", "still"] {
         let fall = value(&outcome, &format!("{scene}: longest fall"));
-        assert!(fall > 0.0 && fall < 60.0, "{scene}: down for {fall} steps of the 60 from one reset to the next");
+        assert!(fall > 0.0 && fall <= 45.0, "{scene}: down for {fall} steps of the 60 from one reset to the next");
+        let curve = points(&outcome, &format!("opacity-{scene}.svg"), "reset");
+        let at = |step: f64| curve.iter().find(|(x, _)| *x == step).expect("a look").1;
+        for (before, reset, after) in [(45.0, 60.0, 105.0), (105.0, 120.0, 165.0)] {
+            let [was, low, is] = [before, reset, after].map(at);
+            assert!(low < was - 10.0, "{scene}: {was} dB at step {before}, {low} dB after the reset at {reset}");
+            // Single looks scatter by 0.2 dB.
+            assert!(is > was - 0.5, "{scene}: {was} dB at step {before}, {is} dB again at {after}");
+        }
     }
 }
 
-/// Some minutes: `cargo test --release --workspace --test stability -- --ignored`.
 #[test]
-#[ignore = "trains fifteen times"]
-fn two_frames_tell_the_direction_and_one_does_not() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let outcome = experiment(folder.path(), "direction", false);
-    // The bound of 99 % is missed (97.5 % at worst); one frame leaves 38 % after the same start.
-    assert!(value(&outcome, "0.8 pixels a frame") >= 90.0);
-    let from_chance = value(&outcome, "one frame");
-    assert!(from_chance <= 15.0, "one frame knows more than it can: {from_chance} % from chance");
+#[ignore = "trains nine times: minutes"]
+fn no_opacity_policy_costs_more_than_resets() {
+    holds(
+        &full("opacity"),
+        &[
+            // 0.29 dB in the moving scene, 0.45 in the still one; none lets a scene fall for long.
+            known_miss("moving: PSNR with decay", "at least -0.1", -0.5),
+            known_miss("still: PSNR with decay", "at least -0.1", -0.7),
+        ],
+    );
 }
 
 #[test]
