@@ -4,29 +4,50 @@ use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 
 use gs_train::pipelines::fit::load;
 use gs_train::pipelines::taylormode::{Taylormode, cues};
+use gs_train::run::evaluate::Evaluation;
 
 use crate::{STEPS, common, finish_in, tiny_world, written};
 
+/// Each formation learns; the exact one, decoupled or not, and the warp by the Taylor motion win over no blur model where things move.
+///
+/// In moving parts, after 300 steps: integrate 18.33, decoupled 18.37, warp 18.16, warp by a network 17.69, none 17.69 dB, from 16.34 dB
+/// after one step. Runs scatter by 0.05 dB with the seed, so half of the least gain (0.47 dB) is five deviations of a difference. A network
+/// that has to find all velocities by itself needs more steps than these.
 #[test]
 fn every_formation_trains_and_is_measured() {
+    const GAIN: f64 = 0.25;
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = tiny_world(folder);
-    let modes: [(&str, &[&str]); 5] = [
+    let world = written(folder, DeblurOptions { world: World::Cube, ..DeblurOptions::default() });
+    let finish = |name: &str, more: &[&str]| {
+        let eval = finish_in(folder, &world, name, &[more, &["steps=300", "eval.at=[1]"]].concat());
+        assert_eq!(eval.skipped_steps, 0, "{name}");
+        let gaussians = eval.last.figure("moving_gaussians").expect("a moving scene");
+        assert!(gaussians > 0.0, "{name}");
+        let psnr = |measured: &Evaluation| {
+            let moving = measured.moving().expect("the truth's mask").psnr;
+            [moving, measured.figure("blurry_psnr").expect("the truth's blurry photo")]
+        };
+        let ([first, first_blurry], [last, blurry]) = (psnr(&eval.evaluations[0]), psnr(&eval.last));
+        assert_eq!((eval.evaluations.len(), eval.evaluations[0].step), (2, 1), "{name}");
+        // What moves is sharper, and the photos are formed, however blur is: 1.3 and 11.3 dB at least were measured.
+        assert!(last > first + 1.0 && blurry > first_blurry + 8.0, "{name}: {first} to {last} dB, formed {blurry} dB");
+        let angle = eval.last.figure("velocity_angle").expect("the true velocities");
+        // 6 to 8 degrees where velocities are those of the paths; the network is at 14, from 44.
+        assert!(angle < 20.0, "{name}: velocities are {angle} degrees off");
+        last
+    };
+    let none = finish("none", &["blur.mode=none"]);
+    let winning: [(&str, &[&str]); 3] = [
         ("integrate", &["blur.mode=integrate"]),
         ("decoupled", &["blur.mode=integrate", "blur.decouple=true"]),
         ("warp", &["blur.mode=warp"]),
-        ("network", &["blur.mode=warp", "blur.velocity=network"]),
-        ("none", &["blur.mode=none"]),
     ];
-    for (name, more) in modes {
-        let eval = finish_in(folder, &world, name, more);
-        assert_eq!(eval.skipped_steps, 0, "{name}");
-        assert!(eval.last.moving().expect("the truth's mask").psnr > 5.0, "{name}");
-        assert!(eval.last.figure("blurry_psnr").expect("the truth's blurry photo") > 5.0, "{name}");
-        let moving = eval.last.figure("moving_gaussians").expect("a moving scene");
-        assert!(eval.last.figure("velocity_angle").is_some() && moving > 0.0, "{name}: {moving} move");
+    for (name, more) in winning {
+        let moving = finish(name, more);
+        assert!(moving > none + GAIN, "{name}: {moving} dB in moving parts, without a blur model {none} dB");
     }
+    finish("network", &["blur.mode=warp", "blur.velocity=network"]);
 }
 
 #[test]
