@@ -1,4 +1,4 @@
-//! What a kernel is told beside its buffers; shared by the CPU kernels and their CubeCL twins.
+//! Options of the kernels beside their buffers, shared by the CPU kernels and their CubeCL twins.
 
 use crate::constants::{EPS2D, FAR, NEAR, TILE};
 
@@ -17,9 +17,9 @@ pub struct ProjectionConfig {
     pub cx: f64,
     /// Principal point, pixels from the top edge.
     pub cy: f64,
-    /// Gaussians with a centre nearer than this (camera z, scene units) are culled.
+    /// Gaussians whose mean is nearer than this (camera z, scene units) are culled.
     pub near: f64,
-    /// Gaussians with a centre farther than this are culled.
+    /// Gaussians whose mean is farther than this are culled.
     pub far: f64,
     /// Variance added to the projected covariance, square pixels.
     pub eps2d: f64,
@@ -59,7 +59,7 @@ impl ProjectionConfig {
     }
 }
 
-/// Spherical harmonics: how many coefficients are stored and how many are used.
+/// Numbers of stored and of used spherical harmonics coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShConfig {
     /// Active degree, 0 to 3; at most the stored one.
@@ -68,7 +68,7 @@ pub struct ShConfig {
     pub coefficients: usize,
 }
 
-/// The image a rasterization writes.
+/// The output of a rasterization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RasterizeConfig {
     /// Image width, pixels.
@@ -82,7 +82,7 @@ pub struct RasterizeConfig {
 }
 
 impl RasterizeConfig {
-    /// Values per output pixel: features, depth if asked for, alpha.
+    /// Values per output pixel: features, depth if requested, alpha.
     pub fn output_channels(&self) -> usize {
         self.channels + usize::from(self.depth) + 1
     }
@@ -93,7 +93,7 @@ impl RasterizeConfig {
     }
 }
 
-/// How the tiles of an exposure become one image.
+/// The mean of an exposure's tiles as one image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AverageConfig {
     /// Image width, pixels.
@@ -102,7 +102,7 @@ pub struct AverageConfig {
     pub height: u32,
     /// Values per pixel.
     pub channels: usize,
-    /// How many of them, from the first on, are stored values whose light is averaged; the others are averaged as they are.
+    /// Number of first channels that are averaged as light; the others are averaged as they are.
     pub encoded: usize,
 }
 
@@ -114,7 +114,7 @@ pub fn tile_grid(width: u32, height: u32) -> (usize, usize) {
 /// One Adam update (Kingma and Ba 2015).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdamConfig {
-    /// Learning rate, in the parameter's unit a step.
+    /// Learning rate, in the parameter's unit per step.
     pub lr: f64,
     /// Decay of the first moment.
     pub beta1: f64,

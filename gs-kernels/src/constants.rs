@@ -12,8 +12,8 @@ pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 /// translucent; 0.999 keeps `1 / (1 - alpha)` below 1000, which `f32` carries.
 pub const ALPHA_MAX: f64 = 0.999;
 
-/// A pixel ends at the Gaussian that would bring its transmittance below this; that Gaussian is not blended (3DGS).
-/// What lies behind could change the pixel by at most this much, 1/40 of an 8-bit step.
+/// A pixel ends at the Gaussian that would bring its transmittance below this; that Gaussian is not blended (3DGS). Gaussians
+/// behind could change the pixel by at most this much, 1/40 of an 8-bit step.
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 
 /// Default variance in square pixels added to every projected Gaussian, so that none falls between pixel centres (3DGS).
@@ -48,8 +48,8 @@ pub const COMPENSATION_RATIO_MIN: f64 = 1e-10;
 /// A Gaussian with a feature that is not smaller than this in magnitude is left out: sums over a pixel could overflow.
 pub const FEATURE_MAX: f64 = 1e30;
 
-/// What the colour op writes for a Gaussian whose colour is not finite: finite itself, and refused by the
-/// intersection test, because its magnitude is above [`FEATURE_MAX`].
+/// The colour of a Gaussian whose computed colour is not finite. It is finite itself, and the intersection test rejects it because
+/// its magnitude is above [`FEATURE_MAX`].
 pub const INVALID_FEATURE: f64 = -1e38;
 
 /// Edge of the SSIM window in pixels (Wang et al. 2004).
@@ -72,7 +72,7 @@ pub const SSIM_SHIFT: f64 = 0.5;
 /// fourth powers inside SSIM stay in the range of `f32`.
 pub const PIXEL_MAX: f64 = 1e4;
 
-/// Exponent of sRGB's transfer curve (IEC 61966-2-1), which stands between an image as it is stored and its light.
+/// Exponent of sRGB's transfer curve (IEC 61966-2-1), which relates an encoded image to its light.
 pub const SRGB_GAMMA: f64 = 2.4;
 
 /// Offset of the curve: `light = ((value + offset) / (1 + offset))^gamma`.
@@ -81,8 +81,8 @@ pub const SRGB_OFFSET: f64 = 0.055;
 /// Slope of the line near black, `light = value / slope`; without it the root would have an infinite slope at zero.
 pub const SRGB_SLOPE: f64 = 12.92;
 
-/// Stored values up to here lie on the line.
+/// Encoded values up to here are on the line.
 pub const SRGB_KNEE: f64 = 0.04045;
 
-/// Light up to here lies on the line.
+/// Light up to here is on the line.
 pub const SRGB_LIGHT_KNEE: f64 = 0.003_130_8;

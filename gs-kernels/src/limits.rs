@@ -1,7 +1,7 @@
-//! What no kernel can carry, in words. Operations of a tensor library return tensors, not results, so these end in panics; a program
-//! tells them from faults by [`is_limit`].
+//! The limits of the kernels, as sentences. Operations of a tensor library return tensors, not results, so these end in panics; a
+//! program distinguishes them from faults by [`is_limit`].
 
-/// How every such sentence ends.
+/// The end of every such sentence.
 const ADVICE: &str = "use fewer or smaller Gaussians, or a smaller image";
 
 /// More pairs of tile and Gaussian than a signed 32-bit offset counts.
@@ -10,7 +10,7 @@ pub fn too_many_pairs(pairs: Option<u64>) -> String {
     format!("expected at most 2^31 pairs of tile and Gaussian{found}: {ADVICE}")
 }
 
-/// A buffer above what every graphics API binds in one piece.
+/// A buffer above the size that every graphics API can bind.
 pub fn buffer_too_large(what: &str, bytes: u64, most: u64) -> String {
     format!("{what} needs {bytes} bytes on the device, and one buffer holds at most {most}: {ADVICE}")
 }

@@ -1,9 +1,9 @@
-//! The packed rows kernels exchange, as named fields: the only place that knows offsets.
+//! The packed rows that kernels exchange, as named fields; this module alone knows the offsets.
 
 /// Floats in a projected row.
 pub const PROJECTED: usize = 8;
 
-/// Floats in a screen-gradient row: the gradient by the 2D mean in pixels (x, y), summed over pixels, and the sum over
+/// Floats in a screen-gradient row: the gradient with respect to the 2D mean in pixels (x, y), summed over pixels, and the sum over
 /// pixels of its absolute contributions (x, y). Density control reads it.
 pub const SCREEN: usize = 4;
 
@@ -20,9 +20,9 @@ pub struct ProjectedRow<F> {
     pub conic: [F; 3],
     /// Camera z of the centre, scene units.
     pub depth: F,
-    /// Factor for the opacity that undoes the dilation's brightening (1 unless anti-aliased).
+    /// Factor of the opacity that compensates the dilation's brightening (1 unless anti-aliased).
     pub compensation: F,
-    /// Bounding radius in pixels of the opaque ellipse at the alpha cut-off; 0 when culled, and then all else is 0.
+    /// Bounding radius in pixels of the opaque ellipse at the alpha cut-off; 0 for a culled Gaussian, whose other fields are 0 too.
     pub radius: F,
 }
 

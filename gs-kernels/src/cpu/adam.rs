@@ -1,4 +1,4 @@
-//! One fused Adam step (Kingma and Ba 2015) in place: 28 bytes moved a parameter, which is its floor.
+//! One fused Adam step (Kingma and Ba 2015) in place. It moves 28 bytes per parameter, the minimum.
 
 use rayon::prelude::*;
 

@@ -1,7 +1,8 @@
-//! One Gaussian at one block of 4 x 4 pixels: alpha and transmittance. The forward walk and the backward's replay both
+//! One Gaussian at one block of 4 x 4 pixels: alpha and transmittance. The forward walk and its replay in the backward pass both
 //! call it, so they agree to the bit.
 //!
-//! Blocks, not rows of sixteen: most Gaussians are a few pixels wide, and touch a third fewer blocks than rows.
+//! Blocks are squares instead of rows of sixteen because most Gaussians are a few pixels wide, and touch a third fewer blocks than
+//! rows.
 
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 use crate::cpu::Real;
@@ -11,7 +12,7 @@ use crate::rows::ProjectedRow;
 /// Edge of a block, pixels; a tile has as many blocks along each side.
 pub const EDGE: usize = 4;
 
-/// Slack of the reach test in powers of two; it may only ever say yes too often.
+/// Slack of the reach test in powers of two; false positives are harmless, false negatives are not.
 const REACH_SLACK: (f64, f64) = (1e-5, 1e-3);
 
 /// A Gaussian prepared for one tile.
@@ -40,18 +41,18 @@ impl<F: Real> TileGaussian<F> {
         }
     }
 
-    /// What the tile's blocks of 4 x 4 pixels need, and which of them can reach the cut-off.
+    /// The values of the tile's blocks of 4 x 4 pixels, and which of them can reach the cut-off.
     ///
     /// `limit` is `log2(opacity / ALPHA_MIN)`.
     #[inline(always)]
     pub fn blocks<L: Lanes<Real = F>>(&self, limit: F) -> Blocks<L> {
-        // One lane a row of the tile.
+        // One lane per row of the tile.
         let dy = L::ramp().sub(L::splat(self.offset[1]));
         let skew = dy.mul(L::splat(self.shear));
         let power = dy.mul(dy).mul(L::splat(self.half_conic[1]));
         let mut dx = [dy; EDGE];
         for (k, dx) in dx.iter_mut().enumerate() {
-            *dx = L::load(&places(|i| k * EDGE + i % EDGE)).sub(L::splat(self.offset[0]));
+            *dx = L::load(&positions(|i| k * EDGE + i % EDGE)).sub(L::splat(self.offset[0]));
         }
         Blocks {
             dx,
@@ -70,9 +71,9 @@ impl<F: Real> TileGaussian<F> {
         let zero = L::splat(F::ZERO);
         let reach = F::of((EDGE - 1) as f64);
         let lean = self.shear * reach;
-        // One lane a block.
-        let dx = L::load(&places(|i| i % EDGE * EDGE)).sub(L::splat(self.offset[0]));
-        let dy = L::load(&places(|i| i / EDGE * EDGE)).sub(L::splat(self.offset[1]));
+        // One lane per block.
+        let dx = L::load(&positions(|i| i % EDGE * EDGE)).sub(L::splat(self.offset[0]));
+        let dy = L::load(&positions(|i| i / EDGE * EDGE)).sub(L::splat(self.offset[1]));
         let u = dy.mul_add(L::splat(self.shear), dx);
         let (low, high) = (L::splat(lean.least(F::ZERO)), L::splat(-reach - lean.greatest(F::ZERO)));
         let u = u.add(low).max(high.sub(u)).max(zero);
@@ -83,15 +84,15 @@ impl<F: Real> TileGaussian<F> {
         L::bits(L::splat(limit).ge(least))
     }
 
-    /// Blends block `block` over what is in front: `u` is its `dx + l dy`, `t` the transmittance before.
+    /// Blends block `block` over the Gaussians in front: `u` is its `dx + l dy`, `t` the transmittance before.
     #[inline(always)]
     pub fn blend<L: Lanes<Real = F>>(&self, u: L, blocks: &Blocks<L>, block: usize, t: L) -> Blend<L> {
         let power = u.mul(u).neg_mul_add(L::splat(self.half_conic[0]), blocks.spread(&blocks.power, block));
         let raw = power.exp2_nonpositive().mul(L::splat(self.opacity));
         let zero = L::splat(F::ZERO);
         let visible = raw.ge(L::splat(F::of(ALPHA_MIN)));
-        // What is not visible leaves t as it is, bit for bit. (Chosen here and not at the end, where the choice between
-        // new and old t would be compiled to a masked store, which the next load of this block would have to wait for.)
+        // Lanes that are not visible leave t unchanged, to the bit. (The selection is here and not at the end: a choice between new
+        // and old t would be compiled to a masked store, which the next load of this block would have to wait for.)
         let alpha = L::select(visible, raw.min(L::splat(F::of(ALPHA_MAX))), zero);
         let next = alpha.neg_mul_add(t, t);
         let open = next.ge(L::splat(F::of(TRANSMITTANCE_MIN)));
@@ -100,8 +101,8 @@ impl<F: Real> TileGaussian<F> {
     }
 }
 
-/// What the blocks of a tile share: one value a column, one a row. Block `b` is the `b % 4`th from the left and the
-/// `b / 4`th from the top; its lane `i` is the pixel `i % 4` to the right and `i / 4` down.
+/// The shared values of a tile's blocks: one per column, one per row. Block `b` is the `b % 4`th from the left and the `b / 4`th
+/// from the top; its lane `i` is the pixel `i % 4` to the right and `i / 4` down.
 #[derive(Clone, Copy, Debug)]
 pub struct Blocks<L: Lanes> {
     /// Horizontal distance of each lane's pixel from the mean, by column of blocks.
@@ -133,14 +134,14 @@ impl<L: Lanes> Blocks<L> {
     }
 }
 
-/// A pixel's place in the tile for each lane.
+/// A pixel's coordinate in the tile for each lane.
 #[inline(always)]
-fn places<F: Real>(of: impl Fn(usize) -> usize) -> [F; LANES] {
-    let mut places = [F::ZERO; LANES];
-    for (i, place) in places.iter_mut().enumerate() {
-        *place = F::of(of(i) as f64);
+fn positions<F: Real>(of: impl Fn(usize) -> usize) -> [F; LANES] {
+    let mut positions = [F::ZERO; LANES];
+    for (i, position) in positions.iter_mut().enumerate() {
+        *position = F::of(of(i) as f64);
     }
-    places
+    positions
 }
 
 /// One step of blending.
@@ -168,5 +169,5 @@ impl<L: Lanes> Blend<L> {
     }
 }
 
-/// Transmittance of a pixel outside the image: it has ended before it began.
+/// Transmittance of a pixel outside the image, marked as ended.
 pub const OUTSIDE: f64 = -1.0;

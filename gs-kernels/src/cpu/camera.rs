@@ -29,7 +29,7 @@ impl<F: Real> Pose<F> {
         }
     }
 
-    /// The camera's place in the world, `-R^T t`.
+    /// The camera's centre in the world, `-R^T t`.
     pub fn centre(&self) -> Vec3<F> {
         crate::cpu::math::mat_t_vec(&self.rotation, self.translation).map(|c| -c)
     }
@@ -110,7 +110,7 @@ impl<F: Real> PoseGradient<F> {
         }
     }
 
-    /// As the gradient of a row-major 4x4 `viewmat`; not finite sums become zero.
+    /// The gradient of a row-major 4x4 `viewmat`; sums that are not finite become zero.
     pub fn into_viewmat(self) -> Vec<F> {
         let mut v = vec![F::ZERO; 16];
         for i in 0..3 {
@@ -196,7 +196,7 @@ impl<L: Lanes> Pinhole<Wide<L>> {
         }
     }
 
-    /// `p[k] / z` held inside the limits, and where it was free.
+    /// `p[k] / z` clamped to the limits, and a mask of the lanes inside them.
     #[inline(always)]
     fn slope(&self, k: usize, p: Vec3<Wide<L>>) -> (Wide<L>, L::Mask) {
         let slope = p[k] / p[2];

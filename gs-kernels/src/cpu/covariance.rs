@@ -10,7 +10,7 @@ use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Mat3, Vec3, combine, cross, dot, mat_t_vec, mat_vec, scaled};
 use crate::cpu::wide::{Number, Wide};
 
-/// Sixteen projected covariances and what their backward pass needs again.
+/// Sixteen projected covariances, with the state for their backward pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Projected2d<L> {
     /// `S R^T a_i`.
@@ -48,7 +48,7 @@ pub fn project<L: Lanes>(
 }
 
 impl<L: Lanes> Projected2d<L> {
-    /// Where the result can be drawn: finite, and not wider than [`COV2D_MAX`].
+    /// Whether the result can be drawn: finite, and not wider than [`COV2D_MAX`].
     #[inline(always)]
     pub fn drawable(&self) -> L::Mask {
         let (zero, limit) = (Wide::<L>::of(0.0), Wide::<L>::of(COV2D_MAX));
@@ -76,7 +76,7 @@ pub struct ProjectVjp<L> {
     pub a: [Vec3<Wide<L>>; 2],
 }
 
-/// Backward of [`project`] and [`Projected2d::compensation`] (pass `None` where it is not used).
+/// Backward of [`project`] and [`Projected2d::compensation`] (pass `None` if it is not used).
 #[inline(always)]
 pub fn project_vjp<L: Lanes>(
     rotation: &Mat3<Wide<L>>,

@@ -1,10 +1,9 @@
-//! One exposure: the scene at several instants, with the work on what stands still done once.
+//! One exposure: the scene at several instants, with the work for static Gaussians done once.
 //!
-//! Rows come as one table: the whole scene at the first instant `[N]`, then for every further instant the rows that move,
-//! `[M]` each. [`intersect_instants`] lists the Gaussians of the image's tiles at the first instant, and adds a list for
-//! every tile that looks different at another one; [`crate::cpu::rasterize`] draws all these tiles; [`average`] brings them
-//! together. A list holds what a list of the whole scene at that instant would hold, in the same order, so a tile comes
-//! out as in a rendering of its own, bit for bit.
+//! Rows are one table: the whole scene at the first instant `[N]`, then for every further instant the rows that move, `[M]` each.
+//! [`intersect_instants`] lists the Gaussians of the image's tiles at the first instant, and adds a list for every tile that looks
+//! different at another one; [`crate::cpu::rasterize`] draws all these tiles; [`average`] averages them. A list equals that of the
+//! whole scene at its instant, in the same order, so a tile equals that of a separate rendering, bit for bit.
 
 use rayon::prelude::*;
 
@@ -18,20 +17,20 @@ use crate::cpu::sort::sort_by_key;
 use crate::limits;
 use crate::rows::{PROJECTED, ProjectedRow};
 
-/// Which tiles were drawn for which tile of the image, and for how many instants each stands.
+/// The drawn tiles of each tile of the image, and the number of instants for which each stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TileShares {
-    /// Instants; 1 where nothing moves, since a table then has no rows of further ones.
+    /// Number of instants; 1 if nothing moves, because the table then has no rows of further instants.
     pub instants: usize,
     /// `[grid + 1]`: tile `t` of the image is shown by tile `t` and by the tiles
     /// `grid + extra_offsets[t]..grid + extra_offsets[t + 1]`.
     pub extra_offsets: Vec<u32>,
-    /// `[tiles]`: instants at which the image shows this tile. Those of one tile of the image add up to `instants`.
+    /// `[tiles]`: number of instants at which the image shows this tile. The counts of one tile of the image add up to `instants`.
     pub counts: Vec<u32>,
 }
 
 impl TileShares {
-    /// Only the first instant: the image's tiles as they are, of `tiles` drawn in all.
+    /// A single instant: the image's tiles, of `tiles` drawn in all.
     pub fn first_only(grid: usize, tiles: usize) -> Self {
         let mut counts = vec![0; tiles];
         counts[..grid].fill(1);
@@ -55,15 +54,15 @@ impl TileShares {
     }
 }
 
-/// The movers of one instant by tile.
-struct Movers {
+/// The moving rows of one instant by tile.
+struct MovingRows {
     /// `[grid + 1]`
     offsets: Vec<u32>,
     /// Rows of the table, by tile, then depth, then index.
     rows: Vec<u32>,
 }
 
-impl Movers {
+impl MovingRows {
     fn find<F: Real>(
         first: usize,
         count: usize,
@@ -98,7 +97,7 @@ impl Movers {
     }
 }
 
-/// A tile drawn beside those of the first instant: at one further instant, or, without one, with nothing that moves.
+/// A tile drawn in addition to those of the first instant: at one further instant, or without moving rows for `None`.
 #[derive(Clone, Copy)]
 struct Extra {
     tile: usize,
@@ -107,14 +106,13 @@ struct Extra {
 
 /// Lists for all instants of a table of rows: `scene` rows at the first, then the rows `moving` at each further one.
 ///
-/// `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`, `moving` rising numbers below `scene`;
-/// `R = scene + instants * M`. The first lists are those of the image's tiles at the first instant. A tile of the image
-/// has one more for each further instant at which something that moves touches it; and if something does at the first
-/// instant, one without anything that moves for all the instants at which nothing does. Leaves out what
-/// [`intersect`] leaves out.
+/// `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`, `moving` ascending numbers below `scene`; `R = scene + instants *
+/// M`. The first lists are those of the image's tiles at the first instant. A tile of the image has one more for each further
+/// instant at which a moving row touches it. If one touches it at the first instant, it also has a list without moving rows, for
+/// all the instants at which none does. Leaves out the same rows as [`intersect`].
 ///
 /// # Panics
-/// When the slices disagree in length, `moving` does not rise, and where [`intersect`] does.
+/// When the slices disagree in length, `moving` does not ascend, and on the conditions of [`intersect`].
 pub fn intersect_instants<F: Real>(
     projected: &[F],
     opacities: &[F],
@@ -125,14 +123,14 @@ pub fn intersect_instants<F: Real>(
     scene: usize,
     moving: &[u32],
 ) -> (Intersections, TileShares) {
-    let (count, movers) = (opacities.len(), moving.len());
+    let (count, moving_count) = (opacities.len(), moving.len());
     assert!(moving.is_sorted_by(|a, b| a < b), "the numbers of what moves must rise");
     assert!(moving.last().is_none_or(|&last| (last as usize) < scene), "what moves must be among {scene} Gaussians");
     assert!(
-        count >= scene && (count - scene).is_multiple_of(movers.max(1)),
+        count >= scene && (count - scene).is_multiple_of(moving_count.max(1)),
         "rows must be [scene + instants * moving]"
     );
-    let further = (count - scene).checked_div(movers).unwrap_or(0);
+    let further = (count - scene).checked_div(moving_count).unwrap_or(0);
     let (columns, rows) = tile_grid(width, height);
     let grid = columns * rows;
 
@@ -144,11 +142,11 @@ pub fn intersect_instants<F: Real>(
         height,
         channels,
     );
-    let instants: Vec<Movers> = (0..further)
+    let instants: Vec<MovingRows> = (0..further)
         .into_par_iter()
         .map(|k| {
-            let begin = scene + k * movers;
-            Movers::find(begin, movers, projected, opacities, features, channels, [width, height])
+            let begin = scene + k * moving_count;
+            MovingRows::find(begin, moving_count, projected, opacities, features, channels, [width, height])
         })
         .collect();
 
@@ -158,17 +156,19 @@ pub fn intersect_instants<F: Real>(
         (0..grid).into_par_iter().map(|tile| of_tile(&first, tile).iter().any(|&id| moves[id as usize])).collect();
     let (extras, shares) = extras(&instants, &first_moves);
 
-    // Depth, then number in the scene, as in a list of the whole scene.
+    // By depth, then by number in the scene, as in a list of the whole scene.
     let key = |row: usize| {
-        let number = if row < scene { row } else { moving[(row - scene) % movers] as usize };
+        let number = if row < scene { row } else { moving[(row - scene) % moving_count] as usize };
         (ProjectedRow::read(projected, row).depth, number)
     };
     let merged: Vec<Vec<i32>> = extras
         .par_iter()
         .map(|extra| {
-            let still = of_tile(&first, extra.tile).iter().copied().filter(|&id| !moves[id as usize]);
-            let movers = extra.instant.map_or(&[][..], |k| instants[k].of(extra.tile));
-            merge(still, movers, |still, mover| key(still as usize) < key(mover as usize))
+            let static_rows = of_tile(&first, extra.tile).iter().copied().filter(|&id| !moves[id as usize]);
+            let moving_rows = extra.instant.map_or(&[][..], |k| instants[k].of(extra.tile));
+            merge(static_rows, moving_rows, |static_row, moving_row| {
+                key(static_row as usize) < key(moving_row as usize)
+            })
         })
         .collect();
     (append(first, count, grid, &extras, &merged), shares)
@@ -178,20 +178,20 @@ fn of_tile(lists: &Intersections, tile: usize) -> &[i32] {
     &lists.gaussian_ids[lists.tile_offsets[tile] as usize..lists.tile_offsets[tile + 1] as usize]
 }
 
-/// Which tiles are drawn beside those of the first instant.
-fn extras(instants: &[Movers], first_moves: &[bool]) -> (Vec<Extra>, TileShares) {
+/// The tiles drawn in addition to those of the first instant.
+fn extras(instants: &[MovingRows], first_moves: &[bool]) -> (Vec<Extra>, TileShares) {
     let grid = first_moves.len();
     let mut extras = Vec::new();
     let mut counts = vec![1_u32; grid];
     let mut extra_offsets = vec![0_u32];
     for (tile, &first_moves) in first_moves.iter().enumerate() {
-        let moved = instants.iter().filter(|movers| !movers.of(tile).is_empty()).count();
-        let still = (instants.len() - moved) as u32;
+        let moved = instants.iter().filter(|rows| !rows.of(tile).is_empty()).count();
+        let unmoved = (instants.len() - moved) as u32;
         if !first_moves {
-            counts[tile] += still;
-        } else if still > 0 {
+            counts[tile] += unmoved;
+        } else if unmoved > 0 {
             extras.push(Extra { tile, instant: None });
-            counts.push(still);
+            counts.push(unmoved);
         }
         if moved > 0 {
             let touching = (0..instants.len()).filter(|&k| !instants[k].of(tile).is_empty());
@@ -203,21 +203,21 @@ fn extras(instants: &[Movers], first_moves: &[bool]) -> (Vec<Extra>, TileShares)
     (extras, TileShares { instants: instants.len() + 1, extra_offsets, counts })
 }
 
-/// Two lists in order as one; `before` says whether an entry of the first comes before one of the second.
-fn merge(still: impl Iterator<Item = i32>, movers: &[u32], before: impl Fn(i32, u32) -> bool) -> Vec<i32> {
+/// Merges two sorted lists; `before` says whether an entry of the first comes before one of the second.
+fn merge(static_rows: impl Iterator<Item = i32>, moving_rows: &[u32], before: impl Fn(i32, u32) -> bool) -> Vec<i32> {
     let mut merged = Vec::new();
-    let mut movers = movers.iter().copied().peekable();
-    for id in still {
-        while let Some(mover) = movers.next_if(|&mover| !before(id, mover)) {
-            merged.push(mover as i32);
+    let mut moving_rows = moving_rows.iter().copied().peekable();
+    for id in static_rows {
+        while let Some(moving_row) = moving_rows.next_if(|&moving_row| !before(id, moving_row)) {
+            merged.push(moving_row as i32);
         }
         merged.push(id);
     }
-    merged.extend(movers.map(|mover| mover as i32));
+    merged.extend(moving_rows.map(|moving_row| moving_row as i32));
     merged
 }
 
-/// The lists of the first instant with those of the `extras` behind them, for a table of `count` rows.
+/// The lists of the first instant followed by those of the `extras`, for a table of `count` rows.
 fn append(first: Intersections, count: usize, grid: usize, extras: &[Extra], merged: &[Vec<i32>]) -> Intersections {
     let Intersections { mut tile_offsets, mut gaussian_ids, gaussian_offsets, positions, .. } = first;
     let (scene, pairs) = (gaussian_offsets.len() - 1, gaussian_ids.len());
@@ -251,14 +251,14 @@ fn append(first: Intersections, count: usize, grid: usize, extras: &[Extra], mer
         all_positions[*cursor as usize] = position as i32;
         *cursor += 1;
     }
-    let places = (0..grid).chain(extras.iter().map(|extra| extra.tile)).map(|place| place as i32).collect();
+    let places = (0..grid).chain(extras.iter().map(|extra| extra.tile)).map(|tile| tile as i32).collect();
     Intersections { tile_offsets, gaussian_ids, gaussian_offsets: offsets, positions: all_positions, places }
 }
 
-/// The image `[H, W, C]` that all instants together give, from the tiles drawn, `[tiles, 16, 16, C]`.
+/// The mean image `[H, W, C]` over all instants, from the drawn tiles, `[tiles, 16, 16, C]`.
 ///
-/// The first [`AverageConfig::encoded`] channels are averaged as light, the others as they are. A tile of the image that
-/// one tile shows is copied.
+/// The first [`AverageConfig::encoded`] channels are averaged as light, the others as they are. A tile of the image with a single
+/// drawn tile is copied.
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -285,7 +285,7 @@ pub fn average<F: Real>(config: &AverageConfig, shares: &TileShares, tiles: &[F]
     image
 }
 
-/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient by the tiles, zero in pixels outside the image.
+/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside the image.
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -326,7 +326,7 @@ pub fn average_backward<F: Real>(config: &AverageConfig, shares: &TileShares, ti
     v_tiles
 }
 
-/// Where the pixels of tiles lie.
+/// The offsets of the pixels of tiles.
 struct Walk<'a> {
     config: &'a AverageConfig,
     shares: &'a TileShares,
@@ -344,13 +344,13 @@ impl<'a> Walk<'a> {
         Self { config, shares, columns }
     }
 
-    /// Values of the image.
+    /// Number of values in the image.
     fn values(&self) -> usize {
         self.config.width as usize * self.config.height as usize * self.config.channels
     }
 
-    /// Calls `visit` with the number of each pixel row of the image's tile that lies inside the image, where it begins in
-    /// the drawn tile of the same number and in the image, and its length, all in values.
+    /// Calls `visit` for each pixel row of the image's tile that is inside the image, with its number, its offsets in the drawn
+    /// tile of the same number and in the image, and its length, all in values.
     fn rows(&self, tile: usize, mut visit: impl FnMut(usize, usize, usize, usize)) {
         let AverageConfig { width, height, channels, .. } = *self.config;
         let [x, y] = [tile % self.columns * TILE, tile / self.columns * TILE];
@@ -360,7 +360,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Where a row of a drawn tile begins.
+    /// Offset of a row of a drawn tile, in values.
     #[inline(always)]
     fn value(&self, drawn: usize, row: usize) -> usize {
         (drawn * TILE + row) * TILE * self.config.channels
@@ -372,7 +372,7 @@ impl<'a> Walk<'a> {
         k % self.config.channels < self.config.encoded
     }
 
-    /// Mean over the instants, as light if asked for.
+    /// Mean over the instants, of light if encoded.
     #[inline(always)]
     fn mean<F: Real>(
         &self,

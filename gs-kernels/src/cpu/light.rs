@@ -1,10 +1,10 @@
-//! From an image as it is stored to its light and back: the curve of sRGB (IEC 61966-2-1), continued as it is below 0
-//! and above 1, so that a value slightly out of range passes its gradient like any other.
+//! From an encoded image to its light and back: the curve of sRGB (IEC 61966-2-1), continued below 0 and above 1, so that a value
+//! slightly out of range passes its gradient like any other.
 
 use crate::constants::{SRGB_GAMMA, SRGB_KNEE, SRGB_LIGHT_KNEE, SRGB_OFFSET, SRGB_SLOPE};
 use crate::cpu::Real;
 
-/// The light of a stored value.
+/// The light of an encoded value.
 #[inline(always)]
 pub fn to_linear<F: Real>(value: F) -> F {
     if value <= F::of(SRGB_KNEE) {
@@ -24,7 +24,7 @@ pub fn to_linear_slope<F: Real>(value: F, light: F) -> F {
     }
 }
 
-/// The stored value of light.
+/// The encoded value of light.
 #[inline(always)]
 pub fn to_encoded<F: Real>(light: F) -> F {
     if light <= F::of(SRGB_LIGHT_KNEE) {
@@ -34,7 +34,7 @@ pub fn to_encoded<F: Real>(light: F) -> F {
     }
 }
 
-/// Slope of [`to_encoded`] at `light`, whose stored value is `value`.
+/// Slope of [`to_encoded`] at `light`, whose encoded value is `value`.
 #[inline(always)]
 pub fn to_encoded_slope<F: Real>(light: F, value: F) -> F {
     if light <= F::of(SRGB_LIGHT_KNEE) {
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn known_values() {
-        // Middle grey of the standard: 0.5 stored is 0.21404 of the light.
+        // Middle grey of the standard: 0.5 encoded is 0.21404 of the light.
         assert!((to_linear(0.5_f64) - 0.214_041_140_482_232_6).abs() < 1e-15);
         assert!((to_linear(1.0_f64) - 1.0).abs() < 1e-15);
         assert!((to_encoded(1.0_f64) - 1.0).abs() < 1e-15);

@@ -1,6 +1,6 @@
-//! Three-vectors, rotations and quaternions, with the vector-Jacobian products the backward passes need; of one number or
-//! of sixteen at once ([`crate::cpu::wide::Wide`]), which is why nothing here is a closure: one that is not inlined is
-//! compiled without the processor's vector instructions.
+//! Three-vectors, rotations and quaternions, with the vector-Jacobian products of the backward passes; for one number or for
+//! sixteen at once ([`crate::cpu::wide::Wide`]). Nothing here is a closure, because a closure that is not inlined is compiled
+//! without the processor's vector instructions.
 
 use crate::cpu::wide::Number;
 
@@ -80,7 +80,7 @@ pub fn normalise_vjp<F: Number>(unit: [F; 4], norm: F, v: [F; 4]) -> [F; 4] {
     ]
 }
 
-/// Each component times the other's.
+/// Product by components.
 #[inline(always)]
 pub fn scaled<F: Number>(a: Vec3<F>, b: Vec3<F>) -> Vec3<F> {
     [a[0] * b[0], a[1] * b[1], a[2] * b[2]]

@@ -1,12 +1,11 @@
-//! Splitting work over threads without letting the split show in the result.
+//! Distribution of work over threads with results that do not depend on it.
 
 use std::marker::PhantomData;
 
-/// Items per task where a sum over all items is needed: fixed, so that the order of partial sums never depends on the
-/// number of threads.
+/// Items per task of a sum over all items: fixed, so that the order of partial sums does not depend on the number of threads.
 pub const CHUNK: usize = 2048;
 
-/// A mutable slice that several tasks write at places that do not overlap (pixels of different tiles).
+/// A mutable slice that several tasks write in ranges that do not overlap (pixels of different tiles).
 pub(crate) struct Disjoint<'a, T> {
     start: *mut T,
     len: usize,
@@ -37,13 +36,12 @@ impl<'a, T> Disjoint<'a, T> {
     }
 }
 
-/// A vector of `len` zeros. One place, because large ones come from the system already zeroed and cost nothing
-/// until touched.
+/// A vector of `len` zeros. Large ones come from the system already zeroed and cost nothing until they are touched.
 pub(crate) fn zeros<F: crate::cpu::Real>(len: usize) -> Vec<F> {
     vec![F::ZERO; len]
 }
 
-/// Asks the processor to fetch `values[index]`, which is read soon; nothing where there is no such instruction.
+/// Asks the processor to fetch `values[index]`, which is read soon; does nothing without such an instruction.
 #[inline(always)]
 pub(crate) fn prefetch<T>(values: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]

@@ -1,9 +1,9 @@
-//! The float a CPU kernel computes in.
+//! The float types of the CPU kernels.
 
 use crate::cpu::lanes::Lanes;
 use crate::cpu::wide::Number;
 
-/// `f32` for training, `f64` to judge it.
+/// `f32` for training, `f64` to test it.
 pub trait Real: Number + Send + Sync + PartialOrd + Default + std::fmt::Debug + std::ops::MulAssign + 'static {
     /// 0.
     const ZERO: Self;
@@ -55,7 +55,7 @@ pub trait Real: Number + Send + Sync + PartialOrd + Default + std::fmt::Debug + 
 
 /// Work written once for any vector unit; see [`Real::with_lanes`].
 pub trait LaneTask<F: Real> {
-    /// What the work returns.
+    /// Result of the work.
     type Output;
     /// Does the work with lanes `L`. Implementations mark it `#[inline(always)]`, so that the caller's processor
     /// features apply to all of it.

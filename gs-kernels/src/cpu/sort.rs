@@ -5,7 +5,7 @@ use crate::cpu::Real;
 const DIGIT_BITS: u32 = 11;
 const BUCKETS: usize = 1 << DIGIT_BITS;
 
-/// Order of `items` by `key(item)`, rising, equal keys in the order given. Keys are positive and finite.
+/// Order of `items` by `key(item)`, ascending, equal keys in the given order. Keys are positive and finite.
 ///
 /// One counting pass per 11 bits over (key, item) pairs; passes in which all keys share a digit are skipped.
 pub fn sort_by_key<F: Real>(items: &[u32], key: impl Fn(u32) -> F) -> Vec<u32> {

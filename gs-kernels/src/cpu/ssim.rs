@@ -35,7 +35,7 @@ pub struct SsimForward<F> {
     pub l1: F,
     /// Mean structural similarity, -1 to 1; 1 for equal images and for an empty one.
     pub ssim: F,
-    /// Derivatives of each pixel's SSIM by `mu_x`, `E_xx`, `E_xy`, one map after the other, `[3, H, W, C]`.
+    /// Derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx`, `E_xy`, one map after the other, `[3, H, W, C]`.
     pub saved: Vec<F>,
 }
 
@@ -67,9 +67,10 @@ pub fn forward<F: Real>(image: &[F], target: &[F], width: usize, height: usize, 
     SsimForward { l1: F::of(l1 / len as f64), ssim: F::of(ssim / len as f64), saved }
 }
 
-/// Gradient by `image` `[H, W, C]` from the gradients by the two means of [`forward`], whose `saved` maps it needs.
+/// Gradient with respect to `image` `[H, W, C]` from the gradients with respect to the two means of [`forward`], whose `saved` maps
+/// it needs.
 ///
-/// SSIM and L1 are symmetric: for the gradient by `target`, call both with the images swapped.
+/// SSIM and L1 are symmetric: for the gradient with respect to `target`, call both with the images swapped.
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -97,7 +98,7 @@ pub fn backward<F: Real>(
     v_image
 }
 
-/// Where a strip sits.
+/// The position of a strip in the image.
 #[derive(Clone, Copy)]
 struct Frame {
     width: usize,
@@ -111,7 +112,7 @@ impl Frame {
     fn row(&self) -> usize {
         self.width * self.channels
     }
-    /// The same, rounded up to whole vectors.
+    /// Numbers in a row, rounded up to whole vectors.
     fn padded(&self) -> usize {
         self.row().next_multiple_of(LANES)
     }
@@ -286,7 +287,7 @@ fn horizontal_moments<L: Lanes>(
     }
 }
 
-/// From the shifted `[mu_x, mu_y, E_xx, E_yy, E_xy]` the derivatives by `mu_x`, `E_xx`, `E_xy`, and SSIM itself.
+/// The derivatives with respect to `mu_x`, `E_xx`, `E_xy`, and SSIM itself, from the shifted `[mu_x, mu_y, E_xx, E_yy, E_xy]`.
 #[inline(always)]
 fn similarity<L: Lanes>([mx, my, exx, eyy, exy]: [L; 5]) -> [L; 4] {
     let c = |x: f64| L::splat(L::Real::of(x));
@@ -301,7 +302,7 @@ fn similarity<L: Lanes>([mx, my, exx, eyy, exy]: [L; 5]) -> [L; 4] {
     let ssim = a1.mul(a2).mul(both);
     let d_xy = two.mul(a1).mul(both);
     let d_xx = c(0.0).sub(ssim.mul(inv2));
-    // The means enter A1 and B1 as they are, and A2 and B2 shifted.
+    // The means enter A1 and B1 unshifted, and A2 and B2 shifted.
     let numerator = mean_y.mul(a2).sub(my.mul(a1)).mul(both);
     let denominator = ssim.mul(mean_x.mul(inv1).sub(mx.mul(inv2)));
     let d_mu = two.mul(numerator.sub(denominator));

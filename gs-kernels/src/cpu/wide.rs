@@ -8,7 +8,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 use crate::cpu::Real;
 use crate::cpu::lanes::{LANES, Lanes};
 
-/// What the formulas of [`crate::cpu::math`] ask of a number.
+/// The operations on numbers in the formulas of [`crate::cpu::math`].
 pub trait Number:
     Copy
     + Add<Output = Self>

@@ -1,4 +1,4 @@
-//! One fused Adam step (Kingma and Ba 2015) in place: 28 bytes moved a parameter, which is its floor.
+//! One fused Adam step (Kingma and Ba 2015) in place. It moves 28 bytes per parameter, the minimum.
 
 use cubecl::prelude::*;
 
@@ -25,7 +25,7 @@ struct AdamScalars {
     eps: f32,
 }
 
-/// One unit a parameter.
+/// One unit per parameter.
 #[cube(launch)]
 fn adam_kernel(params: &mut [f32], grads: &[f32], m: &mut [f32], v: &mut [f32], count: u32, scalars: AdamScalars) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;

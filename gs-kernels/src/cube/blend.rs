@@ -21,7 +21,7 @@ pub(crate) struct Sight {
     pub raw: f32,
 }
 
-/// `sigma = 1/2 (d1 (dx + l dy)^2 + d2 dy^2)` and what comes of it.
+/// `u`, and `raw` with `sigma = 1/2 (d1 (dx + l dy)^2 + d2 dy^2)`.
 #[cube]
 pub(crate) fn sight(dx: f32, dy: f32, d1: f32, l: f32, d2: f32, opacity: f32) -> Sight {
     let u = dx + l * dy;

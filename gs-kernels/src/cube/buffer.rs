@@ -5,7 +5,7 @@ use cubecl::server::Handle;
 
 use crate::cube::error::CubeError;
 
-/// Largest buffer that is allocated: graphics APIs count bytes of a binding in signed 32-bit numbers.
+/// Largest buffer that is allocated: graphics APIs count the bytes of a binding in signed 32-bit numbers.
 pub const MAX_BYTES: u64 = i32::MAX as u64;
 
 /// Units of a one-dimensional cube.
@@ -55,7 +55,7 @@ impl Buffer {
         Ok(Slab { whole, starts, parts })
     }
 
-    /// A tensor's memory.
+    /// A buffer over a tensor's memory.
     ///
     /// # Panics
     /// When `handle` is shorter than `len` values.
@@ -83,7 +83,7 @@ impl Buffer {
     /// Reads all values back; waits for the device.
     ///
     /// # Errors
-    /// When the device failed before.
+    /// When the device has failed.
     pub fn download<T: CubeElement + Clone>(&self, client: &Client) -> Result<Vec<T>, CubeError> {
         let bytes = client.read_one(self.handle.clone()).map_err(|error| CubeError::Device(error.to_string()))?;
         Ok(T::from_bytes(&bytes)[..self.len].to_vec())
@@ -112,7 +112,7 @@ impl Buffer {
         self.handle
     }
 
-    /// As a kernel's argument.
+    /// The buffer as a kernel's argument.
     pub fn arg(&self) -> BufferArg {
         // SAFETY: every constructor checks that the handle holds `len` values of four bytes.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.len.max(1)) }
@@ -123,7 +123,7 @@ impl Buffer {
 pub struct Slab<const P: usize> {
     /// All of it.
     pub whole: Buffer,
-    /// Where each part begins in the whole, in values.
+    /// Offset of each part in the whole, in values.
     pub starts: [usize; P],
     /// The parts.
     pub parts: [Buffer; P],

@@ -88,17 +88,17 @@ impl PinholeLaunch {
     }
 }
 
-/// A slope `p / z` held inside the limits of the Jacobian.
+/// A slope `p / z` clamped to the limits of the Jacobian.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(crate) struct Slope {
     /// The value used.
     pub value: f32,
-    /// 1 where the slope was inside the limits, 0 where it was held.
+    /// 1 if the slope was inside the limits, 0 if it was clamped.
     pub free: f32,
 }
 
-/// `p / z` held inside `low..=high`.
+/// `p / z` clamped to `low..=high`.
 #[cube]
 pub(crate) fn slope(p: f32, z: f32, low: f32, high: f32) -> Slope {
     let value = p / z;

@@ -1,4 +1,4 @@
-//! Some channels of an image, and back: one unit a value of the result.
+//! A range of an image's channels, forward and backward: one unit per value of the result.
 
 use cubecl::prelude::*;
 

@@ -12,7 +12,7 @@ use crate::cube::math::{Mat3, Vec3, add, combine, cross, dot, finite, finite3, m
 const COV2D_MAX: f32 = constants::COV2D_MAX as f32;
 const COMPENSATION_RATIO_MIN: f32 = constants::COMPENSATION_RATIO_MIN as f32;
 
-/// A projected covariance and what its backward pass needs again.
+/// A projected covariance, with the state for its backward pass.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(crate) struct Projected2d {
@@ -97,13 +97,12 @@ pub(crate) struct ProjectVjp {
     pub a_y: Vec3,
 }
 
-/// Backward of [`project`] and [`compensation`] (pass 0 for `v_compensation` when it is not used); `v_conic` holds the
-/// gradients by `d1`, `l` and `d2`.
+/// Backward of [`project`] and [`compensation`] (pass 0 for `v_compensation` if it is not used); `v_conic` holds the gradients with
+/// respect to `d1`, `l` and `d2`.
 ///
-/// The gradients by the covariance's entries are never formed: for a needle they are huge and cancel against each other.
-/// With `w = m_1 + l m_2` the conic's part of `v_{m_1}` is `-2 v_d1 d1^2 w - v_l d2 m_2`, and that of `v_{m_2}` is
-/// `l v_{m_1} - v_l d2 w - 2 v_d2 d2^2 m_2`; and `w = (m_2 x (m_1 x m_2) + eps m_1) / C_yy` holds no difference of large
-/// numbers either.
+/// The gradients with respect to the covariance's entries are never formed: for a needle they are huge and cancel. With `w = m_1 +
+/// l m_2` the conic's part of `v_{m_1}` is `-2 v_d1 d1^2 w - v_l d2 m_2`, and the one of `v_{m_2}` is `l v_{m_1} - v_l d2 w - 2
+/// v_d2 d2^2 m_2`; `w = (m_2 x (m_1 x m_2) + eps m_1) / C_yy` has no difference of large numbers either.
 #[cube]
 pub(crate) fn project_vjp(
     rotation: Mat3,
@@ -127,7 +126,7 @@ pub(crate) fn project_vjp(
     let v_conic_x = combine(by_w, w, by_l, m_y);
     let v_conic_y = add(scaled(l, v_conic_x), combine(by_l, w, by_d2, m_y));
 
-    // The slope of det C0 / det C by the covariance; where the floor holds, a harmless 1 stands under the root.
+    // The slope of det C0 / det C with respect to the covariance; below the floor, a harmless 1 is under the root.
     let raised = projected.ratio > COMPENSATION_RATIO_MIN;
     let root = select(raised, projected.ratio, 1.0f32).sqrt();
     let determinant = projected.determinant;
@@ -141,7 +140,7 @@ pub(crate) fn project_vjp(
     let v_ratio_x = combine(2.0f32 * v_xx, m_x, v_xy, m_y);
     let v_ratio_y = combine(v_xy, m_x, 2.0f32 * v_yy, m_y);
 
-    // The scales stretch `m`: their logarithms have the gradient `v_{m_1} m_1 + v_{m_2} m_2`, by components.
+    // The scales multiply `m`: their logarithms have the gradient `v_{m_1} m_1 + v_{m_2} m_2`, by components.
     let conic_part = add(times(w, combine(by_w, w, 2.0f32 * by_l, m_y)), scaled(by_d2, times(m_y, m_y)));
     let ratio_part = add(times(v_ratio_x, m_x), times(v_ratio_y, m_y));
     let v_turned_x = times(add(v_conic_x, v_ratio_x), scales);

@@ -1,23 +1,23 @@
-//! What can go wrong before a kernel is launched.
+//! Errors before a kernel is launched.
 
 use crate::cube::buffer::MAX_BYTES;
 use crate::limits;
 
-/// A request the device cannot carry.
+/// A request beyond the device's limits.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CubeError {
-    /// A buffer would exceed what every graphics API binds in one piece.
+    /// A buffer would exceed the size that every graphics API can bind.
     #[error("{}", limits::buffer_too_large(what, *bytes, MAX_BYTES))]
     BufferTooLarge {
-        /// What the buffer holds.
+        /// Content of the buffer.
         what: &'static str,
-        /// Bytes asked for.
+        /// Bytes requested.
         bytes: u64,
     },
     /// More pairs of tile and Gaussian than a signed 32-bit offset counts.
     #[error("{}", limits::too_many_pairs(None))]
     TooManyIntersections,
-    /// An image side beyond what tile coordinates are computed for.
+    /// An image side beyond the range of tile coordinates.
     #[error("image of {width}x{height} pixels is beyond 2^20 a side")]
     ImageTooLarge {
         /// Width, pixels.

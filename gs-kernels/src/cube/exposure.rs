@@ -1,5 +1,5 @@
-//! Several instants of a scene in one image: the mean of the tiles drawn for them, forward and backward. The lists of the
-//! tiles are made by [`crate::cpu::exposure`], whose twin this is.
+//! Several instants of a scene in one image: the mean of the tiles drawn for them, forward and backward. The twin of
+//! [`crate::cpu::exposure`], which makes the lists of the tiles.
 
 use cubecl::prelude::*;
 
@@ -14,8 +14,8 @@ use crate::cube::light::{to_encoded, to_encoded_slope, to_linear, to_linear_slop
 const PIXELS: u32 = (TILE * TILE) as u32;
 const EDGE: u32 = TILE as u32;
 
-/// Mean over the instants of one value of a tile of the image, as light if asked for. `shares` holds where the further
-/// tiles of each tile of the image begin, `[grid + 1]`, then for how many instants each drawn tile stands.
+/// Mean over the instants of one value of a tile of the image, of light if encoded. `shares` holds the offsets of the further tiles
+/// of each tile of the image, `[grid + 1]`, then the number of instants for which each drawn tile stands.
 #[cube]
 fn mean_of(
     tiles: &[f32],
@@ -42,7 +42,7 @@ fn mean_of(
     sum / instants
 }
 
-/// One unit a value of the image.
+/// One unit per value of the image.
 #[cube(launch)]
 fn average_forward_kernel(
     tiles: &[f32],
@@ -75,8 +75,8 @@ fn average_forward_kernel(
     image[index as usize] = value;
 }
 
-/// One unit a value of the image's own tiles writes it and that of the further tiles; what no tile of the image shows
-/// gets zero.
+/// One unit per value of the image's own tiles writes it and the same value of the further tiles; pixels outside the image get
+/// zero.
 #[cube(launch)]
 fn average_backward_kernel(
     tiles: &[f32],
@@ -134,7 +134,7 @@ fn average_backward_kernel(
     }
 }
 
-/// The shares as a kernel reads them.
+/// The shares as a kernel's buffer.
 fn upload(client: &Client, shares: &TileShares) -> Result<Buffer, CubeError> {
     let values: Vec<u32> = shares.extra_offsets.iter().chain(&shares.counts).copied().collect();
     Buffer::upload(client, "shares of tiles", &values)
@@ -148,7 +148,7 @@ fn check(config: &AverageConfig, shares: &TileShares, tiles: &Buffer) -> usize {
     config.width as usize * config.height as usize * config.channels
 }
 
-/// The image `[H, W, C]` that all instants together give, from the tiles drawn, `[tiles, 16, 16, C]`; the twin of
+/// The mean image `[H, W, C]` over all instants, from the drawn tiles, `[tiles, 16, 16, C]`; the twin of
 /// [`crate::cpu::exposure::average`].
 ///
 /// # Errors
@@ -184,7 +184,7 @@ pub fn average(
     Ok(image)
 }
 
-/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient by the tiles, zero in pixels outside the image.
+/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside the image.
 ///
 /// # Errors
 /// When a buffer would be too large.

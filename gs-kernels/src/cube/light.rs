@@ -1,4 +1,4 @@
-//! From an image as it is stored to its light and back, through the curve of sRGB; the twin of [`crate::cpu::light`].
+//! From an encoded image to its light and back, through the curve of sRGB; the twin of [`crate::cpu::light`].
 
 use cubecl::prelude::*;
 
@@ -12,7 +12,7 @@ const SLOPE: f32 = constants::SRGB_SLOPE as f32;
 const KNEE: f32 = constants::SRGB_KNEE as f32;
 const LIGHT_KNEE: f32 = constants::SRGB_LIGHT_KNEE as f32;
 
-/// The light of a stored value.
+/// The light of an encoded value.
 #[cube]
 pub(crate) fn to_linear(value: f32) -> f32 {
     let mut light = value / SLOPE;
@@ -28,7 +28,7 @@ pub(crate) fn to_linear_slope(value: f32, light: f32) -> f32 {
     select(value > KNEE, GAMMA * light / (value + OFFSET), 1.0f32 / SLOPE)
 }
 
-/// The stored value of light.
+/// The encoded value of light.
 #[cube]
 pub(crate) fn to_encoded(light: f32) -> f32 {
     let mut value = light * SLOPE;
@@ -38,7 +38,7 @@ pub(crate) fn to_encoded(light: f32) -> f32 {
     value
 }
 
-/// Slope of [`to_encoded`] at `light`, whose stored value is `value`.
+/// Slope of [`to_encoded`] at `light`, whose encoded value is `value`.
 #[cube]
 pub(crate) fn to_encoded_slope(light: f32, value: f32) -> f32 {
     let mut slope = SLOPE.runtime();

@@ -1,4 +1,4 @@
-//! Three-vectors, rotations and quaternions on the device, with the vector-Jacobian products the backward passes need.
+//! Three-vectors, rotations and quaternions on the device, with the vector-Jacobian products of the backward passes.
 
 use cubecl::prelude::*;
 

@@ -4,8 +4,8 @@ use cubecl::prelude::*;
 
 use crate::cube::buffer::UNITS;
 
-/// Sum of `value` over the [`UNITS`] units of the cube, returned to all of them. `slots` holds [`UNITS`] values. Every
-/// unit must arrive here.
+/// Sum of `value` over the [`UNITS`] units of the cube, returned to all of them. `slots` holds [`UNITS`] values. All units must
+/// call this.
 #[cube]
 pub(crate) fn cube_sum(value: f32, slots: &mut Shared<[f32]>) -> f32 {
     let unit = UNIT_POS as usize;
@@ -21,7 +21,7 @@ pub(crate) fn cube_sum(value: f32, slots: &mut Shared<[f32]>) -> f32 {
         sync_cube();
     }
     let total = slots[0];
-    // The slots may be written again once everyone has read.
+    // The slots may be overwritten once all units have read them.
     sync_cube();
     total
 }

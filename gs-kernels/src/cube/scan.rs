@@ -1,14 +1,14 @@
 //! Exclusive prefix sums of any length.
 //!
-//! One cube scans 2048 values in shared memory and leaves their sum; the sums are scanned in the same way, level by
-//! level, and added back. Sums saturate at `u32::MAX`, so that an overflow is seen instead of wrapping round.
+//! One cube scans 2048 values in shared memory and writes their sum; the sums are scanned in the same way, level by level, and
+//! added back. Sums saturate at `u32::MAX`, so that an overflow is detected instead of wrapping round.
 
 use cubecl::prelude::*;
 
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
 use crate::cube::error::CubeError;
 
-/// Consecutive values a unit adds by itself.
+/// Consecutive values that one unit adds.
 const ITEMS: usize = 8;
 /// Values a cube scans.
 const BLOCK: usize = UNITS * ITEMS;

@@ -1,9 +1,9 @@
-//! Stable radix sort of `u32` keys with `u32` values, any length, eight bits a pass.
+//! Stable radix sort of `u32` keys with `u32` values, any length, eight bits per pass.
 //!
-//! A pass counts digits in blocks of 4096 keys, turns the counts into places by one prefix sum, and moves every key to
-//! its digit's place plus its rank among equal digits before it in the block. The rank is read off bit masks in shared
-//! memory, one bit a unit and one mask a digit: no assumption on the width of a plane, no order of arrival anywhere, so
-//! the result is the same on every device.
+//! A pass counts digits in blocks of 4096 keys, turns the counts into positions by one prefix sum, and moves every key to its
+//! digit's position plus its rank among equal digits before it in the block. The rank is computed from bit masks in shared memory,
+//! one bit per unit and one mask per digit. It assumes neither the width of a plane nor an order of arrival, so the result is the
+//! same on every device.
 
 use cubecl::prelude::*;
 
@@ -47,12 +47,12 @@ fn sort_count_kernel(keys: &[u32], counts: &mut [u32], count: u32, blocks: u32, 
     counts[unit * blocks as usize + CUBE_POS] = bins[unit].load();
 }
 
-/// Each cube moves the pairs of its block to their places; `places` is the prefix sum of the counts.
+/// Each cube moves the pairs of its block to their positions; `offsets` is the prefix sum of the counts.
 #[cube(launch)]
 fn sort_move_kernel(
     keys: &[u32],
     values: &[u32],
-    places: &[u32],
+    offsets: &[u32],
     keys_out: &mut [u32],
     values_out: &mut [u32],
     count: u32,
@@ -68,7 +68,7 @@ fn sort_move_kernel(
     // `[word, digit]`, so that units walking over digits touch neighbouring banks.
     let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!(WORDS * DIGITS));
     let mut next = Shared::<[u32]>::new_slice(DIGITS);
-    next[unit] = places[unit * blocks as usize + CUBE_POS];
+    next[unit] = offsets[unit * blocks as usize + CUBE_POS];
     #[unroll]
     for word in 0..WORDS {
         masks[word * DIGITS + unit].store(0u32);
@@ -86,30 +86,30 @@ fn sort_move_kernel(
         sync_cube();
         if inside {
             let bin = digit(key, shift);
-            let mut place = next[bin];
+            let mut position = next[bin];
             #[unroll]
             for word in 0..WORDS {
                 let bits = masks[word * DIGITS + bin].load();
                 if word < own_word {
-                    place += bits.count_ones();
+                    position += bits.count_ones();
                 }
                 if word == own_word {
-                    place += (bits & (own_bit - 1u32)).count_ones();
+                    position += (bits & (own_bit - 1u32)).count_ones();
                 }
             }
-            keys_out[place as usize] = key;
-            values_out[place as usize] = values[index];
+            keys_out[position as usize] = key;
+            values_out[position as usize] = values[index];
         }
         sync_cube();
-        // Unit `d` closes digit `d`: moves its place on and clears its masks for the next row.
+        // Unit `d` closes digit `d`: advances its position and clears its masks for the next row.
         let mut moved = 0u32;
         #[unroll]
         for word in 0..WORDS {
             moved += masks[word * DIGITS + unit].load().count_ones();
             masks[word * DIGITS + unit].store(0u32);
         }
-        let place = next[unit] + moved;
-        next[unit] = place;
+        let position = next[unit] + moved;
+        next[unit] = position;
         sync_cube();
     }
 }
@@ -148,14 +148,14 @@ pub fn sort_pairs(
             blocks as u32,
             shift,
         );
-        let places = exclusive_scan(client, &counts, DIGITS * blocks)?;
+        let offsets = exclusive_scan(client, &counts, DIGITS * blocks)?;
         sort_move_kernel::launch(
             client,
             grid(blocks),
             cube_dim(),
             keys.arg(),
             values.arg(),
-            places.arg(),
+            offsets.arg(),
             keys_out.arg(),
             values_out.arg(),
             count as u32,

@@ -1,7 +1,7 @@
 //! Fused L1 and SSIM (Wang et al. 2004) of two images, forward and backward; formulas as in [`crate::cpu::ssim`].
 //!
-//! One cube handles a tile of 16 x 16 pixels in one channel: it stages the tile with a margin of five pixels, filters it
-//! along x into shared memory, then along y in registers; one unit a pixel.
+//! One cube handles a tile of 16 x 16 pixels in one channel: it stages the tile with a margin of five pixels, filters it along x
+//! into shared memory, then along y in registers; one unit per pixel.
 
 use cubecl::prelude::*;
 
@@ -22,7 +22,7 @@ const AREA: usize = WIDE * WIDE;
 const STRIP: usize = WIDE * TILE;
 /// Maps filtered in the forward pass: x, y, x^2, y^2, x y.
 const MOMENTS: usize = 5;
-/// Maps filtered in the backward pass: the derivatives by `mu_x`, `E_xx`, `E_xy`.
+/// Maps filtered in the backward pass: the derivatives with respect to `mu_x`, `E_xx`, `E_xy`.
 const DERIVATIVES: usize = 3;
 
 const C1: f32 = constants::SSIM_C1 as f32;
@@ -39,16 +39,16 @@ fn tap(i: usize) -> f32 {
     (weight(i) / (0..SSIM_WINDOW).map(weight).sum::<f64>()) as f32
 }
 
-/// A pixel as the loss reads it: not finite or enormous values count as 0.
+/// A pixel as the loss reads it: values that are not finite or beyond the limit count as 0.
 #[cube]
 fn clean(x: f32) -> f32 {
     select(finite(x) && x.abs() <= PIXEL_MAX, x, 0.0f32)
 }
 
-/// Where a cube works.
+/// The tile and channel of a cube.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
-struct Place {
+struct TileChannel {
     channel: u32,
     /// First pixel of the tile.
     x: u32,
@@ -56,10 +56,10 @@ struct Place {
 }
 
 #[cube]
-fn place(tile_columns: u32, channels: u32) -> Place {
+fn own_tile(tile_columns: u32, channels: u32) -> TileChannel {
     let cube = CUBE_POS as u32;
     let tile = cube / channels;
-    Place {
+    TileChannel {
         channel: cube % channels,
         x: tile % tile_columns * comptime!(TILE as u32),
         y: tile / tile_columns * comptime!(TILE as u32),
@@ -68,15 +68,15 @@ fn place(tile_columns: u32, channels: u32) -> Place {
 
 /// Value `k` of the staged tile of a map that begins at `start`; 0 outside the image.
 #[cube]
-fn read_staged(map: &[f32], start: usize, k: u32, place: Place, width: u32, height: u32, channels: u32) -> f32 {
-    // Shifted by the margin, so that unsigned numbers do not go below zero.
-    let x = place.x + k % comptime!(WIDE as u32);
-    let y = place.y + k / comptime!(WIDE as u32);
+fn read_staged(map: &[f32], start: usize, k: u32, tile: TileChannel, width: u32, height: u32, channels: u32) -> f32 {
+    // Offset by the margin, so that unsigned numbers do not go below zero.
+    let x = tile.x + k % comptime!(WIDE as u32);
+    let y = tile.y + k / comptime!(WIDE as u32);
     let halo = comptime!(HALO as u32);
     let mut value = 0.0f32;
     if x >= halo && y >= halo && x < width + halo && y < height + halo {
         let pixel = (y - halo) as usize * width as usize + (x - halo) as usize;
-        value = map[start + pixel * channels as usize + place.channel as usize];
+        value = map[start + pixel * channels as usize + tile.channel as usize];
     }
     value
 }
@@ -97,15 +97,15 @@ fn ssim_forward_kernel(
     if CUBE_POS >= cubes as usize {
         terminate!();
     }
-    let place = place(tile_columns, channels);
+    let tile = own_tile(tile_columns, channels);
     let mut x = Shared::<[f32]>::new_slice(AREA);
     let mut y = Shared::<[f32]>::new_slice(AREA);
     let mut filtered = Shared::<[f32]>::new_slice(comptime!(STRIP * MOMENTS));
 
     let mut k = UNIT_POS;
     while k < comptime!(AREA as u32) {
-        x[k as usize] = clean(read_staged(image, 0usize, k, place, width, height, channels)) - SHIFT;
-        y[k as usize] = clean(read_staged(target, 0usize, k, place, width, height, channels)) - SHIFT;
+        x[k as usize] = clean(read_staged(image, 0usize, k, tile, width, height, channels)) - SHIFT;
+        y[k as usize] = clean(read_staged(target, 0usize, k, tile, width, height, channels)) - SHIFT;
         k += comptime!(UNITS as u32);
     }
     sync_cube();
@@ -155,7 +155,7 @@ fn ssim_forward_kernel(
         yy += w * filtered[3 * STRIP + from];
         xy += w * filtered[4 * STRIP + from];
     }
-    // The means enter A1 and B1 as they are, and A2 and B2 shifted.
+    // The means enter A1 and B1 unshifted, and A2 and B2 shifted.
     let mean_x = mx + SHIFT;
     let mean_y = my + SHIFT;
     let a1 = 2.0f32 * mean_x * mean_y + C1;
@@ -167,13 +167,13 @@ fn ssim_forward_kernel(
     let both = inverse1 * inverse2;
     let similarity = a1 * a2 * both;
 
-    let pixel_x = place.x + column as u32;
-    let pixel_y = place.y + row as u32;
+    let pixel_x = tile.x + column as u32;
+    let pixel_y = tile.y + row as u32;
     let inside = pixel_x < width && pixel_y < height;
     let centre = (row + HALO) * WIDE + column + HALO;
     if inside {
         let size = width as usize * height as usize * channels as usize;
-        let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + place.channel as usize;
+        let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + tile.channel as usize;
         let numerator = (mean_y * a2 - my * a1) * both;
         let denominator = similarity * (mean_x * inverse1 - mx * inverse2);
         saved[at] = 2.0f32 * (numerator - denominator);
@@ -182,7 +182,7 @@ fn ssim_forward_kernel(
     }
     let l1 = select(inside, (x[centre] - y[centre]).abs(), 0.0f32);
     let similarity = select(inside, similarity, 0.0f32);
-    // All reads of the filtered maps are done once everyone has come here; the barrier inside sees to it.
+    // All units have read the filtered maps; the sum below contains the barrier.
     sync_cube();
     let l1 = cube_sum(l1, &mut filtered);
     let similarity = cube_sum(similarity, &mut filtered);
@@ -209,7 +209,7 @@ fn ssim_mean_kernel(sums: &[f32], means: &mut [f32], cubes: u32, scale: f32) {
 pub struct SsimForward {
     /// `[2]`: mean absolute difference, mean structural similarity.
     pub means: Buffer,
-    /// `[3, H, W, C]`: derivatives of each pixel's SSIM by `mu_x`, `E_xx`, `E_xy`.
+    /// `[3, H, W, C]`: derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx`, `E_xy`.
     pub saved: Buffer,
 }
 
@@ -257,7 +257,7 @@ pub fn forward(
     Ok(SsimForward { means, saved })
 }
 
-/// Backward: filters the three saved maps; one unit a pixel writes its gradient.
+/// Backward: filters the three saved maps; one unit per pixel writes its gradient.
 #[cube(launch)]
 fn ssim_backward_kernel(
     image: &[f32],
@@ -275,7 +275,7 @@ fn ssim_backward_kernel(
     if CUBE_POS >= cubes as usize {
         terminate!();
     }
-    let place = place(tile_columns, channels);
+    let tile = own_tile(tile_columns, channels);
     let size = width as usize * height as usize * channels as usize;
     let mut maps = Shared::<[f32]>::new_slice(comptime!(AREA * DERIVATIVES));
     let mut filtered = Shared::<[f32]>::new_slice(comptime!(STRIP * DERIVATIVES));
@@ -284,7 +284,7 @@ fn ssim_backward_kernel(
     while k < comptime!(AREA as u32) {
         #[unroll]
         for map in 0..DERIVATIVES {
-            maps[map * AREA + k as usize] = read_staged(saved, map * size, k, place, width, height, channels);
+            maps[map * AREA + k as usize] = read_staged(saved, map * size, k, tile, width, height, channels);
         }
         k += comptime!(UNITS as u32);
     }
@@ -319,10 +319,10 @@ fn ssim_backward_kernel(
         xx += w * filtered[STRIP + from];
         xy += w * filtered[2 * STRIP + from];
     }
-    let pixel_x = place.x + column as u32;
-    let pixel_y = place.y + row as u32;
+    let pixel_x = tile.x + column as u32;
+    let pixel_y = tile.y + row as u32;
     if pixel_x < width && pixel_y < height {
-        let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + place.channel as usize;
+        let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + tile.channel as usize;
         let raw = image[at];
         let x = clean(raw);
         let y = clean(target[at]);
@@ -335,8 +335,8 @@ fn ssim_backward_kernel(
     }
 }
 
-/// Gradient by `image` `[H, W, C]` from `v_means` `[2]`, the gradient by the means of [`forward`], whose `saved` maps it
-/// needs; the twin of [`crate::cpu::ssim::backward`].
+/// Gradient with respect to `image` `[H, W, C]` from `v_means` `[2]`, the gradient with respect to the means of [`forward`], whose
+/// `saved` maps it needs; the twin of [`crate::cpu::ssim::backward`].
 ///
 /// # Errors
 /// When the gradient exceeds one buffer.

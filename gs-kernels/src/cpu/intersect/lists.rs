@@ -10,9 +10,9 @@ use crate::cpu::sort::sort_by_key;
 use crate::limits;
 use crate::rows::{PROJECTED, ProjectedRow};
 
-/// Pieces of the depth order dealt in parallel; each needs a counter per tile.
+/// Largest number of pieces of the depth order that are distributed in parallel; each needs a counter per tile.
 const MAX_PIECES: usize = 16;
-/// How far ahead memory is fetched while Gaussians are visited in depth order, which is no order in memory.
+/// Prefetch distance while Gaussians are visited in depth order, which is random in memory.
 const PREFETCH: usize = 8;
 
 /// Tiles and the Gaussians that touch them.
@@ -24,10 +24,10 @@ pub struct Intersections {
     pub gaussian_ids: Vec<i32>,
     /// `[N + 1]`: Gaussian `g` owns `positions[gaussian_offsets[g]..gaussian_offsets[g + 1]]`.
     pub gaussian_offsets: Vec<i32>,
-    /// `[M]`: places in `gaussian_ids`, rising for each Gaussian.
+    /// `[M]`: positions in `gaussian_ids`, ascending for each Gaussian.
     pub positions: Vec<i32>,
-    /// Empty when the tiles are those of the image, in order. Otherwise `[tiles]`: which tile of the image each list is
-    /// for; a tile of the image may then have several lists, or none (see [`crate::cpu::exposure`]).
+    /// Empty if the tiles are those of the image, in order. Otherwise `[tiles]`: the image's tile of each list; a tile of the image
+    /// may then have several lists, or none (see [`crate::cpu::exposure`]).
     pub places: Vec<i32>,
 }
 
@@ -105,8 +105,8 @@ pub fn intersect<F: Real>(
     deal(&runs, &order, gaussian_offsets, columns * rows, columns, total as usize)
 }
 
-/// Deals the Gaussians to the tiles in `order`. The order is cut into as many pieces as there are threads; each piece
-/// knows by a count where its entries begin in every tile, so the result does not depend on the cut.
+/// Distributes the Gaussians to the tiles in `order`. The order is cut into as many pieces as there are threads; counts give the
+/// offset of each piece's entries in every tile, so the result does not depend on the cut.
 fn deal(
     runs: &[Spans],
     order: &[u32],
@@ -131,7 +131,7 @@ fn deal(
 
     let mut gaussian_ids = vec![0_i32; total];
     let mut positions = vec![0_i32; total];
-    let (all_ids, all_places) = (Disjoint::new(&mut gaussian_ids), Disjoint::new(&mut positions));
+    let (all_ids, all_positions) = (Disjoint::new(&mut gaussian_ids), Disjoint::new(&mut positions));
     order.par_chunks(piece_len).zip(pieces.par_iter_mut()).for_each(|(ids, piece)| {
         let mut spans = piece.spans.iter();
         for (k, &i) in ids.iter().enumerate() {
@@ -141,17 +141,17 @@ fn deal(
             let begin = gaussian_offsets[i as usize] as usize;
             let len = gaussian_offsets[i as usize + 1] as usize - begin;
             // SAFETY: each Gaussian is in one piece, and owns this range of positions.
-            let places = unsafe { all_places.slice_mut(begin, len) };
-            let mut place = 0;
-            while place < len {
+            let own_positions = unsafe { all_positions.slice_mut(begin, len) };
+            let mut filled = 0;
+            while filled < len {
                 let span = spans.next().expect("as many spans as counted");
                 let row = span.row as usize * columns;
                 for cursor in &mut piece.cursors[row + span.first as usize..=row + span.last as usize] {
-                    // SAFETY: the counts of the first pass give every entry a place of its own.
+                    // SAFETY: the counts of the first pass give every entry a position of its own.
                     let id = unsafe { all_ids.slice_mut(*cursor as usize, 1) };
                     id[0] = i as i32;
-                    places[place] = *cursor as i32;
-                    place += 1;
+                    own_positions[filled] = *cursor as i32;
+                    filled += 1;
                     *cursor += 1;
                 }
             }
@@ -160,7 +160,7 @@ fn deal(
     Intersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places: Vec::new() }
 }
 
-/// A run of the depth order: its spans, and per tile first their count, then where the next one goes.
+/// A run of the depth order: its spans, and per tile first their count, then the position of the next one.
 struct Piece {
     spans: Vec<Span>,
     cursors: Vec<u32>,

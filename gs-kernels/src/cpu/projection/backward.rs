@@ -1,4 +1,4 @@
-//! Gradients by the rows to gradients by the parameters and the pose.
+//! From gradients with respect to the rows to gradients with respect to the parameters and the pose.
 
 use rayon::prelude::*;
 
@@ -27,7 +27,7 @@ pub struct ProjectionGradients<F> {
     pub viewmat: Vec<F>,
 }
 
-/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient by it.
+/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient with respect to it.
 ///
 /// Culled Gaussians receive zero, and so does one whose gradient is not finite.
 ///
@@ -74,7 +74,7 @@ pub(super) struct ChunkBackward<'a, F> {
 }
 
 impl<F: Real> LaneTask<F> for ChunkBackward<'_, F> {
-    /// The chunk's share of the pose's gradient.
+    /// The chunk's part of the pose's gradient.
     type Output = PoseGradient<F>;
 
     #[inline(always)]
@@ -84,8 +84,8 @@ impl<F: Real> LaneTask<F> for ChunkBackward<'_, F> {
         let end = self.first + self.means.len() / MEAN;
         let mut next = self.first;
         loop {
-            // Lanes are filled with the next Gaussians that are drawn and receive anything: a trained scene has many
-            // hidden behind others, and all that follows is linear in v.
+            // Lanes are filled with the next Gaussians that are drawn and have a gradient: in a trained scene many are hidden
+            // behind others, and the rest of the pass is linear in v.
             let (mut ids, mut count) = ([0_u32; LANES], 0);
             while next < end && count < LANES {
                 let v = &self.v_projected[next * PROJECTED..][..PROJECTED];
@@ -107,7 +107,7 @@ impl<F: Real> LaneTask<F> for ChunkBackward<'_, F> {
             let [x, y, d1, l, d2, depth, compensation, radius] = load::<L, PROJECTED>(&gather(self.v_projected, ids));
             let v = ProjectedRow { mean: [x, y], conic: [d1, l, d2], depth, compensation, radius };
             let gradient = projector.vjp(&path, v);
-            // Lanes behind the last id are those of a Gaussian without size or place, whose norm is zero: not valid.
+            // Lanes behind the last id have a zero quaternion, whose norm is zero: not valid.
             let kept = L::bits(gradient.valid) & (u16::MAX >> (LANES - count));
             scatter(gradient.means, ids, self.first, kept, self.means);
             scatter(gradient.quats, ids, self.first, kept, self.quats);

@@ -1,4 +1,4 @@
-//! Sixteen Gaussians at once: from rows to one array a component, and back.
+//! Sixteen Gaussians at once: from rows to one array per component, and back.
 
 use crate::config::ProjectionConfig;
 use crate::cpu::camera::{Pinhole, Pose};
@@ -6,12 +6,12 @@ use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::real::Real;
 use crate::cpu::wide::{Number, Wide};
 
-/// Numbers of a Gaussian's centre, orientation and size.
+/// Number of values of a Gaussian's mean, orientation and scale.
 pub(super) const MEAN: usize = 3;
 pub(super) const QUAT: usize = 4;
 pub(super) const SCALES: usize = 3;
 
-/// Parameters of sixteen Gaussians, one array a component.
+/// Parameters of sixteen Gaussians, one array per component.
 pub(super) struct Batch<F> {
     pub(super) means: [[F; LANES]; MEAN],
     pub(super) quats: [[F; LANES]; QUAT],

@@ -62,7 +62,7 @@ impl<F: Real> LaneTask<F> for ChunkForward<'_, F> {
 }
 
 impl<L: Lanes> Projector<L> {
-    /// Packed rows by column, and which are drawn: those whose ellipse meets the image and does not overflow.
+    /// Packed rows by column, and a mask of those drawn: the ellipse meets the image and does not overflow.
     #[inline(always)]
     fn rows(&self, path: &Path<L>) -> ([Wide<L>; PROJECTED], u16) {
         let mut valid = path.valid;

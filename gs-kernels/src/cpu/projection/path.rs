@@ -1,4 +1,4 @@
-//! What Gaussians go through on their way to the image, in both directions.
+//! The steps of the projection that forward and backward share.
 
 use super::batch::{Batch, MEAN, QUAT, SCALES, Scene, load};
 use crate::constants::{QUAT_NORM2_MAX, QUAT_NORM2_MIN};
@@ -8,7 +8,7 @@ use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Mat3, Vec3, rotation};
 use crate::cpu::wide::{Number, Wide};
 
-/// What a [`Scene`] holds, for sixteen Gaussians.
+/// The inputs of a [`Scene`], for sixteen Gaussians.
 pub(super) struct Projector<L: Lanes> {
     pub(super) pose: Pose<Wide<L>>,
     pub(super) pinhole: Pinhole<Wide<L>>,
@@ -19,7 +19,7 @@ pub(super) struct Projector<L: Lanes> {
     pub(super) antialiased: bool,
 }
 
-/// What Gaussians go through, made again by the backward pass with the same roundings.
+/// The intermediate results of the projection, recomputed by the backward pass with the same roundings.
 pub(super) struct Path<L: Lanes> {
     pub(super) mean: Vec3<Wide<L>>,
     pub(super) unit_quat: [Wide<L>; 4],
@@ -29,7 +29,7 @@ pub(super) struct Path<L: Lanes> {
     pub(super) p: Vec3<Wide<L>>,
     pub(super) jacobian: [Vec3<Wide<L>>; 2],
     pub(super) ellipse: Projected2d<L>,
-    /// Which can be drawn. The rest may hold anything.
+    /// Mask of lanes that can be drawn. The other lanes are arbitrary.
     pub(super) valid: L::Mask,
 }
 

@@ -7,7 +7,7 @@ use crate::cpu::lanes::Portable;
 use crate::cpu::real::LaneTask;
 use crate::rows::PROJECTED;
 
-/// Numbers in -1..1, some of them what nothing can be made of.
+/// Numbers in -1..1, some of them invalid.
 fn strange(count: usize, seed: u32) -> Vec<f32> {
     let number = |i: u32| match i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 16 {
         0..64 => f32::NAN,

@@ -1,16 +1,15 @@
 //! Blending backward.
 //!
-//! Per tile, the forward walk is replayed and every alpha and transmittance kept (a pixel blends at most 2,346
-//! Gaussians, since each takes 1/255 of the light and the pixel ends at 1e-4); nothing is rebuilt by division. Then the
-//! list is walked back to front with what a pixel shows behind each Gaussian as one running number `R`:
+//! Per tile, the forward walk is replayed and every alpha and transmittance is kept (a pixel blends at most 2,346 Gaussians,
+//! because each takes 1/255 of the light and the pixel ends at 1e-4), so that nothing is recomputed by division. Then the list is
+//! walked back to front with the light behind each Gaussian as one running number `R` per pixel:
 //!
-//! `q = f . v`, `v_alpha = T (q - R)`, `R += alpha (q - R)`, where `v` is the gradient by the pixel's channels. (The usual
-//! form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
+//! `q = f . v`, `v_alpha = T (q - R)`, `R += alpha (q - R)`, where `v` is the gradient with respect to the pixel's channels. (The
+//! usual form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
 //!
-//! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients by the ellipse are moments of `s` over the
-//! tile. Every (tile, Gaussian) pair gets a gradient row of its own; a Gaussian's rows are added in tile order
-//! ([`super::gather`]), so no
-//! thread's timing can show in a sum.
+//! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients with respect to the ellipse are moments of `s` over the
+//! tile. Every (tile, Gaussian) pair has a gradient row of its own, and a Gaussian's rows are added in tile order
+//! ([`super::gather`]), so that sums do not depend on the timing of threads.
 
 use rayon::prelude::*;
 
@@ -70,7 +69,7 @@ pub fn backward<F: Real>(
     gather(&inputs, &pairs, v_background)
 }
 
-/// What the replay of a tile keeps.
+/// State kept by the replay of a tile.
 struct Scratch<F> {
     /// Per blended block of a Gaussian: alpha and the transmittance before it.
     steps: Vec<[Aligned<F>; 2]>,
@@ -104,7 +103,7 @@ struct TileBackward<'a, F, const UNROLL: usize> {
 }
 
 impl<F: Real, const UNROLL: usize> LaneTask<F> for TileBackward<'_, F, UNROLL> {
-    /// The tile's share of the background's gradient, `[C + depth]`.
+    /// The tile's part of the background's gradient, `[C + depth]`.
     type Output = Vec<F>;
 
     #[inline(always)]
@@ -143,7 +142,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         }
     }
 
-    /// The forward walk again, keeping every step; returns the final transmittance, signs as [`crate::cpu::blend`] has them.
+    /// Repeats the forward walk, keeping every step; returns the final transmittance, signs as in [`crate::cpu::blend`].
     #[inline(always)]
     fn replay<L: Lanes<Real = F>>(&mut self, origin: [usize; 2]) -> TilePlane<F> {
         let inputs = self.inputs;
@@ -185,7 +184,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         transmittance
     }
 
-    /// `R` behind the last Gaussian, `background . v - v_alpha`, and the gradient by the background, `sum T v`.
+    /// `R` behind the last Gaussian, `background . v - v_alpha`, and the gradient with respect to the background, `sum T v`.
     #[inline(always)]
     fn behind_everything<L: Lanes<Real = F>>(&self, transmittance: &TilePlane<F>) -> (TilePlane<F>, Vec<F>) {
         let channels = self.channels();
@@ -221,7 +220,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
             }
             let row = ProjectedRow::read(self.inputs.projected, replayed.id);
             let [d1, l, d2] = row.conic;
-            // Which blocks are reached is known; the rest of this is cheaper made again than kept.
+            // The reached blocks are known; the rest is cheaper to recompute than to keep.
             let blocks = replayed.gaussian.blocks::<L>(F::ZERO);
             let mut moments = Moments::<L>::new();
             let mut active = replayed.blended;
@@ -241,7 +240,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
                 let shown = L::load(&behind[b].0);
                 let difference = q.sub(shown);
                 alpha.mul_add(difference, shown).store(&mut behind[b].0);
-                // A capped alpha does not move with sigma or opacity; where nothing was blended alpha is zero.
+                // A capped alpha does not depend on sigma or opacity; where nothing was blended alpha is zero.
                 let capped = alpha.ge(L::splat(F::of(ALPHA_MAX)));
                 let s = L::select(capped, zero, zero.sub(weight.mul(difference)));
                 moments.add(s, blocks.u(b), blocks.dy(b), [d1, l, d2]);
@@ -291,7 +290,7 @@ impl<L: Lanes> Moments<L> {
         self.abs_y = self.abs_y.add(su.mul_add(L::splat(d1 * l), sy.mul(L::splat(d2))).abs());
     }
 
-    /// By mean, conic and opacity, and the absolute screen gradient.
+    /// Gradients with respect to mean, conic and opacity, and the absolute screen gradient.
     #[inline(always)]
     fn gradients(&self, [d1, l, d2]: [L::Real; 3], opacity: L::Real) -> [L::Real; FIXED] {
         let half = L::Real::of(0.5);

@@ -25,7 +25,7 @@ pub struct RasterizeGradients<F> {
 /// A pair's gradient row: mean (2), conic (3), opacity, absolute screen gradient (2), then the blended channels.
 pub(super) const FIXED: usize = 8;
 
-/// How many rows ahead the gathering of rows fetches: adding one takes a few ns, memory about a hundred.
+/// Prefetch distance in rows: adding one takes a few ns, a memory access about a hundred.
 const GATHER_AHEAD: usize = 16;
 
 /// Adds each Gaussian's pair rows in tile order.
@@ -55,7 +55,7 @@ pub(super) fn gather<F: Real>(inputs: &Inputs<'_, F>, pairs: &[F], background: V
             }
             sum.fill(F::ZERO);
             for (k, &position) in inputs.lists.positions[begin..end].iter().enumerate() {
-                // The next Gaussians' places follow in the same list, wherever they point.
+                // The positions of the next Gaussian follow in the same list.
                 if let Some(&ahead) = inputs.lists.positions.get(begin + k + GATHER_AHEAD) {
                     prefetch(pairs, ahead as usize * stride);
                     prefetch(pairs, (ahead as usize + 1) * stride - 1);

@@ -1,4 +1,4 @@
-//! What forward and backward share: the inputs of a rasterization and the pixels of one tile.
+//! Shared code of forward and backward: the inputs of a rasterization and the pixels of one tile.
 
 use rayon::prelude::*;
 
@@ -11,16 +11,16 @@ use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::{CHUNK, prefetch, zeros};
 use crate::rows::{DEPTH, PROJECTED, ProjectedRow};
 
-/// Channel counts up to this get code of their own with every accumulator in registers.
+/// Largest number of channels that has code of its own, with every accumulator in registers.
 pub(super) const UNROLLED: usize = 4;
 
-/// How far ahead Gaussians are fetched: a pair takes about 100 ns, memory about as long.
+/// Prefetch distance in Gaussians: a pair takes about 100 ns, a memory access about as long.
 const PREFETCH: usize = 4;
 
 /// Blocks of a tile.
 pub(super) const BLOCKS: usize = EDGE * EDGE;
 
-/// Lanes in memory, at the start of a cache line: a vector that crosses into the next costs twice.
+/// Lanes in memory, at the start of a cache line: a vector across two lines costs twice as much.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(super) struct Aligned<F>(pub [F; LANES]);
@@ -39,20 +39,20 @@ pub(super) fn block_and_lane(x: usize, y: usize) -> (usize, usize) {
     (y / EDGE * EDGE + x / EDGE, y % EDGE * EDGE + x % EDGE)
 }
 
-/// Everything a rasterization reads.
+/// Inputs of a rasterization.
 pub(super) struct Inputs<'a, F> {
     pub config: &'a RasterizeConfig,
     pub projected: &'a [F],
     pub opacities: &'a [F],
     pub features: &'a [F],
     pub lists: IntersectionSlices<'a>,
-    /// Background per feature channel, not finite values as 0, then 0 for depth.
+    /// Background per feature channel, 0 for values that are not finite, then 0 for depth.
     pub background: Vec<F>,
     /// `log2(opacity / ALPHA_MIN)` per Gaussian.
     pub limits: Vec<F>,
     /// Channels blended: features, and depth if asked for.
     pub blended: usize,
-    /// Lists of Gaussians, one a tile.
+    /// Number of lists of Gaussians, one per tile.
     pub tiles: usize,
 }
 
@@ -87,7 +87,7 @@ impl<'a, F: Real> Inputs<'a, F> {
         Self { config, projected, opacities, features, lists, background, limits, blended, tiles }
     }
 
-    /// The Gaussians of a tile, front to back, and where they stand in the sorted list.
+    /// The Gaussians of a tile, front to back, and the list's offset in the sorted list.
     pub fn list(&self, tile: usize) -> (&'a [i32], usize) {
         let begin = self.lists.tile_offsets[tile] as usize;
         let end = self.lists.tile_offsets[tile + 1] as usize;
@@ -97,12 +97,12 @@ impl<'a, F: Real> Inputs<'a, F> {
     /// First pixel of a tile.
     pub fn origin(&self, tile: usize) -> [usize; 2] {
         let (columns, rows) = self.config.tiles();
-        let place = self.lists.places.get(tile).map_or(tile, |&place| place as usize);
-        assert!(place < columns * rows, "a list is for tile {place} of {}", columns * rows);
-        [place % columns * TILE, place / columns * TILE]
+        let image_tile = self.lists.places.get(tile).map_or(tile, |&image_tile| image_tile as usize);
+        assert!(image_tile < columns * rows, "a list is for tile {image_tile} of {}", columns * rows);
+        [image_tile % columns * TILE, image_tile / columns * TILE]
     }
 
-    /// Pixels of the output: the image's, or those of all tiles where tiles have places of their own.
+    /// Pixels of the output: those of the image, or of all tiles for lists with `places`.
     pub fn pixels(&self) -> usize {
         if self.lists.places.is_empty() {
             self.config.width as usize * self.config.height as usize
@@ -111,7 +111,7 @@ impl<'a, F: Real> Inputs<'a, F> {
         }
     }
 
-    /// Where row `row` of the tile at `origin` begins in the output, in pixels.
+    /// Offset in the output of row `row` of the tile at `origin`, in pixels.
     pub fn row_start(&self, tile: usize, [x, y]: [usize; 2], row: usize) -> usize {
         if self.lists.places.is_empty() {
             (y + row) * self.config.width as usize + x
@@ -132,7 +132,7 @@ impl<'a, F: Real> Inputs<'a, F> {
         (row, TileGaussian::new(&row, self.opacities[id], origin))
     }
 
-    /// Fetches ahead what the walk will read of the Gaussian a few places further in its list.
+    /// Prefetches the inputs of the Gaussian a few entries further in the list.
     #[inline(always)]
     pub fn prefetch(&self, ids: &[i32], k: usize) {
         if let Some(&id) = ids.get(k + PREFETCH) {

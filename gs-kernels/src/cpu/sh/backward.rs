@@ -1,4 +1,4 @@
-//! Gradients by the colours to gradients by coefficients, means and pose.
+//! From gradients with respect to the colours to gradients with respect to coefficients, means and pose.
 
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ pub struct ShGradients<F> {
     pub viewmat: Vec<F>,
 }
 
-/// Backward of [`super::forward`] from `v_colors` `[N, 3]`. A channel held at 0 passes nothing.
+/// Backward of [`super::forward`] from `v_colors` `[N, 3]`. A channel clamped at 0 passes no gradient.
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -56,7 +56,7 @@ pub fn backward<F: Real>(
     ShGradients { means: v_means, sh: v_sh, viewmat: centre_vjp(&pose, v_centre).into_viewmat() }
 }
 
-/// As many Gaussians as the gradients hold. A lane task only for the processor's instructions, as in the forward pass.
+/// As many Gaussians as the gradients hold. It is a lane task only for the processor's instructions, as in the forward pass.
 struct ChunkBackward<'a, F, const USED: usize> {
     chunk: Chunk<'a, F>,
     v_colors: &'a [F],
@@ -65,7 +65,7 @@ struct ChunkBackward<'a, F, const USED: usize> {
 }
 
 impl<F: Real, const USED: usize> LaneTask<F> for ChunkBackward<'_, F, USED> {
-    /// The chunk's share of the gradient by the camera's centre.
+    /// The chunk's part of the gradient with respect to the camera's centre.
     type Output = Vec3<F>;
 
     #[inline(always)]
@@ -119,7 +119,7 @@ impl<F: Real, const USED: usize> LaneTask<F> for ChunkBackward<'_, F, USED> {
     }
 }
 
-/// Gradient by the pose from the gradient by the camera's centre `-R^T t`.
+/// Gradient with respect to the pose from that with respect to the camera's centre `-R^T t`.
 fn centre_vjp<F: Real>(pose: &Pose<F>, v: Vec3<F>) -> PoseGradient<F> {
     PoseGradient {
         rotation: std::array::from_fn(|i| std::array::from_fn(|j| -v[j] * pose.translation[i])),

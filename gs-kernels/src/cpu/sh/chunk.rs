@@ -1,4 +1,4 @@
-//! What forward and backward share: a run of Gaussians, and the number of coefficients as a constant.
+//! Shared code of forward and backward: a run of Gaussians, and the number of coefficients as a constant.
 
 use crate::config::ShConfig;
 use crate::cpu::math::Vec3;

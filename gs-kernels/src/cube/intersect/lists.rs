@@ -14,10 +14,10 @@ use crate::rows::PROJECTED;
 /// Tiles and the Gaussians that touch them, on the device; see [`crate::cpu::intersect::Intersections`].
 #[derive(Clone, Debug)]
 pub struct Intersections {
-    /// `[tiles + 1]`; where the lists have [places](crate::cpu::intersect::Intersections::places), those `[tiles]` follow
-    /// in the same buffer, because the backward kernel has no binding left.
+    /// `[tiles + 1]`. For lists with [places](crate::cpu::intersect::Intersections::places), those `[tiles]` follow in the same
+    /// buffer, because the backward kernel has no binding left.
     pub tile_offsets: Buffer,
-    /// Number of lists with a place; 0 when the tiles are those of the image in order.
+    /// Number of lists with `places`; 0 if the tiles are those of the image in order.
     pub placed: usize,
     /// `[M]`, by tile, then depth, then index.
     pub gaussian_ids: Buffer,
@@ -44,8 +44,8 @@ fn pick_kernel(values: &[u32], out: &mut [u32], at: u32) {
     }
 }
 
-/// One unit a Gaussian in depth order: writes its pairs. `pairs` has three parts of one length: the tile of each pair,
-/// the pair's slot in the list by Gaussian, and the Gaussian of each slot.
+/// One unit per Gaussian in depth order: writes its pairs. `pairs` has three parts of one length: the tile of each pair, the pair's
+/// slot in the list by Gaussian, and the Gaussian of each slot.
 #[cube(launch)]
 fn emit_kernel(
     projected: &[f32],
@@ -84,8 +84,8 @@ fn emit_kernel(
             }
         }
     }
-    // A compiler may round this kernel and the counting one differently. Should a tile be missing now, its pair goes to
-    // a tile behind the last, which nobody draws.
+    // A compiler may round this kernel and the counting one differently. If a tile is missing now, its pair goes to a tile behind
+    // the last, which is never drawn.
     for pair in 0..room {
         if pair >= written {
             pairs[(to + pair) as usize] = tiles;
@@ -95,7 +95,7 @@ fn emit_kernel(
     }
 }
 
-/// One unit a tile: where its pairs begin in the sorted list of tiles, by bisection.
+/// One unit per tile: finds the offset of its pairs in the sorted list of tiles, by bisection.
 #[cube(launch)]
 fn tile_offset_kernel(sorted_tiles: &[u32], tile_offsets: &mut [u32], tiles: u32, pairs: u32) {
     let tile = (CUBE_POS * UNITS) as u32 + UNIT_POS;
@@ -115,7 +115,7 @@ fn tile_offset_kernel(sorted_tiles: &[u32], tile_offsets: &mut [u32], tiles: u32
     tile_offsets[tile as usize] = low;
 }
 
-/// One unit a pair in tile order: writes its Gaussian, and its place into the Gaussian's list.
+/// One unit per pair in tile order: writes its Gaussian, and its position into the Gaussian's list.
 #[cube(launch)]
 fn place_kernel(slots: &[u32], owners: &[u32], gaussian_ids: &mut [u32], positions: &mut [u32], pairs: u32) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;

@@ -18,7 +18,7 @@ const CENTRE_SLACK: f32 = (PIXEL_SLACK + 0.5) as f32;
 const EDGE: f32 = TILE as f32;
 const TILE_U32: u32 = TILE as u32;
 
-/// Sorts behind every depth.
+/// A key behind every depth.
 const NO_DEPTH: u32 = u32::MAX;
 
 /// Pixels or tiles `first..=last`; none when `first > last`.
@@ -72,8 +72,8 @@ fn edge(row: DeviceRow, k: f32, dy: f32, side: f32) -> f32 {
     side * rest.sqrt() - row.l * dy
 }
 
-/// Columns of tiles that the ellipse touches in tile row `tile_row`. In the strip its rightmost point is where the whole
-/// ellipse's rightmost point lies, held inside the strip; likewise on the left.
+/// Columns of tiles that the ellipse touches in tile row `tile_row`. The rightmost point in the strip is the whole ellipse's
+/// rightmost point clamped to the strip; likewise on the left.
 #[cube]
 pub(super) fn columns_in(row: DeviceRow, ellipse: Ellipse, tile_row: u32, width: f32, height: f32) -> Range {
     let top = f32::cast_from(tile_row) * EDGE + 0.5f32;
@@ -91,14 +91,14 @@ pub(super) fn columns_in(row: DeviceRow, ellipse: Ellipse, tile_row: u32, width:
     Range { first: select(touched, range.first, 1u32), last: select(touched, range.last, 0u32) }
 }
 
-/// `value` raised to `low`, then lowered to `high`, as the other twin does it.
+/// `value` raised to `low`, then lowered to `high`, in the order of the CPU twin.
 #[cube]
 fn held(value: f32, low: f32, high: f32) -> f32 {
     let raised = select(value > low, value, low);
     select(raised < high, raised, high)
 }
 
-/// One unit a Gaussian: counts its tiles and writes its depth as a key that sorts as an unsigned number.
+/// One unit per Gaussian: counts its tiles and writes its depth as a key that sorts as an unsigned number.
 #[cube(launch)]
 pub(super) fn tile_count_kernel(
     projected: &[f32],

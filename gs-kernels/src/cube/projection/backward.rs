@@ -1,6 +1,6 @@
-//! Gradients by the rows to gradients by the parameters and the pose.
+//! From gradients with respect to the rows to gradients with respect to the parameters and the pose.
 //!
-//! The camera's gradient is a sum over all Gaussians: each cube leaves one row of twelve sums, a last cube adds the rows.
+//! The camera's gradient is a sum over all Gaussians: each cube writes one row of twelve sums, and a last cube adds the rows.
 
 use cubecl::prelude::*;
 
@@ -17,11 +17,11 @@ use crate::cube::reduce::{column_sum, cube_sum};
 use crate::cube::rows::{read_radius, read_row};
 use crate::rows::PROJECTED;
 
-/// Entries of the camera's gradient that a Gaussian contributes to: three rows of rotation and translation.
+/// Entries of the camera's gradient: three rows of rotation and translation.
 const POSE: usize = 12;
 
-/// Adds row `row` of the camera's gradient over the cube: `v_p` is the gradient by that camera coordinate, `v_rotation`
-/// what comes on top for the rotation's row.
+/// Adds row `row` of the camera's gradient over the cube: `v_p` is the gradient with respect to that camera coordinate,
+/// `v_rotation` an additional gradient of the rotation's row.
 #[cube]
 fn pose_sums(
     sums: &mut [f32],
@@ -44,8 +44,8 @@ fn pose_sums(
     }
 }
 
-/// Backward: one unit a Gaussian reads 26 values and writes 10; all outputs are parts of one buffer, to stay within
-/// eight bindings.
+/// Backward: one unit per Gaussian reads 26 values and writes 10; all outputs are parts of one buffer, to stay within eight
+/// bindings.
 #[cube(launch)]
 fn projection_backward_kernel(
     means: &[f32],
@@ -134,8 +134,8 @@ fn masked(v: Vec3, kept: bool) -> Vec3 {
     Vec3 { x: select(kept, v.x, 0.0f32), y: select(kept, v.y, 0.0f32), z: select(kept, v.z, 0.0f32) }
 }
 
-/// One cube: adds the cubes' rows of pose sums `[rows, 12]` into the gradient of `viewmat` `[4, 4]`, which is zero when
-/// a sum is not finite.
+/// One cube: adds the cubes' rows of pose sums `[rows, 12]` into the gradient of `viewmat` `[4, 4]`, which is zero if a sum is not
+/// finite.
 #[cube(launch)]
 fn pose_sum_kernel(sums: &[f32], viewmat: &mut [f32], rows: u32) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
@@ -171,7 +171,7 @@ pub struct ProjectionGradients {
     pub viewmat: Buffer,
 }
 
-/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient by it; the twin of
+/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient with respect to it; the twin of
 /// [`crate::cpu::projection::backward`]. Culled Gaussians receive zero, and so does one whose gradient is not finite.
 ///
 /// # Errors

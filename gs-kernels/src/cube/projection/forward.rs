@@ -15,7 +15,7 @@ use crate::rows::PROJECTED;
 
 const CUTOFF_SIGMAS: f32 = constants::CUTOFF_SIGMAS as f32;
 
-/// Forward: one unit a Gaussian reads 10 values and writes its row of 8.
+/// Forward: one unit per Gaussian reads 10 values and writes its row of 8.
 #[cube(launch)]
 fn projection_forward_kernel(
     means: &[f32],

@@ -1,4 +1,4 @@
-//! 3D Gaussians to 2D ellipses (EWA), forward and backward: one unit a Gaussian.
+//! 3D Gaussians to 2D ellipses (EWA), forward and backward: one unit per Gaussian.
 
 mod backward;
 mod forward;

@@ -1,4 +1,4 @@
-//! What a Gaussian goes through on its way to the image, in both directions.
+//! The steps of the projection that forward and backward share.
 
 use cubecl::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::cube::math::{Mat3, Quat, Vec3, finite, finite3, norm2, rotation};
 const QUAT_NORM2_MIN: f32 = constants::QUAT_NORM2_MIN as f32;
 const QUAT_NORM2_MAX: f32 = constants::QUAT_NORM2_MAX as f32;
 
-/// What one Gaussian goes through; the backward pass goes the same way again.
+/// The intermediate results of the projection of one Gaussian, recomputed by the backward pass.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(super) struct Path {
@@ -47,7 +47,7 @@ pub(super) fn path(mean: Vec3, quat: Quat, log_scales: Vec3, pose: Pose, pinhole
     let a_x = jacobian_row(pinhole.fx, p.z, slope_x.value, pose.rotation.a, pose.rotation.c);
     let a_y = jacobian_row(pinhole.fy, p.z, slope_y.value, pose.rotation.b, pose.rotation.c);
     let ellipse = project(rotation, scales, a_x, a_y, pinhole.eps2d);
-    // Bits first: a comparison with NaN is not to be relied on in a shader.
+    // Bits first: comparisons with NaN are not reliable in a shader.
     let all_finite = finite3(p) && finite(q2) && finite3(scales) && finite3(a_x) && finite3(a_y);
     let in_depth = p.z >= pinhole.near && p.z <= pinhole.far;
     let long_enough = q2 >= QUAT_NORM2_MIN;

@@ -1,5 +1,5 @@
-//! The rows a tile stages: everything a pixel asks of a Gaussian, side by side, so that a batch is read in few cache
-//! lines and through one binding.
+//! The rows that a tile stages: all values of a Gaussian that a pixel needs, contiguous, so that a batch is read in few cache lines
+//! and through one binding.
 //!
 //! Row: mean x, mean y, d1, l, d2, opacity, then the blended channels (features, and depth if it is accumulated).
 
@@ -19,7 +19,7 @@ pub(super) const GEOMETRY: usize = 6;
 /// Pixels of a tile.
 pub(super) const PIXELS: usize = TILE * TILE;
 
-/// What a rasterization is compiled for and the checked sizes of its arguments.
+/// Compile-time options of a rasterization and the checked sizes of its arguments.
 #[derive(Clone, Copy)]
 pub(super) struct Plan {
     pub count: usize,
@@ -28,9 +28,9 @@ pub(super) struct Plan {
     pub width: u32,
     pub height: u32,
     pub columns: usize,
-    /// Lists of Gaussians, one a tile.
+    /// Number of lists of Gaussians, one per tile.
     pub tiles: usize,
-    /// Whether each list is for a tile of its own choice, and the output is tiles, not an image.
+    /// Whether the lists have `places`, so that the output is tiles, not an image.
     pub placed: bool,
 }
 
@@ -72,7 +72,7 @@ impl Plan {
         self.channels + usize::from(self.depth)
     }
 
-    /// Pixels of the output: the image's, or those of all tiles.
+    /// Pixels of the output: those of the image, or of all tiles.
     pub fn pixels(&self) -> usize {
         if self.placed { self.tiles * PIXELS } else { self.width as usize * self.height as usize }
     }
@@ -115,7 +115,7 @@ impl Plan {
     }
 }
 
-/// One unit a Gaussian packs its attribute row.
+/// One unit per Gaussian packs its attribute row.
 #[cube(launch)]
 fn pack_kernel(
     projected: &[f32],
@@ -147,8 +147,7 @@ fn pack_kernel(
     }
 }
 
-/// All units of the cube copy the first `columns` values of `count` attribute rows to `staged`: those of the Gaussians
-/// `ids[first..]`.
+/// All units of the cube copy the first `columns` values of `count` attribute rows, of the Gaussians `ids[first..]`, to `staged`.
 #[cube]
 pub(super) fn stage(
     attributes: &[f32],
@@ -171,14 +170,14 @@ pub(super) fn stage(
     }
 }
 
-/// Which tile of the image list `tile` of `tiles` is for; where the lists are `placed`, behind their offsets.
+/// The image's tile of list `tile` of `tiles`; for `placed` lists it is stored behind their offsets.
 #[cube]
 pub(super) fn place_of(tile_offsets: &[u32], tile: u32, tiles: u32, #[comptime] placed: bool) -> u32 {
-    let mut place = tile;
+    let mut image_tile = tile;
     if comptime!(placed) {
-        place = tile_offsets[(tiles + 1u32 + tile) as usize];
+        image_tile = tile_offsets[(tiles + 1u32 + tile) as usize];
     }
-    place
+    image_tile
 }
 
 /// Number in the output of the pixel (`x`, `y`) of the image, which is pixel `own` of list `tile`.

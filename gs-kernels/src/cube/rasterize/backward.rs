@@ -1,18 +1,18 @@
-//! Blending backward. One cube of 64 units a tile, four pixels a unit.
+//! Blending backward. One cube of 64 units per tile, four pixels per unit.
 //!
-//! A first walk front to back finds every pixel's final transmittance and where its last Gaussian stands. A second walk
-//! goes back to front with the light `S` behind each Gaussian as one running number per pixel:
+//! A first walk front to back finds every pixel's final transmittance and the position of its last Gaussian. A second walk goes
+//! back to front with the light `S` behind each Gaussian as one running number per pixel:
 //!
 //! `T = T_behind / (1 - alpha)`, `q = f . v`, `v_alpha = T q - S / (1 - alpha)`, `S += alpha T q`,
 //!
-//! where `v` is the gradient by the pixel's channels. The division is harmless because alpha is at most 0.999, and
-//! nothing is found as a difference of large sums. With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all
-//! gradients by the ellipse are moments of `s` over pixels.
+//! where `v` is the gradient with respect to the pixel's channels. The division is harmless because alpha is at most 0.999, and no
+//! value is a difference of large sums. With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients with respect to the
+//! ellipse are moments of `s` over pixels.
 //!
-//! Every (tile, Gaussian) pair gets a row of moments of its own, written by its tile alone, and the rows of a Gaussian
-//! are added in tile order ([`super::gather`]): no atomic addition of floats, so equal inputs give equal bits. Inside the
-//! tile a unit first adds its four pixels in registers; the 64 units' sums then meet in shared memory, for as many
-//! Gaussians at once as fit there. No plane operation is used, so the width of a plane does not matter.
+//! Every (tile, Gaussian) pair has a row of moments of its own, written by its tile alone, and the rows of a Gaussian are added in
+//! tile order ([`super::gather`]): no atomic addition of floats, so equal inputs give equal bits. Inside the tile a unit first adds
+//! its four pixels in registers; the 64 units' sums are then added in shared memory, for as many Gaussians at once as fit there. No
+//! plane operation is used, so the width of a plane does not matter.
 
 use cubecl::prelude::*;
 
@@ -35,7 +35,7 @@ const ROWS: usize = UNITS / TILE;
 /// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
 const STAGE: usize = 896;
 
-/// One cube a tile: writes a row of moments for every pair of the tile, and the tile's share of the background's gradient.
+/// One cube per tile: writes a row of moments for every pair of the tile, and the tile's part of the background's gradient.
 #[cube(launch)]
 fn rasterize_backward_kernel(
     attributes: &[f32],
@@ -64,15 +64,15 @@ fn rasterize_backward_kernel(
     let row_len = comptime!(MOMENTS + channels + depth as usize);
     let row_len_u32 = comptime!(row_len as u32);
     let unroll = comptime!(channels <= UNROLLED);
-    // Rows that meet in shared memory at once; a row longer than the slots goes there piece by piece.
+    // Rows that are added in shared memory at once; a row longer than the slots is added piece by piece.
     let group = comptime!((SLOTS / row_len).max(1) as u32);
     let pieces = comptime!(row_len.div_ceil(SLOTS));
 
     let tile = first_tile + CUBE_POS as u32;
     let unit = UNIT_POS as usize;
-    let place = place_of(tile_offsets, tile, all_tiles, placed);
-    let x = place % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
-    let y = place / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
+    let image_tile = place_of(tile_offsets, tile, all_tiles, placed);
+    let x = image_tile % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
+    let y = image_tile / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
     let pixel_x = f32::cast_from(x) + 0.5f32;
     let pixel_y = f32::cast_from(y) + 0.5f32;
 
@@ -90,7 +90,7 @@ fn rasterize_backward_kernel(
     }
     sync_cube();
 
-    // First walk: transmittance behind everything, and one past the place of the last Gaussian blended.
+    // First walk: transmittance behind all Gaussians, and one past the position of the last Gaussian blended.
     let mut t = Array::<f32>::new(OWN);
     let mut last = Array::<u32>::new(OWN);
     let mut open = Array::<bool>::new(OWN);
@@ -151,7 +151,7 @@ fn rasterize_backward_kernel(
     }
     last_drawn[0].fetch_max(own_last);
 
-    // The pixels' gradients, zero outside the image, and the light behind everything.
+    // The pixels' gradients, zero outside the image, and the light behind all Gaussians.
     let mut v = Array::<f32>::new(comptime!(OWN * (blended + 1)));
     let mut behind = Array::<f32>::new(OWN);
     #[unroll]
@@ -194,12 +194,12 @@ fn rasterize_backward_kernel(
         sum_slots(&slots, comptime!(len as u32).runtime(), backgrounds, tile as usize * channels + from);
     }
 
-    // Second walk. What no pixel drew has a row of zeros.
+    // Second walk. Gaussians that no pixel blended have a row of zeros.
     let drawn = workgroup_uniform_load_atomic(&last_drawn[0]);
-    let mut place = (drawn - base) as usize * row_len + unit;
-    while place < (end - base) as usize * row_len {
-        pairs[place] = 0.0f32;
-        place += UNITS;
+    let mut at = (drawn - base) as usize * row_len + unit;
+    while at < (end - base) as usize * row_len {
+        pairs[at] = 0.0f32;
+        at += UNITS;
     }
     let mut sums = Array::<f32>::new(row_len);
     let batches = (drawn - begin).div_ceil(batch);
@@ -234,7 +234,7 @@ fn rasterize_backward_kernel(
                         let alpha = capped(seen.raw);
                         let through = 1.0f32 - alpha;
                         let before = t[j] / through;
-                        // Rounding may differ between the walks, but light does not grow.
+                        // Rounding may differ between the walks, but transmittance never exceeds 1.
                         let before = select(before < 1.0f32, before, 1.0f32);
                         let weight = alpha * before;
                         let mut q = 0.0f32;
@@ -247,7 +247,7 @@ fn rasterize_backward_kernel(
                         let v_alpha = before * q - behind[j] / through;
                         behind[j] += weight * q;
                         t[j] = before;
-                        // A capped alpha does not move with sigma or opacity.
+                        // A capped alpha does not depend on sigma or opacity.
                         let s = select(seen.raw < ALPHA_MAX, -alpha * v_alpha, 0.0f32);
                         let su = s * seen.u;
                         let sy = s * dy;
@@ -292,7 +292,7 @@ fn rasterize_backward_kernel(
 /// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero.
 ///
 /// # Errors
-/// When a buffer would be too large, or the device fails while it is asked where tiles begin.
+/// When a buffer would be too large, or the device fails while the tiles' offsets are read.
 ///
 /// # Panics
 /// When the buffers disagree in length.
@@ -309,8 +309,8 @@ pub fn backward(
     backward_within(client, config, projected, opacities, features, background, lists, v_output, PAIR_BYTES)
 }
 
-/// [`backward`] with at most `pair_bytes` of pair rows at once (or one tile's, if they are more). The sums keep their
-/// order, so the limit does not change a bit of the result.
+/// [`backward`] with at most `pair_bytes` of pair rows at once (or those of one tile, if they are more). The sums keep their order,
+/// so the limit does not change a bit of the result.
 ///
 /// # Errors
 /// As [`backward`].

@@ -1,4 +1,4 @@
-//! Blending forward: colour, depth and alpha of every pixel. One cube a tile, one unit a pixel.
+//! Blending forward: colour, depth and alpha of every pixel. One cube per tile, one unit per pixel.
 
 use cubecl::prelude::*;
 
@@ -14,11 +14,11 @@ use crate::cube::math::finite;
 /// Shared memory for a batch, in floats (8 KiB).
 const STAGE: usize = 2048;
 
-/// Above this many channels the loops over them stay loops: unrolled code would no longer fit an instruction cache.
+/// Above this many channels the loops over them are not unrolled: the code would no longer fit an instruction cache.
 pub(super) const UNROLLED: usize = 40;
 
-/// One cube a tile. A pixel ends when a Gaussian would bring its transmittance under the floor; the tile ends when all
-/// its pixels have.
+/// One cube per tile. A pixel ends when a Gaussian would bring its transmittance under the floor; the tile ends when all its pixels
+/// have.
 #[cube(launch)]
 fn rasterize_forward_kernel(
     attributes: &[f32],
@@ -42,9 +42,9 @@ fn rasterize_forward_kernel(
     let stride = comptime!(GEOMETRY + channels + depth as usize);
     let unroll = comptime!(channels <= UNROLLED);
     let tile = CUBE_POS as u32;
-    let place = place_of(tile_offsets, tile, tiles, placed);
-    let x = place % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
-    let y = place / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
+    let image_tile = place_of(tile_offsets, tile, tiles, placed);
+    let x = image_tile % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
+    let y = image_tile / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
     let pixel_x = f32::cast_from(x) + 0.5f32;
     let pixel_y = f32::cast_from(y) + 0.5f32;
     let inside = x < width && y < height;
@@ -70,7 +70,7 @@ fn rasterize_forward_kernel(
     let end = tile_offsets[CUBE_POS + 1];
     let batches = (end - begin).div_ceil(batch);
     for b in 0..batches {
-        // The barrier inside also keeps the last batch until every unit has left it.
+        // The barrier inside also keeps the last batch until every unit has finished with it.
         if workgroup_uniform_load_atomic(&ended_pixels[0]) == comptime!(PIXELS as u32) {
             break;
         }
@@ -125,8 +125,8 @@ fn rasterize_forward_kernel(
     }
 }
 
-/// Renders: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]` to `[H, W, C + depth + 1]`, or
-/// `[tiles, 16, 16, C + depth + 1]` where the lists have places; the twin of [`crate::cpu::rasterize::forward`].
+/// Renders: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]` to `[H, W, C + depth + 1]`, or for
+/// lists with `places` to `[tiles, 16, 16, C + depth + 1]`; the twin of [`crate::cpu::rasterize::forward`].
 ///
 /// # Errors
 /// When a buffer would be too large.

@@ -32,12 +32,12 @@ pub struct RasterizeGradients {
     pub screen: Buffer,
 }
 
-/// Most bytes of pair rows held at once; a scene with more goes tile range by tile range. At three channels this is
-/// twelve million pairs.
+/// Most bytes of pair rows held at once; a scene with more is processed in ranges of tiles. At three channels this is twelve
+/// million pairs.
 pub const PAIR_BYTES: usize = 512 << 20;
 
-/// One unit a Gaussian and column: adds the column over the Gaussian's pairs in tiles `first_tile..last_tile`, in tile
-/// order, to what earlier ranges of tiles gave. Neighbouring units read neighbouring columns of one row.
+/// One unit per Gaussian and column: adds the column over the Gaussian's pairs in tiles `first_tile..last_tile`, in tile order, to
+/// the sums of earlier ranges of tiles. Neighbouring units read neighbouring columns of one row.
 #[cube(launch)]
 fn pair_sum_kernel(
     pairs: &[f32],
@@ -56,7 +56,7 @@ fn pair_sum_kernel(
     }
     let gaussian = index / row_len as usize;
     let column = index % row_len as usize;
-    // Pairs behind the last tile's belong to no tile, and nobody wrote their rows.
+    // Pairs behind the last tile's belong to no tile, and their rows are not written.
     let begin = tile_offsets[first_tile as usize];
     let end = tile_offsets[last_tile as usize];
     let mut sum = 0.0f32;
@@ -72,7 +72,7 @@ fn pair_sum_kernel(
     sums[index] = sum;
 }
 
-/// One unit a Gaussian: from moments to gradients; all zero when one is not finite. All outputs are parts of one buffer.
+/// One unit per Gaussian: from moments to gradients; all zero if one is not finite. All outputs are parts of one buffer.
 #[cube(launch)]
 fn finish_kernel(
     sums: &[f32],
@@ -144,7 +144,7 @@ fn finish_kernel(
     gradients[to + 3] = select(kept, abs_y, 0.0f32);
 }
 
-/// One cube: adds the tiles' shares of the background's gradient `[tiles, C]`; zero when a sum is not finite.
+/// One cube: adds the tiles' parts of the background's gradient `[tiles, C]`; zero if a sum is not finite.
 #[cube(launch)]
 fn background_sum_kernel(backgrounds: &[f32], v_background: &mut [f32], tiles: u32, #[comptime] channels: usize) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
@@ -163,8 +163,8 @@ fn background_sum_kernel(backgrounds: &[f32], v_background: &mut [f32], tiles: u
     }
 }
 
-/// Cuts the tiles into ranges of at most `pairs` pairs each, and the most pairs of a range. Only where one range is not
-/// enough are the tiles' beginnings read back.
+/// Cuts the tiles into ranges of at most `pairs` pairs each; also returns the most pairs of a range. Only if one range is not
+/// enough are the tiles' offsets read back.
 #[allow(clippy::single_range_in_vec_init)] // one range is meant, not its numbers
 pub(super) fn tile_ranges(
     client: &Client,
@@ -191,7 +191,7 @@ pub(super) fn tile_ranges(
     Ok((ranges, most))
 }
 
-/// Adds the rows of the pairs in `tiles` to the Gaussians' sums `[N, row]`; a range that begins with tile 0 begins anew.
+/// Adds the rows of the pairs in `tiles` to the Gaussians' sums `[N, row]`; a range that begins with tile 0 resets them.
 pub(super) fn add_pairs(
     client: &Client,
     plan: &Plan,
@@ -220,7 +220,7 @@ pub(super) fn add_pairs(
     );
 }
 
-/// From the Gaussians' sums of moments and the tiles' shares of the background to gradients.
+/// From the Gaussians' sums of moments and the tiles' parts of the background to gradients.
 pub(super) fn finish(
     client: &Client,
     plan: &Plan,

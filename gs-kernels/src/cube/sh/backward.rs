@@ -1,4 +1,4 @@
-//! Gradients by the colours to gradients by coefficients, means and pose.
+//! From gradients with respect to the colours to gradients with respect to coefficients, means and pose.
 
 use cubecl::prelude::*;
 
@@ -13,7 +13,7 @@ use crate::cube::math::{Vec3, combine, dot, finite3, read3, scaled, write3};
 use crate::cube::reduce::{column_sum, cube_sum};
 use crate::cube::rows::read_radius;
 
-/// Backward: one unit a Gaussian; all outputs are parts of one buffer, to stay within eight bindings.
+/// Backward: one unit per Gaussian; all outputs are parts of one buffer, to stay within eight bindings.
 #[cube(launch)]
 fn sh_backward_kernel(
     means: &[f32],
@@ -88,8 +88,8 @@ fn sh_backward_kernel(
     }
 }
 
-/// One cube: adds the cubes' sums of the gradient by the means `[rows, 3]`, and carries the camera centre's gradient,
-/// which is its negative, through `-R^T t` to `v_viewmat` `[4, 4]`; zero when it is not finite.
+/// One cube: adds the cubes' sums of the gradient with respect to the means `[rows, 3]`, and propagates the camera centre's
+/// gradient, which is its negative, through `-R^T t` to `v_viewmat` `[4, 4]`; zero if it is not finite.
 #[cube(launch)]
 fn centre_sum_kernel(sums: &[f32], viewmat: &[f32], v_viewmat: &mut [f32], rows: u32) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
@@ -131,8 +131,8 @@ pub struct ShGradients {
     pub viewmat: Buffer,
 }
 
-/// Backward of [`super::forward`] from `v_colors` `[N, 3]`; the twin of [`crate::cpu::sh::backward`]. A channel held at 0
-/// passes nothing.
+/// Backward of [`super::forward`] from `v_colors` `[N, 3]`; the twin of [`crate::cpu::sh::backward`]. A channel clamped at 0 passes
+/// no gradient.
 ///
 /// # Errors
 /// When the gradients exceed one buffer.

@@ -19,7 +19,7 @@ const Y3: [f32; 7] = [
     SH_C3[6] as f32,
 ];
 
-/// The camera's place in the world, `-R^T t`.
+/// The camera's centre in the world, `-R^T t`.
 #[cube]
 pub(super) fn centre(pose: Pose) -> Vec3 {
     scaled(-1.0f32, mat_t_vec(pose.rotation, pose.translation))
@@ -130,7 +130,7 @@ pub(super) fn basis_vjp(#[comptime] degree: u32, d: Vec3, v: &Array<f32>) -> Vec
     Vec3 { x: gx, y: gy, z: gz }
 }
 
-/// `1/2 + sum_k b_k sh_k`, not yet held at zero; `base` is where the Gaussian's coefficients begin.
+/// `1/2 + sum_k b_k sh_k`, not yet clamped at zero; `base` is the offset of the Gaussian's coefficients.
 #[cube]
 pub(super) fn raw_colour(b: &Array<f32>, sh: &[f32], base: usize, #[comptime] used: usize) -> Vec3 {
     let mut r = 0.5f32;

@@ -20,7 +20,7 @@ fn shown(raw: f32, valid: bool) -> f32 {
     select(valid, select(raw > 0.0f32, raw, 0.0f32), INVALID_FEATURE.runtime())
 }
 
-/// Forward: one unit a Gaussian reads `3 (degree + 1)^2 + 4` values and writes 3.
+/// Forward: one unit per Gaussian reads `3 (degree + 1)^2 + 4` values and writes 3.
 #[cube(launch)]
 fn sh_forward_kernel(
     means: &[f32],
