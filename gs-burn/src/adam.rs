@@ -1,8 +1,8 @@
 //! Adam (Kingma and Ba 2015) for any module, with a rate for each path and moments that follow rows.
 //!
-//! Burn's own optimisers keep moments by parameter id and tensor shape. Gaussians are copied and removed while they are
-//! trained, and an optimiser that cannot follow would begin anew each time; so the moments lie here, by path, where
-//! [`Adam::follow`] moves them along. The update itself is [`adam_step`], which works in place.
+//! Burn's own optimisers keep moments by parameter id and tensor shape. Training copies and removes Gaussians, and an optimiser
+//! that cannot follow would restart each time. The moments are therefore kept here by path, and [`Adam::follow`] changes their
+//! rows. The update itself is [`adam_step`], which works in place.
 //!
 //! ```
 //! use burn::module::Module;
@@ -33,10 +33,10 @@ use crate::named_parameters::{NamedGradients, map_parameters};
 use crate::ops::adam::{AdamConfig, adam_step};
 use crate::row_map::RowMap;
 
-/// How one parameter is updated.
+/// Learning rate and decays of one parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdamRate {
-    /// Learning rate, in the parameter's unit a step. With 0 the moments go on without a change of the parameter.
+    /// Learning rate, in the parameter's unit per step. With 0 the moments are updated and the parameter is not.
     pub lr: f64,
     /// Decay of the first moment, 0 to 1.
     pub beta1: f64,
@@ -44,14 +44,14 @@ pub struct AdamRate {
     pub beta2: f64,
     /// Added to the root of the second moment; keeps a parameter without gradients where it is.
     pub eps: f64,
-    /// The first columns of the parameter's table at a rate of their own: how many, and their rate. One tensor of SH
-    /// coefficients needs two rates, for the base colour and for the rest.
+    /// Number of first columns of the parameter's table with a learning rate of their own, and that rate. The SH coefficients are
+    /// one tensor with two rates, one for the base colour and one for the rest.
     pub first_columns: Option<(usize, f64)>,
 }
 
 impl AdamRate {
-    /// `lr` with the values of 3DGS: 0.9, 0.999 and 1e-15. Gradients of a mean over a million pixels are tiny, so a usual `eps`
-    /// of 1e-8 would swallow them.
+    /// `lr` with the values of 3DGS: 0.9, 0.999 and 1e-15. Gradients of a mean over a million pixels are tiny, so the usual `eps`
+    /// of 1e-8 would dominate them.
     pub fn new(lr: f64) -> Self {
         Self { lr, beta1: 0.9, beta2: 0.999, eps: 1e-15, first_columns: None }
     }
@@ -75,18 +75,18 @@ pub struct Moments {
 pub struct Adam {
     /// Moments by path; a parameter that was never updated has none, which means zero.
     pub moments: BTreeMap<String, Moments>,
-    /// Updates so far. One count serves all paths: the bias correction of a parameter whose moments begin late, or anew,
-    /// is that of the others.
+    /// Updates so far. One count serves all paths: a parameter whose moments begin late, or are reset, has the bias correction of
+    /// the others.
     pub updates: u64,
 }
 
 impl Adam {
-    /// No updates yet.
+    /// An optimiser before its first update.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// One update of each parameter of `module` that has a gradient and a rate; all others, and their moments, stay.
+    /// One update of each parameter of `module` that has a gradient and a rate; all others, and their moments, do not change.
     ///
     /// # Panics
     /// When a gradient or the moments have another shape than the parameter.
@@ -100,13 +100,13 @@ impl Adam {
         map_parameters(module, |path, table| self.updated(path, table, &mut gradients, &rate))
     }
 
-    /// Begins an update whose parts are updated one after another by [`update_under`](Self::update_under).
+    /// Begins an update whose parts follow by [`update_under`](Self::update_under).
     pub fn advance(&mut self) {
         self.updates += 1;
     }
 
-    /// The part of an update that concerns the module at the path `root` of a tree: gradients, moments and rates go by the path in the
-    /// tree. The gradients used are taken out.
+    /// The part of an update for the module at the path `root` of a tree; gradients, moments and rates are keyed by the path in the
+    /// tree. The gradients used are removed.
     ///
     /// # Panics
     /// As [`step`](Self::step); and before the first [`advance`](Self::advance).
@@ -137,7 +137,7 @@ impl Adam {
     fn update(&mut self, path: &str, table: Tensor<2>, gradient: Tensor<2>, rate: &AdamRate) -> Tensor<2> {
         let shape = table.dims();
         assert_eq!(gradient.dims(), shape, "shape of the gradient of {path}");
-        // Taken out of its place, so that each buffer has one owner and is updated in place.
+        // Removed from the map, so that each buffer has one owner and is updated in place.
         let Moments { first, second } = self
             .moments
             .remove(path)
@@ -152,7 +152,7 @@ impl Adam {
         table
     }
 
-    /// Moments of the parameter `path`, or of all parameters under it, follow their rows.
+    /// Changes the rows of the moments of parameter `path`, or of all parameters under it.
     pub fn follow(&mut self, path: &str, rows: &RowMap) {
         for moments in self.under(path) {
             for table in [&mut moments.first, &mut moments.second] {
@@ -161,7 +161,7 @@ impl Adam {
         }
     }
 
-    /// Moments of the parameter `path` get zero columns up to `columns`.
+    /// Appends zero columns, up to `columns`, to the moments of parameter `path`.
     pub fn widen(&mut self, path: &str, columns: usize) {
         for moments in self.under(path) {
             for table in [&mut moments.first, &mut moments.second] {
@@ -174,7 +174,7 @@ impl Adam {
         }
     }
 
-    /// Moments of the parameter `path`, or of all under it, become zero.
+    /// Resets the moments of parameter `path`, or of all under it, to zero.
     pub fn forget(&mut self, path: &str) {
         self.moments.retain(|found, _| !is_under(found, path));
     }
@@ -184,13 +184,13 @@ impl Adam {
     }
 }
 
-/// Whether `found` is `path` or lies under it.
+/// Whether `found` is `path` or is under it.
 fn is_under(found: &str, path: &str) -> bool {
     found.strip_prefix(path).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Moves the first `columns` columns by `missing_lr` more. Adam's step is proportional to the rate and its moments do not
-/// depend on it, so they get the rest from the moments just written, and the tensor stays in one piece.
+/// Moves the first `columns` columns by `missing_lr` more. Adam's step is proportional to the rate and its moments do not depend on
+/// it, so the rest of the step follows from the moments just written, and the tensor is not split.
 fn catch_up(
     table: Tensor<2>,
     first: &Tensor<2>,

@@ -21,7 +21,7 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
-/// A pinhole camera: where it stands, how it projects, how large its image is.
+/// A pinhole camera: pose, intrinsics, image size.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// World to camera, `[4, 4]`. Let it require a gradient to optimise the pose.
@@ -45,7 +45,7 @@ impl Camera {
         Self { viewmat: matrix(viewmat, (device, DType::F32)), intrinsics, width, height }
     }
 
-    /// The camera's place in the world, `-R^T t`, scene units. Reads `viewmat` back from the device.
+    /// The camera's centre in the world, `-R^T t`, scene units. Reads `viewmat` back from the device.
     pub fn centre(&self) -> DVec3 {
         let rows: Vec<f64> = self.viewmat.to_data().iter::<f64>().collect();
         let column = |j: usize| DVec3::new(rows[j], rows[4 + j], rows[8 + j]);

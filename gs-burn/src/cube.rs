@@ -1,6 +1,6 @@
-//! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers and go to
-//! [`gs_kernels::cube`]. Everything computes in `f32`, and nothing leaves the device but the number of intersections, and the
-//! rows from which an exposure's lists are made.
+//! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`].
+//! Everything computes in `f32`. Only the number of intersections, and the rows from which an exposure's lists are made, leave the
+//! device.
 
 use burn::backend::Backend;
 use burn::backend::tensor::IntTensor;
@@ -25,13 +25,13 @@ use crate::ops::rasterize::{RasterizeGradients, RasterizeInputs, RasterizeKernel
 use crate::ops::sh::{ShGradients, ShKernels};
 use crate::ops::ssim::{SsimForward, SsimKernels};
 
-/// The device a call runs on, and the way back from buffers to tensors.
-struct Place {
+/// The device of a kernel launch, with conversions between tensors and buffers.
+struct Launch {
     client: Client,
     device: CubeDevice,
 }
 
-impl Place {
+impl Launch {
     fn of(tensor: &CubeTensor) -> Self {
         Self { client: tensor.client.clone(), device: tensor.device.clone() }
     }
@@ -87,12 +87,12 @@ impl Place {
     }
 }
 
-/// One list behind the other.
+/// The concatenation of two lists.
 fn joined<B: Backend>(first: IntTensor<B>, second: IntTensor<B>) -> IntTensor<B> {
     B::int_cat(vec![first, second], 0)
 }
 
-/// Burn's operations return tensors, not results, so what the device cannot carry ends here.
+/// Panics on a [`CubeError`]: Burn's operations return tensors, not results.
 fn unwrap<T>(result: Result<T, CubeError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
@@ -105,10 +105,10 @@ impl ProjectionKernels for CubeBackend {
         viewmat: CubeTensor,
         config: &ProjectionConfig,
     ) -> CubeTensor {
-        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
-        let [means, quats, log_scales, viewmat] = [means, quats, log_scales, viewmat].map(|t| place.floats(t));
-        let rows = projection::forward(&place.client, &means, &quats, &log_scales, &viewmat, config);
-        place.float_tensor(unwrap(rows), [count, PROJECTED])
+        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
+        let [means, quats, log_scales, viewmat] = [means, quats, log_scales, viewmat].map(|t| launch.floats(t));
+        let rows = projection::forward(&launch.client, &means, &quats, &log_scales, &viewmat, config);
+        launch.float_tensor(unwrap(rows), [count, PROJECTED])
     }
 
     fn projection_backward(
@@ -120,11 +120,11 @@ impl ProjectionKernels for CubeBackend {
         projected: CubeTensor,
         v_projected: CubeTensor,
     ) -> ProjectionGradients<Self> {
-        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
+        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
         let [means, quats, log_scales, viewmat, projected, v_projected] =
-            [means, quats, log_scales, viewmat, projected, v_projected].map(|t| place.floats(t));
+            [means, quats, log_scales, viewmat, projected, v_projected].map(|t| launch.floats(t));
         let gradients = unwrap(projection::backward(
-            &place.client,
+            &launch.client,
             &means,
             &quats,
             &log_scales,
@@ -134,10 +134,10 @@ impl ProjectionKernels for CubeBackend {
             &v_projected,
         ));
         ProjectionGradients {
-            means: place.float_tensor(gradients.means, [count, 3]),
-            quats: place.float_tensor(gradients.quats, [count, 4]),
-            log_scales: place.float_tensor(gradients.log_scales, [count, 3]),
-            viewmat: place.float_tensor(gradients.viewmat, [4, 4]),
+            means: launch.float_tensor(gradients.means, [count, 3]),
+            quats: launch.float_tensor(gradients.quats, [count, 4]),
+            log_scales: launch.float_tensor(gradients.log_scales, [count, 3]),
+            viewmat: launch.float_tensor(gradients.viewmat, [4, 4]),
         }
     }
 }
@@ -150,10 +150,10 @@ impl ShKernels for CubeBackend {
         projected: CubeTensor,
         config: &ShConfig,
     ) -> CubeTensor {
-        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
-        let [means, sh, viewmat, projected] = [means, sh, viewmat, projected].map(|t| place.floats(t));
-        let colors = sh::forward(&place.client, &means, &sh, &viewmat, &projected, config);
-        place.float_tensor(unwrap(colors), [count, 3])
+        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
+        let [means, sh, viewmat, projected] = [means, sh, viewmat, projected].map(|t| launch.floats(t));
+        let colors = sh::forward(&launch.client, &means, &sh, &viewmat, &projected, config);
+        launch.float_tensor(unwrap(colors), [count, 3])
     }
 
     fn sh_backward(
@@ -164,14 +164,14 @@ impl ShKernels for CubeBackend {
         config: &ShConfig,
         v_colors: CubeTensor,
     ) -> ShGradients<Self> {
-        let (place, count) = (Place::of(&means), means.meta.shape()[0]);
+        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
         let [means, sh, viewmat, projected, v_colors] =
-            [means, sh, viewmat, projected, v_colors].map(|t| place.floats(t));
-        let gradients = unwrap(sh::backward(&place.client, &means, &sh, &viewmat, &projected, config, &v_colors));
+            [means, sh, viewmat, projected, v_colors].map(|t| launch.floats(t));
+        let gradients = unwrap(sh::backward(&launch.client, &means, &sh, &viewmat, &projected, config, &v_colors));
         ShGradients {
-            means: place.float_tensor(gradients.means, [count, 3]),
-            sh: place.float_tensor(gradients.sh, [count, config.coefficients, 3]),
-            viewmat: place.float_tensor(gradients.viewmat, [4, 4]),
+            means: launch.float_tensor(gradients.means, [count, 3]),
+            sh: launch.float_tensor(gradients.sh, [count, config.coefficients, 3]),
+            viewmat: launch.float_tensor(gradients.viewmat, [4, 4]),
         }
     }
 }
@@ -184,16 +184,16 @@ impl IntersectKernels for CubeBackend {
         width: u32,
         height: u32,
     ) -> IntersectionLists<Self> {
-        let (place, channels) = (Place::of(&projected), features.meta.shape()[1]);
-        let [projected, opacities, features] = [projected, opacities, features].map(|t| place.floats(t));
-        let lists = intersect::intersect(&place.client, &projected, &opacities, &features, width, height, channels);
+        let (launch, channels) = (Launch::of(&projected), features.meta.shape()[1]);
+        let [projected, opacities, features] = [projected, opacities, features].map(|t| launch.floats(t));
+        let lists = intersect::intersect(&launch.client, &projected, &opacities, &features, width, height, channels);
         let lists = unwrap(lists);
         IntersectionLists {
-            tile_offsets: place.int_tensor(lists.tile_offsets),
-            gaussian_ids: place.int_tensor(lists.gaussian_ids),
-            gaussian_offsets: place.int_tensor(lists.gaussian_offsets),
-            positions: place.int_tensor(lists.positions),
-            places: place.int_tensor(unwrap(Buffer::empty(&place.client, "no places of tiles", 0))),
+            tile_offsets: launch.int_tensor(lists.tile_offsets),
+            gaussian_ids: launch.int_tensor(lists.gaussian_ids),
+            gaussian_offsets: launch.int_tensor(lists.gaussian_offsets),
+            positions: launch.int_tensor(lists.positions),
+            places: launch.int_tensor(unwrap(Buffer::empty(&launch.client, "no places of tiles", 0))),
         }
     }
 }
@@ -202,27 +202,27 @@ impl RasterizeKernels for CubeBackend {
     fn rasterize_forward(inputs: RasterizeInputs<Self>) -> CubeTensor {
         let shape = inputs.output_shape();
         let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
-        let place = Place::of(&projected);
+        let launch = Launch::of(&projected);
         let [projected, opacities, features, background] =
-            [projected, opacities, features, background].map(|t| place.floats(t));
-        let lists = place.lists(intersections);
-        let image = rasterize::forward(&place.client, &config, &projected, &opacities, &features, &background, &lists);
-        place.float_tensor(unwrap(image), shape)
+            [projected, opacities, features, background].map(|t| launch.floats(t));
+        let lists = launch.lists(intersections);
+        let image = rasterize::forward(&launch.client, &config, &projected, &opacities, &features, &background, &lists);
+        launch.float_tensor(unwrap(image), shape)
     }
 
-    // The kernel walks front to back once more for what it needs, so it has no use for the output.
+    // The kernel repeats the forward walk, so it does not need the output.
     fn rasterize_backward(
         inputs: RasterizeInputs<Self>,
         _output: CubeTensor,
         v_output: CubeTensor,
     ) -> RasterizeGradients<Self> {
         let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
-        let (place, count) = (Place::of(&projected), projected.meta.shape()[0]);
+        let (launch, count) = (Launch::of(&projected), projected.meta.shape()[0]);
         let [projected, opacities, features, background, v_output] =
-            [projected, opacities, features, background, v_output].map(|t| place.floats(t));
-        let lists = place.lists(intersections);
+            [projected, opacities, features, background, v_output].map(|t| launch.floats(t));
+        let lists = launch.lists(intersections);
         let gradients = unwrap(rasterize::backward(
-            &place.client,
+            &launch.client,
             &config,
             &projected,
             &opacities,
@@ -232,36 +232,36 @@ impl RasterizeKernels for CubeBackend {
             &v_output,
         ));
         RasterizeGradients {
-            projected: place.float_tensor(gradients.projected, [count, PROJECTED]),
-            opacities: place.float_tensor(gradients.opacities, [count]),
-            features: place.float_tensor(gradients.features, [count, config.channels]),
-            background: place.float_tensor(gradients.background, [config.channels]),
-            screen: place.float_tensor(gradients.screen, [count, SCREEN]),
+            projected: launch.float_tensor(gradients.projected, [count, PROJECTED]),
+            opacities: launch.float_tensor(gradients.opacities, [count]),
+            features: launch.float_tensor(gradients.features, [count, config.channels]),
+            background: launch.float_tensor(gradients.background, [config.channels]),
+            screen: launch.float_tensor(gradients.screen, [count, SCREEN]),
         }
     }
 }
 
 impl ChannelsKernels for CubeBackend {
     fn channels_forward(image: CubeTensor, first: usize, count: usize) -> CubeTensor {
-        let place = Place::of(&image);
+        let launch = Launch::of(&image);
         let [height, width, total] = image.meta.shape().dims();
-        let part = channels::forward(&place.client, &place.floats(image), total, first, count);
-        place.float_tensor(unwrap(part), [height, width, count])
+        let part = channels::forward(&launch.client, &launch.floats(image), total, first, count);
+        launch.float_tensor(unwrap(part), [height, width, count])
     }
 
     fn channels_backward(v: CubeTensor, first: usize, total: usize) -> CubeTensor {
-        let place = Place::of(&v);
+        let launch = Launch::of(&v);
         let [height, width, count] = v.meta.shape().dims();
-        let whole = channels::backward(&place.client, &place.floats(v), total, first, count);
-        place.float_tensor(unwrap(whole), [height, width, total])
+        let whole = channels::backward(&launch.client, &launch.floats(v), total, first, count);
+        launch.float_tensor(unwrap(whole), [height, width, total])
     }
 }
 
 impl AverageKernels for CubeBackend {
     fn average_forward(tiles: CubeTensor, shares: &TileShares, config: &AverageConfig) -> CubeTensor {
-        let place = Place::of(&tiles);
-        let image = exposure::average(&place.client, config, shares, &place.floats(tiles));
-        place.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.channels])
+        let launch = Launch::of(&tiles);
+        let image = exposure::average(&launch.client, config, shares, &launch.floats(tiles));
+        launch.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.channels])
     }
 
     fn average_backward(
@@ -270,31 +270,31 @@ impl AverageKernels for CubeBackend {
         config: &AverageConfig,
         v_image: CubeTensor,
     ) -> CubeTensor {
-        let place = Place::of(&tiles);
-        let [tiles, v_image] = [tiles, v_image].map(|t| place.floats(t));
-        let v_tiles = exposure::average_backward(&place.client, config, shares, &tiles, &v_image);
-        place.float_tensor(unwrap(v_tiles), [shares.tiles(), TILE * TILE, config.channels])
+        let launch = Launch::of(&tiles);
+        let [tiles, v_image] = [tiles, v_image].map(|t| launch.floats(t));
+        let v_tiles = exposure::average_backward(&launch.client, config, shares, &tiles, &v_image);
+        launch.float_tensor(unwrap(v_tiles), [shares.tiles(), TILE * TILE, config.channels])
     }
 }
 
 impl SsimKernels for CubeBackend {
     fn ssim_forward(image: CubeTensor, target: CubeTensor) -> SsimForward<Self> {
-        let place = Place::of(&image);
+        let launch = Launch::of(&image);
         let [height, width, channels] = image.meta.shape().dims();
-        let [image, target] = [image, target].map(|t| place.floats(t));
-        let result = unwrap(ssim::forward(&place.client, &image, &target, width, height, channels));
+        let [image, target] = [image, target].map(|t| launch.floats(t));
+        let result = unwrap(ssim::forward(&launch.client, &image, &target, width, height, channels));
         SsimForward {
-            terms: place.float_tensor(result.means, [2]),
-            saved: place.float_tensor(result.saved, [3, height, width, channels]),
+            terms: launch.float_tensor(result.means, [2]),
+            saved: launch.float_tensor(result.saved, [3, height, width, channels]),
         }
     }
 
     fn ssim_backward(image: CubeTensor, target: CubeTensor, saved: CubeTensor, v_terms: CubeTensor) -> CubeTensor {
-        let place = Place::of(&image);
+        let launch = Launch::of(&image);
         let [height, width, channels] = image.meta.shape().dims();
-        let [image, target, saved, v_terms] = [image, target, saved, v_terms].map(|t| place.floats(t));
-        let v_image = ssim::backward(&place.client, &image, &target, &saved, width, height, channels, &v_terms);
-        place.float_tensor(unwrap(v_image), [height, width, channels])
+        let [image, target, saved, v_terms] = [image, target, saved, v_terms].map(|t| launch.floats(t));
+        let v_image = ssim::backward(&launch.client, &image, &target, &saved, width, height, channels, &v_terms);
+        launch.float_tensor(unwrap(v_image), [height, width, channels])
     }
 }
 
@@ -306,15 +306,15 @@ impl AdamKernels for CubeBackend {
         v: CubeTensor,
         config: &AdamConfig,
     ) -> AdamState<Self> {
-        let place = Place::of(&param);
-        // Memory that another tensor shares is copied before it is written.
+        let launch = Launch::of(&param);
+        // Memory that is shared with another tensor is copied before it is written.
         let [param, m, v] = [param, m, v].map(|tensor| {
             let tensor = into_contiguous(tensor);
             if tensor.can_mut() { tensor } else { tensor.copy() }
         });
-        let buffers = [&param, &grad, &m, &v].map(|tensor| place.floats(tensor.clone()));
+        let buffers = [&param, &grad, &m, &v].map(|tensor| launch.floats(tensor.clone()));
         let [b_param, b_grad, b_m, b_v] = &buffers;
-        adam::step(&place.client, b_param, b_grad, b_m, b_v, config);
+        adam::step(&launch.client, b_param, b_grad, b_m, b_v, config);
         AdamState { param, m, v }
     }
 }

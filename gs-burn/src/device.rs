@@ -15,17 +15,17 @@ use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::{Device, Tensor};
 
-/// What computes.
+/// A backend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceKind {
-    /// The first that works of CUDA, Metal, Vulkan, wgpu, Flex and NdArray; never a software GPU, which is slower than
-    /// the CPU backends.
+    /// The first that works of CUDA, Metal, Vulkan, wgpu, Flex and NdArray; never a software GPU, which is slower than the CPU
+    /// backends.
     Auto,
     /// CPU, Burn's Flex.
     Flex,
     /// CPU, Burn's NdArray.
     NdArray,
-    /// GPU, on whichever graphics interface the platform offers.
+    /// GPU, on any graphics interface of the platform.
     Wgpu,
     /// GPU through Vulkan.
     Vulkan,
@@ -40,19 +40,19 @@ use DeviceKind::{Auto, Cuda, Flex, Metal, NdArray, Vulkan, Wgpu};
 /// All kinds, the order in which [`DeviceKind::Auto`] tries them.
 const KINDS: [DeviceKind; 7] = [Auto, Cuda, Metal, Vulkan, Wgpu, Flex, NdArray];
 
-/// What a build can have, those on the CPU first.
+/// All backends that a build can have, those on the CPU first.
 pub const BACKENDS: [DeviceKind; 6] = [Flex, NdArray, Wgpu, Vulkan, Metal, Cuda];
 
-/// A kind of device and, where there are several, which one.
+/// A kind of device and, if there are several, its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeviceChoice {
-    /// What computes.
+    /// The backend.
     pub kind: DeviceKind,
-    /// Place in the list of devices of this kind, from 0; none means the platform's default.
+    /// Index in the list of devices of this kind, from 0; `None` is the platform's default.
     pub index: Option<usize>,
 }
 
-/// Why there is no such device.
+/// The reason why there is no such device.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError {
     /// Not a name of the form `kind[:index]`.
@@ -61,7 +61,7 @@ pub enum DeviceError {
          an index, as in cuda:1"
     )]
     Unknown {
-        /// What was asked for.
+        /// The name as given.
         name: String,
     },
     /// The kind has no index.
@@ -89,9 +89,9 @@ pub enum DeviceError {
     /// The device does not come up or does not compute.
     #[error("device `{choice}` does not work here: {reason}")]
     Unavailable {
-        /// What was asked for.
+        /// The device as given.
         choice: DeviceChoice,
-        /// What the driver or Burn said.
+        /// The message of the driver or of Burn.
         reason: String,
     },
 }
@@ -138,7 +138,7 @@ impl fmt::Display for DeviceKind {
 }
 
 impl DeviceChoice {
-    /// Opens the device and sees whether it computes.
+    /// Opens the device and checks that it computes.
     ///
     /// # Errors
     /// When its backend is not part of this build, or the device does not work. Never panics.
@@ -152,7 +152,7 @@ impl DeviceChoice {
         let unavailable = |reason| DeviceError::Unavailable { choice: self, reason };
         let listed = || quietly(|| self.kind.list()).map_err(unavailable);
         let device = match self.index {
-            // Without the driver CUDA would panic on a thread of its own, and only that thread's silence be seen here.
+            // Without the driver CUDA would panic on a thread of its own, and this thread would only see that it hangs up.
             None if self.kind == Cuda && listed()?.is_empty() => {
                 return Err(unavailable("found no GPU of NVIDIA's with its driver".to_owned()));
             }
@@ -181,7 +181,7 @@ fn open_best() -> Result<Device, DeviceError> {
 }
 
 impl DeviceKind {
-    /// Its name on the command line, which is that of its feature.
+    /// Its name on the command line, which is also that of its feature.
     pub fn name(self) -> &'static str {
         match self {
             Auto => "auto",
@@ -212,7 +212,7 @@ impl DeviceKind {
         }
     }
 
-    /// The platform's own choice among the devices of a kind that is built. Nothing is opened yet.
+    /// The platform's default among the devices of a kind that is built. Nothing is opened yet.
     fn default_device(self) -> Device {
         match self {
             #[cfg(feature = "flex")]
@@ -282,7 +282,7 @@ pub(crate) fn is_gpu(_: &Device) -> bool {
 
 /// Computes something small and reads it back.
 ///
-/// On CUDA the exponential needs a file of the toolkit, which a sum does not.
+/// On CUDA the exponential needs a file of the toolkit, unlike a sum.
 fn probe(device: &Device) -> Result<(), String> {
     let powers = quietly(|| Tensor::<1>::zeros([4], device).exp().try_into_data())?;
     let powers = powers.map_err(|error| innermost(&error.to_string()))?;
@@ -292,7 +292,7 @@ fn probe(device: &Device) -> Result<(), String> {
     }
 }
 
-/// The last cause in a device's message, which is what the user can mend; Burn hands on the chain as one text.
+/// The last cause in a device's message, which the user can act on; Burn returns the chain as one text.
 fn innermost(message: &str) -> String {
     let cause = message.rsplit("Caused by:").next().unwrap_or(message);
     let cause = cause.split("Backtrace:").next().unwrap_or(cause);
@@ -301,11 +301,11 @@ fn innermost(message: &str) -> String {
 
 /// Runs `task`; a panic becomes its message.
 ///
-/// Opening a GPU is lazy in Burn and panics where there is no adapter or no driver: there is no call that returns an
-/// error instead. The panic hook is silenced meanwhile, since it would print a backtrace for what is an ordinary answer.
-/// The hook belongs to the whole process, so open devices before starting threads.
+/// Opening a GPU is lazy in Burn and panics without an adapter or a driver; no call returns an error instead. The panic hook is
+/// silenced meanwhile, because it would print a backtrace for an ordinary result. The hook belongs to the whole process, so open
+/// devices before starting threads.
 fn quietly<T>(task: impl FnOnce() -> T) -> Result<T, String> {
-    // Two at once would each put back what they found, and the second would find the silence of the first.
+    // Two at once would each restore the hook they found, and the second would find the silent one of the first.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let hook = std::panic::take_hook();

@@ -1,10 +1,9 @@
-//! The image a camera gathers while its shutter is open: the mean over several instants, with what stands still drawn
-//! once.
+//! The image that a camera records while its shutter is open: the mean over several instants, with the static Gaussians drawn once.
 //!
-//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMoDe-GS, Eq. 12, with
-//! renderings instead of warped ones). Between instants only some Gaussians move, and they touch only some tiles; so
-//! what stands still is projected, coloured and listed once, and a tile is drawn once for every set of instants at which
-//! it looks the same. The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.
+//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMoDe-GS, Eq. 12, with renderings
+//! instead of warped ones). Only some Gaussians move between instants, and they touch only some tiles. The static ones are
+//! therefore projected, coloured and listed once, and a tile is drawn once for every set of instants at which it looks the same.
+//! The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.
 
 use std::sync::Arc;
 
@@ -20,41 +19,41 @@ use crate::ops::sh::sh_colors;
 use crate::render::projection_config;
 use crate::{Camera, Gaussians, RenderOptions, Rendering};
 
-/// Where the moving Gaussians are at one instant.
+/// The moving Gaussians at one instant.
 #[derive(Clone, Debug)]
 pub struct MovingSample {
-    /// Centres `[M, 3]`, world, scene units.
+    /// Means `[M, 3]`, world, scene units.
     pub means: Tensor<2>,
     /// Orientations `[M, 4]`, w x y z of any norm.
     pub quats: Tensor<2>,
 }
 
-/// How an exposure is rendered.
+/// Options of [`render_exposure`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExposureOptions {
-    /// How each instant is rendered.
+    /// Options of the rendering of each instant.
     pub render: RenderOptions,
-    /// Average the light of colours (through the curve of sRGB) instead of the colours as they are: what a sensor does.
+    /// Average the light of colours (through the curve of sRGB), as a sensor does, instead of the colours.
     pub linear: bool,
 }
 
-/// What [`render_exposure`] returns.
+/// Result of [`render_exposure`].
 #[derive(Clone, Debug)]
 pub struct ExposureRendering {
-    /// Mean colour over the background, `[H, W, 3]`, as stored (not as light).
+    /// Mean colour over the background, `[H, W, 3]`, encoded (not as light).
     pub color: Tensor<3>,
     /// Mean opacity of each pixel, `[H, W, 1]`.
     pub alpha: Tensor<3>,
-    /// Mean over the instants of the depth summed with the blending weights, `[H, W, 1]`, if asked for.
+    /// Mean over the instants of the depth summed with the blending weights, `[H, W, 1]`, if requested.
     pub depth: Option<Tensor<3>>,
-    /// Rows of [`project`], `[N + (n - 1) M, 8]`: the scene with the movers at the middle instant, then the movers at each
-    /// other instant in order.
+    /// Rows of [`project`], `[N + (n - 1) M, 8]`: the scene at the middle instant, then the moving Gaussians at each other instant
+    /// in order.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
     pub intersections: usize,
-    /// Tiles that were drawn.
+    /// Number of tiles that were drawn.
     pub tiles: usize,
-    /// Tiles that one rendering an instant would draw.
+    /// Number of tiles that one rendering per instant would draw.
     pub full_tiles: usize,
     shares: Arc<TileShares>,
     drawn: Tensor<3>,
@@ -64,7 +63,7 @@ pub struct ExposureRendering {
 }
 
 impl ExposureRendering {
-    /// The rendering of the middle instant, sample `n / 2`; it was drawn on the way and costs a copy.
+    /// The rendering of the middle instant, sample `n / 2`; it is part of the result and costs a copy.
     pub fn middle(&self) -> Rendering {
         let first = TileShares::first_only(self.shares.grid(), self.tiles);
         let output = average_tiles(self.drawn.clone(), &Arc::new(first), &average_config(&self.image, false));
@@ -78,35 +77,35 @@ impl ExposureRendering {
         }
     }
 
-    /// Bounding radii in the image, `[N]`, pixels: of a Gaussian that moves the largest over the instants; 0 for one that
-    /// is culled at all of them. Not differentiable.
+    /// Bounding radii in the image, `[N]`, pixels: the largest over the instants for a moving Gaussian; 0 for one that is culled at
+    /// all of them. Not differentiable.
     pub fn radii(&self) -> Tensor<1> {
         let radii = columns::radius(self.projected.clone().inner());
-        let ([count, _], [movers]) = (radii.dims(), self.moving.dims());
+        let ([count, _], [moving_count]) = (radii.dims(), self.moving.dims());
         let scene: Tensor<1> = radii.clone().narrow(0, 0, self.scene).squeeze_dim(1);
-        if count == self.scene || movers == 0 {
+        if count == self.scene || moving_count == 0 {
             return scene;
         }
-        let others = radii.narrow(0, self.scene, count - self.scene).reshape([-1, movers as i32]);
+        let others = radii.narrow(0, self.scene, count - self.scene).reshape([-1, moving_count as i32]);
         let others: Tensor<1> = others.max_dim(0).squeeze_dim(0);
         let own = scene.clone().select(0, self.moving.clone());
-        // What the largest has more than the middle instant's; never negative, so the sum is the larger of the two.
+        // Excess of the largest over the middle instant's; never negative, so the sum is the larger of the two.
         let more = (others - own).clamp_min(0.0);
         scene.select_assign(0, self.moving.clone(), more, burn::tensor::IndexingUpdateOp::Add)
     }
 }
 
-/// Renders the mean over `samples` of the scene with the Gaussians `moving` where each sample has them.
+/// Renders the mean over `samples` of a scene whose Gaussians `moving` have the means and orientations of each sample.
 ///
-/// `moving` holds rising numbers of Gaussians; each sample has as many rows. What `gaussians` has as their centres and
-/// orientations is not used, and gets a gradient of zero; their sizes, opacities and colours hold at all instants.
-/// `screen` `[N, 4]` is as in [`render_with_screen_gradients`](crate::render_with_screen_gradients()), summed over the
-/// instants. Differentiable by every parameter, by the samples and by the camera's `viewmat`.
+/// `moving` holds ascending row numbers; each sample has as many rows. The means and orientations of these rows in `gaussians` are
+/// not used, and get a gradient of zero; their scales, opacities and colours hold at all instants. `screen` `[N, 4]` is as in
+/// [`render_with_screen_gradients`](crate::render_with_screen_gradients()), summed over the instants. Differentiable with respect
+/// to every parameter, the samples and the camera's `viewmat`.
 ///
 /// The lists of tiles are made on the host: on a GPU the projected rows are read back once.
 ///
 /// # Panics
-/// When there is no sample, shapes disagree, `moving` does not rise or the image has no pixels.
+/// When there is no sample, shapes disagree, `moving` does not ascend or the image has no pixels.
 pub fn render_exposure(
     gaussians: &Gaussians,
     moving: &[u32],
@@ -168,8 +167,7 @@ fn average_config(image: &RasterizeConfig, linear: bool) -> AverageConfig {
     AverageConfig { width: image.width, height: image.height, channels: image.output_channels(), encoded }
 }
 
-/// The rows of all instants: the scene with the movers where the middle instant has them, then the movers of each other
-/// instant.
+/// The rows of all instants: the scene at the middle instant, then the moving Gaussians at each other instant.
 struct Table {
     /// `[N + (n - 1) M, 3]`
     means: Tensor<2>,
@@ -186,7 +184,7 @@ struct Table {
 impl Table {
     fn new(gaussians: &Gaussians, moving: &[u32], samples: &[MovingSample]) -> Self {
         let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
-        let (scene, movers) = (gaussians.len(), moving.len());
+        let (scene, moving_count) = (gaussians.len(), moving.len());
         assert!(!samples.is_empty(), "an exposure needs at least one sample");
         assert!(moving.is_sorted_by(|a, b| a < b), "the numbers of what moves must rise");
         assert!(
@@ -194,15 +192,15 @@ impl Table {
             "what moves must be among {scene} Gaussians"
         );
         for MovingSample { means, quats } in samples {
-            assert_shape!(means, [movers, 3]);
-            assert_shape!(quats, [movers, 4]);
+            assert_shape!(means, [moving_count, 3]);
+            assert_shape!(quats, [moving_count, 4]);
         }
         let indices = |values: Vec<i32>| Tensor::<1, Int>::from_data(values.as_slice(), (&means.device(), DType::I32));
         let rows = indices(moving.iter().map(|&row| row as i32).collect());
-        if movers == 0 {
+        if moving_count == 0 {
             return Self { means, quats, scene, further: 0, moving: rows };
         }
-        // Rows are exchanged by number, because a row that is not finite would survive any product with zero.
+        // Rows are replaced by number, because a row that is not finite would remain in any product with zero.
         let mut taken: Vec<i32> = (0..scene as i32).collect();
         moving.iter().enumerate().for_each(|(k, &row)| taken[row as usize] = (scene + k) as i32);
         let taken = indices(taken);
@@ -221,7 +219,7 @@ impl Table {
         }
     }
 
-    /// What every row of the table has of a parameter of the scene.
+    /// A parameter of the scene for every row of the table.
     fn of_rows<const D: usize>(&self, parameter: Tensor<D>) -> Tensor<D> {
         if self.further == 0 {
             return parameter;
@@ -232,9 +230,9 @@ impl Table {
         Tensor::cat(parts, 0)
     }
 
-    /// Colours of all rows. Each instant reads the same coefficients: they are by far the most numbers a Gaussian has.
+    /// Colours of all rows. All instants read the same coefficients, by far the most numbers of a Gaussian.
     fn colors(&self, sh: Tensor<3>, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
-        let movers = self.moving.dims()[0];
+        let moving_count = self.moving.dims()[0];
         let part = |first: usize, count: usize, sh: Tensor<3>| {
             let [means, rows] = [&self.means, projected].map(|rows| match self.further {
                 0 => rows.clone(),
@@ -245,13 +243,13 @@ impl Table {
         let mut parts = vec![part(0, self.scene, sh.clone())];
         if self.further > 0 {
             let sh = sh.select(0, self.moving.clone());
-            parts.extend((0..self.further).map(|k| part(self.scene + k * movers, movers, sh.clone())));
+            parts.extend((0..self.further).map(|k| part(self.scene + k * moving_count, moving_count, sh.clone())));
         }
         concatenated(parts)
     }
 }
 
-/// One tensor below the other; a single one is not copied.
+/// The tensors concatenated along the rows; a single one is not copied.
 fn concatenated(mut parts: Vec<Tensor<2>>) -> Tensor<2> {
     if parts.len() == 1 { parts.remove(0) } else { Tensor::cat(parts, 0) }
 }

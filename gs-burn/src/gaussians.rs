@@ -6,7 +6,7 @@ use burn::tensor::{DType, Device, Tensor, activation, assert_shape};
 /// `N` Gaussians with view-dependent colour.
 #[derive(Module, Debug)]
 pub struct Gaussians {
-    /// Centres `[N, 3]`, world, scene units.
+    /// Means `[N, 3]`, world, scene units.
     pub means: Param<Tensor<2>>,
     /// Orientations `[N, 4]`, w x y z of any norm; normalised on use.
     pub quats: Param<Tensor<2>>,
@@ -19,7 +19,7 @@ pub struct Gaussians {
 }
 
 impl Gaussians {
-    /// From tensors of the shapes given at the fields.
+    /// Gaussians from tensors of the shapes given at the fields.
     ///
     /// A tensor outside any graph becomes a trainable parameter: on an autodiff device it requires a gradient. A tensor
     /// that is already tracked, such as the output of a motion model, stays in its graph and passes its gradient on.
@@ -71,10 +71,10 @@ impl Gaussians {
     pub fn opacities(&self) -> Tensor<1> {
         let logits = self.opacity_logits.val();
         let broken = logits.clone().is_nan();
-        // Deep in the sigmoid's tail. Left as it is, even a gradient of zero would come back as 0 * NaN.
+        // A logit deep in the sigmoid's tail. With NaN left in place, even a gradient of zero would come back as 0 * NaN.
         let logits = logits.mask_fill(broken, -100.0);
         if logits.dtype() == DType::F64 {
-            // Burn's default sigmoid computes in f32 whatever it is given, and f64 is there to judge f32.
+            // Burn's default sigmoid computes in f32 for any type, and f64 is used to test f32.
             return (logits * 0.5).tanh() * 0.5 + 0.5;
         }
         activation::sigmoid(logits)
@@ -85,7 +85,7 @@ impl Gaussians {
         self.log_scales.val().exp()
     }
 
-    /// Where the parameters lie.
+    /// The device of the parameters.
     pub fn device(&self) -> Device {
         self.means.device()
     }

@@ -30,8 +30,8 @@
 //! # Ok::<(), gs_burn::device::DeviceError>(())
 //! ```
 #![recursion_limit = "256"]
-// Burn 0.22 deprecates NdArray in favour of Flex. It stays supported here until the release that drops it, and the
-// dispatch macros name it in every op, so the warnings cannot be allowed closer to their places.
+// Burn 0.22 deprecates NdArray in favour of Flex. It is supported here until the release that removes it, and the dispatch macros
+// name it in every op, so the warnings cannot be allowed in a smaller scope.
 #![cfg_attr(feature = "ndarray", allow(deprecated))]
 
 /// The README's example compiles and runs.

@@ -14,7 +14,7 @@ use std::convert::Infallible;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::tensor::{Gradients, Tensor};
 
-/// A learned tensor and where it is in its module.
+/// A learned tensor and its path in its module.
 #[derive(Debug, Clone)]
 pub struct NamedParameter {
     /// Names of the fields that lead to it, joined by dots.
@@ -66,9 +66,9 @@ pub fn parameter_bytes<M: Module>(module: &M) -> usize {
 /// The module with `f(path, table)` in place of each learned tensor.
 ///
 /// `f` receives and returns values outside autodiff; a parameter on an autodiff device becomes a leaf of a new graph, which
-/// requires a gradient if it did before. The module is consumed so that `f` is the only owner of a tensor that nobody else
-/// holds, and can change it in place. The first axis may change its length; of the others, the second takes up what the
-/// number of columns changes (a table of SH coefficients grows by whole coefficients).
+/// requires a gradient if it did before. The module is consumed, so that `f` is the only owner of a tensor without other owners and
+/// can change it in place. The first axis may change its length; among the others, the second absorbs a change of the number of
+/// columns (a table of SH coefficients grows by whole coefficients).
 ///
 /// # Panics
 /// When the columns of a returned table do not fit the parameter's other axes.
@@ -83,7 +83,7 @@ pub fn map_parameters<M: Module>(module: M, mut f: impl FnMut(&str, Tensor<2>) -
     }
 }
 
-/// [`map_parameters`] with an `f` that may fail, such as one that reads a file; it also learns the parameter's shape.
+/// [`map_parameters`] with an `f` that may fail, such as one that reads a file; `f` also gets the parameter's shape.
 ///
 /// # Errors
 /// The first error of `f`, which is not called again after it.
@@ -121,7 +121,7 @@ pub fn try_map_parameters<M: Module, E>(
                 }
                 Err(error) => {
                     self.error = Some(error);
-                    // The module is dropped; this only has to be some tensor.
+                    // The module is dropped, so any tensor will do.
                     Param::from_mapped_value(id, Tensor::empty(shape, &device), mapper)
                 }
             }
@@ -179,22 +179,22 @@ impl NamedGradients {
         self.tables.get(path)
     }
 
-    /// Puts a gradient in place of the present one, or beside the others: one that comes from elsewhere than the graph.
+    /// Inserts or replaces a gradient, for gradients from outside the graph.
     pub fn insert(&mut self, path: impl Into<String>, table: Tensor<2>) {
         self.tables.insert(path.into(), table);
     }
 
-    /// Takes one out: its parameter stays as it is in the next update.
+    /// Removes a gradient, so that its parameter does not change in the next update.
     pub fn remove(&mut self, path: &str) -> Option<Tensor<2>> {
         self.tables.remove(path)
     }
 
-    /// All of them, by path.
+    /// All gradients, by path.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Tensor<2>)> {
         self.tables.iter().map(|(path, table)| (path.as_str(), table))
     }
 
-    /// One number `[1]` that is finite only if every gradient is, for a caller who reads other numbers too; see [`finiteness`].
+    /// One number `[1]` that is finite only if every gradient is, for a caller that reads other numbers too; see [`finiteness`].
     pub fn finiteness(&self) -> Option<Tensor<1>> {
         finiteness(self.tables.values().cloned())
     }
@@ -207,8 +207,7 @@ impl NamedGradients {
 
 /// Whether every number of `tables` is finite, with one read from the device for all of them.
 ///
-/// Sums carry NaN and infinity along. Finite numbers whose sum overflows count as not finite: a gradient of that size is
-/// of no use either.
+/// Sums propagate NaN and infinity. Finite numbers whose sum overflows count as not finite: a gradient of that size is useless too.
 pub fn all_finite(tables: impl IntoIterator<Item = Tensor<2>>) -> bool {
     finiteness(tables).is_none_or(|sum| sum.into_data().iter::<f64>().all(f64::is_finite))
 }
@@ -219,7 +218,7 @@ pub fn finiteness(tables: impl IntoIterator<Item = Tensor<2>>) -> Option<Tensor<
     filled.map(Tensor::sum).reduce(|a, b| a + b)
 }
 
-/// The fields that lead to where a walk is.
+/// The path of fields to the current position of a walk.
 #[derive(Default)]
 struct Path(Vec<String>);
 
@@ -241,7 +240,7 @@ impl Path {
 fn to_table<const D: usize>(tensor: Tensor<D>) -> Tensor<2> {
     let shape = tensor.dims();
     let table = [shape[0], shape[1..].iter().product()];
-    // To Burn's `reshape` a 0 means "as before".
+    // In Burn's `reshape` a 0 means "as before".
     if shape.contains(&0) { Tensor::zeros(table, (&tensor.device(), tensor.dtype())) } else { tensor.reshape(table) }
 }
 

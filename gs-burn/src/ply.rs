@@ -16,23 +16,23 @@ use std::path::PathBuf;
 pub use read::read_ply;
 pub use write::write_ply;
 
-/// Why a scene could not be read or written.
+/// Errors of reading and writing a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum PlyError {
-    /// The file system refused.
+    /// The file system returned an error.
     #[error("{path}: {source}", path = path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's message.
         source: io::Error,
     },
-    /// The header is not that of a PLY file with Gaussians.
+    /// The header does not belong to a PLY file with Gaussians.
     #[error("{path}: {message}", path = path.display())]
     Header {
         /// The file.
         path: PathBuf,
-        /// What was expected and what was found.
+        /// The expected and the found header.
         message: String,
     },
     /// A vertex lacks something a Gaussian needs.
@@ -51,14 +51,14 @@ pub enum PlyError {
     Cut {
         /// The file.
         path: PathBuf,
-        /// Vertices the header promises.
+        /// Number of vertices in the header.
         count: u64,
-        /// Bytes they need with the header.
+        /// Bytes that they need, with the header.
         expected: u64,
         /// Bytes there are.
         found: u64,
     },
-    /// A value is no number where a number is needed.
+    /// A value is not finite.
     #[error("{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}", path = path.display())]
     NotFinite {
         /// The file.
@@ -67,7 +67,7 @@ pub enum PlyError {
         vertex: usize,
         /// Name of its property.
         property: String,
-        /// What stands there.
+        /// The value as it is in the file.
         found: String,
     },
 }

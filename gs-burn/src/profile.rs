@@ -1,10 +1,10 @@
-//! Where the time of a step goes: seconds by stage, wall and processor, measured where the work is started.
+//! Time of each stage of a step: wall-clock and processor seconds, measured on the thread that starts the work.
 //!
-//! Stages nest, and each is charged only for what no stage inside it is charged for, so the stages of a [`step`] add up to
-//! it; outside a step nothing is charged. The operations of [`ops`](crate::ops) are stages already, forward and backward; a
-//! caller adds its own around them. A recording belongs to the thread that began it, which is the one that calls the operations and goes back
-//! through the graph; the threads an operation shares its work with are in the processor time, because that is the
-//! whole process's. Without a recording a stage costs the reading of one thread-local flag.
+//! Stages nest, and each is charged only for time outside its inner stages, so the stages of a [`step`] add up to it; outside a
+//! step nothing is charged. The operations of [`ops`](crate::ops) are stages already, forward and backward; a caller adds its own.
+//! A recording belongs to the thread that began it, which calls the operations and runs the backward pass. The threads of an
+//! operation are included in the processor time, which is that of the whole process. Without a recording a stage costs the reading
+//! of one thread-local flag.
 //!
 //! ```
 //! use gs_burn::profile;
@@ -21,15 +21,15 @@
 use std::cell::{Cell, RefCell};
 use std::time::Instant;
 
-/// The stage that is charged for what no other stage of a step is; it is entered once a step.
+/// The stage for everything in a step outside other stages; it is entered once per step.
 pub const REST: &str = "everything else";
 
-/// What a recording reads at each boundary of a stage.
+/// The clocks that a recording reads at each boundary of a stage.
 pub struct Clock {
-    /// Processor time of the process so far, all threads, seconds; `None` where the system does not say.
+    /// Processor time of the process so far, all threads, seconds; `None` if the system does not report it.
     pub cpu: fn() -> Option<f64>,
-    /// Waits until the device has done what it was told. Nothing on the CPU; on a GPU, whose work is queued, a stage would
-    /// otherwise be charged for the queueing alone. The waits make a profiled step slower than others.
+    /// Waits until the device has finished its work. Nothing on the CPU; on a GPU, whose work is queued, a stage would otherwise be
+    /// charged for queueing alone. The waits slow a profiled step down.
     pub wait: Box<dyn Fn()>,
 }
 
@@ -39,7 +39,7 @@ impl std::fmt::Debug for Clock {
     }
 }
 
-/// What was spent in a stage, stages inside it left out.
+/// Time of a stage, without the stages inside it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageTime {
     /// Its name.
@@ -48,7 +48,7 @@ pub struct StageTime {
     pub calls: u64,
     /// Wall-clock time, seconds.
     pub wall: f64,
-    /// Processor time of all threads, seconds; `None` where the system does not say.
+    /// Processor time of all threads, seconds; `None` if the system does not report it.
     pub cpu: Option<f64>,
 }
 
@@ -69,7 +69,7 @@ struct Open {
     stage: usize,
     whole: bool,
     since: Reading,
-    /// What stages inside it were charged for.
+    /// Time charged to stages inside it.
     inside: Reading,
 }
 
@@ -141,7 +141,7 @@ impl Recorder {
     }
 }
 
-/// Begins a recording on this thread; one that is under way is dropped.
+/// Begins a recording on this thread; one in progress is dropped.
 pub fn begin(clock: Clock) {
     RECORDER.set(Some(Recorder { clock, stages: Vec::new(), open: Vec::new() }));
     ON.set(true);
@@ -154,7 +154,7 @@ pub fn end() -> Vec<StageTime> {
     RECORDER.take().map_or_else(Vec::new, |recorder| recorder.stages)
 }
 
-/// What this thread's recording has so far.
+/// The stages of this thread's recording so far.
 pub fn so_far() -> Vec<StageTime> {
     RECORDER.with_borrow(|recorder| recorder.as_ref().map_or_else(Vec::new, |recorder| recorder.stages.clone()))
 }
@@ -164,14 +164,14 @@ pub fn is_on() -> bool {
     ON.get()
 }
 
-/// A stage under way; it ends where this is dropped.
+/// A stage in progress; it ends when this is dropped.
 #[derive(Debug)]
 #[must_use = "the stage ends where this is dropped"]
 pub struct Stage {
     charged: bool,
 }
 
-/// Enters a step. It is the stage [`REST`], and all others are charged inside it alone.
+/// Enters a step. It is the stage [`REST`], and all others are charged only inside it.
 pub fn step() -> Stage {
     enter(REST, Kind::Step)
 }
@@ -181,12 +181,12 @@ pub fn stage(name: &'static str) -> Stage {
     enter(name, Kind::Part)
 }
 
-/// Enters a stage that is charged for all that happens inside it, whatever stages that enters.
+/// Enters a stage that is charged for everything inside it, including inner stages.
 pub fn whole_stage(name: &'static str) -> Stage {
     enter(name, Kind::Whole)
 }
 
-/// What `work` returns, as a stage.
+/// Runs `work` as a stage and returns its result.
 pub fn timed<T>(name: &'static str, work: impl FnOnce() -> T) -> T {
     let _stage = stage(name);
     work()
@@ -218,7 +218,7 @@ mod tests {
         NOW.set(NOW.get() + seconds);
     }
 
-    /// A recording whose processor time is what [`work`] was told.
+    /// A recording whose processor time is set by [`work`].
     fn begin_told() {
         begin(Clock { cpu: || Some(NOW.get()), wait: Box::new(|| ()) });
     }
@@ -271,7 +271,7 @@ mod tests {
         assert!(!is_on());
         assert_eq!(timed("nothing", || 3), 3);
         assert!(end().is_empty());
-        // A recording that ends inside a stage, or begins inside one, is no accident either.
+        // A recording may also end or begin inside a stage.
         begin_told();
         let open = step();
         end();

@@ -12,7 +12,7 @@ use crate::ops::rasterize::rasterize;
 use crate::ops::sh::sh_colors;
 use crate::{Camera, Gaussians};
 
-/// How to render.
+/// Options of a rendering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderOptions {
     /// Active degree of the spherical harmonics; capped at the stored one. Default 3.
@@ -46,7 +46,7 @@ impl Default for RenderOptions {
     }
 }
 
-/// What [`render`] returns.
+/// Result of [`render`].
 #[derive(Clone, Debug)]
 pub struct Rendering {
     /// Colour over the background, `[H, W, 3]`.
@@ -64,9 +64,9 @@ pub struct Rendering {
 }
 
 impl Rendering {
-    /// Mean depth of what a pixel shows, `depth / alpha`, `[H, W, 1]`; 0 where nothing is.
+    /// Mean depth of a pixel, `depth / alpha`, `[H, W, 1]`, scene units; 0 where alpha is 0.
     pub fn expected_depth(&self) -> Option<Tensor<3>> {
-        // Any alpha a pixel can have is at least ALPHA_MIN; the floor only keeps 0 / 0 away.
+        // Any alpha above 0 is at least ALPHA_MIN; the floor only prevents 0 / 0.
         self.depth.clone().map(|depth| depth / self.alpha.clone().clamp_min(1e-6))
     }
 
@@ -76,7 +76,7 @@ impl Rendering {
     }
 }
 
-/// Renders the Gaussians as the camera sees them; differentiable by every parameter and by the camera's `viewmat`.
+/// Renders the Gaussians as seen by the camera; differentiable with respect to every parameter and the camera's `viewmat`.
 ///
 /// # Panics
 /// When the parameters' shapes disagree or the image has no pixels.
@@ -84,7 +84,7 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -
     render_with(gaussians, camera, options, Extras::default())
 }
 
-/// What a rendering may carry beside colour.
+/// Optional inputs of a rendering beside colour.
 #[derive(Clone, Debug, Default)]
 pub struct Extras {
     /// One row of any numbers per Gaussian, `[N, F]`, blended in the same pass as the colours over a background of zero:
@@ -96,8 +96,8 @@ pub struct Extras {
 
 /// Like [`render`], with the statistic that density control needs.
 ///
-/// `screen` `[N, 4]` holds zeros and requires a gradient. After the backward pass its gradient is, per Gaussian, the
-/// gradient of the loss by its centre in pixels (x, y), and the sum over pixels of the absolute contributions to it.
+/// `screen` `[N, 4]` holds zeros and requires a gradient. After the backward pass its gradient is, per Gaussian, the gradient of
+/// the loss with respect to its 2D mean in pixels (x, y), and the sum over pixels of the absolute contributions to it.
 ///
 /// # Panics
 /// When the parameters' shapes disagree or the image has no pixels.
@@ -110,7 +110,7 @@ pub fn render_with_screen_gradients(
     render_with(gaussians, camera, options, Extras { screen: Some(screen), features: None })
 }
 
-/// Like [`render`], with [`Extras`]; differentiable by the features too.
+/// Like [`render`], with [`Extras`]; differentiable with respect to the features too.
 ///
 /// # Panics
 /// When the parameters' shapes disagree, the features have another number of rows, or the image has no pixels.

@@ -1,16 +1,16 @@
-//! Which old row each row of a changed scene comes from.
+//! Row maps: the old row of each row of a changed scene.
 
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use crate::named_parameters::map_parameters;
 
-/// A change of the rows of a scene: Gaussians were copied, moved or removed.
+/// A change of the rows of a scene, by copying, moving or removing Gaussians.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RowMap {
-    /// The old row that each new row comes from.
+    /// The old row of each new row.
     pub from: Vec<u32>,
-    /// Whether the new row's optimiser moments begin at zero.
+    /// Whether the new row's optimiser moments are reset to zero.
     pub reset: Vec<bool>,
 }
 
@@ -20,7 +20,7 @@ impl RowMap {
         Self { reset: vec![false; kept.len()], from: kept }
     }
 
-    /// New rows.
+    /// Number of new rows.
     pub fn len(&self) -> usize {
         self.from.len()
     }
@@ -30,7 +30,7 @@ impl RowMap {
         self.from.is_empty()
     }
 
-    /// Whether each of `rows` rows stays where it is (its moments may begin anew).
+    /// Whether each of `rows` rows keeps its position (its moments may be reset).
     pub fn is_identity(&self, rows: usize) -> bool {
         self.len() == rows && self.from.iter().enumerate().all(|(new, old)| new as u32 == *old)
     }
@@ -48,7 +48,7 @@ impl RowMap {
         table.select(0, index)
     }
 
-    /// The new rows of moments `[old rows, columns]`: zero where they begin anew.
+    /// The new rows of moments `[old rows, columns]`, zero where they are reset.
     pub fn select_moments(&self, table: Tensor<2>) -> Tensor<2> {
         let selected = self.select(table);
         if self.is_empty() || !self.reset.contains(&true) {
@@ -60,7 +60,7 @@ impl RowMap {
         selected * keep
     }
 
-    /// `module` with the new rows of every learned tensor: for modules that hold one row per Gaussian and nothing else.
+    /// `module` with the new rows of every learned tensor, for modules with one row per Gaussian in every tensor.
     pub fn apply<M: Module>(&self, module: M) -> M {
         map_parameters(module, |_, table| self.select(table))
     }

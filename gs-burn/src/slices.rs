@@ -1,14 +1,14 @@
-//! Burn's CPU tensors as slices, and vectors as Burn tensors, without copies wherever the memory allows.
+//! Burn's CPU tensors as slices, and vectors as Burn tensors, without copies if the memory allows it.
 //!
-//! The CPU kernels know slices only. [`HostBackend`] is what Flex and NdArray have in common for them; every kernel
-//! trait of [`crate::ops`] is implemented once, for all `HostBackend`s.
+//! The CPU kernels take slices only. [`HostBackend`] is the common interface of Flex and NdArray; every kernel trait of
+//! [`crate::ops`] is implemented once, for all `HostBackend`s.
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, BackendTypes, TensorMetadata};
 use burn::tensor::{Element, Shape};
 use gs_kernels::cpu::Real;
 
-/// A backend whose tensors lie in the memory of this process.
+/// A backend whose tensors are in the memory of this process.
 pub trait HostBackend:
     Backend + BackendTypes<FloatTensorPrimitive: HostTensor, IntTensorPrimitive: HostTensor>
 {
@@ -126,7 +126,7 @@ mod flex {
 
     impl HostTensor for FlexTensor {
         fn contiguous(self) -> Self {
-            // A contiguous part of a larger buffer is fine as it is; `to_contiguous` would copy it.
+            // A contiguous part of a larger buffer needs no copy; `to_contiguous` would make one.
             if self.layout().contiguous_offsets().is_some() { self } else { self.to_contiguous() }
         }
         fn elements<E: HostElement>(&self) -> &[E] {

@@ -1,4 +1,4 @@
-//! Small random scenes in `f64`, and how unit tests compare tensors.
+//! Small random scenes in `f64`, and comparisons of tensors for unit tests.
 
 use burn::tensor::{DType, Device, Gradients, Tensor, TensorData};
 use gs_kernels::config::ProjectionConfig;

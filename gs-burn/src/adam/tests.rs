@@ -35,7 +35,7 @@ fn rate(path: &str) -> Option<AdamRate> {
     Some(AdamRate::new(lr))
 }
 
-/// Three updates by path are those of `adam_step` on each tensor by itself, to the bit.
+/// Three updates by path equal those of `adam_step` on each tensor alone, to the bit.
 #[test]
 fn updates_by_path_are_those_of_each_tensor() {
     let (mut module, mut adam) = (model(), Adam::new());
@@ -52,7 +52,7 @@ fn updates_by_path_are_those_of_each_tensor() {
         (means, moments) = (p, [m, v]);
         let [m, v] = of_sh;
         let (p, m, v) = adam_step(sh, of("gaussians.sh").reshape([5, 4, 3]), m, v, &config(0.01));
-        // The base colour's own rate: what is missing, from the moments just written.
+        // The base colour's own rate: the rest of its step, from the moments just written.
         let corrected = m.clone() / (1.0 - 0.9_f64.powi(step as i32));
         let spread = (v.clone() / (1.0 - 0.999_f64.powi(step as i32))).sqrt() + 1e-15;
         let base = s![.., 0..1];
@@ -140,15 +140,14 @@ fn new_columns_begin_at_zero_and_forgetting_is_beginning() {
     assert_eq!(adam.moments.keys().collect::<Vec<_>>(), ["unreached"]);
 }
 
-/// A name that only begins alike lies not under the path.
+/// A name that only begins alike is not under the path.
 #[test]
 fn paths_end_at_dots() {
     assert!(is_under("a.b.c", "a.b") && is_under("a.b", "a.b"));
     assert!(!is_under("a.bc", "a.b") && !is_under("a", "a.b"));
 }
 
-/// Where a parameter's numbers lie stays the same through a whole step: the graph of the step lets go of them, and nothing
-/// copies them.
+/// A parameter's numbers keep their address through a whole step: the graph of the step releases them, and nothing copies them.
 #[cfg(feature = "flex")]
 #[test]
 fn parameters_are_updated_in_place() {
@@ -158,7 +157,7 @@ fn parameters_are_updated_in_place() {
     let mut module = Param::from_tensor(tensor);
     let mut adam = Adam::new();
     let address = |module: &Param<Tensor<3>>| {
-        // One owner more while this looks, so that it sees the numbers and not a copy made for it.
+        // One owner more during this look, so that it sees the numbers and not a copy.
         match module.val().into_dispatch().kind {
             burn::backend::DispatchTensorKind::Flex(tensor) => {
                 tensor.as_float().as_slice::<f32>().expect("f32").as_ptr()

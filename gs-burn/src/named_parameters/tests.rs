@@ -81,7 +81,7 @@ fn columns_that_fit_no_axis_are_refused() {
 fn leaves_stay_leaves_and_plain_tensors_plain() {
     let plain = map_parameters(model(), |_, table| table);
     assert!(!plain.gaussians.means.is_autodiff());
-    // Marked as learned all the same: `train` makes leaves of them.
+    // Nevertheless marked as learned: `train` makes leaves of them.
     let tracked = map_parameters(plain.train(), |_, table| table + 1.0);
     assert!(tracked.gaussians.sh.is_require_grad());
     let loss = tracked.gaussians.sh.val().sum();

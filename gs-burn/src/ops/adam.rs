@@ -12,8 +12,8 @@ use crate::slices::{HostBackend, HostTensor, with_float};
 
 /// Updates a parameter and its two moments (Kingma and Ba 2015).
 ///
-/// All four tensors have one shape and float type; gradient tracking is dropped. The CPU backends write into `param`,
-/// `m` and `v` when nobody else holds them, so give them away: a clone kept elsewhere costs a copy of the tensor.
+/// All four tensors have one shape and float type; gradient tracking is dropped. The CPU backends write into `param`, `m` and `v`
+/// if they have no other owner, so pass them by value: a clone kept elsewhere costs a copy of the tensor.
 ///
 /// Returns the new `(param, m, v)`.
 ///
@@ -53,7 +53,7 @@ pub struct AdamState<B: Backend> {
     pub v: FloatTensor<B>,
 }
 
-/// What dispatch calls for [`adam_step`].
+/// Burn's dispatch for [`adam_step`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -134,7 +134,7 @@ mod tests {
         for step in 1..=3 {
             (param, m, v) = adam_step(param, grad.clone(), m, v, &config(step));
         }
-        // With a constant gradient the corrected moments are the gradient and its square from the first step on.
+        // With a constant gradient the corrected moments equal the gradient and its square from the first step on.
         let direction = grad.clone() / (grad.clone().abs() + 1e-8);
         assert_close("param", &param, &(start - direction * 0.3), 1e-12);
         assert_close("m", &m, &(grad.clone() * (1.0 - 0.9_f64.powi(3))), 1e-12);

@@ -1,7 +1,7 @@
-//! Some channels of an image, as an image.
+//! A range of an image's channels, as an image.
 //!
-//! `narrow` would do, but it returns a strided view that every later op must straighten, and its gradient is made in
-//! three passes over the image; for an image of Gaussians that took as long as projecting them. One pass each way here.
+//! `narrow` returns a strided view that every later op must make contiguous, and its gradient takes three passes over the image;
+//! for an image of Gaussians that took as long as projecting them. This op takes one pass in each direction.
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
@@ -21,7 +21,7 @@ pub fn channels(image: Tensor<3>, first: usize, count: usize) -> Tensor<3> {
     Tensor::from_dispatch(Dispatch::channels(image.into_dispatch(), first, count))
 }
 
-/// What dispatch calls for [`channels`].
+/// Burn's dispatch for [`channels`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -102,7 +102,7 @@ fn copy<F: Copy + Send + Sync>(
     });
 }
 
-/// What the backward pass needs again.
+/// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct ChannelsState {
     first: usize,

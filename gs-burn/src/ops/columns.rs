@@ -8,7 +8,7 @@ const DEPTH: usize = gs_kernels::rows::DEPTH;
 const COMPENSATION: usize = 6;
 const RADIUS: usize = 7;
 
-/// Projected centres `[N, 2]`, pixels.
+/// Projected means `[N, 2]`, pixels.
 pub fn mean(projected: Tensor<2>) -> Tensor<2> {
     projected.narrow(1, MEAN, 2)
 }

@@ -1,5 +1,5 @@
-//! Several instants of a scene in one image: the lists of their tiles and the mean of what the tiles show; how the work
-//! is shared is in [`gs_kernels::cpu::exposure`].
+//! Several instants of a scene in one image: the lists of their tiles and the mean of the drawn tiles.
+//! [`gs_kernels::cpu::exposure`] explains how the work is shared.
 
 use std::sync::Arc;
 
@@ -18,20 +18,20 @@ use super::intersect::TileIntersections;
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
-/// The lists of all instants of a table of rows, and how the drawn tiles are shared among them.
+/// The lists of all instants of a table of rows, and the shares of the drawn tiles.
 ///
-/// - `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`: first the `scene` rows at the first instant, then the
-///   `M` rows `moving` at each further one
-/// - `moving`: numbers of the Gaussians that move, rising
+/// - `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`: first the `scene` rows at the first instant, then the `M` rows
+///   `moving` at each further one
+/// - `moving`: ascending row numbers of the Gaussians that move
 ///
-/// A list holds what [`intersect`](super::intersect::intersect) finds in the whole scene at that instant. Tiles that look
-/// alike at several instants have one list. Not differentiable.
+/// A list equals that of [`intersect`](super::intersect::intersect) for the whole scene at that instant. Tiles that look alike at
+/// several instants have one list. Not differentiable.
 ///
-/// The lists are made on the host on every backend, from rows read back from the device: merging many short lists is
-/// cheap beside drawing them, and a GPU would need a sort over all instants.
+/// The lists are made on the host on every backend, from rows read back from the device: merging many short lists is cheap compared
+/// with drawing them, and a GPU would need a sort over all instants.
 ///
 /// # Panics
-/// When shapes or float types disagree, `moving` does not rise, and when there are more than 2^31 pairs.
+/// When shapes or float types disagree, `moving` does not ascend, and when there are more than 2^31 pairs.
 pub fn intersect_instants(
     projected: Tensor<2>,
     opacities: Tensor<1>,
@@ -77,10 +77,10 @@ pub fn intersect_instants(
     (lists, Arc::new(shares))
 }
 
-/// The image `[H, W, C]` that all instants together give, from the tiles drawn for them, `[tiles, 256, C]`.
+/// The mean image `[H, W, C]` over all instants, from the tiles drawn for them, `[tiles, 256, C]`.
 ///
-/// The first [`AverageConfig::encoded`] channels are averaged as light (through the curve of sRGB), the others as they
-/// are. A tile of the image that one drawn tile shows at all instants is copied. Differentiable.
+/// The first [`AverageConfig::encoded`] channels are averaged as light (through the curve of sRGB), the others as they are. A tile
+/// of the image with a single drawn tile is copied. Differentiable.
 ///
 /// # Panics
 /// When shapes disagree.
@@ -90,7 +90,7 @@ pub fn average_tiles(tiles: Tensor<3>, shares: &Arc<TileShares>, config: &Averag
     Tensor::from_dispatch(Dispatch::average_tiles(tiles.into_dispatch(), shares.clone(), *config))
 }
 
-/// What dispatch calls for [`average_tiles`].
+/// Burn's dispatch for [`average_tiles`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -107,7 +107,7 @@ pub trait AverageKernels: Backend {
     /// See [`average_tiles`].
     fn average_forward(tiles: FloatTensor<Self>, shares: &TileShares, config: &AverageConfig) -> FloatTensor<Self>;
 
-    /// The gradient by `tiles` from `v_image` `[H, W, C]`; zero in pixels outside the image.
+    /// The gradient with respect to `tiles` from `v_image` `[H, W, C]`; zero in pixels outside the image.
     fn average_backward(
         tiles: FloatTensor<Self>,
         shares: &TileShares,
@@ -145,7 +145,7 @@ impl<B: HostBackend> AverageKernels for B {
     }
 }
 
-/// What the backward pass needs again.
+/// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct AverageState<B: Backend> {
     tiles: FloatTensor<B>,

@@ -1,4 +1,4 @@
-//! What every backward step uses.
+//! Shared code of all backward steps.
 
 pub use burn::backend::Autodiff;
 pub use burn::backend::autodiff::NodeId;
@@ -9,9 +9,9 @@ pub use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::Backend;
 use burn::backend::tensor::FloatTensor;
 
-/// Hands each parent its gradient; a parent outside the graph gets none.
+/// Gives each parent its gradient; a parent outside the graph gets none.
 ///
-/// Parents come as ids because Burn keeps the type of its nodes private.
+/// Parents are given as ids because Burn keeps the type of its nodes private.
 pub fn register<B: Backend, const N: usize>(
     grads: &mut Gradients,
     parents: [Option<NodeId>; N],

@@ -1,4 +1,4 @@
-//! Which Gaussian touches which tile, in depth order; the test is in [`gs_kernels::cpu::intersect`].
+//! Tile intersections: the Gaussians that touch each tile, in depth order; the test is in [`gs_kernels::cpu::intersect`].
 
 mod reference;
 #[cfg(test)]
@@ -25,9 +25,9 @@ pub struct TileIntersections {
     pub gaussian_ids: Tensor<1, Int>,
     /// `[N + 1]`: Gaussian `g` owns `positions[gaussian_offsets[g]..gaussian_offsets[g + 1]]`.
     pub gaussian_offsets: Tensor<1, Int>,
-    /// `[M]`: places in `gaussian_ids`, rising for each Gaussian.
+    /// `[M]`: positions in `gaussian_ids`, ascending for each Gaussian.
     pub positions: Tensor<1, Int>,
-    /// `[tiles]` where the lists are not those of the image's tiles in order: the tile each is for, see
+    /// `[tiles]`: the image's tile of each list; `None` if the lists are those of the image's tiles in order. See
     /// [`intersect_instants`](super::exposure::intersect_instants).
     pub places: Option<Tensor<1, Int>>,
 }
@@ -43,11 +43,10 @@ impl TileIntersections {
 ///
 /// - `projected` `[N, 8]`: rows of [`project`](super::projection::project)
 /// - `opacities` `[N]`: 0 to 1
-/// - `features` `[N, C]`: what will be blended
+/// - `features` `[N, C]`: the values to blend
 ///
-/// Left out are culled Gaussians, those whose opacity is below the cut-off or not finite, and those with a feature that
-/// is not finite or not below [`gs_kernels::constants::FEATURE_MAX`] in magnitude. Not differentiable: the lists are
-/// whole numbers.
+/// Left out are culled Gaussians, those whose opacity is below the cut-off or not finite, and those with a feature that is not
+/// finite or not below [`gs_kernels::constants::FEATURE_MAX`] in magnitude. Not differentiable: the lists are integers.
 ///
 /// # Panics
 /// When shapes or float types disagree, and when there are more than 2^31 pairs.
@@ -60,7 +59,7 @@ pub fn intersect(
 ) -> TileIntersections {
     check(&projected, &opacities, &features);
     let _stage = profile::stage("sort into tiles");
-    // Outside the graph from the start: there is nothing to record.
+    // Outside the graph: there is no gradient to record.
     let lists = Dispatch::intersect(
         projected.inner().into_dispatch(),
         opacities.inner().into_dispatch(),
@@ -97,11 +96,11 @@ pub struct IntersectionLists<B: Backend> {
     pub gaussian_offsets: IntTensor<B>,
     /// `[M]`
     pub positions: IntTensor<B>,
-    /// `[tiles]`, or `[0]` when the tiles are those of the image in order.
+    /// `[tiles]`, or `[0]` if the tiles are those of the image in order.
     pub places: IntTensor<B>,
 }
 
-/// What dispatch calls for [`intersect`].
+/// Burn's dispatch for [`intersect`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),

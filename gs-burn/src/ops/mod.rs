@@ -1,6 +1,6 @@
-//! The differentiable operations, one concept a file, each usable alone.
+//! The differentiable operations, one concept per file, each usable alone.
 //!
-//! Every op is built alike:
+//! Every op has the same parts:
 //!
 //! - a function on Burn tensors (`project`, `rasterize`, ...), which checks shapes at the door;
 //! - a `..._reference` in plain Burn tensor operations, differentiable by Burn itself, slow and obvious: it defines

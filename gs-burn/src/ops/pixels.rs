@@ -1,11 +1,11 @@
-//! What the references of intersection and rasterization share: every pixel against every Gaussian.
+//! Shared code of the references of intersection and rasterization: every pixel against every Gaussian.
 
 use burn::tensor::{Bool, DType, Int, Tensor};
 use gs_kernels::constants::{ALPHA_MIN, FEATURE_MAX};
 
 use super::columns;
 
-/// Which Gaussians are drawn at all, `[N, 1]`.
+/// Whether each Gaussian is drawn at all, `[N, 1]`.
 pub fn drawn(projected: &Tensor<2>, opacities: &Tensor<1>, features: &Tensor<2>) -> Tensor<2, Bool> {
     let opacities = opacities.clone().unsqueeze_dim::<2>(1);
     columns::radius(projected.clone()).greater_elem(0.0)
@@ -14,7 +14,7 @@ pub fn drawn(projected: &Tensor<2>, opacities: &Tensor<1>, features: &Tensor<2>)
         & features.clone().abs().lower_elem(FEATURE_MAX).all_dim(1)
 }
 
-/// Indices `[N]` of packed rows `[N, 8]` by rising depth, equal depths by index.
+/// Indices `[N]` of packed rows `[N, 8]` in order of depth, equal depths by index.
 pub fn depth_order(projected: &Tensor<2>) -> Tensor<1, Int> {
     let device = projected.device();
     let depths: Vec<f64> = columns::depth(projected.clone()).into_data().iter::<f64>().collect();

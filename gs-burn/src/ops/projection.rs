@@ -19,13 +19,13 @@ pub use reference::project_reference;
 
 /// Projects Gaussians into the image of a pinhole camera.
 ///
-/// - `means` `[N, 3]`: centres, world, scene units
+/// - `means` `[N, 3]`: world, scene units
 /// - `quats` `[N, 4]`: orientations w x y z of any norm
 /// - `log_scales` `[N, 3]`: logarithms of the standard deviations, scene units
 /// - `viewmat` `[4, 4]`: world to camera
 ///
-/// Returns packed rows `[N, 8]`, see [`gs_kernels::rows::ProjectedRow`]; the row of a Gaussian that cannot be seen is
-/// zero. Differentiable by all four tensors; no gradient flows through the radius.
+/// Returns packed rows `[N, 8]`, see [`gs_kernels::rows::ProjectedRow`]; the row of a Gaussian that cannot be seen is zero.
+/// Differentiable with respect to all four tensors; the radius has no gradient.
 ///
 /// # Panics
 /// When shapes or float types disagree.
@@ -58,7 +58,7 @@ fn check(means: &Tensor<2>, quats: &Tensor<2>, log_scales: &Tensor<2>, viewmat: 
     assert_same_dtype("viewmat", viewmat, "means", means);
 }
 
-/// What dispatch calls for [`project`].
+/// Burn's dispatch for [`project`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -100,8 +100,8 @@ pub trait ProjectionKernels: Backend {
         config: &ProjectionConfig,
     ) -> FloatTensor<Self>;
 
-    /// Gradients from `v_projected` `[N, 8]`; `projected` is what the forward returned. Culled Gaussians and those
-    /// whose gradient is not finite receive zero.
+    /// Gradients from `v_projected` `[N, 8]`; `projected` is the result of the forward. Culled Gaussians and those whose gradient
+    /// is not finite receive zero.
     fn projection_backward(
         means: FloatTensor<Self>,
         quats: FloatTensor<Self>,
@@ -175,7 +175,7 @@ impl<B: HostBackend> ProjectionKernels for B {
     }
 }
 
-/// What the backward pass needs again.
+/// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct ProjectionState<B: Backend> {
     means: FloatTensor<B>,

@@ -25,15 +25,15 @@ pub use reference::rasterize_reference;
 /// - `projected` `[N, 8]`: rows of [`project`](super::projection::project)
 /// - `opacities` `[N]`: 0 to 1
 /// - `features` `[N, C]`: colours or anything else to blend
-/// - `background` `[C]`: seen through what stays transparent
-/// - `screen` `[N, 4]`: zeros; their gradient is a statistic for density control, namely the gradient by the 2D mean in
+/// - `background` `[C]`: colour behind all Gaussians
+/// - `screen` `[N, 4]`: zeros; their gradient is a statistic for density control: the gradient with respect to the 2D mean in
 ///   pixels (x, y) summed over pixels, and the sum over pixels of its absolute contributions (x, y)
 /// - `intersections`: from [`intersect`](super::intersect::intersect) with the same rows, opacities and features
 ///
-/// Returns `[H, W, C + depth + 1]`: features over the background, accumulated depth (no background) if asked for, and
-/// alpha; where the intersections have places, `[tiles, 256, C + depth + 1]`, the pixels of one tile a list. A contribution under `ALPHA_MIN` is dropped, alpha is capped at `ALPHA_MAX` and a pixel ends at
-/// `TRANSMITTANCE_MIN`, see [`gs_kernels::constants`]. Differentiable by all float tensors; nothing flows through the
-/// compensation and radius columns.
+/// Returns `[H, W, C + depth + 1]`: features over the background, accumulated depth (no background) if requested, and alpha. For
+/// intersections with `places` it returns `[tiles, 256, C + depth + 1]`, the pixels of one tile per list. A contribution under
+/// `ALPHA_MIN` is dropped, alpha is capped at `ALPHA_MAX` and a pixel ends at `TRANSMITTANCE_MIN`, see [`gs_kernels::constants`].
+/// Differentiable with respect to all float tensors; the compensation and radius columns have no gradient.
 ///
 /// # Panics
 /// When shapes or float types disagree.
@@ -50,7 +50,7 @@ pub fn rasterize(
     let [count, _] = projected.dims();
     assert_shape!(intersections.gaussian_offsets, [count + 1]);
     let _stage = profile::stage("rasterize");
-    // Dispatch knows no optional tensors. An untracked stand-in receives no gradient and is never read.
+    // Burn's dispatch has no optional tensors. An untracked substitute receives no gradient and is never read.
     let screen = screen.unwrap_or_else(|| Tensor::empty([1, SCREEN], (&projected.device(), projected.dtype())));
     let TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places } = intersections.clone();
     let places = places.unwrap_or_else(|| Tensor::from_data([0_i32; 0], (&gaussian_ids.device(), DType::I32)));
@@ -93,7 +93,7 @@ fn check(
     assert_same_dtype("background", background, "projected", projected);
 }
 
-/// What dispatch calls for [`rasterize`].
+/// Burn's dispatch for [`rasterize`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -101,7 +101,7 @@ fn check(
     Autodiff
 )]
 pub trait RasterizeOps: Backend {
-    /// See [`rasterize`]; `screen` is read by no forward pass.
+    /// See [`rasterize`]; the forward pass does not read `screen`.
     fn rasterize(
         projected: FloatTensor<Self>,
         opacities: FloatTensor<Self>,
@@ -113,7 +113,7 @@ pub trait RasterizeOps: Backend {
     ) -> FloatTensor<Self>;
 }
 
-/// What a rasterization reads, as a backend's primitives; tensors may be strided.
+/// Inputs of a rasterization, as a backend's primitives; tensors may be strided.
 #[derive(Clone, Debug)]
 pub struct RasterizeInputs<B: Backend> {
     /// `[N, 8]`
@@ -131,7 +131,7 @@ pub struct RasterizeInputs<B: Backend> {
 }
 
 impl<B: Backend> RasterizeInputs<B> {
-    /// Of the output: an image, or tiles where the lists have places.
+    /// Shape of the output: an image, or tiles if the lists have `places`.
     pub fn output_shape(&self) -> [usize; 3] {
         let channels = self.config.output_channels();
         match self.intersections.places.shape()[0] {
@@ -161,7 +161,7 @@ pub trait RasterizeKernels: Backend {
     /// The image `[H, W, C + depth + 1]`, or tiles; see [`RasterizeInputs::output_shape`].
     fn rasterize_forward(inputs: RasterizeInputs<Self>) -> FloatTensor<Self>;
 
-    /// Gradients from `output`, what the forward returned, and `v_output`, the gradient by it.
+    /// Gradients from `output`, the result of the forward, and `v_output`, the gradient with respect to it.
     fn rasterize_backward(
         inputs: RasterizeInputs<Self>,
         output: FloatTensor<Self>,
@@ -232,7 +232,7 @@ impl<B: HostBackend> RasterizeKernels for B {
         })
     }
 
-    // The CPU kernel goes front to back once more, so it has no use for the output.
+    // The CPU kernel repeats the forward walk, so it does not need the output.
     fn rasterize_backward(
         inputs: RasterizeInputs<B>,
         _output: FloatTensor<B>,
@@ -262,7 +262,7 @@ impl<B: HostBackend> RasterizeKernels for B {
     }
 }
 
-/// What the backward pass needs again.
+/// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct RasterizeState<B: Backend> {
     inputs: RasterizeInputs<B>,

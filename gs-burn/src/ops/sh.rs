@@ -23,11 +23,11 @@ pub use reference::sh_colors_reference;
 /// - `means` `[N, 3]`: centres, world, scene units
 /// - `sh` `[N, S, 3]`: coefficients, `S` = 1, 4, 9 or 16
 /// - `viewmat` `[4, 4]`: world to camera
-/// - `projected` `[N, 8]`: rows of [`project`](super::projection::project); read only for which Gaussians are culled
+/// - `projected` `[N, 8]`: rows of [`project`](super::projection::project); read only to know which Gaussians are culled
 /// - `degree`: active degree, at most the stored one
 ///
-/// Returns `[N, 3]`, 0 for culled Gaussians. Differentiable by `sh`, and through the view direction by `means` and
-/// `viewmat`. A Gaussian whose colour is not finite gets [`gs_kernels::constants::INVALID_FEATURE`], which
+/// Returns `[N, 3]`, 0 for culled Gaussians. Differentiable with respect to `sh`, and through the view direction with respect to
+/// `means` and `viewmat`. A Gaussian whose colour is not finite gets [`gs_kernels::constants::INVALID_FEATURE`], which
 /// [`intersect`](super::intersect::intersect) leaves out.
 ///
 /// # Panics
@@ -45,7 +45,7 @@ pub fn sh_colors(
         means.into_dispatch(),
         sh.into_dispatch(),
         viewmat.into_dispatch(),
-        // Nothing flows back through the rows: kept outside the graph, they cost nothing there.
+        // The rows get no gradient, so they are kept outside the graph.
         projected.inner().into_dispatch(),
         config,
     ))
@@ -71,7 +71,7 @@ fn check(means: &Tensor<2>, sh: &Tensor<3>, viewmat: &Tensor<2>, projected: &Ten
     ShConfig { degree: degree as u32, coefficients }
 }
 
-/// What dispatch calls for [`sh_colors`].
+/// Burn's dispatch for [`sh_colors`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -79,7 +79,7 @@ fn check(means: &Tensor<2>, sh: &Tensor<3>, viewmat: &Tensor<2>, projected: &Ten
     Autodiff
 )]
 pub trait ShOps: Backend {
-    /// See [`sh_colors`]; not differentiable by `projected`.
+    /// See [`sh_colors`]; not differentiable with respect to `projected`.
     fn sh_colors(
         means: FloatTensor<Self>,
         sh: FloatTensor<Self>,
@@ -111,8 +111,8 @@ pub trait ShKernels: Backend {
         config: &ShConfig,
     ) -> FloatTensor<Self>;
 
-    /// Gradients from `v_colors` `[N, 3]`. Culled Gaussians, channels held at 0 and colours that are not finite pass
-    /// nothing.
+    /// Gradients from `v_colors` `[N, 3]`. Culled Gaussians, channels clamped at 0 and colours that are not finite pass no
+    /// gradient.
     fn sh_backward(
         means: FloatTensor<Self>,
         sh: FloatTensor<Self>,
@@ -176,7 +176,7 @@ impl<B: HostBackend> ShKernels for B {
     }
 }
 
-/// What the backward pass needs again.
+/// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct ShState<B: Backend> {
     means: FloatTensor<B>,

@@ -20,7 +20,7 @@ pub use reference::l1_ssim_reference;
 /// `image` and `target` are `[H, W, C]` in 0..1. The similarity (Wang et al. 2004) uses an 11 x 11 Gaussian window of
 /// standard deviation 1.5 px over each channel, zeros beyond the border, and averages over all pixels and channels.
 ///
-/// Returns `[2]`: mean L1, mean SSIM. Differentiable by both images.
+/// Returns `[2]`: mean L1, mean SSIM. Differentiable with respect to both images.
 ///
 /// # Panics
 /// When shapes or float types disagree.
@@ -48,7 +48,7 @@ fn check(image: &Tensor<3>, target: &Tensor<3>) {
     assert_same_dtype("target", target, "image", image);
 }
 
-/// What dispatch calls for [`l1_ssim`].
+/// Burn's dispatch for [`l1_ssim`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -65,17 +65,17 @@ pub trait SsimOps: Backend {
 pub struct SsimForward<B: Backend> {
     /// `[2]`: mean L1, mean SSIM.
     pub terms: FloatTensor<B>,
-    /// `[3, H, W, C]`: derivatives of each pixel's SSIM by the window's mean, mean square and mean product.
+    /// `[3, H, W, C]`: derivatives of each pixel's SSIM with respect to the window's mean, mean square and mean product.
     pub saved: FloatTensor<B>,
 }
 
 /// The comparison on a backend's primitives, without gradient tracking. Shapes as in [`l1_ssim`]; tensors may be strided.
 pub trait SsimKernels: Backend {
-    /// Both terms, and what the backward pass needs.
+    /// Both terms, and the state for the backward pass.
     fn ssim_forward(image: FloatTensor<Self>, target: FloatTensor<Self>) -> SsimForward<Self>;
 
-    /// Gradient by `image` `[H, W, C]`, from `v_terms` `[2]`. The gradient by `target` is the same with the roles
-    /// exchanged, since both terms are symmetric.
+    /// Gradient with respect to `image` `[H, W, C]`, from `v_terms` `[2]`. The gradient with respect to `target` is the same with
+    /// exchanged roles, because both terms are symmetric.
     fn ssim_backward(
         image: FloatTensor<Self>,
         target: FloatTensor<Self>,
@@ -121,7 +121,7 @@ impl<B: HostBackend> SsimKernels for B {
     }
 }
 
-/// What the backward pass needs again.
+/// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct SsimState<B: Backend> {
     image: FloatTensor<B>,

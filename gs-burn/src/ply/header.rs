@@ -1,14 +1,14 @@
-//! The text at the head of a PLY file.
+//! The text header of a PLY file.
 
 use std::io::{BufRead, Read};
 use std::path::Path;
 
 use super::PlyError;
 
-/// Longest header read; a header of Gaussians has 2 KB.
+/// Longest header that is read; a header of Gaussians has 2 KB.
 const HEADER_MAX: u64 = 1 << 16;
 
-/// How values are written.
+/// Encoding of values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     Ascii,
@@ -84,7 +84,7 @@ impl Scalar {
 #[derive(Clone, Debug)]
 pub struct Property {
     pub name: String,
-    /// `None` for a list, whose length only the data tells.
+    /// `None` for a list, whose length is in the data.
     pub scalar: Option<Scalar>,
 }
 
@@ -97,23 +97,23 @@ pub struct Element {
 }
 
 impl Element {
-    /// Bytes of a binary record; `None` when a list makes it vary.
+    /// Bytes of a binary record; `None` for a record with a list.
     pub fn stride(&self) -> Option<usize> {
         self.properties.iter().map(|property| property.scalar.map(Scalar::size)).sum()
     }
 }
 
-/// What the header says.
+/// A parsed header.
 #[derive(Clone, Debug)]
 pub struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
-    /// Bytes up to and with the line `end_header`.
+    /// Bytes up to and including the line `end_header`.
     pub len: u64,
 }
 
 impl Header {
-    /// Reads up to and with `end_header`.
+    /// Reads up to and including `end_header`.
     pub fn read(path: &Path, file: &mut impl BufRead) -> Result<Self, PlyError> {
         let bad = |message: String| PlyError::Header { path: path.to_owned(), message };
         let io = |source| PlyError::Io { path: path.to_owned(), source };
@@ -138,7 +138,7 @@ impl Header {
                     bad("expected the line `end_header`, found none; the file is cut short or no scene".into()),
                 );
             };
-            // A file that is no PLY may hold lines of any length.
+            // A file that is not a PLY file may have lines of any length.
             let unclear =
                 || bad(format!("cannot read the header line `{}`", line.chars().take(80).collect::<String>()));
             match line.split_whitespace().collect::<Vec<_>>()[..] {

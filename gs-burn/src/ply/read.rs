@@ -15,7 +15,7 @@ use crate::Gaussians;
 /// Reads a scene onto a device.
 ///
 /// # Errors
-/// When the file cannot be read, is no PLY file, lacks a property, is cut short, or holds a value that is not finite.
+/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
 pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, PlyError> {
     let records = Reader::open(path.as_ref())?.read()?;
     let count = records.opacity_logits.len();
@@ -66,11 +66,11 @@ impl Records {
     }
 }
 
-/// Where a value of the packed record stands in a vertex.
+/// The position of a value of the packed record in a vertex.
 struct Column {
     name: String,
-    /// Place among the properties.
-    place: usize,
+    /// Index among the properties.
+    index: usize,
     /// Bytes before it in a binary vertex.
     offset: usize,
     scalar: Scalar,
@@ -120,7 +120,7 @@ impl Reader {
         &self.header.elements[self.vertex]
     }
 
-    /// Refuses a file that is shorter than its vertices, before anything is allocated for them.
+    /// Rejects a file that is shorter than its vertices, before memory is allocated for them.
     fn check_length(&self, before: u64, each: u64) -> Result<usize, PlyError> {
         let count = self.element().count;
         let expected = count.saturating_mul(each).saturating_add(before);
@@ -130,7 +130,7 @@ impl Reader {
         Ok(count as usize)
     }
 
-    /// Bytes of header and of the elements in front of the vertices, which are skipped.
+    /// Bytes of the header and of the elements before the vertices, which are skipped.
     fn skip_binary(&mut self) -> Result<(), PlyError> {
         let mut skipped = 0_u64;
         for element in &self.header.elements[..self.vertex] {
@@ -185,7 +185,7 @@ impl Reader {
                 return Err(PlyError::Header { path: self.path.clone(), message });
             }
             for (value, column) in record.iter_mut().zip(&self.columns) {
-                let word = words[column.place];
+                let word = words[column.index];
                 *value =
                     self.finite(word.parse().unwrap_or(f64::NAN), vertex, column).map_err(|error| match error {
                         PlyError::NotFinite { path, vertex, property, .. } => {
@@ -228,7 +228,7 @@ impl Reader {
     }
 }
 
-/// How many coefficients per channel above degree 0 there are.
+/// Number of coefficients per channel above degree 0.
 fn rest_per_channel(element: &Element) -> Result<usize, String> {
     let found = element.properties.iter().filter(|property| property.name.starts_with("f_rest_")).count();
     REST_PER_CHANNEL
@@ -245,10 +245,10 @@ fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, P
         offset += property.scalar.map_or(0, Scalar::size);
     }
     let column = |name: String| {
-        let place = element.properties.iter().position(|property| property.name == name);
-        let found = place.and_then(|place| Some((place, element.properties[place].scalar?)));
+        let index = element.properties.iter().position(|property| property.name == name);
+        let found = index.and_then(|index| Some((index, element.properties[index].scalar?)));
         match found {
-            Some((place, scalar)) => Ok(Column { name, place, offset: offsets[place], scalar }),
+            Some((index, scalar)) => Ok(Column { name, index, offset: offsets[index], scalar }),
             None => Err(PlyError::MissingProperty { path: path.to_owned(), name }),
         }
     };

@@ -11,7 +11,7 @@ use crate::Gaussians;
 
 /// Writes a scene as little-endian binary in the layout of 3DGS.
 ///
-/// The file appears whole or not at all: it is written beside its place and then renamed.
+/// The file is written under a temporary name and then renamed, so it is complete or does not exist.
 ///
 /// # Errors
 /// When the file cannot be written, or a Gaussian holds a value that is not finite, which no viewer could show.
@@ -23,7 +23,7 @@ pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<(), Pl
     let partial = beside(path);
     let written = write(&partial, &records).and_then(|()| fs::rename(&partial, path));
     if written.is_err() {
-        // The error at hand says more than one about the leftover would.
+        // The error at hand is more useful than one about the temporary file.
         let _ = fs::remove_file(&partial);
     }
     written.map_err(io)
@@ -73,9 +73,9 @@ impl Records {
         let mut record = Vec::new();
         for vertex in 0..self.count {
             self.record(vertex, &mut record);
-            if let Some(place) = record.iter().position(|value| !value.is_finite()) {
-                let (path, property) = (path.to_owned(), record_names(self.rest).swap_remove(place));
-                return Err(PlyError::NotFinite { path, vertex, property, found: record[place].to_string() });
+            if let Some(index) = record.iter().position(|value| !value.is_finite()) {
+                let (path, property) = (path.to_owned(), record_names(self.rest).swap_remove(index));
+                return Err(PlyError::NotFinite { path, vertex, property, found: record[index].to_string() });
             }
         }
         Ok(())
@@ -97,19 +97,19 @@ fn write(path: &Path, records: &Records) -> io::Result<()> {
     let mut record = Vec::new();
     for index in 0..records.count {
         records.record(index, &mut record);
-        for (_, place) in &layout {
-            file.write_all(&place.map_or(0.0, |place| record[place]).to_le_bytes())?;
+        for (_, column) in &layout {
+            file.write_all(&column.map_or(0.0, |column| record[column]).to_le_bytes())?;
         }
     }
     file.into_inner()?.sync_all()
 }
 
-/// Properties in the order of 3DGS, each with its place in the packed record; normals have none.
+/// Properties in the order of 3DGS, each with its index in the packed record; normals have none.
 fn layout(rest: usize) -> Vec<(String, Option<usize>)> {
     let names = record_names(rest);
     let of_record = |name: String| {
-        let place = names.iter().position(|known| *known == name);
-        (name, place)
+        let column = names.iter().position(|known| *known == name);
+        (name, column)
     };
     let rest_names = (0..3 * rest).map(|k| format!("f_rest_{k}"));
     let colour = names[RECORD_SH..RECORD_SH + 3].iter().cloned().chain(rest_names);

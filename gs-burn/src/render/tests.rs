@@ -128,7 +128,7 @@ fn a_broken_gaussian_takes_no_part() {
     }
     let whole = Scene::random(12, 1, 26);
     for value in [f64::NAN, f64::INFINITY] {
-        // The first Gaussian breaks in one parameter each time.
+        // In each scene one parameter of the first Gaussian is not finite.
         let mut scenes = vec![whole.clone(); 5];
         scenes[0].means = with(&whole.means, 1, value);
         scenes[1].quats = with(&whole.quats, 2, value);

@@ -23,8 +23,8 @@ pub fn project_reference(
     }
     let fixed = [&means, &quats, &log_scales, &viewmat].map(|tensor| tensor.clone().detach());
     let culled = culled(&fixed, config);
-    // Culled Gaussians are exchanged for one in front of the camera before the pass that carries gradients: even a
-    // masked result would otherwise send back 0 * inf = NaN.
+    // Culled Gaussians are replaced by one in front of the camera before the differentiable pass: even a masked result would
+    // otherwise send back 0 * inf = NaN.
     let [_, _, _, fixed_viewmat] = fixed;
     let spare = Tensor::<2>::from_data([[1.0, 0.0, 0.0, 0.0]], (&quats.device(), quats.dtype()));
     let means = means.mask_where(wide(&culled, 3), in_front(fixed_viewmat).expand([count, 3]));
@@ -51,7 +51,7 @@ fn pose(viewmat: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
     (top.clone().narrow(1, 0, 3), top.narrow(1, 3, 1).transpose())
 }
 
-/// Which Gaussians are not drawn, `[N, 1]`. NaN fails every comparison, so conditions are stated as what must hold.
+/// Whether each Gaussian is culled, `[N, 1]`. NaN fails every comparison, so each condition states what must hold.
 fn culled([means, quats, log_scales, viewmat]: &[Tensor<2>; 4], config: &ProjectionConfig) -> Tensor<2, Bool> {
     let finite = |tensor: &Tensor<2>| tensor.clone().is_finite().all_dim(1);
     let norm2 = quats.clone().square().sum_dim(1);
