@@ -26,11 +26,11 @@ pub(crate) struct Description {
 }
 
 impl Description {
-    /// Of a scene that a reader described.
+    /// The description of a scene that a reader found.
     pub fn of(raw: RawScene, path: &Path, options: &LoadOptions, findings: &mut Findings) -> Self {
         let frames = sort_and_name(raw.frames, findings);
         let frames = consistency::settle(frames, path, options, findings);
-        // Of a set with exposures all alpha is a share of light, of its sharp photos too.
+        // In a set with exposures, alpha is a share of light, in its sharp photos too.
         let is_light = frames.iter().any(|frame| frame.exposure.is_some_and(|exposure| exposure > 0.0));
         let behind = Behind { color: options.background, is_light };
         let decoder = Decoder::new(options, behind, origin(&frames, options));

@@ -78,7 +78,7 @@ fn marker(bytes: &[u8], at: &mut usize) -> Option<u8> {
     Some(bytes[code])
 }
 
-/// Where the first marker behind coded data is: 0xFF there is followed by 0 or belongs to a restart.
+/// Offset of the first marker behind coded data, in which 0xFF is followed by 0 or belongs to a restart.
 fn end_of_scan(bytes: &[u8], begin: usize) -> usize {
     let pairs = bytes.get(begin..).unwrap_or_default().windows(2);
     let is_data = |code: u8| matches!(code, 0x00 | 0xD0..=0xD7 | MARKER);

@@ -156,7 +156,7 @@ impl Distortion {
         self.k.iter().chain(&self.d).chain(&self.p).all(|value| value.is_finite())
     }
 
-    /// Where the ideal point (x, y) is observed, both in normalised coordinates.
+    /// The observed position of the ideal point (x, y), both in normalised coordinates.
     pub fn apply(&self, x: f64, y: f64) -> (f64, f64) {
         let r2 = x * x + y * y;
         let g = self.radial(r2);

@@ -131,6 +131,6 @@ impl Scene {
 /// The index of the split that figures are quoted on in a list of held-out splits, see [`Scene::reported`].
 pub(crate) fn reported<'a>(names: impl Iterator<Item = &'a str>) -> Option<usize> {
     let rank = |name: &str| [Split::TEST, Split::VALIDATION].iter().position(|first| *first == name).unwrap_or(2);
-    // Of equals the first is the least.
+    // `min_by_key` returns the first of equal minima.
     names.enumerate().min_by_key(|(_, name)| rank(name)).map(|(index, _)| index)
 }

@@ -119,8 +119,8 @@ pub(crate) fn is_held_out(index: usize, count: usize) -> bool {
     count >= CAMERAS_MIN && index % DEFAULT_HOLDOUT == (DEFAULT_HOLDOUT / 2).min(count / 2)
 }
 
-/// Of video from several static cameras whole cameras are held out: a frame of a camera that trains is seen one frame before and
-/// after. `None` of any other set.
+/// The held-out cameras of video from several static cameras: a training camera shows each state one frame before and after, so
+/// whole cameras are held out. `None` for any other set.
 fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
     let (several, still) = consistency::static_cameras(frames)?;
     // By length first: "2" before "10".

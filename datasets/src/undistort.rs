@@ -33,7 +33,7 @@ impl Undistortion {
         Some(Self { distortion, intrinsics, inverse, width, height, valid_radius2 })
     }
 
-    /// Where the photo shows the ideal image's point (u, v), in pixels from the corner; `None` outside the photo.
+    /// The photo's position of the ideal image's point (u, v), in pixels from the corner; `None` outside the photo.
     pub fn observed(&self, u: f64, v: f64) -> Option<(f64, f64)> {
         let Intrinsics { fx, fy, cx, cy } = self.intrinsics;
         let (x, y) = ((u - cx) * self.inverse.0, (v - cy) * self.inverse.1);

@@ -201,7 +201,7 @@ fn thinned(points: &[Point]) -> impl Iterator<Item = &Point> {
     points.iter().step_by(points.len().div_ceil(START_PIXELS).max(1))
 }
 
-/// Of a list that is not empty.
+/// Median (upper of the two middle values) of a list that is not empty.
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1

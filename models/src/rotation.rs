@@ -13,7 +13,7 @@ use gs_burn::exact_matmul;
 /// 1e-17. The result differs from the exact one by less than `ANGLE_FLOOR` times the angle.
 const ANGLE_FLOOR: f64 = 1e-8;
 
-/// Where products of quaternion entries go: entry `4 i + j` of the outer product of `a` and `b` (w x y z) has this
+/// Positions and signs of products of quaternion entries: entry `4 i + j` of the outer product of `a` and `b` (w x y z) has this
 /// sign in this entry of `a b` (Hamilton).
 const PRODUCT: [[(usize, f64); 4]; 4] = [
     [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)],

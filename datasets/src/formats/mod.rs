@@ -14,7 +14,7 @@ use crate::findings::Findings;
 use crate::options::LoadOptions;
 use crate::raw::RawScene;
 
-/// What a path was recognised as.
+/// The recognised format of a path.
 pub(crate) enum Layout {
     Transforms(transforms::Sources),
     Colmap(colmap::ModelFiles),

@@ -31,7 +31,7 @@ use crate::{names, pose};
 pub(crate) const TRAIN_FILE: &str = "train_meta.json";
 const TEST_FILE: &str = "test_meta.json";
 
-/// Where photos and masks are.
+/// Folders of photos and masks.
 const IMAGE_FOLDER: &str = "ims";
 pub(crate) const MASK_FOLDER: &str = "seg";
 

@@ -31,7 +31,7 @@ const SUBPIXELS: usize = 3;
 /// Standard deviation of the points' places, metres: about what structure from motion leaves in such a scene.
 const POINT_NOISE: f64 = 0.01;
 
-/// What [`demo_scene`] writes.
+/// Options of [`demo_scene`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DemoOptions {
     /// Views to learn from, 1 to 10 000.

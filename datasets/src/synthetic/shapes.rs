@@ -37,7 +37,7 @@ pub(super) enum Shape {
     },
 }
 
-/// Where along a ray, and the outward normal there.
+/// A distance along a ray, and the outward normal there.
 #[derive(Clone, Copy)]
 pub(super) struct Crossing {
     pub t: f64,
@@ -138,7 +138,7 @@ pub(super) struct Paint {
     pub colors: [DVec3; 2],
 }
 
-/// Where the second colour is.
+/// The regions of the second colour.
 #[derive(Clone, Copy)]
 pub(super) enum Pattern {
     /// Squares of this side, metres, seen from above.

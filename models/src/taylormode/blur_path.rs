@@ -16,8 +16,8 @@ pub const NEAREST: f64 = 0.01;
 
 /// The depth for back-projection, Eq. 6: `beta prior + (1 - beta) rendered`, any one shape, camera z in scene units.
 ///
-/// Where the prior is unknown (0) it is the rendered one, and where nothing is rendered, the prior. `beta` is 0.3 in the
-/// paper. Differentiable by `rendered`.
+/// It is the rendered depth where the prior is unknown (0), and the prior where nothing is rendered. `beta` is 0.3 in the paper.
+/// Differentiable with respect to `rendered`.
 pub fn hybrid_depth<const D: usize>(rendered: Tensor<D>, prior: Tensor<D>, beta: f64) -> Tensor<D> {
     let known = prior.clone().greater_scalar(0.0);
     let missing = rendered.clone().lower_scalar(NEAREST);

@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use super::paths::Instant;
 
-/// Where in the exposure the samples lie.
+/// The times of the samples in the exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Samples {
     /// From the first moment to the last, Eq. 7: `t_i = (i / (N - 1) - 1/2) tau`. Averaged with equal weights these spread

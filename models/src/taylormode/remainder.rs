@@ -53,7 +53,7 @@ impl RemainderFrame {
 pub struct RemainderNetwork {
     /// `[M, 3]` to `[M, 3 * 5]`.
     pub mlp: Mlp,
-    /// Where positions are measured from, and in what unit.
+    /// Origin and unit of the positions.
     #[module(skip)]
     pub frame: RemainderFrame,
 }

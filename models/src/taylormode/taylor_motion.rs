@@ -35,7 +35,7 @@ pub struct MotionFrame {
     pub rotation_orders: Vec<u8>,
     /// `J` contacts of the whole scene.
     pub contacts: Vec<Contact>,
-    /// Of the remainder's network, where there is one.
+    /// The frame of the remainder's network, if there is one.
     pub remainder: Option<RemainderFrame>,
 }
 
@@ -56,8 +56,8 @@ impl MotionFrame {
         }
     }
 
-    /// A motion that stands still: all coefficients and jumps are zero, and so is the remainder, whose network is drawn from
-    /// `seed`. A record or a checkpoint's tensors fill it.
+    /// A zero motion: all coefficients and jumps are zero, and so is the remainder, whose network is drawn from `seed`. A record or
+    /// a checkpoint's tensors fill it.
     ///
     /// # Panics
     /// When there is not one order a row.

@@ -18,7 +18,7 @@ use crate::priors::sources;
 use crate::raw::RawFrame;
 use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
 
-/// What `mask_path` files are for.
+/// The use of `mask_path` files.
 #[derive(Clone, Copy, PartialEq)]
 enum MaskRule {
     /// They say which pixels count.
@@ -127,7 +127,7 @@ fn search_side_folders(
     sources::note_gaps(frames);
 }
 
-/// What white means in `mask_path` files.
+/// The meaning of white in `mask_path` files.
 fn mask_rule(
     keys: &Keys,
     root: &Path,
@@ -171,7 +171,7 @@ fn marks_moving_people(root: &Path, entries: &[Entry]) -> bool {
     named.peek().is_some() && named.all(in_folder) && root.join(panoptic::TRAIN_FILE).is_file()
 }
 
-/// What the file says about its depth maps; the user's word comes first.
+/// The meaning of depth maps as the file states it; the user's options take precedence.
 fn depth_meaning(keys: &Keys, options: &LoadOptions) -> Result<DepthMeaning, DatasetError> {
     let mut meaning = DepthMeaning::default();
     let said = keys.text("depth_kind")?.map(|kind| kind.replace('-', "_"));

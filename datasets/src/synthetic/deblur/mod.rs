@@ -65,7 +65,7 @@ impl World {
         }
     }
 
-    /// What happens in it, in a few words.
+    /// The motion in it, in a few words.
     pub fn in_words(self) -> &'static str {
         match self {
             Self::Cube => "A box slides and turns",
@@ -92,7 +92,7 @@ impl FromStr for World {
     }
 }
 
-/// What [`write()`] writes.
+/// Options of [`write()`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeblurOptions {
     /// Which world.
@@ -119,7 +119,7 @@ pub struct DeblurOptions {
     pub speed: f64,
     /// Points to start from, at most 10 million; 0 writes none.
     pub points: usize,
-    /// What is wrong with the priors.
+    /// Faults of the priors.
     pub priors: PriorFaults,
     /// Seed of all random draws: textures, static objects, cameras, points and faults. The same options write the same
     /// bytes.

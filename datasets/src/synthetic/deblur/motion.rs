@@ -5,7 +5,7 @@
 
 use glam::{DQuat, DVec3};
 
-/// Where an object is: object coordinates to world.
+/// The pose of an object: object coordinates to world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose {
     pub rotation: DQuat,
@@ -16,7 +16,7 @@ pub(super) struct Pose {
 /// How an object moves.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Twist {
-    /// Of the object's origin, metres per unit of time.
+    /// Velocity of the object's origin, metres per unit of time.
     pub velocity: DVec3,
     /// World axes, radians per unit of time.
     pub angular: DVec3,
@@ -112,7 +112,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Where the object is at time `t`, 0 to 1 over the sequence.
+    /// The object's pose at time `t`, 0 to 1 over the sequence.
     pub fn pose(&self, t: f64) -> Pose {
         let s = self.speed * (t - 0.5);
         let angle = self.rate * s + 0.5 * self.acceleration * s * s;

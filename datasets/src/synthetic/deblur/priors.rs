@@ -66,7 +66,7 @@ impl PriorFault {
         }
     }
 
-    /// What it does, in a few words.
+    /// The fault, in a few words.
     pub fn in_words(self) -> &'static str {
         match self {
             Self::DepthAffine => "Depth up to a scale and a shift per frame",
@@ -122,7 +122,7 @@ impl PriorFaults {
         all
     }
 
-    /// What `depth_kind` in the JSON says of the depth priors.
+    /// The value of `depth_kind` in the JSON for these priors.
     pub(super) fn depth_kind(&self) -> &'static str {
         let is_metric = self.depth_scale == 0.0 && self.depth_shift == 0.0;
         match (self.inverse_depth, is_metric) {

@@ -11,7 +11,7 @@ use super::super::shapes::Ray;
 /// Horizontal angle of view, radians.
 pub(super) const ANGLE_X: f64 = 0.85;
 
-/// Where the cameras look, and how far they stand from it, metres.
+/// The point that the cameras look at, and their distance from it, metres.
 const TARGET: DVec3 = DVec3::new(0.0, 0.0, 0.62);
 const DISTANCE: f64 = 3.7;
 
@@ -25,7 +25,7 @@ pub(super) struct Rig {
     pub held_out: usize,
     /// All around instead of on the arc.
     pub ring: bool,
-    /// Of each image, pixels.
+    /// Size of each image, pixels.
     pub width: usize,
     pub height: usize,
 }
@@ -63,7 +63,7 @@ impl Camera {
         if t.is_finite() { -t * ray.direction.dot(self.c2w.z_axis.truncate()) } else { 0.0 }
     }
 
-    /// Where a position in the world is in the image, pixels, and its camera z, metres.
+    /// The image position of a world position, pixels, and its camera z, metres.
     #[cfg(test)]
     pub fn project(&self, position: DVec3) -> (f64, f64, f64) {
         let p = self.c2w.inverse().transform_point3(position);

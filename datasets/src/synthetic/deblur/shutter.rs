@@ -24,7 +24,7 @@ const ORDER: [usize; SIDE * SIDE] = [0, 10, 2, 8, 5, 15, 7, 13, 1, 11, 3, 9, 4, 
 /// Samples of the shorter exposure that a pseudo-sharp image is made from.
 const PARTLY_SAMPLES: usize = 8;
 
-/// What one frame asks for.
+/// Poses of the moving objects for one frame.
 pub(super) struct ExposurePoses {
     /// The exposure's centre.
     centre: Vec<Placed>,
@@ -37,7 +37,7 @@ pub(super) struct ExposurePoses {
     reach: Vec<(DVec3, f64)>,
 }
 
-/// What one frame shows, row by row from the top left.
+/// The images of one frame, row by row from the top left.
 #[derive(Debug, Default)]
 pub(super) struct Shot {
     /// `[height, width, 3]`, encoded.

@@ -40,11 +40,11 @@ pub(super) struct Part {
 #[derive(Debug, Clone)]
 pub(super) struct Solid {
     pub parts: Vec<Part>,
-    /// Of the sphere around the object's origin that holds all parts.
+    /// Radius of the sphere around the object's origin that contains all parts, metres.
     pub radius: f64,
 }
 
-/// Where a ray meets an object.
+/// The intersection of a ray with an object.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
     pub t: f64,
@@ -62,7 +62,7 @@ const PRECISION: f64 = 1e-5;
 const STEP_MIN: f64 = 2e-4;
 
 impl Form {
-    /// Of the sphere around the origin that holds the form.
+    /// Radius of the sphere around the origin that contains the form, metres.
     fn radius(&self) -> f64 {
         match *self {
             Self::Sphere { radius } => radius,
@@ -161,7 +161,7 @@ impl Form {
     }
 }
 
-/// Where a ray enters and leaves a sphere around the origin; `None` when it misses it or has it behind.
+/// The distances at which a ray enters and leaves a sphere around the origin; `None` if it misses it or the sphere is behind it.
 fn span(ray: &Ray, radius: f64) -> Option<(f64, f64)> {
     let half_b = ray.origin.dot(ray.direction);
     let root = half_b * half_b - ray.origin.length_squared() + radius * radius;

@@ -97,7 +97,7 @@ pub(super) struct Stage {
     pub sky: [DVec3; 2],
 }
 
-/// What a ray meets when no moving object is there.
+/// The surface point that a ray meets without moving objects.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StaticPoint {
     /// Infinite when the ray meets nothing but the sky.
@@ -112,7 +112,7 @@ pub(super) struct StaticPoint {
     pub color: DVec3,
 }
 
-/// What a ray meets at an instant.
+/// The surface point that a ray meets at an instant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RaySample {
     /// Linear light.
@@ -147,7 +147,7 @@ impl Stage {
         self.objects.iter().map(|object| self.lamp.posed(object.motion.pose(t))).collect()
     }
 
-    /// What a ray meets of planes and static objects, as the positions in `lamp` light it.
+    /// The point of planes and static objects that a ray meets, lit as `lamp` says.
     pub fn still(&self, ray: &Ray, lamp: Lit) -> StaticPoint {
         let (mut t, mut normal, mut albedo) = (f64::INFINITY, DVec3::Z, DVec3::ZERO);
         let mut own = None;
@@ -182,7 +182,7 @@ impl Stage {
         StaticPoint { t, position, normal, albedo, lamp, lit, color: self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// What a ray meets when the moving objects are at `objects`; `still` is what it meets without them.
+    /// The point that a ray meets with the moving objects at `objects`; `still` is the point without them.
     pub fn sample(&self, ray: &Ray, still: &StaticPoint, objects: &[Placed]) -> RaySample {
         let mut nearest: Option<(usize, Hit)> = None;
         for (index, (object, placed)) in self.objects.iter().zip(objects).enumerate() {

@@ -1,4 +1,4 @@
-//! What only the inside shows: derivatives, distances, and whether moving objects stay in view.
+//! Tests of internals: derivatives, distances, and whether moving objects stay in view.
 
 use glam::DVec3;
 use rand::SeedableRng;

@@ -246,7 +246,7 @@ fn transforms(stage: &Stage, cameras: &[&Camera], options: &DeblurOptions) -> Va
     top
 }
 
-/// Where every moving object is and how it moves at each frame's time: the truth for motion models.
+/// The pose and velocities of every moving object at each frame's time: the truth for motion models.
 fn objects(stage: &Stage, options: &DeblurOptions) -> Value {
     let list = |object: &super::stage::MovingObject| {
         let poses: Vec<Value> = (0..options.frames)

@@ -41,7 +41,7 @@ impl Default for BlurFromFrames {
     }
 }
 
-/// What [`blur_from_frames`] wrote.
+/// A summary of the data set written by [`blur_from_frames`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlurSummary {
     /// Cameras with blurry photos to learn from.
@@ -52,7 +52,7 @@ pub struct BlurSummary {
     pub photos: usize,
     /// How long the shutter seems to be open, in the source's unit of time.
     pub exposure: f64,
-    /// What was left out, in sentences.
+    /// Warnings about what was left out.
     pub warnings: Vec<String>,
 }
 
