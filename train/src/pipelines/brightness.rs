@@ -1,7 +1,7 @@
-//! `brightness`: 3D Gaussian Splatting with a learned brightness for each photo, for cameras that chose their exposure anew each time.
+//! `brightness`: 3D Gaussian Splatting with a learned brightness for each photo, for cameras with automatic exposure.
 //!
-//! The rendering of photo `i` is multiplied by `exp(g_i - mean(g))`; the mean is taken out because a brighter scene under darker photos
-//! looks the same. It is also the example of docs/extend.md: a pipeline in one file and one line.
+//! The rendering of photo `i` is multiplied by `exp(g_i - mean(g))`. The mean is subtracted because a brighter scene under darker
+//! photos looks the same. This is also the example of docs/extend.md: a pipeline in one file and one line.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
@@ -22,7 +22,8 @@ use crate::fit::photos::{Extra, Photo};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BrightnessConfig {
-    /// Rate of the logarithm of each photo's brightness. Larger: it follows the noise of single steps. Smaller: it is found late.
+    /// Learning rate of the logarithm of each photo's brightness. Larger: it follows the noise of single steps. Smaller: it
+    /// converges late.
     pub lr: f64,
 }
 
@@ -36,7 +37,7 @@ impl Default for BrightnessConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sections {
-    /// How brightness is learned.
+    /// Options of the learned brightness.
     pub brightness: BrightnessConfig,
 }
 
@@ -68,7 +69,7 @@ impl Brightness {
         Self { gains: Param::from_tensor(Tensor::zeros([photos, 1], device)) }
     }
 
-    /// What the rendering of each photo is multiplied by, `[photos, 1]`.
+    /// The factor of each photo's rendering, `[photos, 1]`.
     pub fn factors(&self) -> Tensor<2> {
         let gains = self.gains.val();
         (gains.clone() - gains.mean().reshape([1, 1])).exp()

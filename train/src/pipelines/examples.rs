@@ -1,6 +1,6 @@
-//! Example commands that the program's help shows, since they name pipelines and recipes.
+//! Example commands in the program's help; they are here because they name pipelines and recipes.
 
-/// Below `gsburn --help`.
+/// Shown below `gsburn --help`.
 pub const PROGRAM: &str = "\
 Examples:
   gsburn demo                                       blurry video to a sharp moving scene on the CPU, with a report
@@ -12,7 +12,7 @@ Examples:
   gsburn render runs/my-photos --cameras path/transforms.json --out frames
   gsburn export runs/my-photos --out scene.ply";
 
-/// Below `gsburn sweep --help`.
+/// Shown below `gsburn sweep --help`.
 pub const SWEEP: &str = "\
 Examples:
   gsburn sweep cube --recipe taylormode/base \\
@@ -23,7 +23,7 @@ One run for every combination, one after another, each in a folder of --out that
 chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes
 on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130.";
 
-/// Below `gsburn stability --help`.
+/// Shown below `gsburn stability --help`.
 pub const STABILITY: &str = "\
 Examples:
   gsburn stability taylormode --out runs/stability

@@ -35,16 +35,16 @@ pub struct Fit<M> {
 }
 
 impl<M> Fit<M> {
-    /// The pipeline.
+    /// The pipeline without experiments.
     pub const NEW: Self = Self { experiments: &[], method: PhantomData };
 
-    /// With experiments for `gsburn stability`.
+    /// The pipeline with experiments for `gsburn stability`.
     pub const fn with_experiments(experiments: &'static [&'static Experiment]) -> Self {
         Self { experiments, method: PhantomData }
     }
 }
 
-/// Trains a scene: begin or resume, step until done while the run watches, measure, save, report.
+/// Trains a scene: begin or resume, step until done while the run observes, measure, save, report.
 fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     if let Some(eval) = watch::finished(job, &config.to_toml()) {
         return Ok(Ending::Finished(Box::new(eval)));
@@ -105,7 +105,7 @@ fn finish<M: Method>(
 /// Reads the data set at `path` for training and measuring.
 ///
 /// # Errors
-/// A sentence naming the file, what was expected and what was found; or why the method cannot learn from it.
+/// A sentence naming the file, what was expected and what was found; or the reason why the method cannot learn from it.
 pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
     let mut scene = gs_datasets::load(path, &options::<M>(config))?;
     let warnings = scene.warnings.len();
@@ -139,7 +139,7 @@ fn plan<M: Method>(job: &Job, config: &FitConfig<M::Config>, data: &Data<M>) -> 
     }
 }
 
-/// The values of the keys that charts tell runs apart by, where they mean something.
+/// The values of the keys by which charts distinguish runs, as far as they have a meaning.
 fn settings(keys: &[ChartKey], config: &Table) -> Vec<Setting> {
     let values: BTreeMap<String, String> = tables::flat(config).into_iter().collect();
     let means_something =
@@ -151,7 +151,7 @@ fn settings(keys: &[ChartKey], config: &Table) -> Vec<Setting> {
     keys.iter().filter(means_something).filter_map(setting).collect()
 }
 
-/// The state of the newest checkpoint, where the run is to be continued and has one.
+/// The state of the newest checkpoint, if the run is to be continued and has one.
 fn resumed<M: Method>(job: &Job, config: &FitConfig<M::Config>, plan: &Plan) -> Result<Option<Trainer<M>>> {
     let Some(checkpoint) = watch::saved(job, &plan.origin.config)? else { return Ok(None) };
     watch::check_views(job, checkpoint.origin.views, plan.origin.views)?;
@@ -159,7 +159,7 @@ fn resumed<M: Method>(job: &Job, config: &FitConfig<M::Config>, plan: &Plan) -> 
     Ok(Some(restored.map_err(|found| checkpoint.damaged(found))?))
 }
 
-/// Says what is about to happen.
+/// Prints what the run is about to do.
 fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
     let (scene, trainer) = (&session.data.scene, &session.trainer);
     let size = scene.train.first().map_or((0, 0), |view| (view.width, view.height));
@@ -190,7 +190,7 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
     warnings.iter().chain(&near).for_each(|warning| run.say(&format!("warning: {warning}")));
 }
 
-/// Bar and metrics after a step.
+/// Updates bar and metrics after a step.
 fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) {
     let Stepped { report, photos } = stepped;
     let (trainer, config) = (&session.trainer, session.config);
@@ -226,7 +226,7 @@ impl<M: Method> Pipeline for Fit<M> {
     fn check(&self, dataset: &Path, config: &Table) -> Result<CheckReport> {
         let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
         let mut report = gs_datasets::check(dataset, &options::<M>(&config));
-        // Without a training view the report says why, and there is nothing to compare with the configuration.
+        // Without a training view the report gives the reason, and there is nothing to check against the configuration.
         if report.train == 0 {
             return Ok(report);
         }
@@ -266,7 +266,7 @@ impl<M: Method> Pipeline for Fit<M> {
         let config = FitConfig::<M::Config>::from_table(request.config, "configuration")?;
         let scene = load::<M>(request.dataset, &config)?;
         let cues = M::cues(&scene, &config);
-        // As training would: a checkpoint has its facts, those that a PLY file was trained with are found again.
+        // As in training: a checkpoint has its facts; those of a PLY file are derived again.
         let found = SceneFacts::of(&scene, &config, M::near_share(&scene, &config));
         let (mut model, facts, step, origin) = match request.file {
             SceneFile::Checkpoint(checkpoint) => {
@@ -279,7 +279,8 @@ impl<M: Method> Pipeline for Fit<M> {
                 (Model { gaussians: gaussians.clone(), method }, found, 0, glam::DVec3::ZERO)
             }
         };
-        // A PLY file is in the data set's own world, a checkpoint where training was; views are where training would be.
+        // A PLY file is in the data set's own world, a checkpoint has its `origin` subtracted; views have `scene.origin`
+        // subtracted.
         model.gaussians = translated(&model.gaussians, origin - scene.origin);
         let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues };
         let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {

@@ -1,7 +1,7 @@
-//! The pipelines: the only place that names a paper. A new one is a folder here and a line in [`PIPELINES`].
+//! The pipelines: the only module that names a paper. A new pipeline is a folder here and a line in [`PIPELINES`].
 //!
-//! The program sees a [`Pipeline`]; the loop that fits one scene sees a [`Method`](crate::fit::method::Method), which
-//! [`Fit`](fit::Fit) makes a pipeline of.
+//! The program sees a [`Pipeline`]; the loop that fits one scene sees a [`Method`](crate::fit::method::Method), and
+//! [`Fit`](fit::Fit) makes the one of the other.
 
 pub mod brightness;
 pub mod examples;
@@ -33,25 +33,25 @@ pub static PIPELINES: [&dyn Pipeline; 3] = [
     &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
 ];
 
-/// The recipes of `gsburn demo`: of blurry video, and of photos of a static scene. World and training must be done within two minutes on
-/// two old cores.
+/// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less than two
+/// minutes on two old cores.
 pub const DEMO_RECIPES: [&str; 2] = ["taylormode/demo", "static/demo"];
 
-/// What the program sees of a paper.
+/// The program's view of a paper.
 pub trait Pipeline: Sync {
     /// Its name: `pipeline = "..."`.
     fn name(&self) -> &'static str;
 
-    /// Every key of its configuration with the value that `pipeline = "..."` alone stands for.
+    /// Every key of its configuration, with the value of `pipeline = "..."` alone.
     fn defaults(&self) -> Table;
 
-    /// Checks types and ranges of a configuration and gives it back as the TOML text that a run saves.
+    /// Checks types and ranges of a configuration and returns it as the TOML text that a run saves.
     ///
     /// # Errors
     /// A value of the wrong type or outside its range; `origin` names the place in type errors.
     fn validate(&self, config: &Table, origin: &str) -> Result<String, ConfigError>;
 
-    /// The report on a data set, with what training by `config` would say of it or refuse it for.
+    /// The report on a data set, with the warnings or the refusal of training with `config`.
     ///
     /// # Errors
     /// When the configuration is not valid.
@@ -81,7 +81,7 @@ pub trait Pipeline: Sync {
     }
 }
 
-/// What to measure, and on what.
+/// A request for a measurement.
 pub struct EvalRequest<'a> {
     /// The scene.
     pub file: &'a SceneFile,
@@ -89,21 +89,21 @@ pub struct EvalRequest<'a> {
     pub dataset: &'a Path,
     /// The resolved configuration.
     pub config: &'a Table,
-    /// The split; `None`: the one that figures are reported on.
+    /// The split; `None`: the one on which figures are reported.
     pub split: Option<&'a str>,
-    /// Where to compute.
+    /// The compute device.
     pub device: &'a Device,
-    /// Whether the picture of every view is wanted.
+    /// Whether pictures of all views are returned.
     pub pictures: bool,
 }
 
 /// A measured scene.
 pub struct Evaluated {
-    /// Steps it was trained.
+    /// Training steps of the scene.
     pub step: usize,
     /// The measurement.
     pub measured: Measured,
-    /// Pictures, where they were wanted.
+    /// Pictures, if they were requested.
     pub pictures: Vec<Comparison>,
 }
 
@@ -112,7 +112,7 @@ pub fn find(name: &str) -> Option<&'static dyn Pipeline> {
     PIPELINES.iter().copied().find(|pipeline| pipeline.name() == name)
 }
 
-/// Names of all pipelines, in a list.
+/// Names of all pipelines, comma-separated.
 pub fn names() -> String {
     PIPELINES.map(|pipeline| pipeline.name()).join(", ")
 }
@@ -131,7 +131,7 @@ pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
 /// The pipeline that wrote a checkpoint.
 ///
 /// # Errors
-/// A sentence when this program has it not.
+/// A sentence if this program does not have it.
 pub fn of_checkpoint(checkpoint: &Checkpoint) -> Result<&'static dyn Pipeline> {
     let (path, name) = (&checkpoint.path, &checkpoint.origin.pipeline);
     match find(name) {

@@ -1,4 +1,4 @@
-//! Files, recipes and arguments put together: which pipeline they ask for, and the whole configuration of it.
+//! Files, recipes and arguments merged into a pipeline and its whole configuration.
 
 use std::path::Path;
 
@@ -8,30 +8,29 @@ use super::{PIPELINES, Pipeline, find, names};
 use crate::config::tables::{self, Layer};
 use crate::config::{ConfigError, DEFAULT_PIPELINE};
 
-/// A configuration with the pipeline it is for.
+/// A pipeline and its whole configuration.
 #[derive(Clone)]
 pub struct Resolved {
     /// The pipeline.
     pub pipeline: &'static dyn Pipeline,
-    /// Every key of it.
+    /// Every key of the pipeline, with its value.
     pub config: Table,
     /// The same as the TOML text that a run saves.
     pub text: String,
 }
 
-/// Where a configuration is from.
+/// The sources of a configuration.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sources<'a> {
     /// A file, which may name a base.
     pub file: Option<&'a Path>,
     /// A compiled-in recipe by name.
     pub recipe: Option<&'a str>,
-    /// Single values, `section.key=value`, over the others.
+    /// Single values, `section.key=value`, which take precedence.
     pub overrides: &'a [String],
 }
 
-/// The configuration of some sources: the defaults of their pipeline, changed by the file or recipe (and its bases), changed by the
-/// overrides.
+/// The configuration of some sources: the defaults of their pipeline, then the file or recipe (and its bases), then the overrides.
 ///
 /// # Errors
 /// A sentence naming the file or argument, the key, what was expected and what was found.
@@ -50,7 +49,7 @@ pub fn resolve(sources: Sources) -> Result<Resolved, ConfigError> {
     stack(&layers, &main)
 }
 
-/// The configuration that overrides alone ask for.
+/// The configuration of overrides alone.
 ///
 /// # Errors
 /// As [`resolve`].
@@ -84,7 +83,7 @@ fn stack(layers: &[Layer], main: &str) -> Result<Resolved, ConfigError> {
     let mut config = defaults.clone();
     for layer in layers {
         check_keys(layer, pipeline, &defaults)?;
-        // A layer's values must fit on their own, so that a type error names the layer it is from.
+        // The layer is also tried on its own, so that a type error names the layer that has it.
         let mut alone = defaults.clone();
         tables::merge(&mut alone, layer.table.clone());
         if let Err(error @ ConfigError::Type { .. }) = pipeline.validate(&alone, &layer.origin) {
@@ -97,7 +96,7 @@ fn stack(layers: &[Layer], main: &str) -> Result<Resolved, ConfigError> {
     Ok(Resolved { pipeline, config, text })
 }
 
-/// The pipeline that the last layer which names one asks for.
+/// The pipeline named by the last layer that names one.
 fn pipeline_of(layers: &[Layer]) -> Result<&'static dyn Pipeline, ConfigError> {
     let named = layers.iter().rev().find_map(|layer| Some((layer, layer.table.get("pipeline")?)));
     let (origin, name) = match named {
@@ -108,7 +107,7 @@ fn pipeline_of(layers: &[Layer]) -> Result<&'static dyn Pipeline, ConfigError> {
     find(&name).ok_or_else(|| ConfigError::Pipeline { origin: origin.into(), found: name, valid: names() })
 }
 
-/// Every key of a layer must be one of the pipeline's.
+/// Checks that every key of a layer is one of the pipeline's.
 fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Result<(), ConfigError> {
     let Some(key) = tables::unknown_key(&layer.table, defaults) else { return Ok(()) };
     let origin = layer.origin.clone();

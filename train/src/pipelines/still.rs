@@ -1,4 +1,4 @@
-//! `static`: plain 3D Gaussian Splatting of a scene that does not move. The method with nothing in it.
+//! `static`: plain 3D Gaussian Splatting of a static scene, the empty method.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -11,7 +11,7 @@ use crate::fit::losses::photometric;
 use crate::fit::method::{Drawn, Forward, Method, Step, begin_static};
 use crate::fit::photos::Photo;
 
-/// Nothing is learned beside the Gaussians.
+/// The empty method: nothing is learned beside the Gaussians.
 #[derive(Module, Debug)]
 pub struct Still {}
 
@@ -26,8 +26,8 @@ impl Method for Still {
     }
 
     fn loading(_config: &FitConfig<NoSection>, options: &mut LoadOptions) {
-        // Nothing in a static scene is compared with depth or pseudo-sharp photos. Masks of moving objects stay: moving parts are measured
-        // by them.
+        // A static scene is compared with neither depth nor pseudo-sharp photos. Masks of moving objects are kept, because moving
+        // parts are measured with them.
         options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
     }
 
@@ -54,7 +54,7 @@ impl Method for Still {
 
     fn introduction(&self, scene: &Scene, _at: &Step<Self>) -> (Vec<String>, Vec<String>) {
         let moves = scene.time_range.is_some_and(|(low, high)| low < high);
-        let warning = "the photos have times, but this pipeline takes the scene to stand still; for moving scenes: \
+        let warning = "the photos have times, but this pipeline takes the scene to be static; for moving scenes: \
                        --recipe taylormode/base";
         (Vec::new(), moves.then(|| warning.to_string()).into_iter().collect())
     }

@@ -1,5 +1,5 @@
-//! A moving scene before the first step: initial Gaussians, moving ones on the path of the object they are part of, and the networks that
-//! the configuration learns beside them.
+//! The state of a moving scene before the first step: initial Gaussians, the initial paths of moving ones, which are those of their
+//! objects, and the networks that the configuration learns beside them.
 
 use burn::module::Param;
 use burn::tensor::Device;
@@ -45,7 +45,7 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
     if let Some((first, last)) = scene.time_range {
         frame.recording = [first, last];
     }
-    // Without masks there is no centre, no path of it and no object.
+    // Without masks there are no centres, paths or objects.
     let follows = order > 0 && !cues.tracks.is_empty();
     if follows {
         frame.contacts = kinked;
@@ -71,7 +71,7 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
     (initial.gaussians, model)
 }
 
-/// The networks that the configuration forms blur with.
+/// The networks that the configuration needs to form blur.
 fn networks(config: &Config) -> Networks {
     let blur = &config.method.blur;
     if blur.mode != BlurMode::Warp {
@@ -81,17 +81,17 @@ fn networks(config: &Config) -> Networks {
     Networks { velocity, peano: blur.peano && !velocity, weights: if blur.weights { blur.samples } else { 0 } }
 }
 
-/// Root mean square distance of the centres from their best polynomial, pixels, under which a remainder has nothing to add
-/// that a photo shows.
+/// Largest root mean square distance of the centres from their best polynomial, pixels, at which a remainder is not needed: it
+/// would not show in a photo.
 const REMAINDER_PIXELS: f64 = 0.5;
 
-/// Standard deviations of the centre's own uncertainty that its distance from the best polynomial must exceed. What is left
-/// of a high order alternates from frame to frame, which a correlation in time alone would take for noise.
+/// Standard deviations of the centre's own uncertainty that its distance from the best polynomial must exceed. The residual of a
+/// high order alternates from frame to frame, so a test of correlation in time alone would take it for noise.
 const REMAINDER_DEVIATIONS: f64 = 3.0;
 
-/// Whether the 3D remainder is worth having: asked for, or the centre's distances from the best polynomial are large enough
-/// to be seen and are no noise. Decided once, before training, from the triangulated centres of what moves: there the residual after
-/// the best order is known without a scene.
+/// Whether the 3D remainder is used: it is configured, or the centre's distances from the best polynomial are visible and are not
+/// noise. Decided once, before training, from the triangulated centres of moving objects: their residual after the best order is
+/// known without a scene.
 pub fn wants_remainder(cues: &Cues, config: &Config) -> bool {
     match config.method.motion.remainder {
         RemainderChoice::On => true,
@@ -105,21 +105,21 @@ fn leaves_a_pattern(track: &Track, pixels_per_unit: f64) -> bool {
         track.centres.iter().map(|centre| (centre.position - track.path.position(centre.t)).to_array()).collect();
     let count = residuals.len().max(1) as f64;
     let rms = (residuals.iter().flatten().map(|x| x * x).sum::<f64>() / count).sqrt() * pixels_per_unit;
-    // A centroid seen by n cameras is known sqrt(n) times better than by one.
+    // The uncertainty of a centroid seen by n cameras is smaller by sqrt(n) than that of one.
     let noise = track.centres.iter().map(|c| c.residual_px.powi(2) / c.cameras as f64).sum::<f64>() / count;
     let beyond_noise = rms > REMAINDER_DEVIATIONS * noise.sqrt();
     rms > REMAINDER_PIXELS && (beyond_noise || has_pattern(&residuals))
 }
 
-/// Centre and root mean square size of the moving Gaussians.
+/// Centre and root mean square extent of the moving Gaussians.
 pub fn remainder_frame(rows: &[u32], means: &[[f32; 3]], order: usize) -> RemainderFrame {
     let positions = positions(rows, means);
     let centre = middle(&positions);
     RemainderFrame { centre: centre.to_array(), scale: spread(&positions, centre), order }
 }
 
-/// The point that positions are measured from in each object and its root mean square size; objects without Gaussians are left out. Of
-/// several, that is the path's position at `t0`: a Gaussian then stays with the object on whose path it began.
+/// Centre and root mean square extent of each object; objects without Gaussians are left out. For several objects the centre is the
+/// path's position at `t0`, so that a Gaussian stays with the object on whose path it began.
 fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> impl Iterator<Item = ([f64; 3], f64)> {
     let t0 = frame.window.t0;
     let mut parts = vec![Vec::new(); tracks.len()];

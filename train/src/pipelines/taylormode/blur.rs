@@ -1,13 +1,13 @@
-//! The photo that a moving scene leaves while the shutter is open, formed exactly: rendered at times inside the exposure and
-//! averaged (Eq. 12, with renderings in place of warped images).
+//! The blurred image of a moving scene, formed exactly: the mean of renderings at times inside the exposure (Eq. 12, with
+//! renderings in place of warped images).
 
 use burn::tensor::Tensor;
 use gs_burn::exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 use gs_burn::{Camera, Gaussians};
 use gs_models::taylormode::{Instant, Paths};
 
-/// The mean over `instants` of `gaussians`, of which `rows` (ascending, the rows of `paths`) move; `screen` `[N, 4]` as in
-/// [`render_exposure`].
+/// The mean of renderings over `instants` of `gaussians`, of which `rows` (ascending, the rows of `paths`) move; `screen` `[N, 4]`
+/// as in [`render_exposure`].
 ///
 /// # Panics
 /// When there is no instant, or `rows` are not the rows of the paths.
@@ -21,7 +21,7 @@ pub fn expose(
     screen: Option<Tensor<2>>,
 ) -> ExposureRendering {
     let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
-    // The rows are picked out once, and their gradients put back once.
+    // The rows are selected once for all samples, so that the backward pass scatters their gradients once.
     let samples = paths.samples(&means, &quats, instants).into_iter();
     let samples: Vec<MovingSample> = samples.map(|(means, quats)| MovingSample { means, quats }).collect();
     render_exposure(gaussians, rows, &samples, camera, options, screen)

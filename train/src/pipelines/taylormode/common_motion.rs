@@ -1,51 +1,51 @@
-//! The common motion of an object: an update of all its paths together, beside each Gaussian's own.
+//! The common motion of an object: an update of all its paths together, in addition to each Gaussian's own.
 //!
-//! A path's blocks `c_k` are numbers of one Gaussian, learned from the few pixels it covers. On an object that turns, those pixels
-//! repeat, and each Gaussian alone may settle on the wrong repetition or lag behind. Near the object's centre the motion of the
+//! A path's blocks `c_k` belong to one Gaussian and are learned from the few pixels it covers. On an object that turns, texture
+//! repeats, and a Gaussian alone may converge to the wrong repetition or lag behind. Near the object's centre the motion of the
 //! whole object is the first order of a Taylor series in space,
 //!
 //! `c_k(x) = W_k [1, (x - centre) / scale]`,   `W_k` `[3, 4]`,
 //!
-//! which holds every rigid motion exactly (a rotation by any angle is linear in `x`) and many others nearly. Adam on `W`, whose
-//! gradient is the sum of the gradients of all the object's Gaussians, moves all blocks by `dW_k [1, ...]`. Each object has its own `W`; a
-//! Gaussian is part of the object whose centre is nearest to it. The model is not changed by it: the stored numbers, and the freedom of
-//! single Gaussians, stay the same. Not part of the paper.
+//! which represents every rigid motion exactly (a rotation by any angle is linear in `x`) and many others approximately. Adam on
+//! `W`, whose gradient is the sum of the gradients of all the object's Gaussians, moves all blocks by `dW_k [1, ...]`. Each object
+//! has its own `W`; a Gaussian belongs to the object with the nearest centre. The model does not change: stored numbers and degrees
+//! of freedom of single Gaussians stay the same. Not part of the paper.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::AdamRate;
 use gs_burn::exact_matmul;
 
-/// The common motion of an object, as Adam sees it.
+/// The common motion of an object, as a parameter of Adam.
 #[derive(Module, Debug)]
 pub struct CommonMotion {
-    /// `[4, 3 K]`: what all paths were moved by so far.
+    /// `[4, 3 K]`: sum of all updates of the object's paths.
     pub sum: Param<Tensor<2>>,
-    /// The point that positions are measured from, scene units.
+    /// Centre of the positions, scene units.
     #[module(skip)]
     pub centre: [f64; 3],
-    /// What they are divided by, scene units: twice the object's root mean square size.
+    /// Unit of the positions, scene units: twice the object's root mean square extent.
     pub scale: f64,
 }
 
-/// Root mean square distances from the centre over which positions count: nearly all of an object lies within, so that a position adds
-/// less than 1 an axis to a step.
+/// Unit of positions, in root mean square extents of the object: nearly all of an object lies within, so that a position adds less
+/// than 1 per axis to a step.
 const REACH: f64 = 2.0;
 
-/// Times the rate, the shift of the whole object in a step.
+/// Rate of the shift of the whole object, as a factor of the learning rate.
 const SHIFT: f64 = 0.5;
 
-/// Decay of the first moment. One photo asks for a turn that suits one camera. At the usual 0.9 ten photos make a step, and so fast
-/// a turn trembles; a hundred are more than the cameras of most rigs.
+/// Decay of the first moment. The gradient of one photo is a rotation that suits one camera. The usual 0.9 averages ten photos, and
+/// so fast a rotation is noisy; 0.99 averages a hundred, more than the cameras of most rigs.
 const BETA1: f64 = 0.99;
 
-/// Times the rate, the farthest that a step may move a position of the object at the ends of the window; longer ones are shortened as a whole.
-/// First steps have full length in every number whatever the gradient: together with the Gaussians' own they must not reach a
-/// hundredth of the scene, as the stability experiment `thrown` asks.
+/// Largest displacement of a position of the object at the ends of the window by one step, as a factor of the learning rate; a
+/// longer step is scaled down as a whole. Adam's first steps have full length in every number whatever the gradient: together with
+/// the Gaussians' own steps they must not exceed a hundredth of the scene, the bound of the stability experiment `thrown`.
 const FARTHEST: f64 = 3.0;
 
-/// For each of some objects the basis `[M, 4]` of its common motion at `positions` `[M, 3]`, zero at Gaussians of other objects;
-/// `turn` is `cues.turn`.
+/// The basis `[M, 4]` of each object's common motion at `positions` `[M, 3]`, zero at Gaussians of other objects; `turn` is
+/// `cues.turn`.
 pub fn bases(objects: &[CommonMotion], positions: &Tensor<2>, turn: f64) -> Vec<Tensor<2>> {
     if let [object] = objects {
         return vec![object.basis(positions, turn)];
@@ -55,7 +55,7 @@ pub fn bases(objects: &[CommonMotion], positions: &Tensor<2>, turn: f64) -> Vec<
     objects.iter().zip(members).map(|(object, member)| object.basis(positions, turn) * member).collect()
 }
 
-/// For each centre 1 where it is the nearest to a position, 0 elsewhere, `[M, 1]`.
+/// For each centre, 1 at the positions to which it is the nearest, else 0, `[M, 1]`.
 fn members(centres: &[[f64; 3]], positions: &Tensor<2>) -> Vec<Tensor<2>> {
     if centres.is_empty() {
         return Vec::new();
@@ -70,7 +70,8 @@ fn members(centres: &[[f64; 3]], positions: &Tensor<2>) -> Vec<Tensor<2>> {
 }
 
 impl CommonMotion {
-    /// Nothing yet, for an object about `centre` of root mean square size `size` (scene units), whose paths have `order` blocks.
+    /// A zero motion of an object with centre `centre` and root mean square extent `size` (scene units), whose paths have `order`
+    /// blocks.
     pub fn new(centre: [f64; 3], size: f64, order: usize, device: &Device) -> Self {
         Self { sum: Param::from_tensor(Tensor::zeros([4, 3 * order], device)), centre, scale: REACH * size }
     }
@@ -81,13 +82,13 @@ impl CommonMotion {
         [x, y, z, self.scale].map(f64::to_bits)
     }
 
-    /// Nothing yet, with the centre and scale of some bits.
+    /// A zero motion with the centre and scale given as bits.
     pub fn of_bits(bits: [u64; 4], order: usize, device: &Device) -> Self {
         let [x, y, z, scale] = bits.map(f64::from_bits);
         Self { scale, ..Self::new([x, y, z], 1.0, order, device) }
     }
 
-    /// `[1, (x - centre) / scale]`, each with its share of a step, `[M, 4]`.
+    /// `[1, (x - centre) / scale]`, each weighted with its share of a step, `[M, 4]`.
     fn basis(&self, positions: &Tensor<2>, turn: f64) -> Tensor<2> {
         let (device, count) = (positions.device(), positions.dims()[0]);
         let centre: Tensor<2> = Tensor::<1>::from_floats(self.centre.map(|x| x as f32), &device).unsqueeze();
@@ -95,18 +96,18 @@ impl CommonMotion {
         Tensor::cat(vec![Tensor::full([count, 1], SHIFT, &device), offset], 1)
     }
 
-    /// The gradient of the sum: of `gradients` `[M, 3 K]` of the paths' blocks, through `basis`.
+    /// The gradient of the sum, from `gradients` `[M, 3 K]` of the paths' blocks through `basis`.
     pub fn gradient(basis: &Tensor<2>, gradients: Tensor<2>) -> Tensor<2> {
         exact_matmul(basis.clone().transpose(), gradients)
     }
 
-    /// The rate of the sum where single paths have the rate `paths`. A factor of the basis is one of the step: Adam does not see how large
-    /// gradients are.
+    /// The rate of the sum if single paths have the rate `paths`. A factor of the basis is a factor of the step, because Adam's
+    /// steps do not depend on the scale of gradients.
     pub fn rate(paths: &AdamRate) -> AdamRate {
         AdamRate { beta1: BETA1, ..*paths }
     }
 
-    /// The change `[M, 3 K]` of the paths' blocks now that the sum was `before`; `lr` is the rate of single paths.
+    /// The change `[M, 3 K]` of the paths' blocks, if the sum was `before` this update; `lr` is the rate of single paths.
     pub fn change(&self, basis: Tensor<2>, before: Tensor<2>, lr: f64) -> Tensor<2> {
         let change = exact_matmul(basis, self.sum.val() - before);
         let [count, columns] = change.dims();
@@ -141,7 +142,7 @@ mod tests {
         objects.iter_mut().zip(bases).map(one).reduce(|a, b| a + b)
     }
 
-    /// The same of one object.
+    /// The change by a first step of one object.
     fn step(object: CommonMotion, positions: &Tensor<2>, gradients: Tensor<2>) -> Vec<f32> {
         to_host(step_together(&mut [object], positions, &gradients).expect("one object"))
     }
@@ -154,7 +155,7 @@ mod tests {
         (offsets, from_host(positions, 3, device))
     }
 
-    /// A gradient that asks for a turn about z gives a turn about z of all positions, as one linear map; nothing moves much
+    /// A gradient towards a rotation about z gives a rotation about z of all positions, as one linear map; no position moves much
     /// farther than the rate allows.
     #[test]
     fn a_turn_is_asked_and_a_turn_is_given() {
@@ -162,7 +163,7 @@ mod tests {
         let (offsets, positions) = corners(&device);
         let size = 0.75_f64.sqrt();
         let object = CommonMotion::new([1.0, 2.0, 3.0], size, 1, &device);
-        // Down the gradient lies w x offset with w along z.
+        // The negative gradient is w x offset with w along z.
         let gradients = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0]).map(|x| x as f32).collect();
         let change = step(object, &positions, from_host(gradients, 3, &device));
         for (moved, offset) in change.chunks_exact(3).zip(&offsets) {
@@ -176,7 +177,7 @@ mod tests {
         }
     }
 
-    /// All blocks asked for a turn at once: together no farther than the limit, and still a turn.
+    /// All blocks have a gradient towards a rotation: the step stays within the limit, and is still a rotation.
     #[test]
     fn no_step_goes_far() {
         let device = gs_burn::device::select("auto").expect("a device");
@@ -191,7 +192,8 @@ mod tests {
         }
     }
 
-    /// Two cubes side by side: one is asked to turn by more than a step may, the other to shift, and each does what it was asked alone.
+    /// Two adjacent cubes: the gradient rotates one by more than a step may and shifts the other; each moves by its own gradient
+    /// alone.
     #[test]
     fn objects_move_apart() {
         const ORDER: usize = 4;

@@ -1,4 +1,4 @@
-//! What a user chooses about motion and blur: the sections `[motion]`, `[blur]` and `[prior]` of a configuration.
+//! The pipeline's sections of a configuration: `[motion]`, `[blur]`, `[prior]` and `[cues]`.
 
 use gs_models::sh_bands;
 use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VELOCITY};
@@ -14,15 +14,15 @@ use crate::config::{self, ConfigError, FitConfig, Section, check, not_negative, 
 pub struct Sections {
     /// How Gaussians move.
     pub motion: MotionConfig,
-    /// How blur is formed.
+    /// How blurred images are formed.
     pub blur: BlurConfig,
-    /// What priors weigh.
+    /// Weights of the losses and priors.
     pub prior: PriorConfig,
-    /// Heuristics of what is inferred from the photos.
+    /// Heuristics of inference from the photos.
     pub cues: CuesConfig,
 }
 
-/// Most Gaussians of a moving scene: the index of a moving row is counted in 24 bits on a GPU.
+/// Most Gaussians of a moving scene: a GPU counts moving rows in 24 bits.
 const ROWS_MAX: usize = 1 << 24;
 
 impl Section for Sections {
@@ -39,7 +39,7 @@ impl Section for Sections {
 /// The recipe that `pipeline = "taylormode"` stands for.
 const BASE: &str = "taylormode/base";
 
-/// The configuration that `pipeline = "taylormode"` alone stands for: the base recipe over the code's defaults.
+/// The configuration of `pipeline = "taylormode"` alone: the base recipe over the code's defaults.
 pub(super) fn defaults() -> FitConfig<Sections> {
     let recipe = gs_recipes::find(BASE).expect("the base recipe is compiled in");
     let mut table = FitConfig::<Sections>::default().to_table();
@@ -47,25 +47,25 @@ pub(super) fn defaults() -> FitConfig<Sections> {
     FitConfig::from_table(&table, BASE).expect("the base recipe is valid")
 }
 
-/// Which pixels are taken for moving before anything is learned.
+/// The source of moving pixels before training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MaskSource {
-    /// The data set's masks of moving objects where it has them, otherwise evidence.
+    /// The data set's masks of moving objects if it has them, otherwise evidence.
     Auto,
-    /// The data set's masks only; without them the run goes on as if nothing were known.
+    /// The data set's masks only; without them nothing is known of motion.
     Prior,
     /// Pixels that change over time in front of static cameras.
     Evidence,
-    /// Nothing: every Gaussian may move.
+    /// No source: every Gaussian may move.
     None,
 }
 
-/// How a 3D remainder is used beside the polynomial (Eq. 2).
+/// The use of a 3D remainder beside the polynomial (Eq. 2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RemainderChoice {
-    /// Off until the residual after the best order is structured in time.
+    /// Used if the residual after the best order is structured in time.
     Auto,
     /// From the start.
     On,
@@ -73,52 +73,54 @@ pub enum RemainderChoice {
     Off,
 }
 
-/// How Gaussians move (Eq. 2 and 3), and how little of it is kept.
+/// How Gaussians move (Eq. 2 and 3), and the selection of their orders.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionConfig {
-    /// Order of a Gaussian's path before selection, 0 to 6. More bends more, and leaves the window sooner.
+    /// Order of a Gaussian's path before selection, 0 to 6. A higher order follows stronger curvature, and diverges sooner outside
+    /// the window.
     pub order: usize,
-    /// Where the path of the moving object's centre asks for a higher order (by BIC over its triangulated places), paths begin
-    /// with that, up to this. At most 6, at least `order`.
+    /// Highest initial order of paths. Where the path of the moving object's centre needs more than `order` (by BIC over its
+    /// triangulated positions), paths begin with that, up to this. At most 6, at least `order`.
     pub order_max: usize,
-    /// Most kinks in a path, 0 to 2: where the centre of what moves changes its velocity at once (by BIC), the velocity of every
-    /// moving Gaussian may.
+    /// Most kinks in a path, 0 to 2: at a time at which the centre's velocity jumps (by BIC), the velocity of every moving Gaussian
+    /// may jump.
     pub kinks: usize,
-    /// Highest order of its rotation, 0 to 6; 0: it keeps its orientation.
+    /// Highest order of a Gaussian's rotation, 0 to 6; 0: the orientation is constant.
     pub rotation_order: usize,
-    /// Which pixels are taken for moving before anything is learned.
+    /// The source of moving pixels before training.
     pub masks: MaskSource,
-    /// Gaussians that may move, to begin with.
+    /// Initial number of Gaussians that may move.
     pub points: usize,
-    /// Share of the run over which the photos used spread from the middle of the recording to its ends; 0: all from the start.
-    /// What has learned its texture at one time can be followed to the next; compared over the whole recording at once, a
-    /// texture that repeats finds the wrong repetition.
+    /// Share of the run over which the photos used spread from the middle of the recording to its ends; 0: all from the start. Once
+    /// its texture is learned at one time, a Gaussian can be tracked to the next; if the whole recording is compared at once, a
+    /// repetitive texture converges to the wrong repetition.
     pub curriculum: f64,
-    /// Rate of the path's coefficients at the first step, scene extents of displacement at the window's edge.
+    /// Learning rate of the path's coefficients at the first step, scene extents of displacement at the window's edge.
     pub position_lr: f64,
-    /// Whether all paths of an object are also moved together, down the sum of their gradients; see
+    /// Whether all paths of an object are also updated together, by the sum of their gradients; see
     /// [`common_motion`](super::common_motion).
     pub collective: bool,
-    /// Rate of the rotation's coefficients at the first step, radians at the window's edge.
+    /// Learning rate of the rotation's coefficients at the first step, radians at the window's edge.
     pub rotation_lr: f64,
     /// Both rates at the last step, as a share of the first.
     pub final_share: f64,
-    /// The 3D remainder.
+    /// The use of the 3D remainder.
     pub remainder: RemainderChoice,
-    /// Rate of its network (paper: 1e-4 for all networks). All Gaussians share it, so more shakes the whole object at each step.
+    /// Learning rate of the remainder's network (paper: 1e-4 for all networks). All Gaussians share the network, so a larger rate
+    /// perturbs the whole object at each step.
     pub remainder_lr: f64,
-    /// Whether each Gaussian keeps only the order that it needs. Off: all keep `order`.
+    /// Whether each Gaussian keeps only the order that it needs; otherwise all keep `order`.
     pub select: bool,
     /// Share of the run after which orders are first selected.
     pub select_from: f64,
     /// Steps from one selection to the next.
     pub select_every: usize,
-    /// Largest change of a Gaussian's place in any training view, pixels, that a lower order may cost.
+    /// Largest change of a Gaussian's position in any training view, pixels, at which a lower order is accepted.
     pub select_pixels: f64,
     /// Soft threshold of each coefficient block at each selection, pixels at the window's edge.
     pub shrink_pixels: f64,
-    /// Largest change of a colour channel, 0 to 1, that a lower degree of a Gaussian's view-dependent colour may cost.
+    /// Largest change of a colour channel, 0 to 1, at which a lower degree of a Gaussian's view-dependent colour is accepted.
     pub select_color: f64,
     /// Soft threshold of each band at each selection, 0 to 1.
     pub shrink_color: f64,
@@ -151,59 +153,59 @@ impl Default for MotionConfig {
     }
 }
 
-/// How a blurry photo is formed.
+/// Formation of the image that is compared with a blurry photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BlurMode {
-    /// Rendered at times inside the exposure and averaged: the exact formation.
+    /// The exact formation: the mean of renderings at times inside the exposure.
     Integrate,
-    /// The paper's: the sharp image gathered along the velocity at each pixel (Eq. 7 to 12).
+    /// The paper's formation: the sharp image gathered along the velocity at each pixel (Eq. 7 to 12).
     Warp,
-    /// Not at all: the sharp rendering is compared with the blurry photo (ITG, Table 1).
+    /// No blur model: the sharp rendering is compared with the blurry photo (ITG, Table 1).
     None,
 }
 
-/// Where the velocity of the warp comes from.
+/// The source of the warp's velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum VelocitySource {
     /// The derivative of the Taylor motion, splatted (Eq. 3 and 4).
     Taylor,
-    /// A network, directly (the row "w/o Taylor Expansion" of Table 2).
+    /// A network alone (the row "w/o Taylor Expansion" of Table 2).
     Network,
 }
 
-/// How blur is formed (section 3.3).
+/// How blurred images are formed (section 3.3).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BlurConfig {
     /// The formation.
     pub mode: BlurMode,
-    /// Times inside the exposure (paper: N = 7). Too few leave ghosts where things move more than N pixels.
+    /// Times inside the exposure (paper: N = 7). Too few show as separate copies if an object moves by more than N pixels.
     pub samples: usize,
-    /// Exposure to begin with, in the data set's unit of time; 0: what the data set says, else half a frame interval.
+    /// Initial exposure, in the data set's unit of time; 0: as the data set states, else half a frame interval.
     pub exposure: f64,
-    /// Whether the exposure is learned too.
+    /// Whether the exposure is learned.
     pub learn_exposure: bool,
-    /// Rate of the exposure's logarithm.
+    /// Learning rate of the exposure's logarithm.
     pub exposure_lr: f64,
-    /// Share of the run after which it is learned, where the data set says what it is (1: held throughout); else it is learned
-    /// from the start. Photos alone put it short, since what a scene's own softness blurs is blurred already: by 2 to 3 % at
-    /// 256 x 192 pixels, by 6 to 20 % at 96 x 72.
+    /// Share of the run after which the exposure is learned, if the data set states it (1: never); else it is learned from the
+    /// start. The estimate from photos alone is too short, because the scene's own softness explains part of the blur: by 2 to 3 %
+    /// at 256 x 192 pixels, by 6 to 20 % at 96 x 72.
     pub exposure_from: f64,
-    /// Whether light is added up linearly, as a sensor does; off: as photos are encoded.
+    /// Whether light is averaged linearly, as in a sensor; otherwise in the encoding of the photos.
     pub linear: bool,
-    /// Whether the static Gaussians receive no gradient from the blurred image (section 3.4, gradient decoupling).
+    /// Whether static Gaussians get no gradient from the blurred image (section 3.4, gradient decoupling).
     pub decouple: bool,
     /// `warp`: share of the depth prior in the hybrid depth (paper: 0.3).
     pub depth_beta: f64,
-    /// `warp`: where velocities come from.
+    /// `warp`: the source of velocities.
     pub velocity: VelocitySource,
-    /// `warp`: whether the Peano remainder network corrects them (Eq. 5).
+    /// `warp`: whether the Peano remainder network corrects velocities (Eq. 5).
     pub peano: bool,
-    /// `warp`: whether a network weighs the samples (Eq. 11); off: all alike.
+    /// `warp`: whether a network weights the samples (Eq. 11); otherwise all have equal weights.
     pub weights: bool,
-    /// Rate of the networks (paper: 1e-4).
+    /// Learning rate of the networks (paper: 1e-4).
     pub network_lr: f64,
 }
 
@@ -227,19 +229,19 @@ impl Default for BlurConfig {
     }
 }
 
-/// How a depth prior is compared with what is rendered. One that the data set calls metric is taken as it is.
+/// How a depth prior is compared with the rendered depth. A prior that the data set calls metric is used as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DepthFit {
     /// Scaled and shifted per photo, then Eq. 16.
     Photo,
-    /// As it is, Eq. 16.
+    /// Unchanged, Eq. 16.
     None,
-    /// One less the correlation, which knows no scale and no shift. (The hybrid depth of Eq. 6 is fitted per photo.)
+    /// One minus the correlation, which is invariant to scale and shift. (The hybrid depth of Eq. 6 is fitted per photo.)
     Correlation,
 }
 
-/// Weights of the terms of Eq. 19 and of the priors in them.
+/// Weights of the terms of Eq. 19 and of their priors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PriorConfig {
@@ -253,12 +255,12 @@ pub struct PriorConfig {
     pub velocity: f64,
     /// Weight of the smoothness of blur weights (Eq. 18).
     pub smooth: f64,
-    /// Whether the pseudo-sharp photo stands where things move (Eq. 13); off: the blurry one does.
+    /// Whether the pseudo-sharp photo replaces the blurry one at moving pixels (Eq. 13).
     pub pseudo: bool,
-    /// How depth priors are compared.
+    /// How depth priors are compared with the rendered depth.
     pub depth_fit: DepthFit,
-    /// Share of the run after which priors (pseudo-sharp, depth, guide) no longer count; 1: they always do. Guesses help to
-    /// begin with and hold back at the end.
+    /// Share of the run after which priors (pseudo-sharp, depth, guide) are no longer used; 1: they always are. Priors help at
+    /// first, and their errors limit quality at the end.
     pub until: f64,
 }
 
@@ -277,10 +279,10 @@ impl Default for PriorConfig {
     }
 }
 
-/// Highest order of a path that is accepted. Powers of the normalised time are hard to tell apart beyond it in f32.
+/// Highest accepted order of a path: at higher orders, powers of the normalised time are nearly dependent in f32.
 const MAX_ORDER: usize = 6;
 
-/// Most kinks of a path: three make a spike of any one mistaken centre.
+/// Most kinks of a path: with three, any one wrong centre becomes a spike.
 const MAX_KINKS: usize = 2;
 
 impl MotionConfig {
@@ -328,34 +330,36 @@ impl PriorConfig {
     }
 }
 
-/// Heuristics of what is inferred from the photos. Lengths in images are shares of the image width; they were chosen at 256 to 320 pixels.
+/// Heuristics of inference from the photos. Lengths in images are shares of the image width; they were chosen at 256 to 320 pixels.
 /// `gsburn stability taylormode --only sensitivity` halves and doubles each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CuesConfig {
-    /// Near plane in front of static cameras without points, in median distances of the cameras from the subject. Gaussians that grow nearer
-    /// hang before one camera like fog and explain its photos alone; too far, and a near wall is cut away. Twelve cameras all around, 800
-    /// steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at 0.6.
+    /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from the subject.
+    /// Smaller: floaters close to one camera explain its photos alone. Larger: a near wall is culled. Twelve cameras all around,
+    /// 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at 0.6.
     pub near_share: f64,
-    /// Random points at pixels without texture are no nearer than this, in distances of the subject. Photos do not say how far a sky is:
-    /// begun between the cameras it stays there and is fog to other cameras; too far, and a plain wall is missed. Random points end at 3.
+    /// Smallest depth of random points at pixels without texture, in distances of the subject. Photos do not constrain the depth of
+    /// a sky. Smaller: points that begin between the cameras stay there as floaters. Larger: a plain wall is missed. Random points end
+    /// at 3 distances.
     pub plain_nearest: f64,
-    /// Root mean square distance of an object's centres from its path, share of the image width, up to which it is an object of its own.
-    /// Larger: fragments become objects. Smaller: objects with rough masks get no path.
+    /// Largest root mean square distance of an object's centres from its path, as a share of the image width, at which it is an
+    /// object of its own. Larger: fragments become objects. Smaller: objects with inaccurate masks get no path.
     pub body_size: f64,
-    /// The same distance for the centre of all that moves; beyond it nothing follows that path. Larger: the centre of several people leads
-    /// all Gaussians astray. Smaller: an object with rough masks begins without a path.
+    /// Largest such distance for the centre of all moving pixels at which its path is used. Larger: the common centre of several
+    /// people misleads all Gaussians. Smaller: an object with inaccurate masks begins without a path.
     pub followed: f64,
-    /// Root mean square distance, share of the image width, by which fewer orders and kinks may miss the path of a centre. An object that
-    /// turns shows each camera another outline, and its centre's path is known no better. Larger: motion is lost (0.15 dB from 0.6 pixels of
-    /// 256 on). Smaller: noise is fitted.
+    /// Root mean square distance, as a share of the image width, by which a path with fewer orders and kinks may miss a centre. The
+    /// outline of an object that turns differs between cameras, so its centre's path is not known more precisely. Larger: motion is
+    /// lost (0.15 dB from 0.6 pixels of 256 on). Smaller: noise is fitted.
     pub unseen: f64,
-    /// Times the paths' rate, the motion that each of the nine linear numbers of a common step gives a position at twice the object's size.
-    /// Larger: the object trembles. Smaller: it settles on the nearest match of its texture before it has turned, and stays behind.
+    /// Motion by each of the nine linear numbers of a common step at twice the object's extent, as a factor of the paths' rate.
+    /// Larger: the object jitters. Smaller: it converges to the nearest match of its texture before it has turned, and lags behind.
     pub turn: f64,
     /// Scales the acceptance of shadows, 0 to 2. Larger: dark objects vanish from the masks. Smaller: shadows join them.
     pub shadow: f64,
-    /// Smallest moving region that is kept, share of the image's area. Larger: small objects vanish. Smaller: flicker moves centres.
+    /// Smallest moving region that is kept, as a share of the image's area. Larger: small objects vanish. Smaller: flicker shifts
+    /// centres.
     pub speck: f64,
 }
 
@@ -376,7 +380,7 @@ impl Default for CuesConfig {
 }
 
 impl CuesConfig {
-    /// The heuristics of the inference, in its own words.
+    /// The heuristics as options of the inference.
     pub fn options(&self) -> CueOptions {
         let mut options = CueOptions::default();
         options.objects.body_size = self.body_size;

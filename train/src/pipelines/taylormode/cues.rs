@@ -1,5 +1,5 @@
-//! What the photos say about motion before anything is learned: masks, the path of the moving object's centre, the
-//! recording's middle and length, the exposure.
+//! Cues about motion, inferred from the photos before training: masks, the paths of moving objects' centres, the recording's middle
+//! and length, the exposure.
 
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::{TaylorMotion, TimeWindow};
@@ -12,21 +12,21 @@ use crate::fit::method::{MOVING, Region, given_regions};
 /// Cues about motion, inferred from the training photos alone.
 #[derive(Debug, Clone, Default)]
 pub struct Cues {
-    /// Per training view: the moving pixels, and where they are from; empty where nothing was looked for.
+    /// Per training view: the moving pixels, and their source; empty if none were searched for.
     pub masks: MovingMasks,
-    /// Per training view: world velocity of the centre of what moves, scene units per unit of time; empty likewise.
+    /// Per training view: world velocity of the centre of moving pixels, scene units per unit of time; empty likewise.
     pub guides: Vec<Option<[f64; 3]>>,
-    /// The centre of what moves, by time.
+    /// The centre of all moving pixels, by time.
     pub centres: Vec<Centre>,
-    /// Objects that move apart from each other, each with the path of its centre; all that moves, where there are no two.
+    /// Objects that move separately, each with the path of its centre; a single one for all moving pixels if there are no two.
     pub tracks: Vec<Track>,
-    /// Pixels and image widths that one scene unit spans at the centre.
+    /// Pixels and image widths per scene unit at the centre.
     pub scale: ImageScale,
-    /// Warnings about cues and loss terms that are left out.
+    /// Warnings about omitted cues and loss terms.
     pub warnings: Vec<String>,
 }
 
-/// Priors that terms of the loss ask for and no training view has, in sentences.
+/// Warnings about priors that the loss uses and no training view has.
 fn absent(scene: &Scene, config: &Config) -> Vec<String> {
     let has = |found: fn(&View) -> bool| scene.train.iter().any(found);
     let mut said = Vec::new();
@@ -57,7 +57,7 @@ fn without_basis(masks: &MovingMasks, guides: &[Option<[f64; 3]>], objects: usiz
     said
 }
 
-/// Leaves out photos that have no time although others do: nobody knows what they show.
+/// Removes photos without a time if others have one: their state of the scene is unknown.
 pub fn leave_out_timeless(scene: &mut Scene) {
     let count = |scene: &Scene| scene.train.len() + scene.held_out_views().count();
     let before = count(scene);
@@ -69,13 +69,13 @@ pub fn leave_out_timeless(scene: &mut Scene) {
     scene.warnings.extend(left_out_warning(before - count(scene)));
 }
 
-/// The sentence about photos without a time, where there are any.
+/// The warning about photos without a time, if there are any.
 pub fn left_out_warning(photos: usize) -> Option<String> {
     (photos > 0).then(|| format!("{photos} photos without a time are left out"))
 }
 
-/// The moving parts of held-out views: as the data set gives them; where it gives none at all, the pixels that change in front of static
-/// cameras. Training never sees them.
+/// The moving parts of held-out views: as given by the data set; if it gives none at all, the pixels that change in front of static
+/// cameras. Training never uses them.
 pub fn regions(views: &[View], config: &Config) -> Vec<Vec<Region>> {
     let given: Vec<Vec<Region>> = views.iter().map(given_regions).collect();
     if given.iter().any(|regions| !regions.is_empty()) {
@@ -89,7 +89,7 @@ pub fn regions(views: &[View], config: &Config) -> Vec<Vec<Region>> {
     masks.into_iter().map(|mask| mask.map(|mask| Region { name: MOVING, mask }).into_iter().collect()).collect()
 }
 
-/// Looks at the training views, once for a run.
+/// Infers the cues from the training views, once per run.
 pub fn find_cues(scene: &Scene, config: &Config) -> Cues {
     let (motion, options) = (&config.method.motion, config.method.cues.options());
     let source = match motion.masks {
@@ -106,7 +106,7 @@ pub fn find_cues(scene: &Scene, config: &Config) -> Cues {
     let scale = ImageScale::at(&scene.train, &centres);
     let tracks = multiview::tracks(scene, &masks.masks, &centres, motion.order_max, motion.kinks, &options);
     let guides = scene.train.iter().map(|view| {
-        // The centre of objects that move apart moves like none of them.
+        // The common centre of objects that move separately has none of their velocities.
         let velocity = multiview::guide_velocity(&centres, view.time?).filter(|_| tracks.len() < 2)?;
         Some(velocity.to_array())
     });
@@ -123,7 +123,7 @@ pub fn find_cues(scene: &Scene, config: &Config) -> Cues {
 }
 
 impl Cues {
-    /// The centre's path, and the paths that Gaussians begin with, in words.
+    /// The centre's path, and the initial paths of Gaussians, for people.
     pub fn describe_path(&self, motion: &TaylorMotion) -> String {
         let Some(first) = self.tracks.first() else { return String::new() };
         let remainder = if motion.remainder.is_some() { " and a remainder" } else { "" };
@@ -143,7 +143,7 @@ impl Cues {
         )
     }
 
-    /// The origin of the masks, in words.
+    /// The source of the masks, for people.
     pub fn describe_masks(&self) -> String {
         let count = |origin| self.masks.count(origin);
         match (count(MaskOrigin::Given), count(MaskOrigin::Inferred)) {
@@ -155,8 +155,8 @@ impl Cues {
     }
 }
 
-/// The time paths are expanded at (the training time nearest the middle of the recording at which nothing is hit while the
-/// shutter is open), and the half length that makes every exposure lie within normalised times from -1 to 1.
+/// The time at which paths are expanded (the training time nearest the middle of the recording whose exposure has no contact), and
+/// the half length for which every exposure lies within normalised times from -1 to 1.
 pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
     let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
     let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
@@ -172,12 +172,12 @@ pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
     TimeWindow { t0, half: if half > 0.0 { half } else { 1.0 } }
 }
 
-/// The time between frames of one camera; `None` when there is one time only.
+/// The time between frames of one camera; `None` if there is a single time.
 pub fn frame_interval(views: &[View]) -> Option<f64> {
     gs_datasets::frame_interval(views.iter().filter_map(|view| Some((view.camera_id.as_deref(), view.time?))))
 }
 
-/// The exposure a run begins with: as configured, else as the data set says, else half a frame interval.
+/// The initial exposure: as configured, else as the data set states, else half a frame interval.
 pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
     let interval = frame_interval(&scene.train);
     if config.method.blur.exposure > 0.0 {
@@ -192,8 +192,8 @@ pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
     (half, Some(format!("the data set does not say how long the shutter was open: beginning with {half:.4}")))
 }
 
-/// How long the shutter was open, as the data set states it. One number is learned for all views; where they differ it is compared with
-/// the median.
+/// The exposure as the data set states it, in its unit of time. One exposure is learned for all views; if they differ, it is
+/// compared with the median.
 pub fn stated_exposure(views: &[View]) -> Option<f64> {
     let mut said: Vec<f64> = views.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
     said.sort_by(f64::total_cmp);

@@ -1,7 +1,7 @@
-//! The recording is opened from its middle: at first only photos near `t0` are used, at last all.
+//! The curriculum: first only photos near `t0` are used, at last all.
 //!
-//! A Gaussian whose texture is learned at one time can be followed to the next; compared over the whole recording at once, a texture that
-//! repeats finds the wrong repetition.
+//! Once its texture is learned at one time, a Gaussian can be tracked to the next; if the whole recording is compared at once, a
+//! repetitive texture converges to the wrong repetition.
 
 use gs_datasets::View;
 use rand::Rng;
@@ -17,7 +17,7 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// `views` opened around `middle` over the first `steps` steps, then every view once an epoch.
+    /// The order of `views` that opens around `middle` over the first `steps` steps, then uses every view once an epoch.
     pub fn new(views: &[View], middle: f64, steps: usize, seed: u64) -> Self {
         Self { curriculum: Curriculum::new(views, middle, steps, seed), sampler: Sampler::new(seed, views.len()) }
     }
@@ -30,7 +30,7 @@ impl ViewOrder for Opening {
     }
 }
 
-/// Which views a step may use while the recording is still being opened, from its middle to its ends.
+/// The views that a step may use while the range of times grows from the recording's middle to its ends.
 #[derive(Debug, Clone)]
 pub struct Curriculum {
     /// Indices of views by distance of their time from the middle.
@@ -40,7 +40,7 @@ pub struct Curriculum {
 }
 
 impl Curriculum {
-    /// Opens `views` around `middle` over the first `steps` steps; `None` when there is nothing to open.
+    /// Opens `views` around `middle` over the first `steps` steps; `None` if there is nothing to open.
     pub fn new(views: &[View], middle: f64, steps: usize, seed: u64) -> Option<Self> {
         let mut by_distance: Vec<(f64, usize)> =
             views.iter().enumerate().map(|(i, view)| ((view.time.unwrap_or(middle) - middle).abs(), i)).collect();
@@ -49,7 +49,7 @@ impl Curriculum {
         (farthest > 0.0 && steps > 0).then_some(Self { by_distance, steps, seed })
     }
 
-    /// The view of `step` (from 1); `None` once the whole recording is open. Each is drawn by itself, so that a resumed run
+    /// The view of `step` (from 1); `None` once the whole recording is open. Each is drawn independently, so that a resumed run
     /// draws the same.
     pub fn pick(&self, step: usize) -> Option<usize> {
         if step > self.steps {
@@ -57,7 +57,7 @@ impl Curriculum {
         }
         let farthest = self.by_distance.last()?.0;
         let nearest_other = self.by_distance.iter().map(|(distance, _)| *distance).find(|d| *d > 1e-9)?;
-        // Never the middle alone: one blurry frame does not tell the direction of its motion.
+        // The middle is never alone: one blurry frame does not determine the direction of its motion.
         let limit = (farthest * step as f64 / self.steps as f64).max(nearest_other * (1.0 + 1e-6));
         let open = self.by_distance.partition_point(|(distance, _)| *distance <= limit);
         let mut rng = stream(self.seed, Purpose::Views, (1 << 40) | step as u64);

@@ -1,4 +1,4 @@
-//! What the method adds to a photo: priors and moving pixels on the device.
+//! The method's device data of a photo: priors and moving pixels.
 
 use std::sync::Arc;
 
@@ -12,14 +12,13 @@ use crate::fit::photos::{Extra, to_tensor};
 /// Priors and moving pixels of a photo; each is optional.
 #[derive(Debug, Clone, Default)]
 pub struct PhotoPriors {
-    /// `[H, W, 1]`: 1 where something moves.
+    /// `[H, W, 1]`: 1 at moving pixels.
     pub moving: Option<Tensor<3>>,
     /// The pixels at which a formed blur is compared.
     pub compared: ComparedPixels,
-    /// The photo as a deblurring network would have it, `[H, W, 3]`.
+    /// The pseudo-sharp photo, `[H, W, 3]`.
     pub sharp: Option<Tensor<3>>,
-    /// `[H * W]`, 0 where unknown, with what its values mean and whether they are in scene units; on the host, where priors
-    /// are aligned.
+    /// `[H * W]`, 0 where unknown, with its space and whether it is in scene units; on the host, where priors are aligned.
     pub depth: Option<(Arc<Vec<f32>>, DepthSpace, bool)>,
     /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
     pub guide: Option<[f64; 3]>,
@@ -29,23 +28,23 @@ pub struct PhotoPriors {
 #[derive(Debug, Clone, Default)]
 #[allow(clippy::large_enum_variant)] // there is one per photo
 pub enum ComparedPixels {
-    /// All: nothing is known of motion, and no pixel is ignored.
+    /// All: no motion is known, and no pixel is ignored.
     #[default]
     All,
-    /// These: moving pixels that the mask does not ignore (all that are not ignored, where nothing is known of motion).
+    /// These: moving pixels that the mask does not ignore (all that are not ignored, if no motion is known).
     Some(Pixels),
     /// None: nothing moves in the photo.
     None,
 }
 
 impl PhotoPriors {
-    /// The priors of `view`, the `index`-th of the views that `cues` are about.
+    /// The priors of `view`, the `index`-th of the views of `cues`.
     pub fn new(cues: &Cues, index: usize, view: &View, device: &Device) -> Self {
-        // Where no motion was looked for (`motion.masks = "none"`) every Gaussian may move, but the pseudo-sharp photo still
-        // stands only where the data set says that something does.
+        // If no motion was searched for (`motion.masks = "none"`) every Gaussian may move, but the pseudo-sharp photo still
+        // replaces only the pixels that the data set marks as moving.
         let moving = cues.masks.masks.get(index).unwrap_or(&view.priors.moving).as_deref();
         let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
-        // Pixels that do not count have no colour that a blurred one could be compared with.
+        // Ignored pixels have no colour that a blurred one could be compared with.
         let compared: Option<Vec<u8>> = match (moving, view.mask.as_deref()) {
             (Some(moving), Some(counts)) => Some(moving.iter().zip(counts).map(|(a, b)| *a.min(b)).collect()),
             (one, None) | (None, one) => one.map(<[u8]>::to_vec),

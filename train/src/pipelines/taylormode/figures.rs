@@ -1,4 +1,4 @@
-//! Figures of a moving scene beside its sharp images: the blurry image it forms, its velocities, its exposure, and the cost of its motion.
+//! Figures of a moving scene beside image quality: its blurred images, velocities and exposure, and the cost of its motion.
 
 use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
@@ -19,24 +19,23 @@ use crate::fit::photos::{camera, to_tensor};
 use crate::run::memory::megabytes;
 use crate::run::metrics::{median, psnr, psnr_masked};
 
-/// Samples a measured blur is formed with, whatever the training used: enough that more change nothing visible up to about
-/// sixty pixels of motion.
+/// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty pixels of motion.
 const MEASURE_SAMPLES: usize = 33;
 
-/// Alpha under which a pixel shows too little to have a velocity.
+/// Alpha below which a pixel's velocity is not measured.
 const ALPHA_SEEN: f32 = 0.5;
 
-/// Speeds under this share of the largest true speed have no direction worth measuring.
+/// Share of the largest true speed below which the direction of a velocity is not measured.
 const SPEED_SHARE: f64 = 0.05;
 
-/// The cost of a scene, beside the same Gaussians with a fixed order everywhere.
+/// The cost of a scene, compared with the same Gaussians at one fixed order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MotionCost {
     /// Gaussians that move.
     pub moving: usize,
-    /// Share of Gaussians that do not, 0 to 1.
+    /// Share of static Gaussians, 0 to 1.
     pub static_share: f64,
-    /// Mean order of the paths of those that move.
+    /// Mean order of the paths of moving Gaussians.
     pub mean_order: f64,
     /// Gaussians by order of their path, from 0 on.
     pub orders: Vec<usize>,
@@ -46,9 +45,9 @@ pub struct MotionCost {
     pub kinks: usize,
     /// Whether paths have the 3D remainder of Eq. 2.
     pub remainder: bool,
-    /// Numbers that describe motion: coefficients of paths and rotations up to each Gaussian's order, and the 3D remainder.
+    /// Numbers of motion: coefficients of paths and rotations up to each Gaussian's order, and the 3D remainder.
     pub motion_parameters: usize,
-    /// The same with order `motion.order` and `motion.rotation_order` for every Gaussian.
+    /// Numbers of motion at the orders `motion.order` and `motion.rotation_order` for every Gaussian.
     pub fixed_motion_parameters: usize,
     /// Gaussians by the degree of their view-dependent colour, from 0 on.
     pub sh_degrees: Vec<usize>,
@@ -56,9 +55,9 @@ pub struct MotionCost {
     pub parameters: usize,
     /// All numbers with fixed orders for every Gaussian.
     pub fixed_parameters: usize,
-    /// Bytes of `parameters` as f32, with a row number per moving Gaussian.
+    /// Bytes of `parameters` as f32, with a row number for each moving Gaussian.
     pub bytes: usize,
-    /// Bytes of `fixed_parameters` as f32: all move, so none needs a row number.
+    /// Bytes of `fixed_parameters` as f32, without row numbers because all move.
     pub fixed_bytes: usize,
     /// The fixed order of paths, `motion.order`.
     pub fixed_order: usize,
@@ -85,7 +84,7 @@ pub fn figures(model: &Taylormode, gaussians: &Gaussians, scene: &Scene, views: 
         numbers.push(figure.note("median over moving surfaces").headline());
     }
     let exposure = model.exposure_on_host();
-    // The photos that were learned from; held-out views may have other exposures.
+    // Exposures of the training photos; held-out views may have others.
     let stated = stated_exposure(&scene.train).or_else(|| stated_exposure(views));
     let error = stated.filter(|_| learns_exposure(model, at.config)).map(|stated| (exposure / stated - 1.0).abs());
     let note = error.map_or(String::new(), |error| format!("off by {:.1} %", 100.0 * error));
@@ -98,7 +97,7 @@ pub fn figures(model: &Taylormode, gaussians: &Gaussians, scene: &Scene, views: 
     Figures { numbers, tables: vec![cost.table(gaussians.len())] }
 }
 
-/// A moving scene that is being measured.
+/// A moving scene under measurement.
 struct Moving<'a> {
     model: &'a Taylormode,
     gaussians: &'a Gaussians,
@@ -106,12 +105,12 @@ struct Moving<'a> {
     at: &'a Step<'a>,
 }
 
-/// The blurry image of a view as the scene forms it over the exposure that was learned, by exact integration, `[H, W, 3]` from 0 to 1.
+/// The blurred image of a view over the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
 pub fn form_blur(model: &Taylormode, gaussians: &Gaussians, view: &View, at: &Step) -> Tensor<3> {
     blur_over(gaussians, &model.motion, model.exposure_on_host(), view, at)
 }
 
-/// The same over any exposure, in the data set's unit of time.
+/// The blurred image of a view over any exposure, in the data set's unit of time.
 pub fn blur_over(gaussians: &Gaussians, motion: &TaylorMotion, exposure: f64, view: &View, at: &Step) -> Tensor<3> {
     let device = gaussians.device();
     let render = at.facts.render_options(&at.config.render, gaussians.sh_degree());
@@ -122,8 +121,8 @@ pub fn blur_over(gaussians: &Gaussians, motion: &TaylorMotion, exposure: f64, vi
     formed.color.clamp(0.0, 1.0)
 }
 
-/// Whether a held-out photo is blurry and no sharp truth of it is known, so that it is to be compared with a formed blur: the data set
-/// states an exposure, or training took photos to be blurred.
+/// Whether a held-out photo is blurry and has no sharp truth, so that it is compared with a formed blur: the data set states an
+/// exposure, or training used a blur model.
 pub fn is_blurry(view: &View, config: &Config) -> bool {
     let no_truth = view.truth.blurry.is_none();
     let stated = view.exposure.map(|exposure| exposure > 0.0);
@@ -131,7 +130,7 @@ pub fn is_blurry(view: &View, config: &Config) -> bool {
 }
 
 impl Moving<'_> {
-    /// PSNR of the blurry image that the scene forms, where the blurry photo is known beside a sharp truth, dB.
+    /// PSNR of the blurred image, if the blurry photo is known beside a sharp truth, dB.
     fn blurry_psnr(&self, view: &View) -> Option<f64> {
         let blurry = view.truth.blurry.as_ref()?;
         let truth = to_tensor(view, &blurry.data, 3, &self.gaussians.device());
@@ -142,7 +141,7 @@ impl Moving<'_> {
         })
     }
 
-    /// The world velocities that the blur is formed with, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
+    /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
     fn velocities(&self, view: &View) -> (Vec<f32>, Vec<f32>) {
         let t = view.time.unwrap_or(0.0);
         let blur = &self.at.config.method.blur;
@@ -167,7 +166,7 @@ impl Moving<'_> {
         (to_host(found), to_host(alpha))
     }
 
-    /// Angles in degrees and relative errors of the speed, over the pixels of moving surfaces.
+    /// Angles in degrees and relative speed errors, over the pixels of moving surfaces.
     fn velocity_errors(&self, views: &[View]) -> (Vec<f64>, Vec<f64>) {
         let (mut angles, mut magnitudes) = (Vec::new(), Vec::new());
         for view in views {
@@ -191,7 +190,7 @@ impl Moving<'_> {
     }
 }
 
-/// Gaussians by the degree that their colour uses.
+/// Numbers of Gaussians by the SH degree of their colour.
 fn sh_degrees(gaussians: &Gaussians) -> Vec<usize> {
     let mut degrees = vec![0; gaussians.sh_degree() + 1];
     let sh = to_host(gaussians.sh.val().flatten::<2>(1, 2));
@@ -260,7 +259,7 @@ impl MotionCost {
         ]
     }
 
-    /// The numbers of a scene, beside the same Gaussians at one order and degree.
+    /// A table of the scene's numbers, compared with the same Gaussians at one order and degree.
     fn table(&self, gaussians: usize) -> FigureTable {
         let all = gaussians.max(1) as f64;
         let moving: usize = self.orders.iter().enumerate().map(|(order, count)| order * count).sum();

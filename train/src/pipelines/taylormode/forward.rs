@@ -1,4 +1,4 @@
-//! One step on one blurry photo: form the image, compare, add the priors (Eq. 13 to 19).
+//! One step on one blurry photo: form its image, compare, add the priors (Eq. 13 to 19).
 
 use std::cell::Cell;
 
@@ -22,7 +22,7 @@ use crate::fit::method::{Drawn, Forward, Note};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::Photo;
 
-/// Said when depth priors fit nothing. The first renderings of a scene show hardly anything, hence the share.
+/// Reported if depth priors cannot be aligned. The first renderings of a scene show almost nothing, hence the share.
 pub const DEPTH_MISFIT: Note = Note {
     sentence: "in {count} of {steps} steps the photo's depth prior fitted nothing that was rendered, and the depth term (Eq. 16) was left \
                out; is it depth, or its inverse (depth_kind)?",
@@ -42,7 +42,7 @@ struct Formed {
 }
 
 impl Taylormode {
-    /// Forms the image of a scene that moved while `photo` was exposed, and compares. `self` and `gaussians` are leaves of this
+    /// Forms the image of a scene that moved while `photo` was exposed, and compares it. `self` and `gaussians` are leaves of this
     /// step's graph.
     pub(super) fn formed_and_compared(
         &self,
@@ -82,14 +82,14 @@ struct Formation<'a> {
     photo: &'a Photo<PhotoPriors>,
     config: &'a Config,
     options: RenderOptions,
-    /// Share of the run done, 0 to 1.
+    /// Share of the run before this step, 0 to 1.
     progress: f64,
-    /// The photo's depth prior fitted nothing that is rendered.
+    /// Whether the photo's depth prior could not be aligned with the rendering.
     misfit: Cell<bool>,
 }
 
 impl Formation<'_> {
-    /// ITG (Table 1): displacement fitted to the blurry frame as if it were sharp.
+    /// ITG (Table 1): the sharp rendering is fitted to the blurry photo.
     fn unblurred(&self, screen: Option<Tensor<2>>) -> Formed {
         let centre = self.centre(screen);
         let color = centre.color.clone();
@@ -97,14 +97,14 @@ impl Formation<'_> {
         Formed { color, loss, radii: centre.radii(), intersections: centre.intersections }
     }
 
-    /// The exact formation: rendered at times inside the exposure and averaged.
+    /// The exact formation: the mean of renderings at times inside the exposure.
     fn integrated(&self, screen: Option<Tensor<2>>) -> Formed {
         let blur = &self.config.method.blur;
         let decoupled = blur.decouple && self.photo.extra.moving.is_some();
         let gaussians = if decoupled { self.static_detached() } else { self.gaussians.clone() };
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
         let options = ExposureOptions { render, linear: blur.linear };
-        // Middles: the mean over them is exact to second order, and their extent is that of the shutter for any count.
+        // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
         let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples);
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen);
@@ -117,7 +117,7 @@ impl Formation<'_> {
             self.photometric(formed.color.clone(), image, None)
         };
         if decoupled || self.priors_count() {
-            // An odd number of samples has one at the centre, which is drawn already.
+            // An odd number of samples includes the centre, which has been rendered already.
             let centre = if decoupled || instants.len().is_multiple_of(2) {
                 let centre = self.centre(None);
                 intersections += centre.intersections;
@@ -159,8 +159,9 @@ impl Formation<'_> {
         let offsets = self.exposure().offsets(Samples::Ends, blur.samples);
         let path = blur_path(pixels, depth.clone(), velocity.clone(), &photo.camera.intrinsics, offsets);
         let weights = self.model.weights.as_ref().map(|network| network.forward(depth, velocity.clone()));
-        // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the blur. Depth and
-        // velocity at moving pixels, which place the samples, keep theirs, static Gaussians under the mask included.
+        // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the blur. Depth
+        // and velocity at moving pixels, which determine the samples' positions, keep their gradient, static Gaussians under the
+        // mask included.
         let sharp = match &photo.extra.moving {
             Some(moving) if blur.decouple => decoupled(centre.color.clone(), moving.clone()),
             _ => centre.color.clone(),
@@ -180,7 +181,7 @@ impl Formation<'_> {
         finished(pixels.paste(blurred, centre.color.clone()), loss)
     }
 
-    /// Eq. 6: the prior, aligned to what is rendered, and the rendering.
+    /// Hybrid depth (Eq. 6): the prior, aligned to the rendered depth, and the rendered depth.
     fn hybrid_depth(&self, centre: &Rendering) -> Tensor<3> {
         let rendered = centre.expected_depth().expect("the centre is rendered with depth");
         match self.aligned_prior(&rendered, &centre.alpha) {
@@ -215,7 +216,7 @@ impl Formation<'_> {
         self.config.method.blur.mode == BlurMode::Warp || (compared && self.progress < self.config.method.prior.until)
     }
 
-    /// Whether any prior beside the photo itself has a say now.
+    /// Whether any prior beside the photo itself is used in this step.
     fn priors_count(&self) -> bool {
         let (prior, extra) = (&self.config.method.prior, &self.photo.extra);
         let pseudo = prior.pseudo && prior.sharp > 0.0 && extra.sharp.is_some() && extra.moving.is_some();
@@ -223,7 +224,7 @@ impl Formation<'_> {
         self.progress < prior.until && (pseudo || depth)
     }
 
-    /// The exposure, tracked where it is learned.
+    /// The exposure, as a leaf of the graph if it is learned.
     fn exposure(&self) -> Exposure {
         let exposure = self.model.exposure.clone();
         if self.config.method.blur.learn_exposure { exposure } else { exposure.valid() }
@@ -236,7 +237,7 @@ impl Formation<'_> {
         let ones = Tensor::<2>::ones([rows.dims()[0], 1], &device);
         let moves =
             Tensor::zeros([scene.len(), 1], &device).select_assign(0, rows.clone(), ones, IndexingUpdateOp::Add);
-        // The value is x either way, since x - x is exactly zero for every finite x; the gradient of static rows is zero.
+        // The value is x either way, because x - x is exactly zero for every finite x; the gradient of static rows is zero.
         let two = |x: Tensor<2>| (x.clone() - x.clone().detach()) * moves.clone() + x.detach();
         let sh = scene.sh.val();
         let [count, coefficients, channels] = sh.dims();
@@ -257,7 +258,7 @@ impl Formation<'_> {
         }
     }
 
-    /// Eq. 14 against the hybrid target of Eq. 13. Where things move and no pseudo-sharp photo is there, nothing is compared.
+    /// The sharp term, Eq. 14 with the hybrid target of Eq. 13. Moving pixels without a pseudo-sharp photo are not compared.
     fn sharp_term(&self, centre: &Rendering) -> Option<Tensor<1>> {
         let (extra, image) = (&self.photo.extra, self.photo.image.clone());
         let color = centre.color.clone();
@@ -275,7 +276,7 @@ impl Formation<'_> {
         })
     }
 
-    /// The sharp term inside the moving part alone, where the photo itself says everything about the rest.
+    /// The sharp term over moving pixels alone; the photo itself constrains the others.
     fn pseudo_term(&self, centre: &Rendering) -> Option<Tensor<1>> {
         let (moving, sharp) = (self.photo.extra.moving.clone()?, self.photo.extra.sharp.clone()?);
         self.config.method.prior.pseudo.then(|| self.photometric(centre.color.clone(), sharp, Some(moving)))
@@ -290,7 +291,7 @@ impl Formation<'_> {
         photometric(color, truth, region, &self.config.loss)
     }
 
-    /// The term of Eq. 16.
+    /// Adds the depth term of Eq. 16.
     fn add_depth(&self, loss: Tensor<1>, centre: &Rendering) -> Tensor<1> {
         let prior = &self.config.method.prior;
         if prior.depth <= 0.0 || self.progress >= prior.until {
@@ -309,7 +310,7 @@ impl Formation<'_> {
         }
     }
 
-    /// The depth prior in scene units, `[H, W, 1]`, 0 where unknown; `None` where it fits nothing that is rendered.
+    /// The depth prior in scene units, `[H, W, 1]`, 0 where unknown; `None` if it cannot be aligned with the rendering.
     fn aligned_prior(&self, rendered: &Tensor<3>, alpha: &Tensor<3>) -> Option<Tensor<3>> {
         let (values, space, metric) = self.photo.extra.depth.as_ref()?;
         let space = in_space(*space);
@@ -325,7 +326,7 @@ impl Formation<'_> {
     }
 }
 
-/// The space of a data set's depth in the words of the models.
+/// The space of a data set's depth as a type of `gs-models`.
 pub fn in_space(space: gs_datasets::DepthSpace) -> DepthSpace {
     match space {
         gs_datasets::DepthSpace::Depth => DepthSpace::Depth,

@@ -1,15 +1,15 @@
-//! The paths that moving Gaussians begin with: those of the centres of the bodies they are part of, as triangulated from masks.
+//! The initial paths of moving Gaussians: those of the centres of their objects, triangulated from masks.
 
 use glam::DVec3;
 use gs_models::taylormode::{Contact, MotionFrame, TimeWindow};
 use gs_multiview::{Kink, Track, Trajectory};
 
-/// Times at which a path is sampled for each order it is fitted with.
+/// Sample times of a path for each order that is fitted.
 const SAMPLES_PER_ORDER: usize = 4;
 
-/// The order (at least `least`) and the contacts that paths begin with: the fewest that miss no path by more than `unseen`, a share of the
-/// image width (root mean square); `widths_per_unit` is how many image widths one scene unit spans. Each number more is one for noise to
-/// be fitted with.
+/// The order (at least `least`) and the contacts of initial paths: the fewest that miss no path by more than `unseen`, a root mean
+/// square share of the image width; `widths_per_unit` is the number of image widths per scene unit. Any further number would be
+/// fitted to noise.
 pub fn shape(
     tracks: &[Track],
     window: TimeWindow,
@@ -32,7 +32,7 @@ pub fn shape(
     ((least..highest).find(|order| is_unseen(*order, &contacts)).unwrap_or(highest), contacts)
 }
 
-/// Root mean square distance of `blocks` from the path, over the times it is known at, scene units.
+/// Root mean square distance of `blocks` from the path, over the times at which it is known, scene units.
 fn missed_by(path: &Trajectory, window: TimeWindow, contacts: &[Contact], blocks: &[f32]) -> f64 {
     let orders = blocks.len() / 3 - contacts.len();
     let squares: Vec<f64> = displacements(path, window, orders, contacts)
@@ -45,7 +45,7 @@ fn missed_by(path: &Trajectory, window: TimeWindow, contacts: &[Contact], blocks
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// Times at which a path is known: the values of the powers and ramps there, and the displacement since `t0`.
+/// Times at which a path is known, with the values of the powers and ramps and the displacement since `t0`.
 fn displacements(
     path: &Trajectory,
     window: TimeWindow,
@@ -62,8 +62,8 @@ fn displacements(
     })
 }
 
-/// The kinks of all paths in the window, those of the largest jumps first, at most `most` and apart from each other: bodies that
-/// hit each other are hit at one time. One at `t0` itself is left to the polynomial.
+/// The kinks of all paths in the window, in descending order of their jumps, at most `most` and apart from each other: objects that
+/// collide have a kink at one time. A kink at `t0` itself is left to the polynomial.
 pub fn contacts(tracks: &[Track], window: &TimeWindow, most: usize) -> Vec<Contact> {
     let mut kinks: Vec<&Kink> = tracks.iter().flat_map(|track| &track.path.kinks).collect();
     kinks.sort_by(|a, b| b.jump.length_squared().total_cmp(&a.jump.length_squared()));
@@ -76,36 +76,36 @@ pub fn contacts(tracks: &[Track], window: &TimeWindow, most: usize) -> Vec<Conta
     kept
 }
 
-/// Blocks and jumps of each moving Gaussian: those of the body whose centre is nearest to it at `t0`.
+/// Blocks and jumps of each moving Gaussian: those of the object whose centre is nearest to it at `t0`.
 pub fn initial_paths(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]], order: usize) -> (Vec<f32>, Vec<f32>) {
     let blocks: Vec<Vec<f32>> =
         tracks.iter().map(|track| displacement_blocks(&track.path, frame.window, order, &frame.contacts)).collect();
     let (mut paths, mut jumps) = (Vec::new(), Vec::new());
     for row in &frame.rows {
-        let place = glam::Vec3::from(means[*row as usize]).as_dvec3();
-        let (path, jump) = blocks[nearest(tracks, frame.window.t0, place)].split_at(3 * order);
+        let position = glam::Vec3::from(means[*row as usize]).as_dvec3();
+        let (path, jump) = blocks[nearest(tracks, frame.window.t0, position)].split_at(3 * order);
         paths.extend_from_slice(path);
         jumps.extend_from_slice(jump);
     }
     (paths, jumps)
 }
 
-/// Index of the track whose body is nearest to `place` at `t`.
+/// Index of the track whose object is nearest to `position` at `t`.
 ///
 /// # Panics
 /// Without tracks.
-pub fn nearest(tracks: &[Track], t: f64, place: DVec3) -> usize {
-    let distances = tracks.iter().map(|track| track.path.position(t).distance_squared(place));
+pub fn nearest(tracks: &[Track], t: f64, position: DVec3) -> usize {
+    let distances = tracks.iter().map(|track| track.path.position(t).distance_squared(position));
     let nearest = distances.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
     nearest.expect("there are tracks").0
 }
 
-/// Added to the diagonal, as a share of its sum: what the times say nothing of (a body that was not yet seen when another one was hit)
-/// stays zero, and what they do say changes in the tenth digit.
+/// Added to the diagonal, as a share of its sum: numbers that the times do not determine (the jump of an object that was seen only
+/// after a contact) stay zero, and the others change in the tenth digit.
 const RIDGE: f64 = 1e-10;
 
-/// The path as coefficient blocks of the window, those of the powers and then those of the contacts: the least squares fit of
-/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times the path is known at.
+/// The path as coefficient blocks of the window, first of the powers, then of the contacts. They are the least squares fit of
+/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times at which the path is known.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
     let mut normal = vec![vec![0.0; columns + 3]; columns];
@@ -122,7 +122,7 @@ pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, 
     solve(&mut normal).into_iter().flatten().map(|x| x as f32).collect()
 }
 
-/// Gauss and Jordan with pivots on `[A | B]`, `A` square and positive definite, `B` of three columns.
+/// Gauss-Jordan elimination with pivots on `[A | B]`, `A` square and positive definite, `B` of three columns.
 fn solve(rows: &mut [Vec<f64>]) -> Vec<[f64; 3]> {
     let order = rows.len();
     for column in 0..order {
@@ -154,7 +154,7 @@ mod tests {
             })
             .collect();
         let path = Trajectory::fit(&centres, 3, 0).expect("a path");
-        // In the middle of the recording and off it, where the window is longer than the recording on one side.
+        // The window's centre at the recording's middle, and beside it: then the window is longer than the recording on one side.
         for window in [TimeWindow { t0: 0.5, half: 0.5 }, TimeWindow { t0: 0.4, half: 0.65 }] {
             let blocks = displacement_blocks(&path, window, 3, &[]);
             for t in [0.0, 0.3, 0.8, 1.0] {
@@ -166,13 +166,13 @@ mod tests {
         }
     }
 
-    /// A body that is first seen after another one was hit: the times say nothing of its jump then.
+    /// An object that is first seen after the contact of another: its times do not determine its jump there.
     #[test]
     fn jumps_before_a_path_begins_are_none() {
-        let path = |range: [f64; 2], place: &dyn Fn(f64) -> DVec3| {
+        let path = |range: [f64; 2], position: &dyn Fn(f64) -> DVec3| {
             let times = (0..=20).map(|i| range[0] + (range[1] - range[0]) * f64::from(i) / 20.0);
             let centres: Vec<Centre> =
-                times.map(|t| Centre { t, position: place(t), residual_px: 0.1, cameras: 5 }).collect();
+                times.map(|t| Centre { t, position: position(t), residual_px: 0.1, cameras: 5 }).collect();
             let path = Trajectory::fit(&centres, 3, 2).expect("a path");
             Track { centres, path }
         };
@@ -187,7 +187,7 @@ mod tests {
         assert!((blocks[2] - 0.5).abs() < 1e-4, "{blocks:?}");
     }
 
-    /// The order and the number of contacts that a path begins with whose centre is where `truth` says, at 100 pixels a unit.
+    /// The initial order and number of contacts of a path whose centre follows `truth`, at 100 pixels per unit.
     fn shape_of(truth: impl Fn(f64) -> DVec3) -> (usize, usize) {
         let centres: Vec<Centre> = (0..=20)
             .map(|i| f64::from(i) / 20.0)
@@ -208,7 +208,7 @@ mod tests {
         let cubic = |height: f64| move |t: f64| line(t) + height * (2.0 * t - 1.0).powi(3) * DVec3::Z;
         assert_eq!(shape_of(cubic(0.002)), (1, 0));
         assert_eq!(shape_of(cubic(0.2)).0, 3);
-        // A bend of 60 degrees at time 0.7, and one that leads off by half a pixel at the end.
+        // A bend of 60 degrees at time 0.7, and one that adds half a pixel at the end.
         let bent = |change: f64| move |t: f64| line(t) + change * (t - 0.7).max(0.0) * DVec3::Z;
         assert_eq!(shape_of(bent(4.0)).1, 1);
         assert_eq!(shape_of(bent(0.016)).1, 0);

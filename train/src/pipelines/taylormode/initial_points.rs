@@ -1,5 +1,5 @@
-//! The first Gaussians of a moving scene: static ones from the points or backgrounds, moving ones from the visual hull of
-//! what moves at the middle of the recording.
+//! The initial Gaussians of a moving scene: static ones at the points or on backgrounds, moving ones in the visual hull of moving
+//! pixels at the middle of the recording.
 
 use gs_datasets::{PointCloud, Scene, View};
 use gs_multiview::{self as multiview, HullOptions, Pinhole};
@@ -9,22 +9,22 @@ use super::Config;
 use super::cues::{Cues, frame_interval};
 use crate::fit::initialise::{InitialGaussians, Random, gaussians_at, points_in_front};
 
-/// Most of the cap that Gaussians which may move take to begin with.
+/// Largest share of the cap for the initial Gaussians that may move.
 const MOVING_SHARE: f64 = 0.5;
 
-/// The Gaussians to begin with, those that stand still first.
+/// The initial Gaussians, static ones first.
 #[derive(Debug)]
 pub struct Initial {
-    /// All of them.
+    /// All Gaussians.
     pub gaussians: InitialGaussians,
-    /// How many of them, the first ones, stand still.
+    /// Number of static Gaussians, which come first.
     pub fixed: usize,
 }
 
-/// Gaussians at the points of `scene`, or at invented ones, and on what moves at `t0`.
+/// Gaussians at the points of `scene`, or at invented ones, and on moving objects at `t0`.
 pub fn initial_points(scene: &Scene, cues: &Cues, config: &Config, extent: f64, t0: f64) -> Initial {
     let (still_points, moving_points) = split_points(scene, cues, config, t0);
-    // What moves comes first: points without number for what stands still would leave no room for it under the cap.
+    // Moving points come first: any number of static points would leave no room for them under the cap.
     let cap = config.density.cap;
     let share = config.method.motion.points.min((MOVING_SHARE * cap as f64) as usize).max(1);
     let moving = gaussians_of(extent, &moving_points, config, share);
@@ -54,13 +54,13 @@ fn split_points(scene: &Scene, cues: &Cues, config: &Config, t0: f64) -> (Option
     (Some(fixed), moving)
 }
 
-/// Share of the views of one instant that must have a point in their mask before it counts as moving.
+/// Share of the views of one time whose mask must contain a point for it to be moving.
 const MOVING_VIEWS: f64 = 0.8;
 
 /// Whether a point lies in the masks of nearly all views of a time that see it.
 fn moves_at(scene: &Scene, cues: &Cues, t0: f64, point: [f32; 3]) -> bool {
     let (mut seen, mut inside) = (0, 0);
-    // Not the views of t0 alone: cameras of a rig may begin a little apart. Of each camera that is the frame next to t0.
+    // Cameras of a rig may start at slightly different times, so each camera's frame nearest to t0 counts.
     let apart = 0.5 * frame_interval(&scene.train).unwrap_or(0.0);
     for (view, mask) in scene.train.iter().zip(&cues.masks.masks) {
         let Some(mask) = mask.as_ref().filter(|_| view.time.is_some_and(|t| (t - t0).abs() <= apart)) else { continue };
@@ -72,15 +72,15 @@ fn moves_at(scene: &Scene, cues: &Cues, t0: f64, point: [f32; 3]) -> bool {
     seen > 0 && inside as f64 >= MOVING_VIEWS * f64::from(seen)
 }
 
-/// Random points are no nearer than this share of the way to what the cameras look at: beside a camera, in the corner of its
-/// picture alone, one can grow opaque and hang before all others.
+/// Smallest depth of random points, in distances of the subject: nearer ones, seen in the corner of a single photo, can become
+/// floaters in front of the other cameras.
 const NEAREST: f64 = 0.5;
 
-/// Views that must see something move behind a point: one mask may be wrong there.
+/// Views that must see motion behind a point before it is dropped: one mask may be wrong.
 const HIDES: usize = 2;
 
-/// Points for what stands still where the data set has none: in front of the cameras, with the colours of what stands still
-/// there, and none before what is seen moving.
+/// Static points for a data set without points: in front of the cameras, with the colours of the static background, and none in
+/// front of moving pixels.
 fn invented_points(scene: &Scene, cues: &Cues, config: &Config, extent: f64, room: usize) -> PointCloud {
     let count = config.init.random_points.min(room);
     let random = Random { nearest: NEAREST, plain_nearest: config.method.cues.plain_nearest };
@@ -89,29 +89,29 @@ fn invented_points(scene: &Scene, cues: &Cues, config: &Config, extent: f64, roo
     let masked_views = masked_views(scene, cues);
     let clear = positions.into_par_iter().zip(colors).filter(|(position, _)| !hides(&masked_views, *position));
     let (positions, colors): (Vec<_>, Vec<_>) = clear.unzip();
-    tracing::info!(of = count, clear = positions.len(), "points before what moves are left out");
+    tracing::info!(of = count, clear = positions.len(), "points in front of moving pixels are left out");
     PointCloud { positions, colors }
 }
 
-/// A view that sees something move.
+/// A view with moving pixels.
 struct MaskedView<'a> {
     camera: Pinhole,
     mask: &'a [u8],
-    /// Of the centre of what moves; of several the least, since any of them may be what moves at a pixel.
+    /// Depth of the centre of moving pixels, scene units; of several objects the smallest, because any may be seen at a pixel.
     depth: f64,
 }
 
 fn masked_views<'a>(scene: &'a Scene, cues: &'a Cues) -> Vec<MaskedView<'a>> {
     let of = |(view, mask): (&'a View, &'a Option<Vec<u8>>)| {
         let (mask, t, to_camera) = (mask.as_ref()?, view.time?, view.c2w.inverse());
-        let depths = places(cues, t).into_iter().map(|place| to_camera.transform_point3(place).z);
+        let depths = centres_at(cues, t).into_iter().map(|centre| to_camera.transform_point3(centre).z);
         Some(MaskedView { camera: Pinhole::new(view), mask, depth: depths.reduce(f64::min)? })
     };
     scene.train.iter().zip(&cues.masks.masks).filter_map(of).collect()
 }
 
-/// Where the centre of each body is at a time; of bodies that follow no path, where the centre of them all was seen last or next.
-fn places(cues: &Cues, t: f64) -> Vec<glam::DVec3> {
+/// The centre of each object at a time; of objects without a path, their common centre at the nearest known time.
+fn centres_at(cues: &Cues, t: f64) -> Vec<glam::DVec3> {
     if cues.tracks.is_empty() {
         let seen = cues.centres.iter().min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()));
         return seen.map(|centre| centre.position).into_iter().collect();
@@ -119,7 +119,7 @@ fn places(cues: &Cues, t: f64) -> Vec<glam::DVec3> {
     cues.tracks.iter().map(|track| track.path.position(t)).collect()
 }
 
-/// Whether a point would hide what is seen to move: it lies in masks of moving pixels, nearer than the centre of what moves.
+/// Whether a point would hide moving pixels: it lies in their masks, nearer than their centre.
 fn hides(masked_views: &[MaskedView], point: [f32; 3]) -> bool {
     let point = glam::Vec3::from(point).as_dvec3();
     let hides_in = |view: &&MaskedView| {
@@ -136,7 +136,7 @@ fn gaussians_of(extent: f64, points: &PointCloud, config: &Config, cap: usize) -
     gaussians_at(points, extent, &config.init, cap, config.seed)
 }
 
-/// One view for each camera that stands still, showing what stands still in front of it; all views where none does.
+/// One view for each static camera, with the static background in front of it; all views if no camera is static.
 fn backgrounds(scene: &Scene, config: &Config) -> Vec<View> {
     let options = config.method.cues.options().masks;
     let views: Vec<View> = multiview::static_cameras(&scene.train)
@@ -168,7 +168,7 @@ mod tests {
 
     use super::*;
 
-    /// Two cameras at the origin and beside it look along z at what moves at depth 4, in the middle of 9 x 9 pixels.
+    /// Two cameras, one at the origin and one beside it, look along z at an object at depth 4, in the middle of 9 x 9 pixels.
     #[test]
     fn points_before_what_moves_hide_it() {
         let camera = |x: f64| {
@@ -184,13 +184,13 @@ mod tests {
         assert!(!hides(&masked_views[..1], [0.0, 0.0, 2.0]), "one mask may be wrong");
     }
 
-    /// Bodies that follow no path still hide what is behind them, from where they were seen.
+    /// Objects without a path still hide points, from where they were seen.
     #[test]
     fn without_a_path_what_moves_is_where_it_was_seen() {
         let seen = |t: f64| Centre { t, position: glam::DVec3::new(0.0, 0.0, 10.0 * t), residual_px: 0.0, cameras: 3 };
         let cues = Cues { centres: vec![seen(0.2), seen(0.4), seen(0.9)], ..Cues::default() };
-        assert_eq!(places(&cues, 0.5), [seen(0.4).position]);
-        assert_eq!(places(&cues, 2.0), [seen(0.9).position]);
-        assert!(places(&Cues::default(), 0.5).is_empty());
+        assert_eq!(centres_at(&cues, 0.5), [seen(0.4).position]);
+        assert_eq!(centres_at(&cues, 2.0), [seen(0.9).position]);
+        assert!(centres_at(&Cues::default(), 0.5).is_empty());
     }
 }

@@ -1,8 +1,8 @@
-//! Whether a simpler motion explains the photos as well: the likelihood check on what [`select`](super::select) proposes.
+//! Likelihood check of the simpler motion that [`select`](super::select) proposes: does it explain the photos as well?
 //!
-//! One verdict is given on all Gaussians together, and the residual variance is that of training photos: a Gaussian alone changes too
-//! few pixels to be judged, and no photo is set aside. So the check vetoes what shows, while the tenth of a pixel that a proposal may
-//! move anything is what decides for single Gaussians.
+//! The check judges all Gaussians together, with the residual variance of training photos: a single Gaussian changes too few
+//! pixels, and no photo is set aside. The check rejects visible changes; for single Gaussians, the threshold in pixels of
+//! [`select`](super::select) decides.
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::Gaussians;
@@ -20,21 +20,21 @@ use super::{Step, Taylormode};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::{camera, to_tensor};
 
-/// Photos a proposal is judged by, spread evenly over the training views: enough that one of them cannot decide.
+/// Photos that judge a proposal, spread evenly over the training views: enough that no single one decides.
 const PHOTOS: usize = 6;
 
-/// Shares of the threshold in pixels that are tried, one after another, until the photos agree.
+/// Shares of the threshold in pixels that are tried in turn until the photos agree.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// A scene as it is drawn for judging.
+/// A scene to be judged.
 struct Candidate<'a> {
     gaussians: &'a Gaussians,
     motion: &'a TaylorMotion,
     exposure: &'a Exposure,
 }
 
-/// Selects, and takes the selection back where the photos say that the motion it dropped was worth its numbers (Schwarz's
-/// criterion, with pixels that share a blur counted as one).
+/// Selects, and reverts the selection if the photos need the removed motion (Schwarz's criterion, with pixels that share a blur
+/// counted as one).
 pub fn select_with_check(
     model: Taylormode,
     gaussians: &mut Gaussians,
@@ -88,7 +88,7 @@ fn blocks(motion: &TaylorMotion) -> usize {
 }
 
 impl Candidate<'_> {
-    /// The photo that the scene makes.
+    /// The image that the scene forms for a view.
     fn formed(&self, view: &View, at: &Step) -> Tensor<3> {
         let blur = &at.config.method.blur;
         let render = at.facts.render_options(&at.config.render, self.gaussians.sh_degree());
@@ -99,7 +99,7 @@ impl Candidate<'_> {
         expose(self.gaussians, &paths, &self.motion.rows, &instants, &camera(view, &device), &options, None).color
     }
 
-    /// Mean path of the moving Gaussians during one exposure, pixels: the length over which a blur ties pixels together.
+    /// Mean path of the moving Gaussians during one exposure, pixels: the length over which blur correlates pixels.
     fn blur_area(&self, views: &[View]) -> f64 {
         let paths = self.motion.paths(&self.gaussians.means.val());
         let speeds = to_host(paths.velocity(paths.window.t0));
@@ -118,8 +118,8 @@ impl Candidate<'_> {
     }
 }
 
-/// Sums of squared differences from the photo with the simpler and with the present motion, and how many differences these are:
-/// of the pixels that the two draw differently. The others say nothing about either, and are explained better than what moves.
+/// Sums of squared differences from the photo with the simpler and with the present motion, and the number of differences, over the
+/// pixels in which the two images differ. The other pixels do not distinguish the two, and are explained better than moving ones.
 fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device) -> [f64; 3] {
     let differs = (simpler.clone() - present.clone()).abs().max_dim(2).greater_elem(NOTICED).float();
     let counts = match &view.mask {
@@ -136,5 +136,5 @@ fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|i| a[i] + b[i])
 }
 
-/// Colour (0 to 1) by which two images differ: half a step of an 8-bit photo.
+/// Difference of a colour channel (0 to 1) from which on two images differ: half a step of an 8-bit photo.
 const NOTICED: f64 = 0.5 / 255.0;

@@ -1,4 +1,4 @@
-//! [`Taylormode`] as a [`Method`]: each function in one line, from the file that has the idea.
+//! [`Taylormode`] as a [`Method`]: each function in one line, from the file of its topic.
 
 use std::path::Path;
 
@@ -43,7 +43,7 @@ impl Method for Taylormode {
             return Ok(());
         }
         Err(format!(
-            "{}: expected a time for each frame, found none; a scene that stands still trains with pipeline = \"static\"",
+            "{}: expected a time for each frame, found none; a static scene trains with pipeline = \"static\"",
             dataset.display()
         ))
     }

@@ -5,8 +5,8 @@
 //! | 3.2 Taylor motion and velocity (Eq. 2, 3), velocity splatting (Eq. 4), remainder (Eq. 5) | `gs_models::taylormode`, [`velocity`]; the module tree: [`model`] |
 //! | 3.3 blur synthesis (Eq. 6 to 12) | [`forward`]: `warped`; the exact formation: `integrated`, with [`blur`] |
 //! | 3.4 losses (Eq. 13 to 19), gradient decoupling | [`forward`], weights in [`config`] |
-//! | 4.1 masks, depth, pseudo-sharp photos, optimisers | [`cues`], [`extra`], [`begin`], [`initial_points`], [`initial_paths`], [`update`] |
-//! | beyond the paper: all Gaussians of an object also move together | [`common_motion`] |
+//! | beyond the paper: all Gaussians of an object are also updated together | [`common_motion`] |
+//! | beyond the paper: selection of the lowest sufficient order | [`select`], judged by [`likelihood`] |
 //! | beyond the paper: no more motion than a scene needs | [`select`], judged by [`likelihood`] |
 //! | measuring on sharp ground truth | [`figures`] |
 //! | limits of the method | [`stability`] |

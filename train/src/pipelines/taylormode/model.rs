@@ -1,4 +1,4 @@
-//! Everything that is learned about motion and blur, as one Burn module.
+//! All learned quantities of motion and blur, as one Burn module.
 
 use burn::module::Module;
 use burn::tensor::Device;
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::common_motion::CommonMotion;
 
-/// What the method learns beside the Gaussians.
+/// The module of the method, beside the Gaussians.
 #[derive(Module, Debug)]
 pub struct Taylormode {
     /// Paths, rotations, kinks and the 3D remainder (Eq. 2).
     pub motion: TaylorMotion,
-    /// How long the shutter is open (Eq. 7).
+    /// The exposure (Eq. 7).
     pub exposure: Exposure,
     /// The remainder on the velocity map (Eq. 5).
     pub peano: Option<PeanoMap>,
@@ -24,60 +24,60 @@ pub struct Taylormode {
     pub weights: Option<BlurWeights>,
     /// Velocity by a network alone (Table 2, "w/o Taylor Expansion").
     pub velocity: Option<DirectVelocity>,
-    /// The common motion of each object, where one is learned.
+    /// The common motion of each object, if it is learned.
     pub objects: Vec<CommonMotion>,
-    /// Whether the exposure began as the data set states it.
+    /// Whether the initial exposure is the one that the data set states.
     pub exposure_is_stated: bool,
-    /// What depths (scene units) and speeds (scene units per unit of time) are divided by before a network sees them.
+    /// Units of depths (scene units) and speeds (scene units per unit of time) in the networks.
     #[module(skip)]
     pub units: Units,
 }
 
-/// Units in which the networks see the scene.
+/// Units of the networks' inputs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Units {
-    /// Of depths and positions, scene units.
+    /// Unit of depths and positions, scene units.
     pub depth: f64,
-    /// Of velocities, scene units per unit of time.
+    /// Unit of velocities, scene units per unit of time.
     pub velocity: f64,
 }
 
 impl Units {
-    /// Depths of about the scene's size, and speeds that cross a tenth of it in half the recording, are 1 to the networks.
+    /// Units of the scene's extent, and of a tenth of it in half the recording.
     pub fn new(extent: f64, half_window: f64) -> Self {
         Self { depth: extent, velocity: 0.1 * extent / half_window }
     }
 }
 
-/// Which networks form the blur.
+/// The networks that form the blur.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Networks {
-    /// Eq. 5.
+    /// Peano remainder, Eq. 5.
     pub peano: bool,
-    /// Eq. 11, for so many samples; 0: none.
+    /// Number of samples that are weighted, Eq. 11; 0: none.
     pub weights: usize,
-    /// Table 2, "w/o Taylor Expansion".
+    /// Direct velocity, Table 2, "w/o Taylor Expansion".
     pub velocity: bool,
 }
 
-/// All of a [`Taylormode`] that is not learned; as JSON to the bit.
+/// The constants of a [`Taylormode`]; exact to the bit as JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
     motion: MotionFrame,
     exposure_is_stated: bool,
     networks: Networks,
-    /// Depth and velocity, as bits.
+    /// Units of depth and velocity, as bits.
     units: [u64; 2],
     /// Centre and scale of each object's common motion, as bits.
     objects: Vec<[u64; 4]>,
 }
 
-/// Highest order and most samples that a frame may name: far above what a configuration may, and small enough to allocate.
+/// Highest order and most samples that a frame may name: far above a configuration's limits, and small enough to allocate.
 const ORDERS_MAX: usize = 64;
 const SAMPLES_MAX: usize = 4096;
 
 impl Frame {
-    /// Whether its lists fit each other.
+    /// Checks that the lists fit each other.
     ///
     /// # Errors
     /// A sentence when they do not.
@@ -94,7 +94,8 @@ impl Frame {
 }
 
 impl Taylormode {
-    /// Motion as `frame` says, all of it zero; an exposure of `exposure` (the data set's unit of time); networks before training.
+    /// A module with the motion of `frame`, all zero, an exposure of `exposure` (the data set's unit of time), and untrained
+    /// networks.
     pub fn new(
         frame: &MotionFrame,
         exposure: f64,
@@ -118,7 +119,7 @@ impl Taylormode {
         }
     }
 
-    /// No Gaussian moves, as of a scene that is known at one time alone.
+    /// A module without moving Gaussians, for a scene that is known at one time alone.
     pub fn at_rest(at: &super::Step, device: &Device) -> Self {
         let frame = MotionFrame::new(Vec::new(), 0, 0, TimeWindow { t0: 0.0, half: 1.0 });
         let exposure = at.config.method.blur.exposure;
@@ -136,7 +137,7 @@ impl Taylormode {
         self.exposure.tau_on_host()
     }
 
-    /// All of it that is not learned.
+    /// The constants of the module.
     pub fn frame_data(&self) -> Frame {
         Frame {
             motion: self.motion.frame(),
@@ -160,10 +161,10 @@ impl Taylormode {
         Self { objects, exposure_is_stated: frame.exposure_is_stated, ..shell }
     }
 
-    /// Whether the tensors fit each other and `gaussians` rows.
+    /// Checks that the tensors fit each other and `gaussians` rows.
     ///
     /// # Errors
-    /// A sentence about what does not fit.
+    /// A sentence about the mismatch.
     pub fn check_shapes(&self, gaussians: usize) -> Result<(), String> {
         let motion = &self.motion;
         let rows = motion.rows.len();

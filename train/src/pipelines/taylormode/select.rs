@@ -1,8 +1,8 @@
-//! No more motion than a scene needs: every Gaussian keeps the lowest order whose path stays within a fraction of a pixel of
-//! the present one in every training view; order 0 is a static Gaussian, which pays for no motion at all.
+//! Selection of orders: every Gaussian keeps the lowest order whose path stays within a fraction of a pixel of the present one in
+//! every training view. A Gaussian of order 0 is static and stores no motion.
 //!
-//! How a path is lowered is in [`order`](gs_models::taylormode::order). Coefficient blocks are also shrunk by a soft threshold
-//! in pixels at each selection ([`shrinkage`](gs_models::taylormode::shrinkage)), so that what the photos do not support fades.
+//! [`order`](gs_models::taylormode::order) lowers a path. Each selection also applies a soft threshold in pixels to coefficient
+//! blocks ([`shrinkage`](gs_models::taylormode::shrinkage)), so that coefficients without support in the photos decay.
 
 use burn::module::Param;
 use burn::tensor::Tensor;
@@ -17,28 +17,28 @@ use gs_models::taylormode::shrinkage::{ViewScale, norm, pixels_per_unit, shrink}
 use super::config::MotionConfig;
 use crate::fit::parameters::{Group, Table, from_host, to_host};
 
-/// What a selection did.
+/// The outcome of a selection.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Selected {
-    /// Orders taken from paths.
+    /// Orders removed from paths.
     pub lowered: usize,
-    /// Gaussians that stopped moving.
+    /// Gaussians that became static.
     pub stopped: usize,
 }
 
-/// A motion with lower orders, and the Gaussians that go with it.
+/// A motion with lower orders, and its Gaussians.
 pub struct Selection {
-    /// The Gaussians, their means moved by what lowering an order left over.
+    /// The Gaussians; their means include the constants left over from lowered orders.
     pub gaussians: Gaussians,
     /// The motion.
     pub motion: TaylorMotion,
-    /// Which moving rows are left; `None`: all.
+    /// The moving rows that are left; `None`: all.
     pub kept: Option<RowMap>,
-    /// What was done.
+    /// The outcome.
     pub selected: Selected,
 }
 
-/// Selects once.
+/// Lowers orders once.
 pub fn select(gaussians: &Gaussians, motion: &TaylorMotion, views: &[View], config: &MotionConfig) -> Selection {
     let (mut gaussians, mut motion) = (gaussians.clone(), motion.clone());
     if motion.is_empty() {
@@ -61,8 +61,8 @@ pub fn select(gaussians: &Gaussians, motion: &TaylorMotion, views: &[View], conf
         selected.lowered += order - left;
         motion.orders[index] = left as u8;
 
-        // A rotation moves the surface of a Gaussian by its angle times its size. The constant that lowering an even order adds
-        // is left out and costs as much again: half the threshold.
+        // A rotation moves the surface of a Gaussian by its angle times its scale. The constant from lowering an even order is
+        // ignored and is as large again, hence half the threshold.
         let size = log_scales[3 * *row as usize..][..3].iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
         let pixels = f64::from(size).exp() * scales[index];
         let turn = &mut rotation[columns[1] * index..][..columns[1]];
@@ -99,7 +99,7 @@ pub fn select(gaussians: &Gaussians, motion: &TaylorMotion, views: &[View], conf
     Selection { gaussians, motion: motion.hold_orders(), kept, selected }
 }
 
-/// Farthest that the 3D remainder moves each moving Gaussian, scene units; empty without one.
+/// Largest displacement of each moving Gaussian by the 3D remainder, scene units; empty without one.
 fn remainder_moves(gaussians: &Gaussians, motion: &TaylorMotion) -> Vec<f64> {
     let Some(remainder) = motion.paths(&gaussians.means.val()).remainder else { return Vec::new() };
     let functions: Vec<Vec<f64>> = (-REMAINDER_TIMES..=REMAINDER_TIMES)
@@ -118,10 +118,10 @@ fn remainder_moves(gaussians: &Gaussians, motion: &TaylorMotion) -> Vec<f64> {
         .collect()
 }
 
-/// Times on each side of `t0` at which the remainder is looked at: four to each half oscillation of its fastest function.
+/// Times on each side of `t0` at which the remainder is evaluated: four to each half oscillation of its fastest function.
 const REMAINDER_TIMES: i32 = 8;
 
-/// Shrinks the bands of view-dependent colour; at the end of a run, drops the bands that nobody sees.
+/// Shrinks the bands of view-dependent colour; at the end of a run, removes bands that are not visible.
 pub fn select_bands(gaussians: &mut Gaussians, config: &MotionConfig, is_last: bool) {
     let columns = Group::Sh.columns(gaussians.sh_degree());
     if columns <= 3 {
@@ -137,7 +137,7 @@ pub fn select_bands(gaussians: &mut Gaussians, config: &MotionConfig, is_last: b
     gaussians.set(Group::Sh, from_host(sh, columns, &gaussians.device()));
 }
 
-/// The poses and focal lengths of `views`, each once.
+/// The poses and focal lengths of `views`, without duplicates.
 pub fn view_scales(views: &[View]) -> Vec<ViewScale> {
     let mut cameras: Vec<ViewScale> = Vec::new();
     for view in views {

@@ -1,4 +1,4 @@
-//! The update of everything that the method learns (paper, 4.1: Adam with moments 0.9 and 0.999, separate rates).
+//! The update of all learned quantities of the method (paper, 4.1: Adam with moments 0.9 and 0.999, separate rates).
 
 use burn::tensor::Tensor;
 use gs_burn::adam::{Adam, AdamRate};
@@ -10,26 +10,26 @@ use super::config::BlurMode;
 use super::{Config, Step, Taylormode};
 use crate::fit::schedule::exponential;
 
-/// Steps over which the rates of motion rise to their full size, linearly.
+/// Steps over which the learning rates of motion rise linearly to their full value.
 const WARM_UP: f64 = 100.0;
 
-/// At most this share of a run is spent on that.
+/// Largest share of a run for this rise.
 const WARM_UP_SHARE: f64 = 0.1;
 
-/// Where the method hangs in the tree of what is learned.
+/// Path of the method in the model's tree.
 const ROOT: &str = "method";
 
-/// Rates of one step.
+/// Learning rates of one step.
 struct Rates {
-    /// Of the paths' coefficients, scene units.
+    /// Rate of the paths' coefficients, scene units.
     position: f64,
-    /// Of the rotations' coefficients, radians.
+    /// Rate of the rotations' coefficients, radians.
     rotation: f64,
-    /// Of the exposure's logarithm.
+    /// Rate of the exposure's logarithm.
     exposure: f64,
-    /// Of the networks that form the blur.
+    /// Rate of the networks that form the blur.
     network: f64,
-    /// Of the 3D remainder's network.
+    /// Rate of the 3D remainder's network.
     remainder: f64,
 }
 
@@ -37,7 +37,8 @@ impl Rates {
     fn of(model: &Taylormode, at: &Step) -> Self {
         let (config, step) = (at.config, at.step);
         let (motion, blur) = (&config.method.motion, &config.method.blur);
-        // Adam's first steps have full length in every block whatever the gradient: together they would throw a path across the scene.
+        // Adam's first steps have full length in every block whatever the gradient: together they would move a path across the
+        // scene.
         let warm = (step as f64 / WARM_UP.min(WARM_UP_SHARE * config.steps as f64).max(1.0)).min(1.0);
         let decay = warm * exponential(1.0, motion.final_share, step, config.steps);
         let held = if model.exposure_is_stated { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
@@ -54,7 +55,7 @@ impl Rates {
         }
     }
 
-    /// The rate of the parameter at a path under the method.
+    /// The rate of the parameter at a path below the method.
     fn at(&self, path: &str) -> AdamRate {
         let name = path.strip_prefix("method.").unwrap_or(path);
         let position = AdamRate::new(self.position);
@@ -70,7 +71,7 @@ impl Rates {
     }
 }
 
-/// Whether the exposure is learned at any time, by a blur that is formed and compared.
+/// Whether the exposure is ever learned, through a formed blur that is compared.
 pub fn learns_exposure(model: &Taylormode, config: &Config) -> bool {
     let blur = &config.method.blur;
     let is_compared = match blur.mode {
@@ -82,7 +83,7 @@ pub fn learns_exposure(model: &Taylormode, config: &Config) -> bool {
 }
 
 impl Taylormode {
-    /// One Adam update of everything; each object's paths take their common step beside their own.
+    /// One Adam update of all parameters; each object's paths take their common step in addition to their own.
     pub(super) fn updated(
         self,
         gaussians: &Gaussians,
@@ -96,14 +97,14 @@ impl Taylormode {
             let positions = gaussians.means.val().select(0, self.motion.row_tensor());
             let bases = bases(&self.objects, &positions, at.config.method.cues.turn);
             for (index, basis) in bases.iter().enumerate() {
-                // The sum is in no graph: its gradient is that of the paths.
+                // The sum is not part of the graph: its gradient is that of the paths.
                 let of_sum = CommonMotion::gradient(basis, gradient.clone());
                 gradients.insert(format!("method.objects.{index}.sum"), of_sum);
             }
             let before: Vec<Tensor<2>> = self.objects.iter().map(|object| object.sum.val()).collect();
             bases.into_iter().zip(before).collect::<Vec<_>>()
         });
-        // Without a path the sums have no gradient, and their moments rest.
+        // Without a path the sums have no gradient, and their moments are kept.
         let rests = |path: &str| common.is_none() && path.starts_with("method.objects.");
         let rate = |path: &str| (!rests(path)).then(|| rates.at(path));
         let mut model: Self = adam.update_under(ROOT, self, gradients, rate);
@@ -135,7 +136,7 @@ impl Taylormode {
     }
 }
 
-/// Moments of what has a row per moving Gaussian follow a change of those.
+/// Moments of tensors with a row per moving Gaussian follow a change of those rows.
 pub(super) fn follow_moments(adam: &mut Adam, own: &RowMap) {
     for name in TaylorMotion::ROW_PARAMETERS {
         adam.follow(&format!("method.motion.{name}"), own);

@@ -1,4 +1,5 @@
-//! Does the blur model eat the scene? A blur that explains the photos perfectly leaves a scene as blurry as they are.
+//! Does the blur model absorb the scene's own blur? A blur model that explains the photos perfectly can leave the scene as blurry
+//! as they are.
 
 use anyhow::Result;
 use gs_burn::render;
@@ -14,11 +15,12 @@ use crate::run::metrics::psnr_of_mse;
 use crate::stability::lab::{Session, moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "absorb",
-    question: "Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the photos well make the scene sharp? And on photos \
-               that were sharp to begin with, does the model keep its hands off?",
+    question: "Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the \
+               photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them \
+               unchanged?",
     steps: |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
     on_request: false,
     run,
@@ -30,8 +32,8 @@ const STEPS_QUICK: usize = 60;
 /// Measurements along a run.
 const LOOKS: usize = 6;
 
-/// How a blurry photo is formed, with the changes to the lab's recipe: the exact formation, the paper's warp with its weights
-/// network, and no blur model. None sees a pseudo-sharp photo: that would keep any of them sharp.
+/// Formations of a blurry photo, with the changes to the lab's recipe: the exact formation, the paper's warp with its weights
+/// network, and no blur model. None uses a pseudo-sharp photo, which would keep any scene sharp.
 const MODES: [(&str, &[&str]); 3] = [
     ("integrate", &["blur.mode=integrate", "prior.pseudo=false"]),
     ("warp", &["blur.mode=warp", "blur.decouple=true", "blur.samples=7", "prior.pseudo=false"]),
@@ -39,11 +41,11 @@ const MODES: [(&str, &[&str]); 3] = [
 ];
 
 struct Trained {
-    /// PSNR of training photos as formed, and of held-out sharp ones, in moving parts, at each look.
+    /// PSNR over moving parts of training photos as formed, and of held-out sharp ones, at each measurement.
     along: Vec<(f64, f64)>,
-    /// Sharp PSNR of moving parts by step.
+    /// Sharp PSNR over moving parts, by step.
     sharp: Vec<(f64, f64)>,
-    /// Mean change that forming blur makes to moving pixels at the end, 0 to 1.
+    /// Mean change of moving pixels by blur at the end, 0 to 1.
     blur: f64,
 }
 
@@ -105,7 +107,7 @@ fn run(lab: &Lab) -> Result<Findings> {
 
 fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {
     let steps = lab.either(STEPS, STEPS_QUICK);
-    // As far as the 4000 steps of a real run take the exposure; a look has no time to go as far.
+    // The exposure can change as much as in 4000 steps of a real run; a quick one has no time for that.
     let rate = lab.either("blur.exposure_lr=8e-3", "blur.exposure_lr=3e-2");
     let changes: Vec<&str> = changes.iter().copied().chain([rate]).collect();
     let trial = Trial::new(scene, Trial::config(lab, steps, &changes)?);
@@ -124,7 +126,7 @@ fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {
 
 /// Some training photos as the run forms them, over their moving pixels.
 struct FormedPhotos {
-    /// Against the photos, dB.
+    /// PSNR against the photos, dB.
     psnr: f64,
     /// Mean difference from the sharp rendering, 0 to 1.
     change: f64,

@@ -1,5 +1,5 @@
-//! What does a wrong depth prior cost? Networks give depth or disparity up to a scale and a shift that differ from
-//! photo to photo, and some pixels are plainly wrong.
+//! What does a wrong depth prior cost? Networks estimate depth or disparity up to a scale and a shift that differ between photos,
+//! and some pixels are outliers.
 
 use anyhow::Result;
 use gs_datasets::synthetic::deblur::World;
@@ -15,7 +15,7 @@ use crate::stability::findings::largest;
 use crate::stability::lab::small;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "depth",
     question: "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does it \
@@ -28,34 +28,35 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 480;
 const STEPS_QUICK: usize = 40;
 
-/// At corruption 1, scales lie between 1 / (1 + this) and 1 + this, and shifts within half of this share of the mean.
+/// At corruption 1, scales are from 1 / (1 + this) to 1 + this, and shifts within half of this share of the mean.
 const AFFINE: f64 = 0.6;
 
-/// Share of pixels whose value is replaced by another's of the photo.
+/// Share of pixels whose value is replaced by that of another pixel.
 const OUTLIERS: f64 = 0.2;
 
-/// Ten times the recipe's weight of depth: at its own, what is wrong with depth hardly shows on these worlds, aligned or not.
+/// Ten times the recipe's weight of depth: at the recipe's own, errors of depth have almost no effect on these worlds, aligned or
+/// not.
 const WEIGHT: &str = "prior.depth=0.2";
 
 #[derive(Clone, Copy)]
 struct Wrong {
     space: DepthSpace,
-    /// 0 to 1.
+    /// Size of the affine errors, 0 to 1.
     affine: f64,
     outliers: f64,
     fit: Fit,
 }
 
-/// What is done about scale and shift.
+/// Treatment of scale and shift.
 #[derive(Clone, Copy, PartialEq)]
 enum Fit {
-    /// Fitted per photo to what is rendered: the recipe's.
+    /// Fitted per photo to the rendered depth, as in the recipe.
     Photo,
-    /// One pair for all photos, fitted to the true depth: the best that one pair could be.
+    /// One pair for all photos, fitted to the true depth: the best possible single pair.
     Global,
-    /// Not asked for: the loss is the correlation.
+    /// Not fitted: the loss is the correlation.
     Correlation,
-    /// Believed as they are.
+    /// Not fitted: the values are used as they are.
     Absolute,
 }
 
@@ -77,7 +78,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     let global = unless_quick(DepthSpace::Depth, 0.0, Fit::Global)?;
     let correlated = unless_quick(DepthSpace::Depth, 0.0, Fit::Correlation)?;
     let taken = sweep(DepthSpace::Depth, 0.0, Fit::Absolute)?;
-    // Against the same loss on true values: fitting scale and shift is a loss of its own, also where both are right.
+    // Relative to the same loss on true values, because fitting scale and shift costs something even if both are right.
     let worst = |points: &[(f64, f64)], base: f64| largest(points.iter().map(|(_, psnr)| (psnr - base).abs()));
     let aligned = "change of PSNR from true values, aligned";
     let mut criteria =
@@ -133,7 +134,7 @@ fn psnr(lab: &Lab, scene: &Scene, fit: Fit) -> Result<f64> {
     Ok(Trial::new(scene, config).begin(lab).finish()?.quality.mean.psnr)
 }
 
-/// The scene with the true depth of its training photos as prior, as wrong as asked for; or without any.
+/// The scene with the true depth of its training photos as prior, corrupted by `wrong`; without any for `None`.
 fn with_prior(scene: &Scene, wrong: Option<Wrong>) -> Scene {
     let mut scene = scene.clone();
     for (index, view) in scene.train.iter_mut().enumerate() {
@@ -147,7 +148,7 @@ fn with_prior(scene: &Scene, wrong: Option<Wrong>) -> Scene {
     scene
 }
 
-/// Takes all priors to depth by one scale and one shift.
+/// Converts all priors to depth by one scale and one shift.
 fn fit_once(scene: &mut Scene, space: DepthSpace) {
     let pairs = |view: &View| Some((view.priors.depth.as_ref()?.values.clone(), view.truth.depth.clone()?));
     let (values, truth): (Vec<_>, Vec<_>) = scene.train.iter().filter_map(pairs).unzip();
@@ -173,7 +174,7 @@ fn corrupted(truth: &[f32], wrong: Wrong, rng: &mut ChaCha8Rng) -> DepthPrior {
             return 0.0;
         }
         let value = if draw < wrong.outliers { true_values[other as usize % true_values.len()] } else { in_space(*z) };
-        // A prior that is not positive would count as unknown.
+        // A prior that is not positive would be unknown.
         (scale * value + shift).max(1e-3 * mean) as f32
     });
     DepthPrior { values: values.collect(), space: wrong.space, metric: wrong.fit == Fit::Absolute }

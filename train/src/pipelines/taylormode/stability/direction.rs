@@ -1,5 +1,5 @@
-//! Does blur say which way things went? With a symmetric exposure and straight motion, v and -v blur alike, so one
-//! frame cannot tell; two can.
+//! Does blur determine the direction of motion? With a symmetric exposure and straight motion, v and -v give the same blur, so one
+//! frame cannot; two can.
 
 use anyhow::Result;
 use burn::module::Param;
@@ -18,7 +18,7 @@ use crate::stability::findings::{largest, smallest};
 use crate::stability::lab::small;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "direction",
     question: "Paths begin with minus the velocity that the masks say: from how many frames on does training turn them round?",
@@ -30,7 +30,7 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 1000;
 const STEPS_QUICK: usize = 100;
 
-/// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The mover's texture repeats
+/// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The object's texture repeats
 /// every 3.4 pixels; a start at minus the velocity is wrong by twice the motion.
 const SPEEDS: [(f64, &str); 3] =
     [(0.125, "0.8 pixels a frame"), (0.25, "1.7 pixels a frame"), (0.5, "3.3 pixels a frame")];
@@ -79,8 +79,8 @@ fn run(lab: &Lab) -> Result<Findings> {
     Ok(found)
 }
 
-/// Share of the Gaussians whose velocity points the true way after training on `count` frames of each camera, from `sign` times
-/// the velocity of the masks' centre.
+/// Share of the Gaussians whose velocity has the true direction after training on `count` frames of each camera, from an initial
+/// velocity of `sign` times that of the masks' centre.
 fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
     let part = frames(scene, count);
     let steps = lab.either(STEPS, STEPS_QUICK);
@@ -95,13 +95,13 @@ fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
             "motion.remainder=off",
             "motion.final_share=0.2",
             "density.strategy=none",
-            // The question is what blur alone says.
+            // Blur alone must determine the direction.
             "blur.learn_exposure=false",
             "prior.sharp=0",
             "prior.depth=0",
         ],
     )?;
-    // Of the whole recording, however few frames training sees.
+    // The path is fitted to the whole recording, however few frames training uses.
     let path = Trajectory::fit(&find_cues(scene, &config).centres, 3, 0);
     let trial = Trial::new(&part, config);
     let mut session = trial.begin(lab);

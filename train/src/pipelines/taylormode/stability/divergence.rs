@@ -1,5 +1,5 @@
-//! Where a Taylor path goes outside the window it was fitted in. Arithmetic alone, through the path that the trainer
-//! uses (`TaylorMotion`), so that its continuation beyond the window is what is measured.
+//! How does a Taylor path diverge outside the window it was fitted in? Arithmetic alone, through the trainer's own paths
+//! (`TaylorMotion`), so that their continuation beyond the window is measured.
 
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -14,7 +14,7 @@ use crate::report::charts::{Chart, Series};
 use crate::stability::findings::{largest, smallest};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "divergence",
     question: "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how far \
@@ -24,29 +24,29 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Orders that are fitted.
+/// Fitted orders.
 const ORDERS: std::ops::RangeInclusive<usize> = 0..=5;
 
-/// Frames of the recording, the middles of equal parts of the window.
+/// Frames of the recording, at the midpoints of equal parts of the window.
 const FRAMES: usize = 16;
 
 /// Most kinks, as in the trainer's defaults.
 const KINKS: usize = 2;
 
-/// Coefficients `0..=5` and the remainder's five functions, each a vector.
+/// A position, or one vector coefficient.
 type Row = [f64; 3];
 
 struct Path {
     name: &'static str,
-    place: fn(f64) -> Row,
+    position: fn(f64) -> Row,
 }
 
 /// Motions over the normalised time; the object's size is 1.
 const PATHS: [Path; 4] = [
-    Path { name: "sinusoid", place: |s| [(2.0 * s + 0.4).sin(), 0.3 * (2.0 * s + 0.4).sin(), 0.1 * s] },
-    Path { name: "circle", place: |s| [(2.5 * s).cos(), (2.5 * s).sin(), 0.0] },
-    Path { name: "ballistic", place: |s| [0.8 * s, 0.2 * s, 0.7 * s - 1.3 * s * s] },
-    Path { name: "bounce", place: |s| [0.5 * s, 0.0, (2.0 * s).sin().abs()] },
+    Path { name: "sinusoid", position: |s| [(2.0 * s + 0.4).sin(), 0.3 * (2.0 * s + 0.4).sin(), 0.1 * s] },
+    Path { name: "circle", position: |s| [(2.5 * s).cos(), (2.5 * s).sin(), 0.0] },
+    Path { name: "ballistic", position: |s| [0.8 * s, 0.2 * s, 0.7 * s - 1.3 * s * s] },
+    Path { name: "bounce", position: |s| [0.5 * s, 0.0, (2.0 * s).sin().abs()] },
 ];
 
 fn run(_: &Lab) -> Result<Findings> {
@@ -127,7 +127,7 @@ impl Fit {
         let rows: Vec<Vec<f64>> = times.iter().map(|s| basis(*s)).collect();
         let columns: Vec<Vec<f64>> =
             (0..rows[0].len()).map(|column| rows.iter().map(|row| row[column]).collect()).collect();
-        let targets: Vec<DVec3> = times.iter().map(|s| (path.place)(*s).into()).collect();
+        let targets: Vec<DVec3> = times.iter().map(|s| (path.position)(*s).into()).collect();
         let solved: Vec<Row> = least_squares(&columns, &targets).into_iter().map(|x| x.to_array()).collect();
         let row = |vectors: &[Row]| vectors.iter().flatten().map(|x| *x as f32).collect::<Vec<f32>>();
         let window = TimeWindow { t0: 0.0, half: 1.0 };
@@ -139,14 +139,14 @@ impl Fit {
             let weights = row(&solved[order + 1..]);
             Remainder { weights: from_host(weights.clone(), weights.len(), device), order }
         });
-        Self { path: path.place, constant: solved[0], motion }
+        Self { path: path.position, constant: solved[0], motion }
     }
 
-    /// The trainer's way: order and kinks by BIC, expanded at the frame nearest the middle at which nothing is hit; `None` where no
+    /// The trainer's procedure: order and kinks by BIC, expanded at the frame nearest the middle without a contact; `None` if no
     /// kink is found.
     fn with_kinks(path: &Path, device: &Device) -> Option<Self> {
         let frames = (0..FRAMES).map(|frame| (frame as f64 + 0.5) * 2.0 / FRAMES as f64 - 1.0);
-        let seen = |t| Centre { t, position: (path.place)(t).into(), residual_px: 0.0, cameras: FRAMES };
+        let seen = |t| Centre { t, position: (path.position)(t).into(), residual_px: 0.0, cameras: FRAMES };
         let centres: Vec<Centre> = frames.map(seen).collect();
         let found = Trajectory::fit(&centres, *ORDERS.end(), KINKS).filter(|found| !found.kinks.is_empty())?;
         let times = centres.iter().map(|centre| centre.t).filter(|t| found.is_undisturbed(*t, *t));
@@ -162,7 +162,7 @@ impl Fit {
         motion.position = from_host(blocks, 3 * order, device);
         let jumps = from_host(jumps, 3 * contacts.len(), device);
         motion.kinks = Some(Kinks::new(contacts, jumps));
-        Some(Self { path: path.place, constant, motion })
+        Some(Self { path: path.position, constant, motion })
     }
 
     fn error(&self, s: f64) -> f64 {
@@ -186,7 +186,7 @@ impl Fit {
     }
 }
 
-/// The paths of one Gaussian that does not move yet.
+/// The paths of one Gaussian, all zero.
 fn one_path(order: usize, window: TimeWindow, device: &Device) -> Paths {
     let rows = Tensor::from_data(TensorData::new(vec![0], [1]), device);
     let (position, rotation) = (Tensor::zeros([1, 3 * order], device), Tensor::zeros([1, 0], device));
@@ -203,12 +203,12 @@ fn remainder_slope(order: usize, device: &Device) -> f64 {
     (size(far) / size(near)).ln() / (far / near).ln()
 }
 
-/// Error over |s| by order, of the highest order with the remainder, and with kinks.
+/// Error over |s| by order, for the highest order with the remainder, and with kinks.
 fn fan(path: &Path, fits: &[[Fit; 2]], kinked: Option<&Fit>) -> Chart {
     let curve = |fit: &Fit| -> Vec<(f64, f64)> {
         let at = |i: i32| {
             let s = 3.0 * f64::from(i) / 120.0;
-            // The worse side, and a floor that keeps the figure's scale.
+            // The larger of both sides, with a floor that limits the figure's range.
             (s, fit.error(s).max(fit.error(-s)).max(1e-6).log10())
         };
         (0..=120).map(at).collect()

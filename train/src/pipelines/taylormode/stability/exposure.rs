@@ -1,5 +1,4 @@
-//! Can exposure and speed be told apart? In one frame only their product is seen; frames one after the other show
-//! speed alone.
+//! Can exposure and speed be told apart? One frame determines only their product; successive frames determine the speed alone.
 
 use anyhow::Result;
 use burn::module::Param;
@@ -19,7 +18,7 @@ use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "exposure",
     question: "The exposure begins at 0.25 to 4 times the truth: is it found, and is its product with speed?",
@@ -31,10 +30,10 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 1600;
 const STEPS_QUICK: usize = 60;
 
-/// Rate of the exposure's logarithm: a run of `base.toml` has 4000 steps at 2e-3, and these may go as far together, and no farther.
+/// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of `base.toml`.
 const RATE: &str = "blur.exposure_lr=5e-3";
 
-/// For a look, which has no time to go as far.
+/// The same for a quick run, which has fewer steps.
 const RATE_QUICK: &str = "blur.exposure_lr=3e-2";
 
 fn run(lab: &Lab) -> Result<Findings> {
@@ -46,7 +45,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     for factor in factors {
         let start = format!("blur.exposure={}", factor * truth);
         let steps = lab.either(STEPS, STEPS_QUICK);
-        // Selection would leave order 0 where the exposure begins far too short; it has an experiment's worth of tests of its own.
+        // Selection would leave order 0 if the exposure begins far too short; it is tested elsewhere.
         let rate = lab.either(RATE, RATE_QUICK);
         let config = Trial::config(lab, steps, &[&start, rate, "motion.select=false", "blur.samples=7"])?;
         let trial = Trial::new(&scene, config);
@@ -99,7 +98,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     })
 }
 
-/// Difference of formed and taken photos along the hyperbola of equal exposure times speed, in the middle frame and in all.
+/// Difference of formed and given photos along the hyperbola of equal exposure times speed, in the middle frame and in all.
 fn hyperbola(session: &Session<Taylormode>, scene: &Scene) -> Vec<Series> {
     let (method, at) = (session.method(), session.fit.at());
     let (t0, exposure) = (method.motion.window.t0, method.exposure_on_host());

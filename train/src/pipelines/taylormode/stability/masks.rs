@@ -1,4 +1,4 @@
-//! What do masks cost that are too wide or too narrow? Segmentation follows blurry outlines as well as it can.
+//! What do masks cost that are too wide or too narrow? Segmentation of blurry outlines is uncertain.
 
 use anyhow::Result;
 use gs_datasets::Scene;
@@ -10,7 +10,7 @@ use crate::stability::findings::largest;
 use crate::stability::lab::{moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "masks",
     question: "True masks of what moves, eroded and dilated by up to 6 pixels of 96: what does it cost?",
@@ -22,8 +22,8 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 560;
 const STEPS_QUICK: usize = 40;
 
-/// The mover is about 20 pixels wide here; a segmentation that misses its outline by more than a tenth of that on either side is
-/// a poor one, and nothing is promised for it.
+/// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its outline by
+/// more than a tenth of that on either side is a poor one.
 const PROMISED: i32 = 2;
 
 fn run(lab: &Lab) -> Result<Findings> {
@@ -79,7 +79,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     })
 }
 
-/// The scene with its true masks as priors, wider by `pixels`, or narrower where that is negative.
+/// The scene with its true masks as priors, dilated by `pixels`, or eroded if negative.
 fn grown(scene: &Scene, pixels: i32) -> Scene {
     let mut scene = scene.clone();
     for view in &mut scene.train {
@@ -93,7 +93,7 @@ fn grown(scene: &Scene, pixels: i32) -> Scene {
     scene
 }
 
-/// One pixel wider or narrower, over four neighbours or eight; taken in turn, circles stay round.
+/// Dilation or erosion by one pixel, over four neighbours or eight; in alternation, circles stay round.
 fn step(mask: &[u8], width: usize, wider: bool, corners: bool) -> Vec<u8> {
     let height = mask.len() / width;
     let spreading = u8::from(wider) * 255;
@@ -102,8 +102,8 @@ fn step(mask: &[u8], width: usize, wider: bool, corners: bool) -> Vec<u8> {
         (x < width && y < height).then(|| mask[y * width + x])
     };
     let reached = |x: usize, y: usize| {
-        let places = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
-        let mut near = places.filter(|(dx, dy)| corners || *dx == 0 || *dy == 0);
+        let neighbours = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        let mut near = neighbours.filter(|(dx, dy)| corners || *dx == 0 || *dy == 0);
         near.any(|(dx, dy)| at(x, y, dx, dy) == Some(spreading))
     };
     (0..mask.len()).map(|i| if reached(i % width, i / width) { spreading } else { mask[i] }).collect()

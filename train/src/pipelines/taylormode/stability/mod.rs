@@ -1,16 +1,16 @@
-//! Experiments at the edge of the method.
+//! Experiments at the limits of the method.
 //!
 //! | file | question |
 //! |---|---|
-//! | [`direction`] | does blur say which way things went? |
+//! | [`direction`] | does blur determine the direction of motion? |
 //! | [`exposure`] | can exposure and speed be told apart? |
-//! | [`absorb`] | does the blur model eat the scene? |
+//! | [`absorb`] | does the blur model absorb the scene's own blur? |
 //! | [`samples`] | how many instants does an exposure need? |
-//! | [`divergence`] | where does a Taylor path go outside its window? |
+//! | [`divergence`] | how does a Taylor path diverge outside its window? |
 //! | [`depth`] | what does a wrong depth prior cost? |
 //! | [`masks`] | what do masks cost that are too wide or too narrow? |
-//! | [`speed`] | how much motion per exposure can be undone? |
-//! | [`thrown`] | does early training throw Gaussians away? |
+//! | [`speed`] | how much motion per exposure can be deblurred? |
+//! | [`thrown`] | does early training displace Gaussians far? |
 //! | [`opacity`] | what do opacity resets cost? |
 //! | [`sensitivity`] | what do the heuristics cost where they are wrong by a factor of two? |
 
@@ -32,7 +32,7 @@ pub use trial::Trial;
 
 use crate::stability::Experiment;
 
-/// All experiments, cheapest kinds first.
+/// All experiments, the cheapest kinds first.
 pub static EXPERIMENTS: [&Experiment; 11] = [
     &divergence::EXPERIMENT,
     &thrown::EXPERIMENT,

@@ -1,5 +1,4 @@
-//! What do opacity resets cost? The classic control of density lowers all opacities now and then; authors of deblurring
-//! methods do not.
+//! What do opacity resets cost? Classic density control lowers all opacities at intervals; authors of deblurring methods avoid it.
 
 use anyhow::Result;
 use gs_burn::render;
@@ -17,11 +16,11 @@ use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "opacity",
     question: "Opacities reset, decaying or left alone under classic density control, in a blurry moving scene, a sharp \
-               moving one and a still one: what does each cost on the way and at the end?",
+               moving one and a static one: what does each cost during training and at the end?",
     steps: |quick| 9 * if quick { STEPS_QUICK } else { STEPS },
     on_request: false,
     run,
@@ -33,7 +32,8 @@ const STEPS_QUICK: usize = 180;
 /// Steps between measurements.
 const EVERY: usize = 15;
 
-/// A fall below the best so far that counts, dB, and how long it may last, steps: a policy that costs more is not one to recommend.
+/// Smallest drop below the best PSNR so far that counts, dB, and its longest duration, steps: a policy that costs more is not
+/// recommended.
 const DROP: f64 = 3.0;
 const LASTING: f64 = 300.0;
 
@@ -42,15 +42,18 @@ const POLICIES: [&str; 3] = ["reset", "decay", "none"];
 fn run(lab: &Lab) -> Result<Findings> {
     let moving = lab.world(&small(World::Lychee, 6))?;
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Lychee, 6) })?;
-    let still = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
+    let static_scene = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
     let mut found = Findings::default();
-    let scenes: [(&str, &Scene, &[&str]); 3] =
-        [("moving", &moving, &[]), ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]), ("still", &still, &[])];
+    let scenes: [(&str, &Scene, &[&str]); 3] = [
+        ("moving", &moving, &[]),
+        ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]),
+        ("still", &static_scene, &[]),
+    ];
     for (name, scene, changes) in scenes {
         let curves: Vec<Vec<(f64, f64)>> = POLICIES
             .iter()
             .map(|policy| match name {
-                "still" => still_curve(lab, scene, policy),
+                "still" => static_curve(lab, scene, policy),
                 _ => moving_curve(lab, scene, policy, changes),
             })
             .collect::<Result<_>>()?;
@@ -79,7 +82,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     Ok(found)
 }
 
-/// Steps from one reset to the next: two in a run, and a third of it to recover from the second.
+/// Steps from one reset to the next: two in a run, with a third of it to recover from the second.
 fn reset_interval(lab: &Lab) -> usize {
     lab.either(STEPS, STEPS_QUICK) / 3
 }
@@ -93,7 +96,7 @@ fn moving_curve(lab: &Lab, scene: &Scene, policy: &str, changes: &[&str]) -> Res
 }
 
 /// PSNR of the held-out views along a run of a static scene.
-fn still_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)>> {
+fn static_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)>> {
     let strategy = strategy(lab, policy);
     let changes: Vec<&str> = SHARED.into_iter().chain(strategy.iter().map(String::as_str)).collect();
     let config = lab.config::<Still>(lab.either(STEPS, STEPS_QUICK), &changes)?;
@@ -101,7 +104,7 @@ fn still_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)>
     curve(lab, Session::begin(lab, &data, &config))
 }
 
-/// Classic density control with an opacity policy.
+/// Classic density control with an opacity policy, as `--set` overrides.
 fn strategy(lab: &Lab, policy: &str) -> [String; 4] {
     let policy = format!("density.opacity_policy={policy}");
     let reset = format!("density.reset_every={}", reset_interval(lab));
@@ -117,7 +120,7 @@ fn curve<M: Method>(lab: &Lab, mut session: Session<M>) -> Result<Vec<(f64, f64)
     Ok(points)
 }
 
-/// PSNR over two held-out views: their time is the measurement's, and there are many.
+/// PSNR over two held-out views: measurements take most of the time, and there are many.
 fn held_out<M: Method>(lab: &Lab, session: &Session<M>) -> f64 {
     let (data, config) = (session.fit.data, session.fit.config);
     let model = session.fit.trainer.scene();

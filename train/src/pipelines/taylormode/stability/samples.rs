@@ -19,7 +19,7 @@ use crate::stability::findings::largest;
 use crate::stability::lab::small;
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "samples",
     question: "An exposure formed from 3 to 33 instants against one formed from 129: how wrong is it, by the pixels that things \
@@ -32,13 +32,13 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 400;
 const STEPS_QUICK: usize = 40;
 
-/// Instants of what stands for the truth.
+/// Instants of the reference.
 const REFERENCE: usize = 129;
 
 /// A pixel is blurred when it differs from the sharp rendering by more than this, encoded values.
 const BLURRED: f32 = 1.0 / 255.0;
 
-/// The pixels of motion are those that this share of the moving Gaussians stays under; a few strays do not count.
+/// Share of the moving Gaussians that the pixels of motion bound; outliers do not count.
 const SHARE: f64 = 0.95;
 
 fn run(lab: &Lab) -> Result<Findings> {
@@ -121,18 +121,18 @@ impl Former<'_> {
         to_host(render(&gaussians, &camera(self.view, &gaussians.device()), &options).color)
     }
 
-    /// Pixels that the moving Gaussians cross in the exposure.
+    /// Pixels of motion of the moving Gaussians during the exposure.
     fn pixels_of_motion(&self) -> f64 {
         let motion = self.model.paths();
         let moved =
             motion.displacement(self.time() + 0.5 * self.tau) - motion.displacement(self.time() - 0.5 * self.tau);
         let lengths = to_host((moved.clone() * moved).sum_dim(1).sqrt());
-        let places: Tensor<2> = motion.means_at(self.model.gaussians.means.val(), self.time());
-        let places = to_host(places.select(0, motion.rows.clone()));
+        let positions: Tensor<2> = motion.means_at(self.model.gaussians.means.val(), self.time());
+        let positions = to_host(positions.select(0, motion.rows.clone()));
         let inverse = self.view.c2w.inverse();
-        let pixels = lengths.iter().zip(places.as_chunks::<3>().0).map(|(length, place)| {
-            let depth = inverse.transform_point3(glam::Vec3::from(*place).as_dvec3()).z;
-            // The largest that it can be in the image, whatever its direction.
+        let pixels = lengths.iter().zip(positions.as_chunks::<3>().0).map(|(length, position)| {
+            let depth = inverse.transform_point3(glam::Vec3::from(*position).as_dvec3()).z;
+            // The largest possible motion in the image, in any direction.
             f64::from(*length) * self.view.intrinsics.fx / depth.max(f64::MIN_POSITIVE)
         });
         let mut pixels: Vec<f64> = pixels.collect();
@@ -141,7 +141,7 @@ impl Former<'_> {
     }
 }
 
-/// Mean absolute difference of two images over the values that differ from `sharp` in the second; NaN where none does.
+/// Mean absolute difference of two images over the values in which the second differs from `sharp`; NaN if there is none.
 fn mean_difference(image: &[f32], truth: &[f32], sharp: &[f32]) -> f64 {
     let blurred = (0..truth.len()).filter(|i| (truth[*i] - sharp[*i]).abs() > BLURRED);
     let (sum, count) =

@@ -1,5 +1,5 @@
-//! What do the heuristics of inference cost where they are wrong by a factor of two? Each is halved and doubled, on worlds of our own and
-//! on a data set of the user.
+//! What do the heuristics of inference cost if they are wrong by a factor of two? Each is halved and doubled, on synthetic worlds
+//! and on a data set of the user.
 
 use anyhow::Result;
 use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFaults, World};
@@ -14,7 +14,7 @@ use crate::run::evaluate::Measured;
 use crate::stability::lab::{moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "sensitivity",
     question: "Each heuristic of [cues] halved and doubled, photos alone: how many dB does it move?",
@@ -29,16 +29,16 @@ const STEPS_QUICK: usize = 60;
 /// Steps on the user's data set, which is larger.
 const STEPS_REAL: usize = 1000;
 
-/// Width of the user's photos, pixels: the reference width of the heuristics, about.
+/// Width of the user's photos, pixels: about the reference width of the heuristics.
 const WIDTH_REAL: &str = "data.max_width=320";
 
-/// The change that a heuristic may make before it is to be derived from the data instead, dB.
+/// Largest change by a heuristic, dB, above which it should be derived from the data instead.
 const BOUND: f64 = 0.3;
 
-/// Seeds of the unchanged heuristics: their spread is what says nothing.
+/// Seeds of the unchanged heuristics, whose spread is the noise.
 const SEEDS: [u64; 3] = [42, 43, 44];
 
-/// A heuristic: its key, its value, and the range that it is kept in.
+/// A heuristic: its key, its value, and its range.
 type Heuristic = (&'static str, fn(&CuesConfig) -> f64, [f64; 2]);
 
 const HEURISTICS: [Heuristic; 8] = [
@@ -55,7 +55,7 @@ const HEURISTICS: [Heuristic; 8] = [
 /// Runs on one scene.
 const RUNS: usize = SEEDS.len() + 2 * HEURISTICS.len();
 
-/// A scene with its name and what its runs change of the recipe.
+/// A scene with its name and its changes of the recipe.
 struct Ground {
     name: &'static str,
     scene: Scene,
@@ -108,7 +108,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     Ok(found)
 }
 
-/// Photos alone: without points and without priors everything has to be inferred.
+/// Photos alone: without points and priors everything must be inferred.
 fn grounds(lab: &Lab) -> Result<Vec<Ground>> {
     let alone = |world, ring| DeblurOptions { points: 0, ring, priors: PriorFaults::none(), ..small(world, 8) };
     let steps = lab.either(STEPS, STEPS_QUICK);

@@ -1,4 +1,4 @@
-//! How much motion per exposure can be undone?
+//! How much motion per exposure can be deblurred?
 
 use anyhow::Result;
 use gs_datasets::Scene;
@@ -11,7 +11,7 @@ use crate::stability::findings::smallest;
 use crate::stability::lab::{moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "speed",
     question: "0 to 60 pixels of motion per exposure: what is left of the moving parts, with the exact formation and without a blur \
@@ -24,18 +24,18 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 600;
 const STEPS_QUICK: usize = 40;
 
-/// Differences below this come from the order of sums as much as from the method, dB.
+/// Differences below this are as likely from the order of sums as from the method, dB.
 const NOISE: f64 = 0.1;
 
 fn run(lab: &Lab) -> Result<Findings> {
-    // The time from one frame to the next is long here, so that 60 pixels of blur need no absurd speed.
+    // Frames are far apart in time here, so that 60 pixels of blur need no extreme speed.
     let speeds: &[f64] = lab.either(&[0.0, 0.5, 1.0, 2.0, 4.0, 6.0], &[0.0, 1.0]);
     let (mut with, mut without) = (Vec::new(), Vec::new());
     for speed in speeds {
         let options = DeblurOptions { speed: *speed, subframes: 64, ..small(World::Cube, 5) };
         let scene = lab.world(&options)?;
         let pixels = pixels_of_motion(&scene, options.exposure_time());
-        // Half as many instants as pixels, so that a lack of them is not what is measured.
+        // Half as many instants as pixels, so that too few of them are not what is measured.
         let samples = format!("blur.samples={}", (pixels / 2.0).ceil().clamp(7.0, 21.0) as usize | 1);
         with.push((pixels, sharp(lab, &scene, &[&samples])?));
         without.push((pixels, sharp(lab, &scene, &["blur.mode=none"])?));
@@ -43,13 +43,13 @@ fn run(lab: &Lab) -> Result<Findings> {
     let gain = with.iter().zip(&without).map(|((pixels, with), (_, without))| (*pixels, with - without));
     let gain: Vec<(f64, f64)> = gain.collect();
     let moving = smallest(gain.iter().filter(|(pixels, _)| *pixels > 0.0).map(|(_, gain)| *gain));
-    let still = gain.iter().find(|(pixels, _)| *pixels == 0.0).map(|(_, gain)| *gain);
+    let static_gain = gain.iter().find(|(pixels, _)| *pixels == 0.0).map(|(_, gain)| *gain);
     let ladder =
         gain.iter().map(|(pixels, gain)| format!("{gain:+.1} dB at {pixels:.0}")).collect::<Vec<_>>().join(", ");
     Ok(Findings {
         criteria: vec![
             Criterion::at_least("gain over no blur model in moving parts at any speed, at worst", moving, -NOISE, "dB"),
-            Criterion::at_least("gain where nothing moves", still, -NOISE, "dB"),
+            Criterion::at_least("gain where nothing moves", static_gain, -NOISE, "dB"),
         ],
         figures: vec![(
             "",
@@ -65,7 +65,7 @@ fn run(lab: &Lab) -> Result<Findings> {
         )],
         notes: vec![
             format!("Gain by pixels of motion: {ladder}."),
-            "The mover sways, so at the highest speeds it turns round within an exposure and a path of order 6 cannot follow \
+            "The object oscillates, so at the highest speeds it reverses within an exposure and a path of order 6 cannot follow \
              from frame to frame: there the bound says only that trying does no harm."
                 .into(),
         ],
@@ -88,7 +88,7 @@ fn pixels_of_motion(scene: &Scene, exposure: f64) -> f64 {
         let inverse = view.c2w.inverse();
         for pixel in (0..moving.len()).filter(|pixel| moving[*pixel] > 0) {
             let v = inverse.transform_vector3(glam::Vec3::from_slice(&velocity[3 * pixel..]).as_dvec3());
-            // Motion along the line of sight leaves the pixel where it is but for the image's centre; left out.
+            // Motion along the line of sight moves only pixels away from the image's centre; ignored.
             pixels.push(v.truncate().length() * view.intrinsics.fx / f64::from(depth[pixel]) * exposure);
         }
     }

@@ -1,4 +1,4 @@
-//! Gaussians held against the true velocity of the surface they lie on.
+//! Gaussians compared with the true velocity of the surface they lie on.
 
 use glam::DVec3;
 use gs_datasets::{Scene, View};
@@ -7,23 +7,23 @@ use gs_multiview::Pinhole;
 
 use crate::fit::parameters::to_host;
 
-/// A Gaussian lies on the visible surface when its depth is the true one up to this share: a tenth of a metre in the small
-/// worlds, a third of the movers' half width. Gaussians inside a body are in no photo, and nothing can be asked of them.
+/// A Gaussian lies on the visible surface if its depth is the true one up to this share: a tenth of a metre in the small worlds, a
+/// third of the objects' half width. Gaussians inside an object are visible in no photo, and nothing constrains them.
 const ON_SURFACE: f64 = 0.03;
 
-/// Less opaque Gaussians hardly count in any photo.
+/// Opacity below which a Gaussian has little effect on any photo.
 const OPACITY_SEEN: f32 = 0.1;
 
 /// A Gaussian's velocity and the true one, scene units per unit of time.
 #[derive(Debug, Clone, Copy)]
 pub struct Compared {
-    /// Of the Gaussian.
+    /// Velocity of the Gaussian.
     pub found: DVec3,
-    /// Of the surface where it is.
+    /// Velocity of the surface at its position.
     pub truth: DVec3,
 }
 
-/// Every moving Gaussian that lies on a moving surface in a training photo taken at `t`, whose truth must be loaded.
+/// Velocities of every moving Gaussian on a moving surface, in a training photo at `t`, whose truth must be loaded.
 pub fn on_surface(model: &TaylorScene, scene: &Scene, t: f64) -> Vec<Compared> {
     let (rows, paths) = (&model.motion.rows, model.paths());
     let means = to_host(paths.means_at(model.gaussians.means.val(), t));
@@ -39,11 +39,11 @@ pub fn on_surface(model: &TaylorScene, scene: &Scene, t: f64) -> Vec<Compared> {
     rows.iter().enumerate().filter_map(compare).collect()
 }
 
-/// The true velocity at a place on the visible moving surface.
-fn velocity_at(view: &View, place: DVec3) -> Option<DVec3> {
+/// The true velocity at a position on the visible moving surface.
+fn velocity_at(view: &View, position: DVec3) -> Option<DVec3> {
     let truth = &view.truth;
     let (moving, depth, velocity) = (truth.moving.as_ref()?, truth.depth.as_ref()?, truth.velocity.as_ref()?);
-    let (pixel, z) = Pinhole::new(view).sees(place)?;
+    let (pixel, z) = Pinhole::new(view).sees(position)?;
     let near = (z - f64::from(depth[pixel])).abs() <= ON_SURFACE * z;
     (moving[pixel] > 0 && near).then(|| glam::Vec3::from_slice(&velocity[3 * pixel..]).as_dvec3())
 }

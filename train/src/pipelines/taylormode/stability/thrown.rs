@@ -1,5 +1,5 @@
-//! Does early training throw Gaussians away? Deformation fields have thrown points out of the scene when the
-//! scene's unit was not the one they were tuned for.
+//! Does early training displace Gaussians far? Deformation fields have moved points out of the scene if its unit was not the one
+//! they were tuned for.
 
 use anyhow::Result;
 use burn::tensor::Tensor;
@@ -15,7 +15,7 @@ use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
-/// See the module.
+/// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
     name: "thrown",
     question: "Scenes 1e-2 to 1e2 times as large, three seeds: does a step ever move a Gaussian far, anywhere in the recording, and is the \
@@ -28,10 +28,10 @@ pub const EXPERIMENT: Experiment = Experiment {
 const STEPS: usize = 60;
 const STEPS_QUICK: usize = 30;
 
-/// Of the first Gaussians, the order of the photos and the networks.
+/// Seeds of the initial Gaussians, the order of the photos and the networks.
 const SEEDS: [u64; 3] = [42, 43, 44];
 
-/// Times of the window at which places are compared, normalised.
+/// Times of the window at which positions are compared, normalised.
 const TIMES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 
 fn run(lab: &Lab) -> Result<Findings> {
@@ -67,7 +67,7 @@ fn run(lab: &Lab) -> Result<Findings> {
             },
         )],
         notes: vec![
-            "Places are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in any run \
+            "Positions are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in any run \
              that does not know the scale."
                 .into(),
             "Rates rise over the first tenth of the run: at its full rate Adam's first step would move every coefficient by all of \
@@ -78,7 +78,7 @@ fn run(lab: &Lab) -> Result<Findings> {
 }
 
 fn changes(seed: u64) -> Vec<String> {
-    // The count must rest and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their highest.
+    // The count must be fixed and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their highest.
     let fixed = [
         "density.strategy=none",
         "motion.select=false",
@@ -94,7 +94,7 @@ fn config(lab: &Lab, steps: usize, seed: u64) -> Result<Config> {
     Trial::config(lab, steps, &changes.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
-/// Largest displacement before any step where nothing is known about motion, scene units.
+/// Largest displacement before the first step if no motion is known, scene units.
 fn untouched(lab: &Lab, scene: &Scene, seed: u64) -> Result<f64> {
     let mut config = config(lab, 1, seed)?;
     config.method.motion.masks = MaskSource::None;
@@ -104,17 +104,17 @@ fn untouched(lab: &Lab, scene: &Scene, seed: u64) -> Result<f64> {
     Ok(TIMES.iter().map(|s| most(motion.displacement(window.t0 + s * window.half))).fold(0.0, f64::max))
 }
 
-/// For each step, the farthest that it moved a Gaussian, in scene extents.
+/// For each step, the largest displacement of a Gaussian by it, in scene extents.
 fn trained(lab: &Lab, scene: &Scene, seed: u64) -> Result<Vec<(f64, f64)>> {
     let steps = lab.either(STEPS, STEPS_QUICK);
     let trial = Trial::new(scene, config(lab, steps, seed)?);
     let mut session = trial.begin(lab);
     let extent = trial.data.facts.extent;
-    let mut before = places(&session);
+    let mut before = positions(&session);
     let mut curve = Vec::new();
     for step in 1..=steps {
         session.step()?;
-        let after = places(&session);
+        let after = positions(&session);
         let moved = before.iter().zip(&after).map(|(a, b)| most(b.clone() - a.clone())).fold(0.0, f64::max);
         curve.push((step as f64, moved / extent));
         before = after;
@@ -122,13 +122,13 @@ fn trained(lab: &Lab, scene: &Scene, seed: u64) -> Result<Vec<(f64, f64)>> {
     Ok(curve)
 }
 
-fn places(session: &Session<Taylormode>) -> Vec<Tensor<2>> {
+fn positions(session: &Session<Taylormode>) -> Vec<Tensor<2>> {
     let scene = session.scene();
     let (paths, window) = (scene.paths(), scene.motion.window);
     TIMES.iter().map(|s| paths.means_at(scene.gaussians.means.val(), window.t0 + s * window.half)).collect()
 }
 
-/// The longest row.
+/// The largest norm of a row.
 fn most(rows: Tensor<2>) -> f64 {
     let squares = (rows.clone() * rows).sum_dim(1).max();
     f64::from(squares.into_scalar::<f32>()).sqrt()
@@ -138,9 +138,9 @@ fn most(rows: Tensor<2>) -> f64 {
 fn scaled(scene: &Scene, factor: f64) -> Scene {
     let mut scene = scene.clone();
     for view in scene.train.iter_mut().chain(scene.held_out.iter_mut().flat_map(|split| &mut split.views)) {
-        let place = view.c2w.w_axis.truncate() * factor;
-        view.c2w.w_axis = place.extend(1.0);
-        // Depth priors are aligned to the rendering or dropped: what counts here is motion.
+        let position = view.c2w.w_axis.truncate() * factor;
+        view.c2w.w_axis = position.extend(1.0);
+        // Depth priors are aligned to the rendering or dropped: only motion matters here.
         view.priors.depth = None;
     }
     for position in scene.points.iter_mut().flat_map(|points| &mut points.positions) {

@@ -1,4 +1,4 @@
-//! A run of an experiment: the recipe of the small worlds, and what an experiment reaches for in a session.
+//! A run of an experiment: the recipe of the small worlds, and access to a session's state.
 
 use anyhow::Result;
 use gs_datasets::Scene;
@@ -28,14 +28,14 @@ pub const SHARED: [&str; 15] = [
     "data.cache_mb=256",
 ];
 
-/// All runs on the small worlds have in common: few Gaussians and few instants, because the images are small, and rates of
-/// the Gaussians some times higher than in a real run, because a few hundred steps must make a scene sharp enough for blur to matter.
-/// The rest is the base recipe.
+/// The common recipe of all runs on the small worlds: few Gaussians and few instants, because the images are small, and learning
+/// rates of the Gaussians several times higher than in a real run, because a few hundred steps must make a scene sharp enough for
+/// blur to matter. The rest is the base recipe.
 const MOVING: [&str; 3] = ["motion.points=800", "motion.select_every=50", "blur.samples=5"];
 
-/// A scene and the configuration that it is trained by.
+/// A scene and its configuration.
 pub struct Trial {
-    /// The scene with what was found in it.
+    /// The scene with its facts and cues.
     pub data: Data<Taylormode>,
     /// The configuration.
     pub config: Config,
@@ -56,14 +56,14 @@ impl Trial {
         Self { data: Data::new(scene.clone(), &config), config }
     }
 
-    /// Before the first step.
+    /// The state before the first step.
     pub fn begin<'a>(&'a self, lab: &'a Lab) -> Session<'a, Taylormode> {
         Session::begin(lab, &self.data, &self.config)
     }
 }
 
 impl Session<'_, Taylormode> {
-    /// What is learned beside the Gaussians.
+    /// The module of the method.
     pub fn method(&self) -> &Taylormode {
         self.fit.trainer.method()
     }
