@@ -1,4 +1,4 @@
-//! Arguments exactly as typed. Commands with many of them have a file of their own.
+//! Arguments exactly as typed. A command with many arguments has a file of its own.
 
 mod render;
 mod stability;
@@ -25,11 +25,11 @@ pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
 #[derive(Debug, Parser)]
 #[command(name = "gsburn", version, after_help = examples::PROGRAM, max_term_width = 110)]
 pub struct Cli {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 
-    /// Say more about what happens: -v decisions, -vv every change, -vvv everything
+    /// Log more: -v decisions, -vv every change, -vvv everything
     #[arg(short, long, action = ArgAction::Count, global = true)]
     pub verbose: u8,
 }
@@ -47,9 +47,9 @@ pub enum Command {
     Export(ExportArgs),
     /// Make a data set whose ground truth is known, or blur a sharp one
     Synth(SynthArgs),
-    /// Say what is in a data set and what is wrong with it
+    /// Report contents and mistakes of a data set
     Check(CheckArgs),
-    /// Show versions, features and devices, or what is in a scene file
+    /// Show versions, features and devices, or the contents of a scene file
     Info(InfoArgs),
     /// Time every operation and a whole training step on a synthetic scene
     Bench(BenchArgs),
@@ -59,16 +59,16 @@ pub enum Command {
     Chart(ChartArgs),
     /// Train one run for every combination of some values and chart them
     Sweep(SweepArgs),
-    /// Run experiments at the edge of a method and draw where it fails
+    /// Run experiments at the limits of a method and plot where it fails
     Stability(StabilityArgs),
     /// List the training recipes that are compiled in
     Recipes,
 }
 
-/// Where to compute.
+/// The compute device.
 #[derive(Debug, Clone, Args)]
 pub struct DeviceArgs {
-    /// Where to compute: auto, flex, ndarray, wgpu, vulkan, metal or cuda, with an index as in cuda:1
+    /// Compute device: auto, flex, ndarray, wgpu, vulkan, metal or cuda, with an index as in cuda:1
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     pub device: String,
 }
@@ -76,21 +76,21 @@ pub struct DeviceArgs {
 /// Configuration: a file and single values.
 #[derive(Debug, Clone, Default, Args)]
 pub struct ConfigArgs {
-    /// Configuration file (TOML); it may name a `base` file and then holds only what differs
+    /// Configuration file (TOML); it may name a `base` file and then holds only the differences
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
 
-    /// A recipe that is compiled in, by its name (`gsburn recipes` lists them)
+    /// A compiled-in recipe by its name (`gsburn recipes` lists them)
     #[arg(long, value_name = "NAME", conflicts_with = "config")]
     pub recipe: Option<String>,
 
-    /// Set one value, as in --set density.cap=50000 (repeatable; see config.toml of any run for all keys)
+    /// Set one value, as in --set density.cap=50000 (repeatable; config.toml of any run has all keys)
     #[arg(short, long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }
 
 impl ConfigArgs {
-    /// Whether anything was asked for.
+    /// Whether any of them was given.
     pub fn is_typed(&self) -> bool {
         self.config.is_some() || self.recipe.is_some() || !self.set.is_empty()
     }
@@ -131,7 +131,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
 
-    /// Run folder [default: runs/NAME after the data set, numbered if there is one]
+    /// Run folder [default: runs/NAME after the data set; runs/NAME-2, -3, ... if that exists]
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
 
@@ -143,7 +143,7 @@ pub struct TrainArgs {
     #[arg(short, long)]
     pub quiet: bool,
 
-    /// Measure where the time of a step goes: a table at the end, profile.json, and bars in the report (on a GPU each stage
+    /// Measure the time of each stage of a step: a table at the end, profile.json, and bars in the report (on a GPU each stage
     /// waits for the device, so steps are slower)
     #[arg(long)]
     pub profile: bool,
@@ -160,7 +160,7 @@ pub struct EvalArgs {
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 
-    /// The data set with the held-out views [default: the one of the run]
+    /// The data set with the held-out views [default: that of the run]
     #[arg(long, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
     pub data: Option<PathBuf>,
 
@@ -172,7 +172,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
 
-    /// Also write the figures of every view to this JSON file
+    /// Also write the scores of every view to this JSON file
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub out: Option<PathBuf>,
 
@@ -192,7 +192,7 @@ pub struct CheckArgs {
     #[arg(value_hint = ValueHint::AnyPath)]
     pub dataset: PathBuf,
 
-    /// How it would be read
+    /// Configuration for reading it
     #[command(flatten)]
     pub config: ConfigArgs,
 }
@@ -240,7 +240,7 @@ pub struct DemoArgs {
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
 
-    /// Photos of a scene that stands still instead of blurry video
+    /// Photos of a static scene instead of blurry video
     #[arg(long)]
     pub still: bool,
 
@@ -252,7 +252,7 @@ pub struct DemoArgs {
     #[arg(short, long)]
     pub quiet: bool,
 
-    /// Device; the CPU is fast enough for this scene
+    /// Device; a CPU is fast enough for this scene
     #[command(flatten)]
     pub device: DeviceArgs,
 }

@@ -1,26 +1,27 @@
 //! Training: from a data set to a finished scene, and the `gsburn` command line around it.
 //!
-//! Floors, each of which knows only the floors above it in this list:
+//! Layers; each depends only on the layers above it in this list:
 //!
 //! | folder | idea |
 //! |---|---|
-//! | [`config`] | sections with defaults and ranges; files, recipes and arguments put together |
+//! | [`config`] | sections with defaults and ranges; files, recipes and arguments merged |
 //! | [`fit`] | fitting Gaussians to the photos of one scene, in terms of a [`Method`](fit::method::Method) |
-//! | [`run`] | what watches any training: folder, clock, checkpoints, measurements |
+//! | [`run`] | observers of any training: folder, clock, checkpoints, measurements |
 //! | [`report`] | pages and charts of one run and of several |
-//! | [`stability`] | the laboratory for experiments at the edge of a method |
+//! | [`stability`] | the framework for experiments at the limits of a method |
 //! | [`pipelines`] | the papers: one folder and one line each |
-//! | [`cli`], [`commands`] | arguments as typed, one file a command |
+//! | [`cli`], [`commands`] | arguments as typed, one file per command |
 //!
-//! The path of the data, one arrow one function:
+//! The path of the data; each arrow is one function:
 //!
 //! ```text
 //! Scene -> facts, cues -> initial Gaussians -> Method::forward -> losses -> Adam -> density -> checkpoint, evaluate, report
 //! ```
 //!
-//! [`pipelines::fit`] is the whole run on one screen, [`Trainer::step`](fit::trainer::Trainer::step) one optimisation step. Everything a run
-//! depends on is in its configuration, every random draw in [`fit::random`]. Saving, measuring and showing watch from outside
-//! the step and cannot change its result: on the CPU, two runs of one configuration write equal checkpoints, interrupted or not.
+//! [`pipelines::fit`] is the whole run on one screen, [`Trainer::step`](fit::trainer::Trainer::step) one optimisation step. The
+//! configuration holds everything that a run depends on, and every random draw is in [`fit::random`]. Saving, measuring and showing
+//! observe from outside the step and cannot change its result: on the CPU, two runs of one configuration write equal checkpoints,
+//! interrupted or not.
 //!
 //! ```no_run
 //! use gs_train::pipelines::resolve_overrides;

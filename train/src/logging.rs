@@ -1,10 +1,10 @@
-//! What goes to stderr beside progress: logs with -v, and one sentence when something failed.
+//! Output to stderr beside progress: logs with -v, and one sentence for an error.
 
 use std::io::IsTerminal;
 
 use tracing_subscriber::EnvFilter;
 
-/// Shows warnings, and more with each `-v`; the environment variable RUST_LOG overrides it.
+/// Shows warnings, and more with each `-v`; the environment variable RUST_LOG takes precedence.
 pub fn init(verbose: u8) {
     let ours = match verbose {
         0 => "warn",
@@ -14,8 +14,8 @@ pub fn init(verbose: u8) {
     };
     // Other crates stay at warnings until -vvv: a GPU backend logs every kernel.
     let others = if verbose > 2 { "debug" } else { "warn" };
-    // `--device auto` tries GPUs that need not be there, and CubeCL warns of each; a device that was named and fails is
-    // an error of ours.
+    // `--device auto` tries GPUs that may be absent, and CubeCL warns about each; a named device that fails is an error of this
+    // program.
     let absent = if verbose > 1 { "debug" } else { "error" };
     let default = format!(
         "{others},cubecl_common={absent},gs_train={ours},gs_datasets={ours},gs_burn={ours},gs_kernels={ours},gsburn={ours}"
@@ -29,7 +29,7 @@ pub fn init(verbose: u8) {
         .init();
 }
 
-/// An error and its causes on one line. A cause that the text before it already holds is not repeated.
+/// An error and its causes on one line. A cause that is already part of the text is not repeated.
 pub fn one_sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain() {

@@ -43,8 +43,7 @@ fn call(command: &Command) -> Result<ExitCode> {
     }
 }
 
-/// What no kernel can carry (a scene of a billion pairs) is an error of the input, not of the program: one sentence instead of a
-/// panic's message.
+/// A scene that no kernel can process (a billion pairs, say) is an error of the input: one sentence replaces the panic's message.
 fn within_limits(call: impl FnOnce() -> Result<ExitCode>) -> Result<ExitCode> {
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |info| {

@@ -21,7 +21,7 @@ are unfinished, have no figures or are on another data set are named and left ou
 #[derive(Debug, Args)]
 #[command(after_help = CHART_EXAMPLES)]
 pub struct ChartArgs {
-    /// Run folders; files among them are passed over
+    /// Run folders; files among them are skipped
     #[arg(required = true, value_hint = ValueHint::DirPath)]
     pub runs: Vec<PathBuf>,
 
@@ -33,8 +33,7 @@ pub struct ChartArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub csv: Option<PathBuf>,
 
-    /// Also put charts and table into the report.html of this run, where they stay when the report is written anew
-    /// (repeatable)
+    /// Also put charts and table into the report.html of this run, which keeps them when it is written again (repeatable)
     #[arg(long, value_name = "RUN", value_hint = ValueHint::DirPath)]
     pub report: Vec<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! Arguments of `render` and `export`: what leaves a trained scene.
+//! Arguments of `render` and `export`, the commands that write a trained scene for other programs.
 
 use std::path::PathBuf;
 
@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 
 use crate::cli::DeviceArgs;
 
-/// What `render` writes.
+/// Image files that `render` writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ImageFormat {
-    /// NAME.png (8-bit colour), NAME_depth.png (16-bit, 1/1000 scene unit, 0 = nothing there) and NAME_alpha.png (8-bit)
+    /// NAME.png (8-bit colour), NAME_depth.png (16-bit, 1/1000 scene unit, 0 = no depth) and NAME_alpha.png (8-bit)
     Png,
     /// NAME.exr with 32-bit channels R, G, B (as trained, not converted to linear light), A, and Z (scene units)
     Exr,
@@ -35,11 +35,12 @@ pub struct RenderArgs {
     #[arg(long, value_enum, default_value_t = ImageFormat::Png)]
     pub format: ImageFormat,
 
-    /// A moving scene's time, in its data set's unit [default: each camera's own, or the middle of the recording]
+    /// Time of a moving scene, in its data set's unit [default: each camera's own, or the middle of the recording]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 
-    /// Every camera (named after its first frame) at N times spread over the recording; images are numbered, ready for a video encoder
+    /// Every camera (named after its first frame) at N times spread over the recording; images are numbered, ready for a video
+    /// encoder
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: Option<u32>,
 
@@ -47,8 +48,8 @@ pub struct RenderArgs {
     #[arg(long, requires = "frames")]
     pub gif: bool,
 
-    /// Also depth in colour (near bright, far dark) and, of a moving scene, velocity in colour (grey stands still; red,
-    /// green and blue are the world's axes)
+    /// Also depth in colour (near bright, far dark) and, of a moving scene, velocity in colour (grey: at rest; red, green and blue:
+    /// the world's axes)
     #[arg(long)]
     pub maps: bool,
 
@@ -80,7 +81,7 @@ pub struct ExportArgs {
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,
 
-    /// A moving scene's time, in its data set's unit [default: the middle of the recording]
+    /// Time of a moving scene, in its data set's unit [default: the middle of the recording]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 

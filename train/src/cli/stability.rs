@@ -12,11 +12,11 @@ use crate::pipelines::examples;
 #[derive(Debug, Args)]
 #[command(after_help = examples::STABILITY)]
 pub struct StabilityArgs {
-    /// The pipeline whose limits are looked for
+    /// The pipeline whose limits are measured
     #[arg(value_name = "PIPELINE")]
     pub pipeline: String,
 
-    /// Folder for the small worlds, the figures and the report
+    /// Folder for the synthetic worlds, the figures and the report
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
 
@@ -24,11 +24,11 @@ pub struct StabilityArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub only: Vec<String>,
 
-    /// A data set that experiments run on beside their own worlds, where they can
+    /// A data set on which experiments that can use one run too
     #[arg(long, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
     pub data: Option<PathBuf>,
 
-    /// Fewer variants and steps: a look, not a measurement
+    /// Fewer variants and steps: a first impression, not a measurement
     #[arg(long)]
     pub quick: bool,
 

@@ -24,7 +24,7 @@ pub struct SweepArgs {
     #[arg(long, value_name = "FILE,...", value_delimiter = ',', value_hint = ValueHint::FilePath)]
     pub configs: Vec<PathBuf>,
 
-    /// A recipe that is compiled in, of all runs (`gsburn recipes` lists them)
+    /// A compiled-in recipe of all runs (`gsburn recipes` lists them)
     #[arg(long, value_name = "NAME", conflicts_with_all = ["config", "configs", "recipes"])]
     pub recipe: Option<String>,
 

@@ -9,12 +9,12 @@ use gs_datasets::synthetic::deblur::{PriorFault, World};
 /// Arguments of `synth`.
 #[derive(Debug, Args)]
 pub struct SynthArgs {
-    /// What to make
+    /// The kind of data set
     #[command(subcommand)]
     pub what: Synth,
 }
 
-/// What `synth` makes.
+/// The kinds of data sets that `synth` makes.
 #[derive(Debug, Subcommand)]
 pub enum Synth {
     /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and priors
@@ -26,7 +26,7 @@ pub enum Synth {
 /// Arguments of `synth deblur`.
 #[derive(Debug, Args)]
 pub struct SynthDeblurArgs {
-    /// cube (slides and turns), lychee (spins), monkey (speeds up), sphere (bounces) or pair (two bodies)
+    /// cube (slides and turns), lychee (spins), monkey (accelerates), sphere (bounces) or pair (two objects)
     #[arg(value_parser = one_of(&World::ALL, World::name, World::in_words))]
     pub world: World,
 
@@ -38,7 +38,7 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value = "256x192", value_name = "WxH")]
     pub size: String,
 
-    /// Cameras, held-out ones included: they stand between others
+    /// Cameras, held-out ones included; a held-out camera lies between two others
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(3..=200), value_name = "N")]
     pub cameras: u32,
 
@@ -54,11 +54,11 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
     pub frames: u32,
 
-    /// Moments that each blurry frame is averaged over
+    /// Instants over which each blurry frame is averaged
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(16..=4096), value_name = "N")]
     pub subframes: u32,
 
-    /// How long the shutter is open, in frame intervals; above 1 exposures overlap
+    /// Exposure time in frame intervals; above 1 exposures overlap
     #[arg(long, default_value_t = 0.9, value_name = "SHARE")]
     pub exposure: f64,
 
@@ -66,25 +66,25 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     pub speed: f64,
 
-    /// Faults of the priors (depth, masks, pseudo-sharp photos), any of them; switching one changes what chance does to the others
+    /// Faults of the priors (depth, masks, pseudo-sharp photos); switching one changes the random draws of the others
     #[arg(long, value_parser = one_of(&PriorFault::ALL, PriorFault::name, PriorFault::in_words), value_delimiter = ',',
           value_name = "LIST", default_values_t = PriorFault::USUAL)]
     pub faults: Vec<PriorFault>,
 
-    /// Priors without any fault
+    /// Priors without faults
     #[arg(long, conflicts_with = "faults")]
     pub perfect_priors: bool,
 
-    /// Points to start from, noisy ones on surfaces; 0: none
+    /// Initial points, sampled on surfaces with noise; 0: none
     #[arg(long, default_value_t = 4000, value_name = "N")]
     pub points: usize,
 
-    /// Seed of textures, still bodies and faults
+    /// Seed of textures, static objects and faults
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub seed: u64,
 }
 
-/// One of `all` by its name; help shows what each is.
+/// A parser of the names in `all`; help shows each with its description.
 fn one_of<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
     name: fn(T) -> &'static str,
@@ -98,7 +98,7 @@ fn one_of<T: Copy + Send + Sync + 'static>(
 /// Arguments of `synth blur-from-frames`.
 #[derive(Debug, Args)]
 pub struct BlurFromFramesArgs {
-    /// A data set with times and cameras that stand still
+    /// A data set with times and static cameras
     #[arg(value_hint = ValueHint::AnyPath)]
     pub dataset: PathBuf,
 
@@ -106,7 +106,7 @@ pub struct BlurFromFramesArgs {
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
 
-    /// Frames averaged into one, an odd number
+    /// Frames averaged into one blurry frame, an odd number
     #[arg(long, default_value_t = 5, value_name = "N")]
     pub window: usize,
 
@@ -114,7 +114,7 @@ pub struct BlurFromFramesArgs {
     #[arg(long, default_value_t = 5, value_name = "N")]
     pub stride: usize,
 
-    /// The data set's masks show what moves in white: keep them as priors and for measuring
+    /// The data set's masks are white where something moves: keep them as priors and for measuring
     #[arg(long)]
     pub moving_masks: bool,
 

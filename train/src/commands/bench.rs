@@ -23,17 +23,17 @@ use crate::fit::random::{Purpose, stream};
 use crate::fit::trainer::{Model, Trainer};
 use crate::pipelines::still::Still;
 
-/// Pixels in a tile: what one intersection costs the rasterizer.
+/// Pixels in a tile, and so the cost of one intersection to the rasterizer.
 const PIXELS_PER_TILE: f64 = (TILE * TILE) as f64;
 
-/// Most Gaussians that are made: 16 GB of numbers.
+/// Most Gaussians: 16 GB of numbers.
 const GAUSSIANS_MAX: usize = 1 << 26;
 
 /// Depths of the synthetic Gaussians, scene units.
 const DEPTHS: [f32; 2] = [2.0, 10.0];
 
-/// Median of the synthetic Gaussians' standard deviation on the screen, pixels, at 100 000 Gaussians on 640 x 480: about
-/// what a trained scene has.
+/// Median standard deviation of the synthetic Gaussians in the image, pixels, for 100 000 Gaussians at 640 x 480: about that of a
+/// trained scene.
 const SIZE_PIXELS: f32 = 2.0;
 
 /// Times the operations and prints a table.
@@ -116,7 +116,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     config.shared.steps = 1_000_000;
     config.shared.model.sh_degree = degree;
     config.shared.density.strategy = Strategy::Mcmc;
-    // The count must stay as it was asked for.
+    // Density control must not change the count that was asked for.
     config.shared.density.start = config.shared.steps;
     let facts = SceneFacts::unknown(&config);
     let mut trainer = Trainer::from_model(Model { gaussians, method: Still {} }, facts, &config);
@@ -126,12 +126,12 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as in a trained scene.
+/// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as those of a trained scene.
 fn scene(args: &BenchArgs, device: &Device) -> Gaussians {
     let n = args.gaussians;
     let mut rng = stream(0, Purpose::Bench, 0);
     let aspect = args.height as f32 / args.width as f32;
-    // The same overlap at any count and size: a Gaussian's area shrinks as their density grows.
+    // A Gaussian's area shrinks as their density grows, so that the overlap is the same at any count and image size.
     let density = (args.width * args.height) as f32 / (640.0 * 480.0) * (1e5 / n as f32);
     let size = SIZE_PIXELS * density.sqrt() / args.width as f32;
     let (mut means, mut quats, mut log_scales) = (Vec::new(), Vec::new(), Vec::new());

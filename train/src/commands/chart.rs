@@ -27,7 +27,7 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     let found = gather(&args.runs)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
-    // The table needs no file, so it is there even when one cannot be written.
+    // Printed first: the table needs no file, so it is shown even if a file cannot be written.
     print(table.text());
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);

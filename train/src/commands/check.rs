@@ -9,7 +9,7 @@ use crate::commands::print;
 use crate::commands::train::resolve;
 use crate::run::folder::utf8;
 
-/// Prints what is in a data set; fails when it cannot be trained on.
+/// Prints the contents and mistakes of a data set; exits with 1 if it cannot be trained on.
 ///
 /// # Errors
 /// When the configuration is not valid or the path is not UTF-8. A bad data set is no error but a finding, and exit code 1.

@@ -30,7 +30,7 @@ fn video() -> DeblurOptions {
 /// Makes the scene, trains it, reports.
 ///
 /// # Errors
-/// One sentence, when the disk does not take the files.
+/// One sentence: a full disk, for one.
 pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let [moving, still] = DEMO_RECIPES;

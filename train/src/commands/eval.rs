@@ -26,7 +26,7 @@ struct Figures {
     step: usize,
     #[serde(flatten)]
     measured: Measured,
-    /// Largest resident memory of measuring, bytes.
+    /// Peak resident memory of the measurement, bytes.
     peak_memory_bytes: Option<u64>,
 }
 
@@ -68,7 +68,7 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
         pictures: args.renders.is_some(),
     })?;
 
-    // Before files are written: a disk that is full does not cost the figures.
+    // Printed before files are written: a full disk must not cost the figures.
     print(table(&measured));
     if let Some(folder) = &args.renders {
         let path = |picture: &SideBySide| folder.join(format!("{}.png", picture.name));
@@ -88,7 +88,7 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// One line per view and their mean.
+/// One row per view, and the mean.
 fn table(measured: &Measured) -> String {
     let quality = &measured.quality;
     let width = quality.views.iter().map(|view| view.name.len()).max().unwrap_or(0).max(12);

@@ -21,7 +21,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     if args.out.extension().and_then(|extension| extension.to_str()) != Some("ply") {
         bail!("{}: expected the name of a .ply file", args.out.display());
     }
-    // Nothing is computed, so any device serves; the default one is on the CPU when the program has one.
+    // Nothing is computed, so any device will do.
     let device = gs_burn::device::select("auto")?;
     let loaded = load_scene(&args.scene, &device)?;
     if args.time.is_some() || args.frames.is_some() {

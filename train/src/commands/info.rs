@@ -13,7 +13,7 @@ use crate::fit::parameters::to_host;
 use crate::pipelines::load_scene;
 use crate::run::memory::megabytes;
 
-/// Prints what the program can do, or what a scene holds.
+/// Prints the program's features and devices, or the contents of a scene.
 ///
 /// # Errors
 /// One sentence saying what was wrong with the scene.

@@ -1,4 +1,4 @@
-//! One file per command: from arguments to what the program needs, call, print.
+//! One file per command: convert the arguments, call, print.
 
 pub mod bench;
 pub mod chart;
@@ -27,12 +27,12 @@ use crate::run::evaluate::Quality;
 use crate::run::metrics::NO_LPIPS;
 use crate::run::outputs::MARK;
 
-/// The device that was asked for, without autodiff.
+/// The device named by the arguments, without autodiff.
 fn device(args: &DeviceArgs) -> Result<Device> {
     Ok(gs_burn::device::select(&args.device)?)
 }
 
-/// A device in words: its backend and, for a GPU, its name.
+/// A device for people: its backend and, for a GPU, its name.
 pub fn describe(device: &Device) -> String {
     // Burn shows a device as `Device<Flex(Cpu)>`.
     let shown = format!("{device:?}").to_lowercase();
@@ -44,7 +44,7 @@ pub fn describe(device: &Device) -> String {
     shown.strip_suffix("(cpu)").map_or(shown.to_owned(), |backend| format!("{backend}, on the CPU"))
 }
 
-/// The command as it was typed, for figures that name it; words that a shell would take apart are quoted.
+/// The command as it was typed, for figures that cite it; arguments that a shell would split are quoted.
 fn command_line() -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_=./,:+@%".contains(c);
     // A name that is not UTF-8 cannot stand in a figure; it is shown with replacement characters.

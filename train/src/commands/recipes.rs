@@ -7,7 +7,7 @@ use anyhow::Result;
 use crate::commands::print;
 use crate::pipelines::names;
 
-/// Lists the recipes that are compiled in, a line each.
+/// Lists the compiled-in recipes, a line each.
 ///
 /// # Errors
 /// None.

@@ -19,7 +19,7 @@ use crate::report::pictures::image_bytes;
 use crate::run::outputs::{self, MARK, marked_png};
 use crate::run::scene::LoadedScene;
 
-/// Steps of depth in a 16-bit PNG per scene unit: millimetres where the unit is metres, as nerfstudio has it.
+/// Steps of depth in a 16-bit PNG per scene unit: millimetres if the unit is a metre, as in nerfstudio.
 const DEPTH_STEPS: f32 = 1000.0;
 
 /// Renders every camera of a file.
@@ -120,7 +120,7 @@ fn keep_distinct(cameras: &mut Vec<CameraPose>) {
     });
 }
 
-/// The times a camera is rendered at, with what is added to its name.
+/// The times at which a camera is rendered, each with the suffix of its file name.
 fn moments(args: &RenderArgs, loaded: &LoadedScene, own: Option<f64>) -> Vec<(String, f64)> {
     match args.frames {
         Some(count) => {
@@ -131,14 +131,14 @@ fn moments(args: &RenderArgs, loaded: &LoadedScene, own: Option<f64>) -> Vec<(St
     }
 }
 
-/// `stem` with something appended to its last name.
+/// `stem` with `suffix` appended to its last component.
 fn appended(stem: &Path, suffix: &str) -> PathBuf {
     let mut name = stem.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)
 }
 
-/// Depth and velocity in colour.
+/// Writes depth and velocity in colour.
 fn write_maps(stem: &Path, pose: &CameraPose, rendering: &Rendering) -> Result<()> {
     let (width, height) = (pose.width, pose.height);
     let alpha = to_host(rendering.alpha.clone());
@@ -180,7 +180,7 @@ fn write(stem: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFor
     Ok(())
 }
 
-/// Depth in steps of 1/1000 scene unit as 16-bit grey; what is farther than 65.535 is clamped to it.
+/// Writes depth in steps of 1/1000 scene unit as 16-bit grey, clamped at 65.535 scene units.
 fn write_depth_png(path: &Path, width: usize, height: usize, depth: &[f32]) -> Result<()> {
     let bytes: Vec<u8> = depth.iter().flat_map(|d| ((d * DEPTH_STEPS + 0.5) as u16).to_ne_bytes()).collect();
     let mut png = Vec::new();
@@ -190,7 +190,7 @@ fn write_depth_png(path: &Path, width: usize, height: usize, depth: &[f32]) -> R
     Ok(write_atomic(path, &marked_png(&png))?)
 }
 
-/// black, white, or three numbers from 0 to 1.
+/// Parses black, white, or three numbers from 0 to 1.
 fn parse_color(text: &str) -> Result<[f32; 3]> {
     match text {
         "black" => return Ok([0.0; 3]),

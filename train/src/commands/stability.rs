@@ -13,7 +13,7 @@ use crate::stability::{Outcome, Request, run as run_experiments};
 /// Runs the experiments of a pipeline.
 ///
 /// # Errors
-/// One sentence: a name that is none, a full disk, Ctrl-C.
+/// One sentence: an unknown name, a full disk, Ctrl-C.
 pub fn run(args: &StabilityArgs) -> Result<ExitCode> {
     let with_experiments = PIPELINES.iter().filter(|pipeline| !pipeline.experiments().is_empty());
     let names: Vec<&str> = with_experiments.map(|pipeline| pipeline.name()).collect();

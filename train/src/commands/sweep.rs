@@ -30,7 +30,7 @@ struct Combination {
     overrides: Vec<String>,
 }
 
-/// How far a combination is.
+/// Progress of a combination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     New,
@@ -38,19 +38,19 @@ enum State {
     Finished,
 }
 
-/// A run of the plan: its folder, its configuration and how far it is.
+/// A planned run: its folder, configuration and progress.
 type Planned = (RunFolder, Resolved, State);
 
-/// Runs the combinations that are not finished yet, then compares.
+/// Trains the combinations that are not finished yet, then compares all.
 ///
 /// # Errors
-/// One sentence: a value that is none, a folder that holds another run, bad data, a full disk.
+/// One sentence: a value that is not valid, a folder that holds another run, bad data, a full disk.
 pub fn run(args: &SweepArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     if !args.dataset.exists() {
         bail!("{}: expected a data set, found nothing", args.dataset.display());
     }
-    // Everything that can be wrong with an argument is found before the first of many hours.
+    // Every argument is checked here, before the first of many hours of training.
     let plan: Vec<Planned> = combinations(args)?
         .into_iter()
         .map(|combination| {
@@ -123,7 +123,7 @@ fn say(args: &SweepArgs, line: &str) {
     }
 }
 
-/// What `folder` holds of the run that is wanted there.
+/// Progress of the run in `folder`.
 fn state(folder: &RunFolder, config: &Resolved, dataset: &Path) -> Result<State> {
     if !folder.config().exists() {
         RunFolder::vacant(folder.path())?;
@@ -182,7 +182,7 @@ fn combinations(args: &SweepArgs) -> Result<Vec<Combination>> {
     Ok(all)
 }
 
-/// `blur.samples=3,7` -> the key and its values; commas inside brackets or quotes belong to a value.
+/// Parses `blur.samples=3,7` as the key and its values; commas inside brackets or quotes belong to a value.
 fn parse_over(text: &str) -> Result<(&str, Vec<&str>)> {
     let Some((key, list)) = text.split_once('=') else {
         bail!("--over {text}: expected KEY=VALUE,..., found no `=`");
@@ -207,14 +207,14 @@ fn parse_over(text: &str) -> Result<(&str, Vec<&str>)> {
     Ok((key.trim(), values))
 }
 
-/// The last word of a key, or all of it where another key ends alike.
+/// The last component of a key, or the whole key if another one ends alike.
 fn short_name<'a>(key: &'a str, keys: &[(&str, Vec<&str>)]) -> &'a str {
     let last = |key: &'a str| key.rsplit('.').next().unwrap_or(key);
     let alike = keys.iter().filter(|(other, _)| other.rsplit('.').next() == Some(last(key))).count();
     if alike > 1 { key } else { last(key) }
 }
 
-/// A value in a folder's name.
+/// A value as part of a folder's name.
 fn in_a_name(value: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || c == '.' || c == '-';
     let name: String = value.chars().map(|c| if plain(c) { c } else { ' ' }).collect();

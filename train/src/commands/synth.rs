@@ -11,10 +11,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
 use crate::commands::print;
 
-/// Makes what is asked for.
+/// Makes the data set.
 ///
 /// # Errors
-/// One sentence: options that make no sense, a data set that cannot be blurred, a full disk.
+/// One sentence: options that are not valid, a data set that cannot be blurred, a full disk.
 pub fn run(args: &SynthArgs) -> Result<ExitCode> {
     match &args.what {
         Synth::Deblur(args) => deblur_world(args),
@@ -22,7 +22,7 @@ pub fn run(args: &SynthArgs) -> Result<ExitCode> {
     }
 }
 
-/// That nothing is in the folder: files of another data set would stay between the new ones.
+/// Fails if the folder has files: those of another data set would mix with the new ones.
 fn vacant(folder: &Path) -> Result<()> {
     if folder.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
         bail!("{}: expected an empty or a new folder, found files in it", folder.display());
@@ -59,7 +59,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The faults asked for.
+/// The faults given by the arguments.
 fn faults(args: &SynthDeblurArgs) -> PriorFaults {
     if args.perfect_priors { PriorFaults::none() } else { PriorFaults::of(&args.faults) }
 }
@@ -88,7 +88,8 @@ fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Says what training makes of exposures of `share` frame intervals, `exposure` in the data set's unit of time.
+/// Warns if exposures overlap: training takes them for a mistake. `share` is in frame intervals, `exposure` in the data set's unit
+/// of time.
 fn warn_of_overlap(share: f64, exposure: f64) {
     if share > 1.0 {
         print(format!(
@@ -98,13 +99,13 @@ fn warn_of_overlap(share: f64, exposure: f64) {
     }
 }
 
-/// A bar over images, with the time left.
+/// A progress bar over images, with the time left.
 pub(crate) fn bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} images, {eta} left");
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// "256x192".
+/// Parses "256x192".
 fn parse_size(text: &str) -> Result<(usize, usize)> {
     let parts = text.split_once('x').context("--size: expected WIDTHxHEIGHT, as in 256x192");
     let (width, height) = parts.with_context(|| format!("found {text:?}"))?;

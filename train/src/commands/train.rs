@@ -16,13 +16,13 @@ use crate::run::interrupt;
 use crate::run::profile::{self, Profile};
 use crate::run::watch::{Ending, Job};
 
-/// Where runs go when nobody says otherwise.
+/// Folder of all runs by default.
 pub(super) const RUNS: &str = "runs";
 
-/// Trains, or continues.
+/// Trains a new run, or resumes one.
 ///
 /// # Errors
-/// One sentence saying what was wrong with the arguments, the data or the disk.
+/// One sentence about the arguments, the data or the disk.
 pub fn run(args: &TrainArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     if args.profile {
@@ -39,7 +39,7 @@ pub fn run(args: &TrainArgs) -> Result<ExitCode> {
     ended
 }
 
-/// Trains until the run ends or Ctrl-C is pressed, and says how it went.
+/// Trains until the run ends or Ctrl-C is pressed, and prints the outcome.
 pub(super) fn execute(pipeline: &dyn Pipeline, job: &Job) -> Result<ExitCode> {
     interrupt::watch();
     match pipeline.train(job)? {
@@ -71,7 +71,8 @@ fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job
 fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
     if args.config.is_typed() || !shortcuts(args).is_empty() {
         bail!(
-            "--resume continues with the configuration saved in the run folder; leave out --config, --recipe, --set, --steps, --cap and --seed"
+            "--resume continues with the configuration saved in the run folder; leave out --config, --recipe, \
+             --set, --steps, --cap and --seed"
         );
     }
     let folder = match (&args.out, &args.dataset) {
@@ -87,7 +88,7 @@ fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, J
     let (config, begun_on) = folder.read_config()?;
     let resolved = resolve_saved(&config, &folder.config().display().to_string())?;
     let dataset = args.dataset.clone().unwrap_or_else(|| begun_on.clone());
-    // It may have been moved; that it is another one is for the user to see.
+    // The data set may have been moved; the user sees whether it is another one.
     if full_path(&dataset) != begun_on {
         tracing::warn!("the run began on {} and goes on with {}", begun_on.display(), dataset.display());
     }
@@ -113,7 +114,7 @@ pub(super) fn resolve(args: &ConfigArgs, more: &[String]) -> Result<Resolved, Co
     resolve_sources(Sources { file: args.config.as_deref(), recipe: args.recipe.as_deref(), overrides: &overrides })
 }
 
-/// The short options in the words of `--set`.
+/// The short options as `--set` overrides.
 fn shortcuts(args: &TrainArgs) -> Vec<String> {
     let steps = args.steps.map(|n| format!("steps={n}"));
     let cap = args.cap.map(|n| format!("density.cap={n}"));
@@ -146,7 +147,7 @@ fn newest_folder(name: &str) -> Option<PathBuf> {
     folders.max_by(|a, b| begun(a).cmp(&begun(b)).then_with(|| a.cmp(b)))
 }
 
-/// What a finished run says.
+/// Figures and paths printed after a finished run.
 fn verdict(eval: &EvalFile, folder: &RunFolder) -> String {
     let quality = &eval.last.measured.quality;
     let missing: String = missing(quality).iter().map(|reason| format!("\n{reason}")).collect();

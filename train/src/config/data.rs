@@ -1,4 +1,4 @@
-//! What to load of a data set, and how.
+//! `[data]`: which parts of a data set are loaded, and how.
 
 use std::path::PathBuf;
 
@@ -7,21 +7,21 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check};
 
-/// Which views are held out.
+/// The choice of held-out views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum HoldoutChoice {
-    /// The data set's own split; where it has none, one camera in 8 of standing ones that film, or every 8th view.
+    /// The data set's own split. A data set without one holds out one of 8 static cameras that film, or every 8th view.
     Dataset,
     /// Every `holdout_every`-th view by name.
     Every,
     /// The views of `holdout_names`.
     Names,
-    /// None; the result is then measured on training views.
+    /// No view; the result is then measured on training views.
     None,
 }
 
-/// How mask files are used.
+/// The use of mask files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MaskChoice {
@@ -37,19 +37,19 @@ pub enum MaskChoice {
     Moving,
 }
 
-/// A guess that another program made about the photos.
+/// A kind of prior: an estimate that another program made from the photos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PriorKind {
     /// Depth maps.
     Depth,
-    /// Masks of what moves.
+    /// Masks of moving objects.
     Masks,
     /// Pseudo-sharp photos.
     Sharp,
 }
 
-/// What the numbers in depth files mean.
+/// The meaning of the values in depth files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DepthChoice {
@@ -65,26 +65,26 @@ pub enum DepthChoice {
     InverseDepth,
 }
 
-/// What lies behind everything.
+/// The colour behind the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected \"auto\" or three numbers from 0 to 1")]
 pub enum Background {
     /// A colour, 0 to 1 per channel.
     Color([f32; 3]),
-    /// Found in the photos.
+    /// Estimated from the photos.
     Found(Auto),
 }
 
-/// The word for what is found in the data set.
+/// The value "auto".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Auto {
-    /// As the data set says or shows.
+    /// As stated by the data set, or estimated from it.
     Auto,
 }
 
 impl Background {
-    /// The colour; black until one is found.
+    /// The colour; black until one is estimated.
     pub fn color(self) -> [f32; 3] {
         match self {
             Self::Color(color) => color,
@@ -93,30 +93,30 @@ impl Background {
     }
 }
 
-/// How the data set is read.
+/// Options for reading the data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DataConfig {
     /// Wider photos are downscaled to this width, pixels; 0 keeps the full size.
     pub max_width: usize,
-    /// Which views are held out.
+    /// The choice of held-out views.
     pub holdout: HoldoutChoice,
-    /// Every how many views one is held out, for `holdout = "every"`.
+    /// Every so many views one is held out, for `holdout = "every"`.
     pub holdout_every: usize,
     /// The views held out, by name or file stem, for `holdout = "names"`.
     pub holdout_names: Vec<String>,
-    /// Image folder of a COLMAP model where it is not a usual one; empty: found by itself.
+    /// Image folder of a COLMAP model if it is not a usual one; empty: found automatically.
     pub images: String,
     /// Colour behind the scene and behind transparent pixels.
     pub background: Background,
-    /// How mask files are used.
+    /// The use of mask files.
     pub masks: MaskChoice,
-    /// Priors that are read where the data set has them: "depth", "masks", "sharp". A still scene uses, and reads, masks alone:
-    /// moving parts are measured by them.
+    /// Priors that are read if the data set has them: "depth", "masks", "sharp". A static scene reads masks alone, to measure
+    /// moving parts.
     pub priors: Vec<PriorKind>,
-    /// What depth files mean, whatever the data set says; "auto" goes by the data set.
+    /// Meaning of depth files; "auto" uses the meaning that the data set states.
     pub depth_kind: DepthChoice,
-    /// Photos are kept as floats up to this many MB in all; the rest is converted from 8 bits in each step.
+    /// Photos are kept as floats up to this many MB in all; the others are converted from 8 bits in each step.
     pub cache_mb: usize,
 }
 
@@ -138,7 +138,7 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
-    /// The same choices in the words of the readers.
+    /// The same choices as options of the readers.
     pub fn options(&self) -> LoadOptions {
         LoadOptions {
             max_width: (self.max_width > 0).then_some(self.max_width),

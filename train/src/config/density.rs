@@ -1,22 +1,22 @@
-//! `[density]`: where Gaussians are added, moved and removed.
+//! `[density]`: adding, relocating and removing Gaussians.
 
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check, not_negative, open_unit, positive};
 
-/// How opacities are lowered so that Gaussians nobody needs die.
+/// How opacities are lowered, so that Gaussians that no photo needs fall below the pruning threshold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OpacityPolicy {
-    /// All at once every `reset_every` steps (3DGS); the image is dim for a while after.
+    /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps after.
     Reset,
-    /// By a small share at each change (Brush).
+    /// By a small share at each refinement (Brush).
     Decay,
     /// Never.
     None,
 }
 
-/// Which density control.
+/// The density control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Strategy {
@@ -24,48 +24,48 @@ pub enum Strategy {
     Mcmc,
     /// Classic adaptive control (3DGS): the count follows screen gradients, never above the cap.
     Default,
-    /// The first Gaussians stay.
+    /// The initial Gaussians are kept.
     None,
 }
 
-/// Density control of both kinds; steps count from 1.
+/// Options of both kinds of density control; steps count from 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DensityConfig {
-    /// Which density control.
+    /// The density control.
     pub strategy: Strategy,
-    /// Gaussians, at most. Memory is about 1.2 kB each at SH degree 3; see what a run prints first.
+    /// Most Gaussians. Each takes about 1.2 kB at SH degree 3; a run prints the memory it expects first.
     pub cap: usize,
-    /// First step at which the count changes; a short run starts after a tenth of its steps at the latest.
+    /// First step at which the count changes. A short run starts after a tenth of its steps at the latest.
     pub start: usize,
-    /// Steps from one change to the next.
+    /// Steps from one refinement to the next.
     pub every: usize,
-    /// Share of the run after which the count rests, so that the last Gaussians still learn.
+    /// Share of the run after which the count is fixed, so that the last Gaussians added still converge.
     pub stop: f64,
-    /// Share of all that the training photos show which the Gaussians dropped when the count comes to rest may have had between
-    /// them, 0 to 1; 0: none are dropped.
+    /// Largest summed contribution of the Gaussians pruned when the count becomes fixed, as a share of the sum over all Gaussians
+    /// and training photos, 0 to 1. 0: none is pruned.
     pub prune_share: f64,
-    /// Opacity under which a Gaussian counts as dead.
+    /// Opacity below which a Gaussian is dead.
     pub min_opacity: f64,
-    /// `mcmc`: growth per change, a share of the count.
+    /// `mcmc`: growth per refinement, a share of the count.
     pub growth: f64,
-    /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the centres' rate; 0: none. With few
-    /// photos less is better: nothing contradicts a Gaussian that wandered off.
+    /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means; 0: none. Few
+    /// photos need less: no photo contradicts a Gaussian that has drifted away.
     pub noise: f64,
     /// `default`: mean screen gradient above which a Gaussian is cloned or split, in half image widths.
     pub gradient: f64,
-    /// `default`: add up the gradient's magnitude over pixels (AbsGS) instead of the gradient; wants a threshold about four
+    /// `default`: sum the magnitudes of the gradient over pixels (AbsGS) instead of the gradient; needs a threshold about four
     /// times as high.
     pub absgrad: bool,
-    /// `default`: size that separates cloning (below) from splitting, in scene extents.
+    /// `default`: scale above which a Gaussian is split instead of cloned, in scene extents.
     pub split_size: f64,
-    /// `default`: size above which a Gaussian is removed once opacities were first lowered, in scene extents.
+    /// `default`: scale above which a Gaussian is removed, once opacities have been lowered, in scene extents.
     pub prune_size: f64,
-    /// `default`: how opacities are lowered so that useless Gaussians die.
+    /// `default`: how opacities are lowered.
     pub opacity_policy: OpacityPolicy,
     /// `default`: steps from one opacity reset to the next.
     pub reset_every: usize,
-    /// `default`: opacity lost at each change under the decay policy, as a share.
+    /// `default`: share of the opacity lost at each refinement under the decay policy.
     pub decay: f64,
 }
 
@@ -120,7 +120,7 @@ impl DensityConfig {
         step >= start && (step as f64) < self.stop * steps as f64
     }
 
-    /// Whether the count comes to rest at `step` of a run of `steps`.
+    /// Whether the count becomes fixed at `step` of a run of `steps`.
     pub fn rests_at(&self, step: usize, steps: usize) -> bool {
         self.strategy != Strategy::None && step == (self.stop * steps as f64).ceil() as usize
     }

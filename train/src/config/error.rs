@@ -1,11 +1,11 @@
-//! What can be wrong with a configuration, and the checks of ranges.
+//! Errors of a configuration, and the range checks.
 
 use std::path::PathBuf;
 
 /// Files that may be stacked by `base`; more is taken for a circle.
 pub const MAX_BASES: usize = 8;
 
-/// What can be wrong with a configuration; one sentence each.
+/// An error of a configuration; the message is one sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
@@ -42,7 +42,7 @@ pub enum ConfigError {
     Type {
         /// The file or argument.
         origin: String,
-        /// What was expected, found, and where.
+        /// Expected and found type, and the position.
         found: String,
     },
     /// A value outside its range.
@@ -55,10 +55,10 @@ pub enum ConfigError {
         /// The value.
         found: String,
     },
-    /// `base` files that lead to no end.
+    /// `base` files that form a cycle.
     #[error("{origin}: more than {MAX_BASES} `base` files are stacked here; is there a circle?")]
     Circle {
-        /// The file or recipe at which it was noticed.
+        /// The file or recipe at which it was detected.
         origin: String,
     },
     /// A key of another pipeline.
@@ -98,17 +98,17 @@ pub fn check(key: &'static str, found: impl ToString, holds: bool, expected: &'s
     if holds { Ok(()) } else { Err(ConfigError::Range { key, expected, found: found.to_string() }) }
 }
 
-/// Above 0, also as f32, which is what kernels compute with.
+/// Whether `x` is above 0, also as f32, in which kernels compute.
 pub fn positive(x: f64) -> bool {
     not_negative(x) && x as f32 > 0.0
 }
 
-/// 0 or more, and finite as f32.
+/// Whether `x` is 0 or more, and finite as f32.
 pub fn not_negative(x: f64) -> bool {
     x >= 0.0 && (x as f32).is_finite()
 }
 
-/// Between 0 and 1, both excluded.
+/// Whether `x` is between 0 and 1, both excluded.
 pub fn open_unit(x: f64) -> bool {
     x > 0.0 && x < 1.0
 }

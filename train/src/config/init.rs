@@ -1,18 +1,19 @@
-//! `[init]`: how a scene begins.
+//! `[init]`: the initial Gaussians.
 
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check, open_unit, positive};
 
-/// How a scene begins.
+/// Options of the initial Gaussians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InitConfig {
-    /// Opacity of a new Gaussian, 0 to 1. Too high hides what lies behind before it has learned; too low is slow.
+    /// Opacity of an initial Gaussian, 0 to 1. Higher: Gaussians hide those behind them, which then do not learn. Lower: training
+    /// is slower.
     pub opacity: f64,
-    /// Size of a new Gaussian, in mean distances to its three nearest neighbours.
+    /// Scale of an initial Gaussian, in mean distances to its three nearest neighbours.
     pub scale: f64,
-    /// Gaussians to begin with where the data set has no points (never more than `density.cap`).
+    /// Initial Gaussians if the data set has no points (never more than `density.cap`).
     pub random_points: usize,
 }
 

@@ -1,18 +1,18 @@
-//! `[loss]`: what is minimised.
+//! `[loss]`: the terms that are minimised.
 
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check, not_negative};
 
-/// What is minimised.
+/// Weights of the loss.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LossConfig {
-    /// Share of the structural term, 0 to 1. More keeps texture, less keeps mean colour.
+    /// Share of the D-SSIM term, 0 to 1. More preserves texture, less preserves mean colour.
     pub dssim: f64,
-    /// Weight of the mean opacity. It clears haze and floaters; too much thins out surfaces.
+    /// Weight of the mean opacity. More removes floaters; too much makes surfaces transparent.
     pub opacity_reg: f64,
-    /// Weight of the mean size, in scene extents. It keeps Gaussians from growing where no photo looks.
+    /// Weight of the mean scale, in scene extents. It keeps Gaussians from growing in regions that no photo shows.
     pub scale_reg: f64,
 }
 

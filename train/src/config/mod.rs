@@ -1,9 +1,9 @@
-//! Configurations: sections with their defaults and ranges, and how files, recipes and arguments are put together.
+//! Configurations: sections with their defaults and ranges; files, recipes and arguments are merged into one.
 //!
-//! [`Config`] holds the sections that every training of one scene has; a pipeline adds its own ([`FitConfig`]). A run's `config.toml` has
-//! the keys its pipeline uses and no others. A file holds only differences: it may name a `base` file beside it, and what it does not
-//! mention keeps the pipeline's default. `--set density.cap=50000` overrides one value. A key that does not exist is an error that names
-//! the nearest one.
+//! [`Config`] holds the sections that every training of one scene has; a pipeline adds its own ([`FitConfig`]). A run's
+//! `config.toml` has the keys its pipeline uses and no others. A file holds only differences: it may name a `base` file beside it,
+//! and a key that neither has keeps the pipeline's default. `--set density.cap=50000` overrides one value. A key that does not
+//! exist is an error that names the nearest one.
 
 mod data;
 mod density;
@@ -32,7 +32,7 @@ pub use model::{ModelConfig, RenderConfig};
 pub use optimiser::OptimiserConfig;
 pub use run::{CheckpointConfig, EvalConfig};
 
-/// The pipeline of a configuration that names none.
+/// The pipeline of a configuration that does not name one.
 pub const DEFAULT_PIPELINE: &str = "static";
 
 /// The sections that every training of one scene has.
@@ -41,25 +41,25 @@ pub const DEFAULT_PIPELINE: &str = "static";
 pub struct Config {
     /// The pipeline's name; `gsburn recipes` lists them.
     pub pipeline: String,
-    /// The one seed of all random draws.
+    /// The seed of all random draws.
     pub seed: u64,
     /// Optimisation steps; one photo is compared in each.
     pub steps: usize,
-    /// How the data set is read.
+    /// Options for reading the data set.
     pub data: DataConfig,
-    /// How the scene begins.
+    /// Options of the initial Gaussians.
     pub init: InitConfig,
-    /// What a Gaussian stores.
+    /// Numbers that a Gaussian stores.
     pub model: ModelConfig,
-    /// How images are formed.
+    /// Options of the renderer.
     pub render: RenderConfig,
-    /// What is minimised.
+    /// Weights of the loss.
     pub loss: LossConfig,
     /// Learning rates.
     pub optimiser: OptimiserConfig,
-    /// Where Gaussians are added, moved and removed.
+    /// Adding, relocating and removing Gaussians.
     pub density: DensityConfig,
-    /// When and how the result is measured.
+    /// When and how the scene is measured.
     pub eval: EvalConfig,
     /// When the state is saved.
     pub checkpoint: CheckpointConfig,
@@ -125,7 +125,7 @@ impl Section for NoSection {
 
 /// A whole configuration: the shared sections and a pipeline's own.
 ///
-/// It dereferences to the shared ones, so that a function of the shared sections takes either.
+/// It dereferences to the shared sections, so that a function of those takes either.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitConfig<S> {
     /// The shared sections.
@@ -143,13 +143,13 @@ impl<S> Deref for FitConfig<S> {
 }
 
 impl<S: Section> FitConfig<S> {
-    /// Reads a table, which may leave out keys; `origin` names it in errors.
+    /// Reads a table, which may omit keys; `origin` names it in errors.
     ///
     /// # Errors
     /// A key that does not exist, a value of the wrong type, a value outside its range.
     pub fn from_table(table: &Table, origin: &str) -> Result<Self, ConfigError> {
         let keys = Table::try_from(S::default()).expect("sections are tables");
-        // Not by flattening: serde's buffer would lose the key that a type error is about.
+        // Not by `serde(flatten)`: its buffer loses the key that a type error is about.
         let (own, shared): (Table, Table) = table.clone().into_iter().partition(|(key, _)| keys.contains_key(key));
         let config = Self { shared: typed(shared, origin)?, method: typed(own, origin)? };
         config.validate()?;

@@ -1,17 +1,17 @@
-//! `[model]` and `[render]`: what a Gaussian stores and how images are formed.
+//! `[model]` and `[render]`: the numbers of a Gaussian, and the renderer's options.
 
 use gs_burn::RenderOptions;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check, positive};
 
-/// What a Gaussian stores.
+/// Numbers that a Gaussian stores.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelConfig {
     /// Highest degree of the view-dependent colour, 0 to 3; 48 numbers per Gaussian at 3, 3 at 0.
     pub sh_degree: usize,
-    /// Steps from one degree to the next; a short run takes shorter ones.
+    /// Steps from one degree to the next; shorter in a short run.
     pub sh_interval: usize,
 }
 
@@ -21,17 +21,18 @@ impl Default for ModelConfig {
     }
 }
 
-/// How images are formed.
+/// Options of the renderer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderConfig {
-    /// Gaussians nearer than this are not drawn, scene units; 0: by the data set (see `SceneFacts`).
+    /// Near plane: Gaussians nearer than this are culled, scene units; 0: from the data set (see `SceneFacts`).
     pub near: f64,
-    /// Gaussians farther than this are not drawn, scene units.
+    /// Far plane: Gaussians farther than this are culled, scene units.
     pub far: f64,
     /// Variance added to every projected Gaussian, square pixels.
     pub eps2d: f64,
-    /// Undo the brightening by `eps2d` (Mip-Splatting): steadier when zooming, and then to be rendered with it too.
+    /// Compensate the brightening by `eps2d` (Mip-Splatting): less aliasing at other focal lengths. The scene must then be rendered
+    /// with it too.
     pub antialiased: bool,
 }
 

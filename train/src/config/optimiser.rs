@@ -4,18 +4,18 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check, not_negative, positive};
 
-/// Learning rates, in the parameter's unit a step.
+/// Learning rates, in the parameter's unit per step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OptimiserConfig {
-    /// Rate of the centres at the first step, in scene extents. Too large and surfaces fray, too small and they stay
-    /// where the points were.
+    /// Rate of the means at the first step, in scene extents. Larger: surfaces become noisy. Smaller: the means stay at the initial
+    /// points.
     pub means_lr: f64,
-    /// Rate of the centres at the last step, in scene extents; exponential in between.
+    /// Rate of the means at the last step, in scene extents; exponential in between.
     pub means_lr_final: f64,
     /// Rate of the rotations (unnormalised quaternions).
     pub quats_lr: f64,
-    /// Rate of the logarithms of the sizes.
+    /// Rate of the logarithms of the scales.
     pub scales_lr: f64,
     /// Rate of the opacity logits.
     pub opacity_lr: f64,
@@ -27,7 +27,7 @@ pub struct OptimiserConfig {
     pub beta1: f64,
     /// Decay of the second moment.
     pub beta2: f64,
-    /// Added to the root of the second moment. Gradients of a mean over a million values are tiny, so 3DGS takes 1e-15.
+    /// Added to the root of the second moment. Gradients of a mean over a million values are tiny, so 3DGS uses 1e-15.
     pub eps: f64,
 }
 

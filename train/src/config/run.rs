@@ -1,20 +1,20 @@
-//! `[eval]` and `[checkpoint]`: when a training is measured and saved.
+//! `[eval]` and `[checkpoint]`: the steps at which a training is measured and saved.
 
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check};
 
-/// When and how the result is measured.
+/// When and how the scene is measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EvalConfig {
-    /// Steps after which the held-out views are measured; the last step always is.
+    /// Steps after which the held-out views are measured, beside the last one.
     pub at: Vec<usize>,
-    /// Held-out views kept as side-by-side pictures at the end.
+    /// Held-out views of which side-by-side pictures are kept at the end.
     pub images: usize,
-    /// Whether MS-SSIM is measured (some seconds a view on a CPU).
+    /// Whether MS-SSIM is measured (some seconds per view on a CPU).
     pub ms_ssim: bool,
-    /// Whether LPIPS is measured where Burn's cache has its weights.
+    /// Whether LPIPS is measured if Burn's cache has its weights.
     pub lpips: bool,
 }
 
@@ -28,9 +28,9 @@ impl Default for EvalConfig {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CheckpointConfig {
-    /// Steps from one checkpoint to the next, which is also what a killed run loses at most; 0: only at the end.
+    /// Steps from one checkpoint to the next, and so the most that a killed run loses; 0: only at the end.
     pub every: usize,
-    /// Checkpoints kept; older ones are removed once a new one is whole.
+    /// Checkpoints kept; older ones are removed once a new one is complete.
     pub keep: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Configurations as tables: files and recipes stacked on their bases, single values, and keys that do not exist.
+//! Configurations as tables: files and recipes merged over their bases, single values, and unknown keys.
 
 use std::path::Path;
 
@@ -10,19 +10,19 @@ use super::error::{ConfigError, MAX_BASES};
 /// Largest configuration file, bytes: all keys with comments take some 20 kB.
 pub const FILE_MAX: u64 = 1 << 20;
 
-/// Values from one place.
+/// Values from one source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// Where they are from, as errors say it.
+    /// The source, as errors name it.
     pub origin: String,
     /// The values.
     pub table: Table,
 }
 
-/// A file and the files it is based on, the farthest base first.
+/// A file and the files it is based on, the outermost base first.
 ///
 /// # Errors
-/// A file that cannot be read or is no TOML, or more than [`MAX_BASES`] of them.
+/// A file that cannot be read or is not TOML, or more than [`MAX_BASES`] of them.
 pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
     let mut next = Some(path.to_path_buf());
     let mut layers = Vec::new();
@@ -40,10 +40,10 @@ pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
     Ok(layers)
 }
 
-/// A recipe and the recipes it is based on, the farthest base first; `find` gives the text of a recipe by name (`folder/name`).
+/// A recipe and the recipes it is based on, the outermost base first; `find` gives the text of a recipe by name (`folder/name`).
 ///
 /// # Errors
-/// As [`file_layers`]; `None` where `find` does not know the name.
+/// As [`file_layers`]; the result is `None` if `find` does not know the name.
 pub fn recipe_layers(
     name: &str,
     find: impl Fn(&str) -> Option<&'static str>,
@@ -64,7 +64,7 @@ pub fn recipe_layers(
     Ok(Some(layers))
 }
 
-/// The recipe that `base` (as a file beside the recipe `name` would call it) names: `a/b/c` and `../d.toml` give `a/d`.
+/// The recipe named by `base`, a path relative to the recipe `name`: `a/b/c` and `../d.toml` give `a/d`.
 fn beside(name: &str, base: &str) -> String {
     let mut parts: Vec<&str> = name.split('/').collect();
     parts.pop();
@@ -93,14 +93,14 @@ fn layer(text: &str, origin: String) -> Result<(Layer, Option<String>), ConfigEr
 /// The table of a TOML text; `origin` names it in errors.
 ///
 /// # Errors
-/// When it is no TOML.
+/// When it is not TOML.
 pub fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     text.parse()
         .map_err(|error: toml::de::Error| ConfigError::Syntax { origin: origin.into(), found: one_line(&error) })
 }
 
-/// `density.cap=5000` gives `{ density = { cap = 5000 } }`. A value that is no TOML is taken as a string, so that
-/// `density.strategy=mcmc` needs no quotes.
+/// `density.cap=5000` gives `{ density = { cap = 5000 } }`. A value that is not TOML is a string, so that `density.strategy=mcmc`
+/// needs no quotes.
 ///
 /// # Errors
 /// Without `=`.
@@ -124,7 +124,7 @@ pub fn override_layer(text: &str) -> Result<Layer, ConfigError> {
     Ok(Layer { origin, table })
 }
 
-/// Puts the values of `from` over those of `into`.
+/// Merges `from` into `into`; values of `from` win.
 pub fn merge(into: &mut Table, from: Table) {
     for (key, value) in from {
         match (into.get_mut(&key), value) {
@@ -136,7 +136,7 @@ pub fn merge(into: &mut Table, from: Table) {
     }
 }
 
-/// The first key of `table` that `valid` has not, with its sections.
+/// The first key of `table` that is not in `valid`, with its sections.
 pub fn unknown_key(table: &Table, valid: &Table) -> Option<String> {
     let valid = keys(valid);
     keys(table).into_iter().find(|key| !valid.contains(key))

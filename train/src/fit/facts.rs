@@ -1,7 +1,7 @@
-//! What a data set settles for training and measuring: the scene's size, the near plane and the background.
+//! Facts: values that a data set fixes for training and measuring, namely the scene's extent, the near plane and the background.
 //!
-//! A configuration may leave them open (`render.near = 0`, `data.background = "auto"`). The values found stand here, beside the
-//! configuration, which is never changed.
+//! A configuration may leave them open (`render.near = 0`, `data.background = "auto"`). The values found are kept here; the
+//! configuration is never changed.
 
 use gs_burn::RenderOptions;
 use gs_datasets::{Scene, View};
@@ -11,28 +11,28 @@ use super::initialise::size_of;
 use super::preflight::{NEAR_ADVISED, NEAR_MOST};
 use crate::config::{Background, Config, RenderConfig};
 
-/// Share of the pixels along the borders of all photos that have one colour when it is the background's.
+/// Least share of equal pixels along the borders of all photos at which their colour is taken for the background's.
 const BORDER: f64 = 0.5;
 
-/// Levels of 255 within which colours are one.
+/// Largest difference of equal colours, levels of 255.
 const ONE_COLOR: u8 = 2;
 
-/// What the data set settles.
+/// Values fixed by the data set.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SceneFacts {
-    /// The scene's size, scene units: rates and thresholds are relative to it.
+    /// The scene's extent, scene units: rates and thresholds are relative to it.
     pub extent: f64,
-    /// Gaussians nearer than this are not drawn, scene units.
+    /// Near plane: Gaussians nearer than this are culled, scene units.
     pub near: f64,
     /// Colour behind the scene, 0 to 1 per channel.
     pub background: [f32; 3],
-    /// Median distance of the training cameras from what they look at, scene units; `None` where their axes do not meet.
+    /// Median distance of the training cameras from the subject, scene units; `None` if their axes do not meet.
     pub subject_distance: Option<f64>,
 }
 
 impl SceneFacts {
-    /// The facts of `scene`, where `config` does not say otherwise. `near_share` is the near plane that the method proposes where the
-    /// configuration leaves it open, in distances of the subject; `None`: the renderer's own.
+    /// The facts of `scene`; values given by `config` take precedence. `near_share` is the method's near plane for a configuration
+    /// that leaves it open, as a share of the subject's distance; `None`: the renderer's own.
     pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>) -> Self {
         let subject_distance = scene.subject_distance();
         Self {
@@ -46,13 +46,13 @@ impl SceneFacts {
         }
     }
 
-    /// Facts of a scene of which nothing is known but the configuration.
+    /// Facts of an unknown scene, from the configuration alone.
     pub fn unknown(config: &Config) -> Self {
         let near = if config.render.near > 0.0 { config.render.near } else { RenderOptions::default().near };
         Self { extent: 1.0, near, background: config.data.background.color(), subject_distance: None }
     }
 
-    /// The options of one rendering at an SH degree.
+    /// The options of a rendering at an SH degree.
     pub fn render_options(&self, config: &RenderConfig, sh_degree: usize) -> RenderOptions {
         RenderOptions {
             sh_degree,
@@ -98,7 +98,7 @@ fn found_background(views: &[View]) -> [f32; 3] {
     found.map(|level| f32::from(level) / 255.0)
 }
 
-/// The colour along the borders of most photos.
+/// The colour along the borders of most photos, if there is one.
 fn border_color(views: &[View]) -> Option<[u8; 3]> {
     let pixels: Vec<[u8; 3]> = views.iter().flat_map(border).collect();
     let middle = |channel: usize| {
@@ -112,7 +112,7 @@ fn border_color(views: &[View]) -> Option<[u8; 3]> {
     (share > BORDER).then_some(color)
 }
 
-/// The outermost pixels of a photo.
+/// The outermost pixels of a view.
 fn border(view: &View) -> impl Iterator<Item = [u8; 3]> {
     let (width, height) = (view.width, view.height);
     let rows = (0..width).flat_map(move |x| [x, (height - 1) * width + x]);

@@ -1,31 +1,31 @@
-//! Measured numbers and tables that evaluation files, cards, charts and reports show without knowing whose they are.
+//! Figures and tables of a measurement, which evaluation files, reports and charts show without knowing the method.
 
 use serde::{Deserialize, Serialize};
 
-/// Which direction is an improvement.
+/// The direction of an improvement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Better {
-    /// A higher value.
+    /// Higher is better.
     Higher,
-    /// A lower value.
+    /// Lower is better.
     Lower,
 }
 
-/// Where a figure is shown beside eval.json, which has them all.
+/// The pages that show a figure, beside eval.json, which has all.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Prominence {
-    /// Nowhere else.
+    /// In eval.json alone.
     #[default]
     File,
-    /// As a column of comparisons.
+    /// As a column of comparisons too.
     Column,
     /// As a card of the report, in the line of a measurement, and as a column.
     Headline,
 }
 
-/// One measured number beside image quality.
+/// One measured number, beside image quality.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// Name in files, in snake case.
@@ -34,16 +34,16 @@ pub struct Figure {
     pub name: String,
     /// The value, in `unit`.
     pub value: f64,
-    /// The unit; empty for counts and shares of 1.
+    /// The unit; empty for counts and for shares from 0 to 1.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
     /// Digits after the decimal point when shown.
     #[serde(default)]
     pub digits: usize,
-    /// Which direction is an improvement; `None` for figures that are neither.
+    /// The direction of an improvement; `None` for a figure without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub better: Option<Better>,
-    /// Where it is shown.
+    /// The pages that show it.
     #[serde(default)]
     pub prominence: Prominence,
     /// A remark shown with it.
@@ -52,7 +52,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// A figure that eval.json alone has.
+    /// A figure that is in eval.json alone.
     pub fn new(key: &str, name: &str, value: f64, unit: &str) -> Self {
         Self {
             key: key.into(),
@@ -66,27 +66,27 @@ impl Figure {
         }
     }
 
-    /// With `digits` after the decimal point.
+    /// The figure with `digits` after the decimal point.
     pub fn digits(self, digits: usize) -> Self {
         Self { digits, ..self }
     }
 
-    /// With a direction of improvement.
+    /// The figure with a direction of improvement.
     pub fn better(self, better: Better) -> Self {
         Self { better: Some(better), ..self }
     }
 
-    /// As a card, in the line of a measurement and as a column.
+    /// The figure as a card, in the line of a measurement and as a column.
     pub fn headline(self) -> Self {
         Self { prominence: Prominence::Headline, ..self }
     }
 
-    /// As a column of comparisons.
+    /// The figure as a column of comparisons.
     pub fn column(self) -> Self {
         Self { prominence: Prominence::Column, ..self }
     }
 
-    /// With a remark.
+    /// The figure with a remark.
     pub fn note(self, note: impl Into<String>) -> Self {
         Self { note: note.into(), ..self }
     }
@@ -109,7 +109,7 @@ pub struct FigureTable {
     pub rows: Vec<Vec<String>>,
 }
 
-/// Everything a method measures beside image quality.
+/// All figures and tables of a method.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Figures {
     /// The numbers.

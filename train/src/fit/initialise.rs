@@ -1,7 +1,7 @@
-//! The first Gaussians: from the data set's points; where there are none, from points on which photos agree, and random in the
-//! camera frusta.
+//! The initial Gaussians: at the data set's points; without points, at positions on which photos agree (a plane sweep), and at
+//! random ones in the camera frusta.
 //!
-//! Sizes follow 3DGS (section 5.1): a Gaussian is as wide as the mean distance to its three nearest neighbours.
+//! The scale of a Gaussian is the mean distance to its three nearest neighbours (3DGS, section 5.1).
 
 use std::num::NonZero;
 
@@ -17,27 +17,26 @@ use rayon::prelude::*;
 /// The zeroth real spherical harmonic, `1 / (2 sqrt(pi))`.
 pub const SH_C0: f32 = 0.282_094_8;
 
-/// Neighbours whose distance sets a Gaussian's size (3DGS).
+/// Neighbours that determine a Gaussian's scale (3DGS).
 const NEIGHBOURS: usize = 3;
 
-/// Depth range of points, in distances to the point the cameras look at: from in front of the subject to the background behind
-/// it.
+/// Depth range of initial points, in distances of the subject: from in front of the subject to the background.
 pub const DEPTHS: [f64; 2] = [0.3, 3.0];
 
-/// Most of the first Gaussians of a scene without points that come from a plane sweep; the others are random, for what has no
+/// Largest share of initial Gaussians from a plane sweep in a scene without points. The others are random, for surfaces without
 /// texture.
 const SWEPT: f64 = 0.75;
 
-/// The Gaussians of step 0 as plain numbers; all have SH degree 0 and no rotation.
+/// The Gaussians of step 0 on the host; all have SH degree 0 and the identity rotation.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct InitialGaussians {
-    /// `[N]` centres, scene units.
+    /// `[N]` means, scene units.
     pub means: Vec<[f32; 3]>,
     /// `[N]` natural logarithm of the standard deviation (equal on the three axes), scene units.
     pub log_scales: Vec<f32>,
     /// `[N]` zeroth SH coefficient per channel.
     pub sh_dc: Vec<[f32; 3]>,
-    /// Logit of the opacity all begin with.
+    /// Logit of the opacity, equal for all.
     pub opacity_logit: f32,
 }
 
@@ -65,8 +64,8 @@ pub fn gaussians_at(points: &PointCloud, extent: f64, config: &InitConfig, cap: 
     }
 }
 
-/// The scene's size in scene units, for rates and thresholds: [`Scene::extent`], or with a single camera (extent 0) the
-/// median distance of the points from it, or 1.
+/// The scene's extent in scene units, for rates and thresholds: [`Scene::extent`], or for a single camera (extent 0) the median
+/// distance of the points from it, or 1.
 pub fn size_of(scene: &Scene) -> f64 {
     let extent = scene.extent();
     if extent > 0.0 {
@@ -79,8 +78,8 @@ pub fn size_of(scene: &Scene) -> f64 {
     distances.get(distances.len() / 2).map_or(1.0, |d| f64::from(*d)).max(1e-6)
 }
 
-/// The natural logarithm of each point's mean distance to its nearest neighbours times `scale`, held between 1e-6 and
-/// 0.1 times `extent`: coincident points must keep a size, and a stray point must not cover the scene.
+/// The natural logarithm of each point's mean distance to its nearest neighbours times `scale`, clamped to 1e-6 to 0.1 times
+/// `extent`: coincident points must keep a scale, and an outlier must not cover the scene.
 pub fn log_scales(positions: &[[f32; 3]], scale: f64, extent: f64) -> Vec<f32> {
     let (smallest, largest) = (1e-6 * extent, 0.1 * extent);
     if positions.len() < 2 {
@@ -92,7 +91,7 @@ pub fn log_scales(positions: &[[f32; 3]], scale: f64, extent: f64) -> Vec<f32> {
         .par_iter()
         .map(|point| {
             let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
-            // The nearest of all is the point itself.
+            // The nearest neighbour of all is the point itself.
             let distances = near.iter().skip(1).map(|n| f64::from(n.distance).sqrt());
             let mean = distances.sum::<f64>() / (near.len().max(2) - 1) as f64;
             (mean * scale).clamp(smallest, largest).ln() as f32
@@ -114,12 +113,12 @@ fn keep_at_most(points: &PointCloud, cap: usize, rng: &mut impl Rng) -> PointClo
     }
 }
 
-/// How near random points may be, in distances to the point the cameras look at.
+/// Smallest depths of random points, in distances of the subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Random {
-    /// Of all.
+    /// Smallest depth of all points.
     pub nearest: f64,
-    /// Of those at pixels without texture.
+    /// Smallest depth of points at pixels without texture.
     pub plain_nearest: f64,
 }
 
@@ -129,7 +128,7 @@ impl Default for Random {
     }
 }
 
-/// `count` points in front of the cameras: where photos agree, as far as they do, and random ones.
+/// `count` points in front of the cameras: positions on which photos agree, filled up with random ones.
 pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Random, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);
     let poses: Vec<glam::DMat4> = views.iter().map(|view| view.c2w).collect();
@@ -142,8 +141,8 @@ pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Rando
     points
 }
 
-/// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Their depth
-/// is uniform in its logarithm, so that near surfaces and far background both get their share. Depths in scene units.
+/// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Depth is uniform
+/// in its logarithm, so that both near surfaces and a far background get points. Depths in scene units.
 fn add_random(
     points: &mut PointCloud,
     views: &[View],
@@ -158,7 +157,7 @@ fn add_random(
         let view = &views[rng.random_range(0..views.len())];
         let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
         if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
-            // Nothing is known of what is seen there, not its colour either.
+            // The colour of a masked pixel is not that of the scene.
             continue;
         }
         let near = if is_plain(view, column, row) { random.plain_nearest } else { random.nearest };
@@ -171,12 +170,12 @@ fn add_random(
     }
 }
 
-/// Pixels on each side of one that are compared with it, and the largest difference from it, in levels of 255, at which it has no
+/// Reach of the neighbourhood of a pixel, pixels, and largest difference in it, in levels of 255, at which the pixel has no
 /// texture: sensor noise of two levels reaches that.
 const PLAIN_REACH: usize = 3;
 const PLAIN_LEVELS: u8 = 6;
 
-/// Whether a pixel looks like those around it.
+/// Whether a pixel has no texture: its neighbours look like it.
 fn is_plain(view: &View, column: usize, row: usize) -> bool {
     let at = |x: usize, y: usize| &view.image.data[3 * (y * view.width + x)..][..3];
     let here = at(column, row);

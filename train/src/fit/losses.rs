@@ -1,5 +1,5 @@
-//! What is minimised: the photometric loss of 3DGS (Eq. 7), `(1 - dssim) L1 + dssim (1 - SSIM)`, plus the regularisers of
-//! 3DGS-MCMC (Eq. 10), the mean opacity and the mean size.
+//! The shared loss: the photometric loss of 3DGS (Eq. 7), `(1 - dssim) L1 + dssim (1 - SSIM)`, and the regularisers of 3DGS-MCMC
+//! (Eq. 10), mean opacity and mean scale.
 
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
@@ -17,7 +17,7 @@ pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>
     }
 }
 
-/// Mean opacity and mean size with their weights, `[1]`.
+/// Mean opacity and mean scale, weighted, `[1]`.
 pub fn regularisers(gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
     let _stage = profile::stage("regularisers");
     let mut total = Tensor::zeros([1], &gaussians.device());

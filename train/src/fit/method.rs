@@ -1,8 +1,8 @@
-//! [`Method`]: what a paper adds to fitting Gaussians to the photos of one scene.
+//! [`Method`]: the contribution of a paper to fitting Gaussians to the photos of one scene.
 //!
-//! Plain 3D Gaussian Splatting is the method with nothing in it. A method is a Burn module (the tensors it learns beside the Gaussians)
-//! and says how its step differs: which views, which image is compared with a photo, how its tensors are updated. Everything else (the
-//! loop, density control, checkpoints, evaluation, reports) is written once, in terms of this trait.
+//! Plain 3D Gaussian Splatting is the empty method. A method is a Burn module (the tensors learned beside the Gaussians) and
+//! defines how its step differs: the choice of views, the image that is compared with a photo, the update of its tensors.
+//! Everything else (the loop, density control, checkpoints, evaluation, reports) is written once, in terms of this trait.
 
 use std::fmt::Debug;
 use std::path::Path;
@@ -21,15 +21,15 @@ use super::photos::{Extra, Photo};
 use super::sampler::{Sampler, ViewOrder};
 use crate::config::{Config, FitConfig, Section};
 
-/// One step, or one measurement, and everything it may look at.
+/// One step, or one measurement, with everything that a method may read in it.
 pub struct Step<'a, M: Method> {
-    /// The step under way, from 1; after training, the last one.
+    /// The current step, from 1; after training, the last one.
     pub step: usize,
     /// The configuration.
     pub config: &'a FitConfig<M::Config>,
-    /// What the data set settles.
+    /// Values fixed by the data set.
     pub facts: &'a SceneFacts,
-    /// What the method found in the data set.
+    /// The method's cues from the data set.
     pub cues: &'a M::Cues,
 }
 
@@ -42,42 +42,43 @@ impl<M: Method> Clone for Step<'_, M> {
 impl<M: Method> Copy for Step<'_, M> {}
 
 impl<M: Method> Step<'_, M> {
-    /// Share of the run done before this step, 0 to 1.
+    /// Share of the run before this step, 0 to 1.
     pub fn progress(&self) -> f64 {
         (self.step.max(1) - 1) as f64 / self.config.steps as f64
     }
 }
 
-/// The images of a step's photos and their loss.
+/// The images of a step and their loss.
 pub struct Forward {
-    /// One image per photo, as it is compared with it, `[H, W, 3]`.
+    /// One image per photo, as compared with it, `[H, W, 3]`.
     pub images: Vec<Tensor<3>>,
     /// All terms but the shared regularisers, `[1]`.
     pub loss: Tensor<1>,
-    /// One per photo.
+    /// One rendering per photo.
     pub drawn: Vec<Drawn>,
-    /// What went other than asked, to be counted and said.
+    /// Departures from the configuration, to be counted and reported.
     pub notes: Vec<Note>,
 }
 
-/// A rendering as density control sees it.
+/// The quantities of a rendering that density control needs.
 pub struct Drawn {
-    /// Bounding radius of each Gaussian in the image, `[N]`, pixels; 0 when it was not seen.
+    /// Bounding radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen.
     pub radii: Tensor<1>,
     /// Tile intersections.
     pub intersections: usize,
 }
 
-/// Something in a step that went other than the configuration asked.
+/// A departure of one step from the configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Note {
-    /// A sentence, said once when the note came in more than `often` of the steps; `{count}` and `{steps}` stand for numbers.
+    /// A sentence, shown once if the note came in more than `often_percent` of the steps; `{count}` and `{steps}` are replaced by
+    /// numbers.
     pub sentence: &'static str,
-    /// Least share of the steps in per cent.
+    /// Smallest share of the steps for the sentence to be shown, per cent.
     pub often_percent: u32,
 }
 
-/// Part of a held-out view that is scored on its own.
+/// A part of a held-out view that is scored separately.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Region {
     /// Its name, such as "moving".
@@ -89,30 +90,30 @@ pub struct Region {
 /// The name of the region in which something moves.
 pub const MOVING: &str = "moving";
 
-/// With which image a held-out photo was compared.
+/// The image with which a held-out photo was compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compared {
     /// The sharp rendering.
     Sharp,
-    /// The blur that the scene forms over the photo's exposure.
+    /// The blurred image formed over the photo's exposure.
     FormedBlur,
 }
 
-/// A key of the configuration that charts tell runs apart by.
+/// A key of the configuration by which charts distinguish runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChartKey {
     /// Name in charts.
     pub name: &'static str,
     /// Key of the configuration.
     pub key: &'static str,
-    /// Words that stand for name and value: `("none", "no blur model")`; `("*", "")` lets every other value stand alone.
+    /// Label for a name and value: `("none", "no blur model")`; with `("*", "")` every other value is its own label.
     pub words: &'static [(&'static str, &'static str)],
-    /// The key means nothing where another key has this value: `("blur.mode", "none")`.
+    /// The key has no meaning if another key has this value: `("blur.mode", "none")`.
     pub unless: Option<(&'static str, &'static str)>,
 }
 
 impl ChartKey {
-    /// The key with a value, as a chart says them: `no blur model`, `N 7`, `cap 20k`.
+    /// The chart label of the key with a value: `no blur model`, `N 7`, `cap 20k`.
     pub fn label(&self, value: &str) -> String {
         if let Some((_, words)) = self.words.iter().find(|(of, _)| *of == value) {
             return (*words).to_string();
@@ -129,38 +130,38 @@ impl ChartKey {
     }
 }
 
-/// The key that every chart of runs looks at.
+/// The key that is part of every chart of runs.
 pub const CAP: ChartKey = ChartKey { name: "cap", key: "density.cap", words: &[], unless: None };
 
-/// What a paper adds to fitting Gaussians to the photos of one scene.
+/// The contribution of a paper to fitting Gaussians to the photos of one scene.
 ///
-/// A type that implements it is a Burn module: its `Param`s are learned, saved under their paths and checked for NaN without a further
-/// line. `docs/extend.md` walks through an implementation.
+/// A type that implements it is a Burn module: its `Param`s are learned, saved under their paths and checked for NaN without
+/// further code. `docs/extend.md` walks through an implementation.
 pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
-    /// Its name: `pipeline = "..."`.
+    /// The method's name, as in `pipeline = "..."`.
     const NAME: &'static str;
-    /// Sections that it adds to the configuration.
+    /// The method's sections of the configuration.
     type Config: Section;
-    /// What it finds in the data set once, before the first step; never saved, never written into the data set.
+    /// Cues inferred once from the data set, before the first step; never saved, never written into the data set.
     type Cues: Debug + Send + Sync;
-    /// What it adds to a photo on the device.
+    /// Device data of a photo, beside its image.
     type Extra: Extra;
 
-    /// The configuration that `pipeline = "..."` alone stands for.
+    /// The configuration of `pipeline = "..."` alone.
     fn defaults() -> FitConfig<Self::Config>;
 
     /// Changes how the data set is loaded.
     fn loading(_config: &FitConfig<Self::Config>, _options: &mut LoadOptions) {}
 
-    /// Leaves out views that it cannot use, with a warning in `scene.warnings`.
+    /// Removes views that the method cannot use, with a warning in `scene.warnings`.
     fn prepare(_scene: &mut Scene) {}
 
-    /// The warning about `without_time` photos that have no time, of a set in which others have one.
+    /// The warning about `without_time` photos without a time, if others have one.
     fn leaves_out(_without_time: usize) -> Option<String> {
         None
     }
 
-    /// Whether it can learn from `train` training views, `timed` of which have a time.
+    /// Whether the method can learn from `train` training views, `timed` of which have a time.
     ///
     /// # Errors
     /// A sentence about `dataset`.
@@ -168,27 +169,27 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Ok(())
     }
 
-    /// The near plane that it proposes, in distances of the subject; `None`: the renderer's own.
+    /// The method's near plane, as a share of the subject's distance; `None`: the renderer's own.
     fn near_share(_scene: &Scene, _config: &FitConfig<Self::Config>) -> Option<f64> {
         None
     }
 
-    /// Looks at the training views, once for a run.
+    /// Infers the cues from the training views, once per run.
     fn cues(scene: &Scene, config: &FitConfig<Self::Config>) -> Self::Cues;
 
     /// The state before the first step, on `device` without autodiff.
     fn begin(scene: &Scene, at: &Step<Self>, device: &Device) -> (InitialGaussians, Self);
 
-    /// What it adds to the `index`-th training view.
+    /// Device data of the `index`-th training view.
     fn extra(view: &View, index: usize, at: &Step<Self>, device: &Device) -> Self::Extra;
 
-    /// Which views each step uses.
+    /// The order in which steps use the views.
     fn order(&self, views: &[View], config: &FitConfig<Self::Config>) -> Box<dyn ViewOrder> {
         Box::new(Sampler::new(config.seed, views.len()))
     }
 
-    /// The images of `photos` and their loss. `self` and `gaussians` are leaves of this step's graph; `screens` has one `[N, 4]` per
-    /// photo where density control wants the gradient by the 2D means, and is empty otherwise.
+    /// The images of `photos` and their loss. `self` and `gaussians` are leaves of this step's graph. `screens` has one `[N, 4]`
+    /// per photo if density control needs the gradient with respect to the 2D means, and is empty otherwise.
     fn forward(
         &self,
         gaussians: &Gaussians,
@@ -197,7 +198,7 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         at: &Step<Self>,
     ) -> Forward;
 
-    /// Updates its own tensors; their paths begin with `method.`. The Gaussians are updated already.
+    /// Updates the method's tensors; their paths begin with `method.`. The Gaussians have been updated before.
     fn update(
         self,
         _gaussians: &Gaussians,
@@ -213,7 +214,7 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         self
     }
 
-    /// Leaves out what the photos do not ask for; called after every step.
+    /// Removes parameters that the photos do not need; called after every step.
     fn simplify(self, _gaussians: &mut Gaussians, _adam: &mut Adam, _views: &[View], _at: &Step<Self>) -> Self {
         self
     }
@@ -223,22 +224,22 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Box::new(Static::new(gaussians))
     }
 
-    /// The time that a scene is shown at when none is asked for.
+    /// The default time at which a scene is shown.
     fn middle(&self) -> f64 {
         0.0
     }
 
-    /// Bytes of the finished scene: every number as f32 that it takes to draw it at any time.
+    /// Bytes of the finished scene: every number, as f32, that is needed to draw it at any time.
     fn bytes(&self, gaussians: &Gaussians, _config: &FitConfig<Self::Config>) -> usize {
         4 * gaussians.len() * (11 + 3 * gaussians.sh.dims()[1])
     }
 
-    /// The regions of each of some held-out views; by default where the data set says that something moves.
+    /// The regions of each held-out view; by default the moving part, as given by the data set.
     fn regions(views: &[View], _config: &FitConfig<Self::Config>) -> Vec<Vec<Region>> {
         views.iter().map(given_regions).collect()
     }
 
-    /// The image that a held-out photo is compared with where that is not the sharp rendering, `[H, W, 3]` from 0 to 1.
+    /// The image with which a held-out photo is compared if that is not the sharp rendering, `[H, W, 3]` from 0 to 1.
     fn formed(&self, _gaussians: &Gaussians, _view: &View, _at: &Step<Self>) -> Option<Tensor<3>> {
         None
     }
@@ -248,7 +249,7 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Figures::default()
     }
 
-    /// What a run says of the method before the first step: lines, and warnings.
+    /// Lines and warnings about the method, shown before the first step.
     fn introduction(&self, _scene: &Scene, _at: &Step<Self>) -> (Vec<String>, Vec<String>) {
         (Vec::new(), Vec::new())
     }
@@ -258,31 +259,30 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Vec::new()
     }
 
-    /// What it learns nothing of and a checkpoint must hold: which rows move, a window of time.
+    /// The method's constants, which a checkpoint must hold: which rows move, a window of time.
     fn frame(&self) -> serde_json::Value {
         serde_json::Value::Null
     }
 
-    /// A module of the same structure as the one whose [`frame`](Self::frame) this is, on `device`; the numbers of its tensors do not
-    /// matter.
+    /// A module with the structure described by [`frame`](Self::frame), on `device`; the values of its tensors are arbitrary.
     ///
     /// # Errors
     /// A sentence when the frame is damaged.
     fn from_frame(frame: &serde_json::Value, config: &FitConfig<Self::Config>, device: &Device)
     -> Result<Self, String>;
 
-    /// Whether its tensors fit each other and `gaussians`, after they were read from a file.
+    /// Whether its tensors fit each other and `gaussians` rows, after they were read from a file.
     ///
     /// # Errors
-    /// A sentence about what does not fit.
+    /// A sentence about the mismatch.
     fn fits(&self, _gaussians: usize) -> Result<(), String> {
         Ok(())
     }
 
-    /// The module for Gaussians that are known at one time alone, as a PLY file has them.
+    /// The module for Gaussians that are known at one time alone, such as those of a PLY file.
     ///
     /// # Errors
-    /// A sentence where the method is nothing without what it learns.
+    /// A sentence if the method cannot do without its learned tensors.
     fn at_rest(_scene: &Scene, at: &Step<Self>, device: &Device) -> Result<Self, String> {
         Self::from_frame(&serde_json::Value::Null, at.config, device)
     }
@@ -292,24 +292,24 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         config.steps
     }
 
-    /// Bytes that training with it needs beside what 3D Gaussian Splatting needs, by what they are for.
+    /// Bytes that training needs beside those of 3D Gaussian Splatting, by purpose.
     fn memory(_scene: &Scene, _config: &FitConfig<Self::Config>) -> Vec<(&'static str, u64)> {
         Vec::new()
     }
 
-    /// Keys of the configuration that charts tell runs apart by.
+    /// Keys of the configuration by which charts distinguish runs.
     fn chart_keys() -> &'static [ChartKey] {
         &[CAP]
     }
 }
 
-/// Where the data set says that something moves: by the truth, else by the given masks.
+/// The moving part of a view, as given by the data set: by the truth, else by the given masks.
 pub fn given_regions(view: &View) -> Vec<Region> {
     let moving = view.truth.moving.as_ref().or(view.priors.moving.as_ref());
     moving.map(|mask| Region { name: MOVING, mask: mask.clone() }).into_iter().collect()
 }
 
-/// The Gaussians that a static scene begins with.
+/// The initial Gaussians of a static scene.
 pub fn begin_static(scene: &Scene, config: &Config, facts: &SceneFacts) -> InitialGaussians {
     initial_gaussians(scene, &config.init, config.density.cap, facts.extent, config.seed)
 }

@@ -1,16 +1,16 @@
-//! Fitting Gaussians to the photos of one scene: the loop's parts, none of which knows a paper.
+//! Fitting Gaussians to the photos of one scene: the parts of the loop, independent of any paper.
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`method`] | the trait [`Method`](method::Method): what a paper adds to 3D Gaussian Splatting |
-//! | [`session`] | one step from the choice of its photos to density control, for every driver |
+//! | [`method`] | the trait [`Method`](method::Method): the contribution of a paper to 3D Gaussian Splatting |
+//! | [`session`] | one step, from the choice of its photos to density control, for every driver |
 //! | [`trainer`] | the state and its step: forward, backward, update, density control |
 //! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
-//! | [`facts`], [`preflight`] | what the data set settles, and whether it suits a configuration |
+//! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`parameters`] | Gaussians as a table |
-//! | [`density`] | where Gaussians are added, moved and removed |
+//! | [`density`] | adding, relocating and removing Gaussians |
 //! | [`snapshot`] | the state as named tensors, for checkpoints |
 
 pub mod density;

@@ -11,7 +11,7 @@ use super::initialise::InitialGaussians;
 /// A group of columns with one learning rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Group {
-    /// Centres, 3 columns, scene units.
+    /// Means, 3 columns, scene units.
     Means = 0,
     /// Rotations w x y z, 4 columns.
     Quats = 1,
@@ -114,7 +114,7 @@ impl Table for Gaussians {
             Group::LogScales => self.log_scales = Param::from_tensor(values),
             Group::Opacity => self.opacity_logits = Param::from_tensor(values.squeeze_dim(1)),
             Group::Sh if rows == 0 => {
-                // To Burn a 0 in a shape means "as before".
+                // In Burn's `reshape`, a 0 means "as before".
                 self.sh = Param::from_tensor(Tensor::empty([0, columns / 3, 3], &values.device()));
             }
             Group::Sh => self.sh = Param::from_tensor(values.reshape([rows, columns / 3, 3])),
@@ -146,13 +146,13 @@ pub fn first(initial: &InitialGaussians, device: &Device) -> Gaussians {
     ])
 }
 
-/// `values` row by row as `[N, columns]` on `device`.
+/// `values`, row by row, as `[N, columns]` on `device`.
 pub fn from_host(values: Vec<f32>, columns: usize, device: &Device) -> Tensor<2> {
     let rows = values.len() / columns.max(1);
     Tensor::from_data(TensorData::new(values, [rows, columns]), device)
 }
 
-/// A tensor's numbers, row by row.
+/// The values of a tensor, row by row.
 pub fn to_host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().as_slice::<f32>().expect("tensors of this crate hold f32").to_vec()
 }

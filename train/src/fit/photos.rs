@@ -1,4 +1,4 @@
-//! Views as tensors.
+//! Photos: views as tensors on the device.
 
 use std::fmt;
 
@@ -7,24 +7,24 @@ use gs_burn::{Camera, Intrinsics};
 use gs_datasets::View;
 use rayon::prelude::*;
 
-/// One view on the device, with what a method adds to it.
+/// A photo on the device, with the method's data.
 #[derive(Debug, Clone)]
 pub struct Photo<X> {
-    /// Its camera.
+    /// The photo's camera.
     pub camera: Camera,
     /// `[H, W, 3]`, 0 to 1, encoded as the file is.
     pub image: Tensor<3>,
-    /// `[H, W, 1]`: 1 = compare, 0 = ignore; `None` when every pixel counts.
+    /// `[H, W, 1]`: 1 = compare, 0 = ignore; `None` if every pixel counts.
     pub mask: Option<Tensor<3>>,
-    /// Middle of the exposure, in the data set's unit; 0 where it has none.
+    /// Middle of the exposure, in the data set's unit; 0 if the view has no time.
     pub time: f64,
-    /// What the method adds.
+    /// The method's data.
     pub extra: X,
 }
 
-/// What a method adds to a photo on the device: masks, depth and the like.
+/// A method's device data of a photo: masks, depth and the like.
 pub trait Extra: Clone + fmt::Debug {
-    /// Floats per pixel that it keeps; the photo cache counts them.
+    /// Floats per pixel, for the size of the photo cache.
     fn floats_per_pixel(&self) -> usize;
 }
 
@@ -47,15 +47,15 @@ pub struct Photos<'a, X> {
 }
 
 impl<'a> Photos<'a, ()> {
-    /// `views` for `device` (without autodiff) without anything added, none of them kept.
+    /// `views` for `device` (without autodiff), without data of a method, none of them cached.
     pub fn plain(views: &'a [View], device: &Device) -> Self {
         Self::new(views, device, 0, |_, _, _| ())
     }
 }
 
 impl<'a, X: Extra> Photos<'a, X> {
-    /// `views` for `device` (without autodiff), keeping at most `cache_bytes` of converted photos; `extra` gives what is added to a view,
-    /// by its index.
+    /// `views` for `device` (without autodiff), with at most `cache_bytes` of converted photos cached; `extra` gives the method's
+    /// data of a view, by its index.
     pub fn new(
         views: &'a [View],
         device: &Device,
@@ -103,7 +103,7 @@ pub fn camera(view: &View, device: &Device) -> Camera {
     Camera::from_c2w(view.c2w, intrinsics(&view.intrinsics), view.width, view.height, device)
 }
 
-/// Pinhole intrinsics in the words of `gs-burn`.
+/// Pinhole intrinsics as a type of `gs-burn`.
 pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
     Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy }
 }

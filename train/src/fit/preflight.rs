@@ -1,20 +1,20 @@
-//! Whether a data set suits a configuration, asked by `check` and before training alike.
+//! Checks of a data set against a configuration, shared by `check` and training.
 
 use std::path::Path;
 
 use gs_datasets::{Scene, View};
 
-/// Largest `render.near`, in median distances of the cameras from what they look at. Beyond half of it little is left to draw; a
-/// rig whose walls are to be cut away comes close to that (Panoptic: 1.2 of some 2.7 m).
+/// Largest `render.near`, in distances of the subject. Beyond half of that distance little is left to draw. A near plane that cuts
+/// away the walls of a rig comes close to it (Panoptic: 1.2 of about 2.7 m).
 pub const NEAR_MOST: f64 = 0.5;
 
-/// What `render.near` is advised to be, and is where it is left open, in the same distances: nothing that a photo is taken of is that near.
+/// Advised `render.near`, and its value if left open, in distances of the subject: no photo is taken of anything that near.
 pub const NEAR_ADVISED: f64 = 0.01;
 
-/// That there is a pixel to learn from.
+/// Checks that at least one training pixel counts.
 ///
 /// # Errors
-/// A sentence, where masks or lens distortion take every pixel of every training view.
+/// A sentence, if masks or lens distortion remove every pixel of every training view.
 pub fn check_pixels(dataset: &Path, scene: &Scene) -> Result<(), String> {
     let counts = |view: &View| view.mask.as_ref().is_none_or(|mask| mask.iter().any(|keep| *keep != 0));
     if scene.train.iter().any(counts) {
@@ -31,7 +31,7 @@ pub fn no_pixels(dataset: &Path) -> String {
     )
 }
 
-/// A warning where little or nothing is drawn because everything is nearer than the near plane. `distance` is
+/// A warning if nearly everything is nearer than the near plane. `distance` is
 /// [`Scene::subject_distance`](gs_datasets::Scene::subject_distance).
 pub fn near_warning(near: f64, distance: Option<f64>) -> Option<String> {
     let distance = distance.filter(|distance| near > NEAR_MOST * distance)?;

@@ -1,26 +1,25 @@
 //! Every random draw of a run, from one seed.
 //!
-//! A draw is named by what it is for and by when it happens, and each name has its own ChaCha8 stream. Nothing is carried
-//! from draw to draw, so a resumed run needs no generator state, and a feature that draws more does not change what
-//! another one draws.
+//! A draw is identified by its purpose and its step, and each pair has its own ChaCha8 stream. No state is carried from draw to
+//! draw, so a resumed run needs no generator state, and more draws for one purpose do not change those for another.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What a stream of random numbers is for.
+/// The purpose of a stream of random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Points where the data set has none, and the choice among too many.
+    /// Points for a data set without any, and the choice among too many.
     Init = 1,
     /// The order of the training views in an epoch.
     Views = 2,
-    /// Which Gaussians are duplicated, split or moved.
+    /// The choice of Gaussians that are duplicated, split or relocated.
     Density = 3,
     /// The position noise of budgeted relocation.
     Noise = 4,
     /// The synthetic workload of `bench`.
     Bench = 5,
-    /// The views that contributions are measured in.
+    /// The views in which contributions are measured.
     Prune = 6,
 }
 

@@ -1,10 +1,10 @@
-//! Which views each step uses.
+//! The order in which steps use the views.
 
 use rand::seq::SliceRandom;
 
 use super::random::{Purpose, stream};
 
-/// Which views each step of a run uses. The answer depends on the seed and the step alone, so that a resumed run uses the same.
+/// The choice of views of each step. It depends on the seed and the step alone, so that a resumed run uses the same views.
 pub trait ViewOrder {
     /// Indices of the training views of `step` (from 1), at least one.
     fn views(&mut self, step: usize) -> Vec<usize>;

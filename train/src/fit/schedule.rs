@@ -1,19 +1,19 @@
-//! What changes with the step: learning rate decay, SH degree, and what is due when. Steps count from 1.
+//! Schedules over steps, counted from 1: learning rate decay, SH degree, and intervals.
 
-/// Exponential interpolation from `start` (step 1) to `end` (step `steps`): the position rate of 3DGS.
+/// Exponential interpolation from `start` (step 1) to `end` (step `steps`): the learning rate of the means in 3DGS.
 pub fn exponential(start: f64, end: f64, step: usize, steps: usize) -> f64 {
     let progress = (step - 1) as f64 / (steps.max(2) - 1) as f64;
     start * (end / start).powf(progress.min(1.0))
 }
 
-/// The active SH degree: one more every `interval` steps, from 0 up to `max`. A run too short to reach `max` that way
-/// spends an equal share of its steps at each degree.
+/// The active SH degree: one more every `interval` steps, from 0 up to `max`. A run too short to reach `max` that way spends an
+/// equal share of its steps at each degree.
 pub fn sh_degree(step: usize, interval: usize, max: usize, steps: usize) -> usize {
     let interval = interval.min(steps / (max + 1)).max(1);
     ((step - 1) / interval).min(max)
 }
 
-/// Whether something that happens every `every` steps (0: never) happens after `step`.
+/// Whether an event every `every` steps (0: never) happens after `step`.
 pub fn due(step: usize, every: usize) -> bool {
     every > 0 && step.is_multiple_of(every)
 }

@@ -1,5 +1,5 @@
-//! A fit under way: the scene, what was found in it, the photos on the device and the trainer. Every driver (a run, an experiment, the
-//! benchmark) takes its steps here.
+//! A fit in progress: the scene, its facts and cues, the photos on the device and the trainer. Every driver (a run, an experiment,
+//! the benchmark) takes its steps here.
 
 use burn::tensor::{Device, Tensor};
 use gs_datasets::Scene;
@@ -11,19 +11,19 @@ use super::sampler::ViewOrder;
 use super::trainer::{StepReport, Trainer};
 use crate::config::FitConfig;
 
-/// The data set with what was found in it.
+/// A data set with its facts and cues.
 #[derive(Debug)]
 pub struct Data<M: Method> {
     /// The scene as it was loaded.
     pub scene: Scene,
-    /// What the data set settles.
+    /// Values fixed by the data set.
     pub facts: SceneFacts,
-    /// What the method found in it.
+    /// The method's cues.
     pub cues: M::Cues,
 }
 
 impl<M: Method> Data<M> {
-    /// Looks at `scene` once.
+    /// Derives facts and cues from `scene`, once.
     pub fn new(scene: Scene, config: &FitConfig<M::Config>) -> Self {
         let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config));
         let cues = M::cues(&scene, config);
@@ -31,7 +31,7 @@ impl<M: Method> Data<M> {
     }
 }
 
-/// A fit under way.
+/// A fit in progress.
 pub struct Session<'a, M: Method> {
     /// The data set.
     pub data: &'a Data<M>,
@@ -43,16 +43,16 @@ pub struct Session<'a, M: Method> {
     order: Box<dyn ViewOrder>,
 }
 
-/// A step's report, and the photos it was compared with.
+/// A step's report, and the photos of the step.
 pub struct Stepped<X> {
-    /// What happened.
+    /// The report.
     pub report: StepReport,
-    /// The photos, as many as the report has images.
+    /// The photos, one for each image of the report.
     pub photos: Vec<Photo<X>>,
 }
 
 impl<'a, M: Method> Session<'a, M> {
-    /// Goes on from `trainer`, or begins where there is none.
+    /// Continues from `trainer`, or begins at step 0 without one.
     pub fn begin(
         data: &'a Data<M>,
         config: &'a FitConfig<M::Config>,
@@ -79,7 +79,7 @@ impl<'a, M: Method> Session<'a, M> {
         Stepped { report, photos }
     }
 
-    /// What the method may look at now.
+    /// The current step, with everything that the method may read.
     pub fn at(&self) -> Step<'_, M> {
         self.trainer.at(&self.data.cues, self.config)
     }

@@ -1,4 +1,4 @@
-//! The state of a training as named tensors and a text: what a checkpoint holds, without knowing files.
+//! The state of a training as named tensors and a JSON text: the content of a checkpoint, independent of files.
 
 use std::collections::BTreeMap;
 
@@ -17,22 +17,22 @@ use crate::config::{FitConfig, Strategy};
 /// A tensor on its way to or from a file.
 #[derive(Debug, Clone)]
 pub struct Column {
-    /// Its numbers in a row; read from the device only when it is their turn, so that one copy exists at a time.
+    /// Its values, flat; read from the device one column at a time, so that only one copy exists.
     pub tensor: Tensor<1>,
     /// Its shape.
     pub shape: Vec<usize>,
 }
 
 impl Column {
-    /// Of a tensor.
+    /// A tensor of any rank.
     pub fn new<const D: usize>(tensor: Tensor<D>) -> Self {
         let shape = tensor.dims().to_vec();
-        // Not `reshape`: to Burn a 0 there means "as before", and a motion of order 0 has no columns.
+        // Not `reshape`: in Burn a 0 there means "as before", and a motion of order 0 has no columns.
         Self { tensor: tensor.flatten(0, D - 1), shape }
     }
 }
 
-/// What the text beside the tensors says.
+/// The JSON text beside the tensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Notes {
     /// Steps taken.
@@ -41,14 +41,14 @@ pub struct Notes {
     pub skipped: usize,
     /// Updates of the optimiser.
     pub updates: u64,
-    /// What the data set settled.
+    /// Values fixed by the data set.
     facts: FactBits,
     /// The method's frame.
     #[serde(default)]
     pub frame: serde_json::Value,
 }
 
-/// [`SceneFacts`] as bits, because JSON numbers may lose the last one.
+/// [`SceneFacts`] as bits: a JSON number may lose the last one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct FactBits {
     extent: u64,
@@ -72,12 +72,12 @@ impl Notes {
     /// The notes of a snapshot.
     ///
     /// # Errors
-    /// A sentence when they are not what this version writes.
+    /// A sentence if they are not in this version's format.
     pub fn read(source: &dyn Source) -> Result<Self, String> {
         serde_json::from_value(source.notes().clone()).map_err(|error| error.to_string())
     }
 
-    /// What the data set settled.
+    /// Values fixed by the data set.
     pub fn facts(&self) -> SceneFacts {
         SceneFacts {
             extent: f64::from_bits(self.facts.extent),
@@ -93,11 +93,11 @@ impl Notes {
 pub struct Snapshot {
     /// Tensors by name.
     pub columns: BTreeMap<String, Column>,
-    /// The rest.
+    /// [`Notes`].
     pub notes: serde_json::Value,
 }
 
-/// A snapshot being read: the notes, and tensors by name when they are asked for.
+/// A snapshot being read: the notes, and tensors by name on demand.
 pub trait Source {
     /// The notes.
     fn notes(&self) -> &serde_json::Value;
@@ -105,14 +105,14 @@ pub trait Source {
     /// Names of all tensors.
     fn names(&self) -> Vec<String>;
 
-    /// The numbers of a tensor and its shape.
+    /// The values and the shape of a tensor.
     ///
     /// # Errors
-    /// A sentence when there is none of this name, or it is damaged.
+    /// A sentence if there is none of this name, or it is damaged.
     fn read(&self, name: &str) -> Result<(Vec<f32>, Vec<usize>), String>;
 }
 
-/// Names of the parts of a snapshot.
+/// Prefixes of the names of tensors.
 const MODEL: &str = "model.";
 const FIRST: &str = "first.";
 const SECOND: &str = "second.";
@@ -169,10 +169,10 @@ pub fn read_gaussians(source: &dyn Source, device: &Device) -> Result<Gaussians,
     Ok(super::parameters::gaussians(groups))
 }
 
-/// What a method learned beside the Gaussians, `gaussians` of them, on `device` (without autodiff).
+/// The method's module, for `gaussians` Gaussians, on `device` (without autodiff).
 ///
 /// # Errors
-/// A sentence when the frame or a tensor is damaged or they do not fit.
+/// A sentence if the frame or a tensor is damaged, or they do not fit each other.
 pub fn read_method<M: Method>(
     source: &dyn Source,
     gaussians: usize,

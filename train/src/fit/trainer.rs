@@ -1,4 +1,4 @@
-//! The state of a training and its step: render the photos' views, compare, go back, update, let density control act.
+//! The state of a training and its step: render, compare, backward, update, density control.
 
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
@@ -17,21 +17,21 @@ use super::photos::Photo;
 use super::schedule::{exponential, sh_degree};
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
-/// Everything that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
+/// All that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
 #[derive(Module, Debug)]
 pub struct Model<M: Module + ModuleDisplay> {
     /// The Gaussians.
     pub gaussians: Gaussians,
-    /// What the method learns beside them.
+    /// The method's module.
     pub method: M,
 }
 
-/// Everything that changes from step to step.
+/// The state that changes from step to step.
 #[derive(Debug, Clone)]
 pub struct Trainer<M: Method> {
-    /// What is learned, outside autodiff; taken out only while it is being updated, since an update in place needs its one owner.
+    /// The model, outside autodiff. It is taken out only during an update, because an update in place needs a single owner.
     model: Option<Model<M>>,
-    /// Its moments.
+    /// The optimiser's moments.
     pub adam: Adam,
     /// Density control and its statistics.
     pub density: Density,
@@ -39,11 +39,11 @@ pub struct Trainer<M: Method> {
     pub step: usize,
     /// Steps whose loss or gradients were not finite; they changed nothing.
     pub skipped: usize,
-    /// What the data set settled.
+    /// Values fixed by the data set.
     pub facts: SceneFacts,
 }
 
-/// What happened in a step.
+/// The outcome of a step.
 #[derive(Debug)]
 pub struct StepReport {
     /// The loss before the update.
@@ -52,11 +52,11 @@ pub struct StepReport {
     pub images: Vec<Tensor<3>>,
     /// Tile intersections of the renderings.
     pub intersections: usize,
-    /// What went other than asked.
+    /// Departures from the configuration.
     pub notes: Vec<Note>,
     /// Whether loss or gradients were not finite, so that nothing was updated.
     pub skipped: bool,
-    /// What density control did.
+    /// The changes by density control.
     pub changes: Changes,
 }
 
@@ -67,7 +67,7 @@ struct Backward {
     notes: Vec<Note>,
     observations: Vec<Observation>,
     loss: f32,
-    /// `None` when they or the loss are not finite.
+    /// `None` if they or the loss are not finite.
     gradients: Option<NamedGradients>,
 }
 
@@ -84,13 +84,13 @@ impl<M: Method> Trainer<M> {
         Self::from_model(Model { gaussians: first(&initial, device), method }, facts, config)
     }
 
-    /// The state before the first step of a training that begins with `model`.
+    /// The state before the first step of a training that starts from `model`.
     pub fn from_model(model: Model<M>, facts: SceneFacts, config: &Config) -> Self {
         let density = Density::new(&config.density, &model.gaussians);
         Self { model: Some(model), adam: Adam::new(), density, step: 0, skipped: 0, facts }
     }
 
-    /// What is learned.
+    /// The model.
     pub fn model(&self) -> &Model<M> {
         self.model.as_ref().expect("the model is taken out only within a function")
     }
@@ -100,12 +100,12 @@ impl<M: Method> Trainer<M> {
         &self.model().gaussians
     }
 
-    /// What the method learns beside them.
+    /// The method's module.
     pub fn method(&self) -> &M {
         &self.model().method
     }
 
-    /// Replaces the method's tensors by `change` of them.
+    /// Replaces the method's module by `change` of it.
     pub fn change_method(&mut self, change: impl FnOnce(M) -> M) {
         let Model { gaussians, method } = self.take_model();
         self.model = Some(Model { gaussians, method: change(method) });
@@ -121,12 +121,12 @@ impl<M: Method> Trainer<M> {
         self.model.take().expect("the model is taken out only within a function")
     }
 
-    /// The scene as it is now, without autodiff.
+    /// The current scene, without autodiff.
     pub fn scene(&self) -> Box<dyn DynamicScene> {
         self.method().scene(self.gaussians().clone())
     }
 
-    /// The step under way with what it may look at.
+    /// The current step, with everything that the method may read.
     pub fn at<'a>(&'a self, cues: &'a M::Cues, config: &'a FitConfig<M::Config>) -> Step<'a, M> {
         Step { step: self.step, config, facts: &self.facts, cues }
     }
@@ -159,7 +159,7 @@ impl<M: Method> Trainer<M> {
         StepReport { loss, images, intersections, notes, skipped, changes }
     }
 
-    /// Forms the photos' images, compares and goes back.
+    /// Forward and backward pass over the photos.
     fn compare(&self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
         let tracked = self.model().clone().train();
         let (rows, device) = (tracked.gaussians.len(), self.gaussians().device());
@@ -184,7 +184,7 @@ impl<M: Method> Trainer<M> {
         let _stage = profile::stage("check of the gradients");
         let mut checked = vec![loss.inner()];
         checked.extend(gradients.finiteness());
-        // One read for all, because a read waits for the device.
+        // One read for all: a read waits for the device.
         let checked = Tensor::cat(checked, 0).into_data();
         let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
         let finite = checked.iter().all(|value| value.is_finite());
@@ -227,7 +227,7 @@ impl<M: Method> Trainer<M> {
         refinement.changes
     }
 
-    /// Leaves out what the scene does not need, when it is time: Gaussians, then what the method learns.
+    /// Prunes Gaussians, then the method's parameters, if it is time.
     fn simplify(&mut self, views: &[View], cues: &M::Cues, config: &FitConfig<M::Config>) {
         if config.density.prune_share > 0.0 && config.density.rests_at(self.step, config.steps) {
             self.prune(views, config);
@@ -247,7 +247,7 @@ impl<M: Method> Trainer<M> {
         let rows = prune_by_contribution(&mut gaussians, &mut self.adam, &contributions, share);
         let method = follow(method, rows.as_ref(), &mut self.adam);
         if rows.is_some() {
-            // Its statistics were of the rows before, and are not used any more.
+            // Its statistics are of the rows before, and are not used any more.
             self.density = Density::new(&config.density, &gaussians);
         }
         tracing::info!(
@@ -259,8 +259,8 @@ impl<M: Method> Trainer<M> {
         self.model = Some(Model { gaussians, method });
     }
 
-    /// Stores SH coefficients up to the degree of this step, the new ones zero. A coefficient that was inactive would have stayed zero
-    /// with zero moments, so nothing is lost by not storing it before: not its bytes and not its share of each update.
+    /// Stores SH coefficients up to the degree of this step; the new ones are zero. An inactive coefficient would have stayed zero
+    /// with zero moments, so storing it earlier would only cost memory and time.
     fn raise_sh_degree(&mut self, config: &Config) {
         let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
         if degree > self.gaussians().sh_degree() {
@@ -281,7 +281,7 @@ fn follow<M: Method>(method: M, rows: Option<&RowMap>, adam: &mut Adam) -> M {
     }
 }
 
-/// Rate of the centres at `step` of `steps`, in scene extents.
+/// Learning rate of the means at `step` of `steps`, in scene extents.
 fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
     exponential(config.means_lr, config.means_lr_final, step, steps)
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Size of a chart, pixels.
 pub(crate) const SIZE: (u32, u32) = (640, 300);
 
-/// Colours that stay apart for colour-blind readers (Okabe and Ito 2008).
+/// Colours that colour-blind readers can distinguish (Okabe and Ito 2008).
 const COLORS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -19,7 +19,7 @@ const COLORS: [RGBColor; 6] = [
 /// Weight of the newest value in [`smoothed`].
 const SMOOTHING: f64 = 0.1;
 
-/// A set of points that belong together.
+/// Points that belong together.
 #[derive(Debug, Clone, Serialize)]
 pub struct Series {
     name: String,
@@ -70,7 +70,7 @@ impl Series {
 /// A chart of one or more series.
 #[derive(Debug, Clone, Serialize)]
 pub struct Chart {
-    /// What it shows.
+    /// Its title.
     pub title: String,
     /// Label and unit along x.
     pub x: String,
@@ -81,7 +81,7 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// The chart as SVG. Points that are not finite are left out; without any, the chart says so.
+    /// The chart as SVG. Points that are not finite are left out; a chart without points contains a sentence instead.
     pub fn svg(&self) -> String {
         let mut svg = String::new();
         self.draw(SVGBackend::with_string(&mut svg, SIZE)).expect("drawing into a string does not fail");
@@ -143,7 +143,7 @@ impl Chart {
     }
 }
 
-/// A running mean, so that the trend shows behind the difference from photo to photo.
+/// A running mean: it shows the trend behind the variation between photos.
 pub fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut mean = None;
     finite(points)
@@ -160,7 +160,7 @@ fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
 }
 
-/// The smallest box around the points with some air; `None` without points.
+/// The bounding box of the points with a margin; `None` without points.
 fn ranges(points: impl Iterator<Item = (f64, f64)>) -> Option<(std::ops::Range<f64>, std::ops::Range<f64>)> {
     let start = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     let [x0, x1, y0, y1] = points.fold(start, |[x0, x1, y0, y1], (x, y)| [x0.min(x), x1.max(x), y0.min(y), y1.max(y)]);
@@ -182,7 +182,7 @@ fn number(value: f64) -> String {
     }
 }
 
-/// A number of at most so many decimals, without zeros at its end.
+/// A number of at most so many decimals, without trailing zeros.
 fn short(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$}").trim_end_matches('0').trim_end_matches('.').into()
 }

@@ -1,6 +1,6 @@
 //! Text in HTML.
 
-/// Text that cannot be taken for HTML.
+/// Text with HTML's special characters escaped.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -1,49 +1,49 @@
-//! Where a label goes beside its point: the first of several places that covers least.
+//! The position of a label beside its point: of several candidates, the first that covers least.
 
-/// Width of a character of a label, pixels, as a mean over letters and digits of a sans serif font of 11 pixels.
+/// Width of a character of a label, pixels: the mean over letters and digits of a sans serif font of 11 pixels.
 pub(super) const WIDTH_OF_CHARACTER: f64 = 6.1;
 
-/// Height of a line of it, pixels.
+/// Height of a line, pixels.
 const HEIGHT: f64 = 12.0;
 
-/// Distances from the point that are tried, pixels; from the second on a thin line leads to the label.
+/// Distances of candidates from the point, pixels; from the second on a thin line leads to the label.
 const RINGS: [f64; 5] = [10.0, 22.0, 36.0, 52.0, 72.0];
 
-/// Directions that are tried in each ring, the one that reads best first.
+/// Directions of candidates in each ring, the most readable first.
 const DIRECTIONS: [(f64, f64); 8] =
     [(1.0, 0.0), (0.8, -0.7), (0.8, 0.7), (0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (-0.8, -0.7), (-0.8, 0.7)];
 
-/// What a square pixel outside the chart costs, in square pixels of something covered.
+/// Cost of a square pixel outside the chart, in covered square pixels.
 const OUTSIDE: f64 = 20.0;
 
-/// What a pixel of distance costs, likewise: a label is moved away from its point to avoid covering a corner, not for less.
+/// Cost of a pixel of distance, likewise: covering a corner is worse than moving away from the point, anything less is not.
 const DISTANCE: f64 = 0.6;
 
 /// left, top, right, bottom
 type Rectangle = [f64; 4];
 
-/// Labels placed so far, and what they must not cover.
+/// Labels placed so far, and the rectangles that they must not cover.
 #[derive(Debug)]
 pub(super) struct Placer {
     bounds: Rectangle,
     taken: Vec<Rectangle>,
 }
 
-/// Where a label is.
+/// The position of a label.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spot {
     /// Left end of the text.
     pub left: f64,
     /// Its baseline.
     pub baseline: f64,
-    /// Whether it wants a line to its point.
+    /// Whether a line leads to its point.
     pub far: bool,
     area: Rectangle,
     towards: (f64, f64),
 }
 
 impl Spot {
-    /// The place on the label's edge that is nearest to the point.
+    /// The point on the label's edge that is nearest to `point`.
     pub fn anchor(&self) -> (f64, f64) {
         let [left, top, right, bottom] = self.area;
         (self.towards.0.clamp(left, right), self.towards.1.clamp(top, bottom))
@@ -60,7 +60,7 @@ impl Placer {
         self.taken.push([x - radius, y - radius, x + radius, y + radius]);
     }
 
-    /// Finds the place of a label and takes it.
+    /// Chooses the position of a label and reserves it.
     pub fn place(&mut self, point: (f64, f64), label: &str) -> Spot {
         let width = WIDTH_OF_CHARACTER * label.chars().count() as f64;
         let spots = RINGS.iter().enumerate().flat_map(|(ring, distance)| {
@@ -89,7 +89,7 @@ fn spot(point: (f64, f64), (dx, dy): (f64, f64), distance: f64, width: f64, far:
         dx if dx < -0.1 => x - width,
         _ => x - width / 2.0,
     };
-    // Above and below, the label's edge keeps the distance, beside the point its middle is at the point's height.
+    // Above and below the point the label's edge keeps the distance; beside it, its middle is at the point's height.
     let middle = y + dy.signum() * if dy == 0.0 { 0.0 } else { HEIGHT / 2.0 };
     let top = middle - HEIGHT / 2.0;
     let area = [left, top, left + width, top + HEIGHT];
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn labels_keep_out_of_each_others_way() {
         let mut placer = Placer::new([0.0, 0.0, 700.0, 400.0]);
-        // Twenty points in a heap, as runs of one budget are.
+        // Twenty points close together, as runs of one budget are.
         let points: Vec<(f64, f64)> =
             (0..20).map(|i| (300.0 + 14.0 * f64::from(i % 5), 180.0 + 11.0 * f64::from(i / 5))).collect();
         points.iter().for_each(|point| placer.keep_free(*point, 5.0));

@@ -11,16 +11,16 @@ use crate::run::outputs::MARK;
 /// flatten the rest.
 const DEPTH_TAILS: f64 = 0.02;
 
-/// Share of pixels whose speed may exceed the full colour.
+/// Share of pixels whose speed may exceed the brightest colour.
 const SPEED_TAIL: f64 = 0.005;
 
-/// Alpha under which a pixel is drawn black: it shows nothing.
+/// Alpha below which a pixel is drawn black.
 const ALPHA_SEEN: f32 = 0.5;
 
-/// Hundredths of a second a frame is shown, about 12 frames a second.
+/// Delay between the frames of a GIF, hundredths of a second: about 12 frames a second.
 const GIF_DELAY: u16 = 8;
 
-/// Depth `[H * W]` in colour, `[H * W * 3]`: near yellow, far violet (viridis over inverse depth), black where nothing is.
+/// Depth `[H * W]` in colour, `[H * W * 3]`: near yellow, far violet (viridis over inverse depth), black where alpha is low.
 pub fn depth_colors(depth: &[f32], alpha: &[f32]) -> Vec<u8> {
     let seen = |(depth, alpha): &(&f32, &f32)| **alpha >= ALPHA_SEEN && **depth > 0.0 && depth.is_finite();
     let mut inverse: Vec<f32> = depth.iter().zip(alpha).filter(seen).map(|(depth, _)| 1.0 / depth).collect();
@@ -52,24 +52,24 @@ const VIRIDIS: [[f32; 3]; 6] = [
 
 /// The colour of a share from 0 (violet) to 1 (yellow).
 fn viridis(share: f32) -> [u8; 3] {
-    let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f32;
-    let below = (place as usize).min(VIRIDIS.len() - 2);
-    let part = place - below as f32;
+    let position = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f32;
+    let below = (position as usize).min(VIRIDIS.len() - 2);
+    let part = position - below as f32;
     [0, 1, 2].map(|c| (VIRIDIS[below][c] * (1.0 - part) + VIRIDIS[below + 1][c] * part + 0.5) as u8)
 }
 
-/// Velocities `[H * W * 3]` in colour: mid grey stands still; red, green and blue are the world's axes, bright along and dark
-/// against them.
+/// Velocities `[H * W * 3]` in colour: mid grey is at rest; red, green and blue are the world's axes, brighter along them and
+/// darker against them.
 pub fn velocity_colors(velocity: &[f32]) -> Vec<u8> {
     let rows = velocity.as_chunks::<3>().0;
     let mut speeds: Vec<f32> = rows.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt()).collect();
     speeds.sort_by(f32::total_cmp);
-    let place = ((1.0 - SPEED_TAIL) * speeds.len() as f64) as usize;
-    let full = speeds.get(place).or(speeds.last()).copied().unwrap_or(1.0).max(1e-12);
+    let index = ((1.0 - SPEED_TAIL) * speeds.len() as f64) as usize;
+    let full = speeds.get(index).or(speeds.last()).copied().unwrap_or(1.0).max(1e-12);
     rows.iter().flat_map(|v| v.map(|x| (127.5 + 127.5 * (x / full).clamp(-1.0, 1.0)) as u8)).collect()
 }
 
-/// Writes frames `[H * W * 3]` as a GIF that repeats for ever.
+/// Writes frames `[H * W * 3]` as a GIF that loops.
 ///
 /// # Errors
 /// When the image is larger than a GIF can be, or cannot be written.

@@ -1,4 +1,4 @@
-//! What a finished run shows: side-by-side pictures, curves, and one self-contained page with all of it.
+//! The report of a finished run: side-by-side pictures, curves, and one self-contained page.
 
 pub mod charts;
 pub mod comparison;
@@ -24,7 +24,7 @@ use pictures::SideBySide;
 /// Writes renders/, plots/ and report.html of a run.
 ///
 /// # Errors
-/// When a file cannot be written; files written before stay.
+/// When a file cannot be written; files written before are kept.
 pub fn write(
     folder: &RunFolder,
     eval: &EvalFile,
@@ -44,7 +44,7 @@ pub fn write(
         plots.push(svg);
     }
     let page = page::html(eval, &plots, &pictures, Profile::read(folder).as_ref(), config)?;
-    // What a chart of several runs put into an earlier report stays.
+    // A comparison that `gsburn chart` put into an earlier report is kept.
     let page = match std::fs::read_to_string(folder.comparison()) {
         Ok(section) => with_comparison(&page, &section).unwrap_or(page),
         Err(_) => page,

@@ -19,17 +19,17 @@ use crate::run::profile::Profile;
 /// The look of all pages.
 pub const STYLE: &str = include_str!("style.css");
 
-/// Around what a chart of several runs puts into the page.
+/// Markers around the comparison that `gsburn chart` puts into the page.
 const COMPARISON: [&str; 2] = ["<!-- comparison -->\n", "<!-- /comparison -->\n"];
 
-/// How the last section of the page begins.
+/// Beginning of the last section of the page.
 const CONFIGURATION: &str = "<section>\n<h2>Configuration</h2>\n";
 
-/// The report with `section` in the place for comparisons, in place of an earlier one; `None` when the page has none.
+/// The report with `section` as its comparison, in place of an earlier one; `None` if the page has no position for it.
 pub fn with_comparison(report: &str, section: &str) -> Option<String> {
     let (before, after) = match report.split_once(COMPARISON[0]) {
         Some((before, rest)) => (before, rest.split_once(COMPARISON[1])?.1),
-        // Reports before there were comparisons.
+        // A report from before comparisons existed.
         None => report.split_at(report.find(CONFIGURATION)?),
     };
     Some([before, COMPARISON[0], section, COMPARISON[1], after].concat())
@@ -106,7 +106,7 @@ fn summary(eval: &EvalFile) -> String {
     )
 }
 
-/// The values that the data set settled.
+/// The values fixed by the data set.
 fn facts(eval: &EvalFile) -> String {
     if eval.facts.is_empty() {
         return String::new();
@@ -120,7 +120,7 @@ fn facts(eval: &EvalFile) -> String {
     html + "</table>\n"
 }
 
-/// The figures that decide, as cards.
+/// The headline figures, as cards.
 fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
     let last = &eval.last;
     let (quality, size, cost) = (&last.measured.quality, &last.measured.size, &last.cost);
@@ -168,13 +168,13 @@ fn verdict(page: &mut String, eval: &EvalFile) -> Result<()> {
     Ok(())
 }
 
-/// With a capital first letter.
+/// The text with a capital first letter.
 fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A table that the method adds.
+/// A table of the method.
 fn figure_table(page: &mut String, table: &FigureTable) -> Result<()> {
     let row = |cells: &[String], cell: &str| {
         let cells: String = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text))).collect();
@@ -242,7 +242,7 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
     Ok(())
 }
 
-/// Every view, worst first: that is where to look.
+/// Every view, the worst first.
 fn views_table(page: &mut String, last: &Evaluation) -> Result<()> {
     let mut views: Vec<_> = last.measured.quality.views.iter().collect();
     views.sort_by(|a, b| a.scores.psnr.total_cmp(&b.scores.psnr));
@@ -257,12 +257,12 @@ fn views_table(page: &mut String, last: &Evaluation) -> Result<()> {
     Ok(())
 }
 
-/// A whole number in groups of three digits.
+/// An integer in groups of three digits.
 fn thousands(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();
-    for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
             text.push('\u{202f}');
         }
         text.push(digit);

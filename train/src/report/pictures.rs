@@ -5,17 +5,17 @@ use burn::tensor::Tensor;
 use crate::fit::parameters::to_host;
 use crate::run::evaluate::Comparison;
 
-/// Mean absolute error of a pixel that is drawn in the brightest colour.
+/// Mean absolute error that is drawn in the brightest colour.
 pub const ERROR_FULL_SCALE: f32 = 0.25;
 
-/// Colour of pixels that are not compared, in the error panel.
+/// Colour in the error panel of pixels that are not compared.
 const IGNORED: [u8; 3] = [70, 78, 90];
 
 /// Pixels between the panels.
 const GAP: usize = 4;
 
-/// The error's colours from none to full scale: black, violet, red, orange, pale yellow; brightness rises evenly, so that it
-/// also reads in grey.
+/// Colours of the error from none to full scale: black, violet, red, orange, pale yellow. Brightness rises evenly, so that the
+/// panel also reads in grey.
 const HEAT: [[f32; 3]; 5] = [[0., 0., 4.], [87., 16., 110.], [188., 55., 84.], [249., 142., 9.], [252., 255., 164.]];
 
 /// A picture of three or four panels of equal size, 8 bits RGB.
@@ -29,14 +29,14 @@ pub struct SideBySide {
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Panels beside each other.
+    /// Number of panels.
     pub panels: usize,
     /// `[height, width, 3]`.
     pub pixels: Vec<u8>,
 }
 
 impl SideBySide {
-    /// Blurry photo (of a view whose photo is sharp, where it is known), photo, rendering and error from left to right.
+    /// Blurry photo (if known and the compared one is sharp), photo, rendering and error, from left to right.
     pub fn new(comparison: &Comparison) -> Self {
         let [height, panel, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));

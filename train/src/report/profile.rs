@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::html::escaped;
 use crate::run::profile::Profile;
 
-/// The stages as a list of bars, for the report.
+/// The stages of a profile as a list of bars.
 pub fn bars(profile: &Profile) -> String {
     let largest = profile.stages.first().map_or(1.0, |stage| stage.share).max(f64::MIN_POSITIVE);
     let of = if profile.cpu_seconds.is_some() { "CPU ms" } else { "wall ms" };

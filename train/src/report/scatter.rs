@@ -1,21 +1,21 @@
-//! A scatter chart as SVG text: points with labels that keep out of each other's way, and the Pareto front.
+//! A scatter chart as SVG text: points, labels that do not overlap, and the Pareto front.
 
 use std::fmt::Write as _;
 
 use super::html::escaped;
 use super::labels::{Placer, WIDTH_OF_CHARACTER};
 
-/// Colours that stay apart for colour-blind readers (Okabe and Ito 2008); the last is for what has no value.
+/// Colours that colour-blind readers can distinguish (Okabe and Ito 2008); the last is for points without a value.
 pub(crate) const COLORS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800", "#777777"];
 
 /// Size of a chart, pixels.
 pub(crate) const SIZE: (u32, u32) = (760, 460);
 
-/// Costs that span more than this ratio are drawn on a logarithmic axis.
+/// Ratio of costs above which the axis is logarithmic.
 const LOG_FROM: f64 = 30.0;
 
-/// From so many runs on their lines step back behind the points.
+/// Number of runs from which on their lines are faint.
 const MANY: usize = 12;
 
 /// A point.
@@ -27,22 +27,22 @@ pub struct Dot {
     pub y: f64,
     /// Index into the colours.
     pub color: usize,
-    /// Beside it.
+    /// Its label.
     pub label: Option<String>,
     /// Whether it is the last of its run; those before it are smaller.
     pub last: bool,
     /// Whether it is on the front.
     pub front: bool,
-    /// What a pointer over it says.
+    /// Its tooltip.
     pub tip: String,
 }
 
 /// A chart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scatter {
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// In small letters under the title.
+    /// A remark in small letters under the title.
     pub note: String,
     /// Label and unit along x.
     pub x: String,
@@ -52,11 +52,11 @@ pub struct Scatter {
     pub dots: Vec<Dot>,
     /// Thin lines through the points of one run, with their colour.
     pub trails: Vec<(usize, Vec<(f64, f64)>)>,
-    /// What the colours mean.
+    /// The meaning of the colours.
     pub legend: Vec<(String, usize)>,
 }
 
-/// Where the data is drawn, pixels.
+/// The rectangle of the data, pixels.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     left: f64,
@@ -65,7 +65,7 @@ struct Frame {
     bottom: f64,
 }
 
-/// From values to pixels.
+/// A map from values to pixels.
 #[derive(Debug, Clone, Copy)]
 struct Axis {
     low: f64,
@@ -76,7 +76,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// An axis that shows `low..high` with some air between the pixels `from` and `to`.
+    /// An axis that shows `low..high` with a margin between the pixels `from` and `to`.
     fn new((low, high): (f64, f64), from: f64, to: f64, log: bool) -> Self {
         let map = |x: f64| if log { x.log10() } else { x };
         let (low, high) = (map(low), map(high));
@@ -89,7 +89,7 @@ impl Axis {
         self.from + (value - self.low) / (self.high - self.low) * (self.to - self.from)
     }
 
-    /// Round numbers along it.
+    /// Ticks at round numbers.
     fn ticks(&self) -> Vec<f64> {
         if self.log {
             let decades = self.low.floor() as i32..=self.high.ceil() as i32;
@@ -100,13 +100,13 @@ impl Axis {
         let decade = 10_f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|s| *s >= rough).unwrap_or(rough);
         let first = (self.low / step).ceil() as i64;
-        // A whole number of steps, so that rounding does not add up.
+        // Integer multiples of the step, so that rounding does not accumulate.
         (first..).map(|k| k as f64 * step).take_while(|x| *x <= self.high).take(20).collect()
     }
 }
 
 impl Scatter {
-    /// The chart as SVG. Points that are not finite are left out; without any, the chart says so.
+    /// The chart as SVG. Points that are not finite are left out; a chart without points contains a sentence instead.
     pub fn svg(&self) -> String {
         let (width, height) = SIZE;
         let mut svg = format!(
@@ -171,7 +171,7 @@ impl Scatter {
         self.draw_labels(svg, &frame, &dots, &place)
     }
 
-    /// Labels beside their points, those of the front first, because they are read first.
+    /// Draws the labels of the points; those of the front are placed first.
     fn draw_labels(
         &self,
         svg: &mut String,
@@ -196,7 +196,7 @@ impl Scatter {
         Ok(())
     }
 
-    /// Rows of colours and what they mean, with the sign of the front; returns where they end.
+    /// Draws rows of colours with their meaning, and the symbol of the front; returns the y coordinate below them, pixels.
     fn draw_legend(&self, svg: &mut String, top: f64) -> Result<f64, std::fmt::Error> {
         let (mut x, mut y) = (64.0, top);
         let entries = self.legend.iter().map(|(name, color)| (name.as_str(), Some(*color)));
@@ -246,7 +246,7 @@ impl Scatter {
     }
 }
 
-/// Ticks with as few digits as tell them apart.
+/// Ticks with as few digits as distinguish them.
 fn named(ticks: &[f64]) -> Vec<(f64, String)> {
     let step = ticks.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     let largest = ticks.iter().fold(0.0_f64, |largest, tick| largest.max(tick.abs()));

@@ -1,7 +1,7 @@
-//! A checkpoint is one safetensors file: named tensors with their checksums, and one JSON text with everything else. It knows tensors
-//! by name, not whose they are.
+//! A checkpoint is one safetensors file: named tensors with their checksums, and one JSON text with everything else. It knows
+//! tensors by name alone, independent of the method.
 //!
-//! It is written beside its place and renamed, so a file that exists is whole; a damaged one is recognised by its checksums.
+//! The file is written under a temporary name and renamed, so an existing file is complete; its checksums detect damage.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::fingerprint::Fingerprint;
 use crate::fit::snapshot::{Column, Snapshot, Source};
 
-/// The key of the metadata that calls a file a checkpoint.
+/// The key of the metadata that marks a file as a checkpoint.
 const FORMAT: &str = "gsburn-checkpoint";
 
 /// Largest checkpoint, bytes: 100 million Gaussians with their moments take 60 GB, and the file is read whole.
@@ -27,7 +27,7 @@ const FILE_MAX: u64 = 64 << 30;
 /// Changes whenever an older program could misread a file.
 const VERSION: &str = "4";
 
-/// What a checkpoint says of the run it is from.
+/// The run that wrote a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Origin {
     /// Name of the pipeline.
@@ -36,19 +36,19 @@ pub struct Origin {
     pub config: String,
     /// The data set's path.
     pub dataset: PathBuf,
-    /// What was subtracted from every position of the data set's world, as bits, because JSON numbers may lose the last one.
+    /// Position that was subtracted from the data set's world, as bits: a JSON number may lose the last one.
     origin_bits: [u64; 3],
     /// The views it was trained on.
     pub views: Fingerprint,
 }
 
 impl Origin {
-    /// Of a run on `dataset`, whose world's `origin` was subtracted.
+    /// A run on `dataset`, with `origin` subtracted from its world.
     pub fn new(pipeline: &str, config: String, dataset: PathBuf, origin: DVec3, views: Fingerprint) -> Self {
         Self { pipeline: pipeline.into(), config, dataset, origin_bits: origin.to_array().map(f64::to_bits), views }
     }
 
-    /// What was subtracted from every position of the data set's world.
+    /// Position that was subtracted from the data set's world, scene units.
     pub fn world(&self) -> DVec3 {
         DVec3::from(self.origin_bits.map(f64::from_bits))
     }
@@ -65,11 +65,11 @@ pub struct Checkpoint {
     crc32: BTreeMap<String, u32>,
     layout: Layout,
     bytes: Vec<u8>,
-    /// Where the tensors begin.
+    /// Offset of the tensors in the file, bytes.
     begin: usize,
 }
 
-/// What can be wrong with a checkpoint; one sentence each.
+/// An error of a checkpoint; the message is one sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CheckpointError {
@@ -84,12 +84,12 @@ pub enum CheckpointError {
         /// The operating system's answer.
         source: io::Error,
     },
-    /// It is no checkpoint at all.
+    /// The file is not a checkpoint.
     #[error("{}: expected a gsburn checkpoint, found {found}", path.display())]
     NotACheckpoint {
         /// The file.
         path: PathBuf,
-        /// What it looks like.
+        /// A description of the file.
         found: String,
     },
     /// It was written by another version of the format.
@@ -99,15 +99,15 @@ pub enum CheckpointError {
         path: PathBuf,
         /// The version it names.
         found: String,
-        /// Which program wrote it.
+        /// The program that wrote it.
         writer: String,
     },
-    /// It was a checkpoint and is cut short or changed.
+    /// The file is a checkpoint, but cut short or changed.
     #[error("{}: the checkpoint is damaged: {found}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// The mismatch.
         found: String,
     },
 }
@@ -122,7 +122,7 @@ impl CheckpointError {
 /// Writes a checkpoint atomically.
 ///
 /// # Errors
-/// When it cannot be written (a full disk, for one); then nothing is left behind and older checkpoints are untouched.
+/// When it cannot be written (a full disk, for one); then no partial file is left and older checkpoints are untouched.
 pub fn save(path: &Path, origin: &Origin, snapshot: &Snapshot) -> Result<(), CheckpointError> {
     let columns: Vec<(String, Column)> = snapshot.columns.iter().map(|(name, c)| (name.clone(), c.clone())).collect();
     let content = Metadata {
@@ -157,10 +157,10 @@ pub fn save(path: &Path, origin: &Origin, snapshot: &Snapshot) -> Result<(), Che
 }
 
 impl Checkpoint {
-    /// Reads a checkpoint; tensors are checked when they are asked for.
+    /// Opens a checkpoint; tensors are checked when they are read.
     ///
     /// # Errors
-    /// A sentence that names the file and says what is wrong with it.
+    /// A sentence that names the file and the error.
     pub fn load(path: &Path) -> Result<Self, CheckpointError> {
         let bytes = guarded::read(path, FILE_MAX)?;
         let Metadata { origin, notes, crc32, .. } = read_metadata(&bytes, path)?;
@@ -169,7 +169,7 @@ impl Checkpoint {
             found: format!("{error} ({} bytes in the file)", bytes.len()),
         };
         let (header, layout) = SafeTensors::read_metadata(&bytes).map_err(damaged)?;
-        // Eight bytes with the length of the header stand before it.
+        // The header's length, eight bytes, precedes the header.
         let begin = header + 8;
         Ok(Self { origin, path: path.into(), notes, crc32, layout, begin, bytes })
     }
@@ -219,8 +219,8 @@ impl Source for Checkpoint {
     }
 }
 
-/// What a checkpoint says beside its tensors. It is one JSON text under one key of the safetensors header, because the
-/// header's own keys come in no fixed order and equal runs must write equal files.
+/// The metadata of a checkpoint: one JSON text under one key of the safetensors header, because the order of the header's own keys
+/// is not fixed and equal runs must write equal files.
 #[derive(Debug, Serialize, Deserialize)]
 struct Metadata {
     /// Version of the program that wrote it.
@@ -254,8 +254,8 @@ impl View for Column {
     }
 }
 
-/// The metadata of a file that calls itself a checkpoint of this version. The header is read by hand, so that a file cut
-/// short still says what it was.
+/// The metadata of a file that is marked as a checkpoint of this version. The header is parsed by hand, so that a truncated file
+/// can still be identified.
 fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError> {
     let foreign = |found: &str| CheckpointError::NotACheckpoint { path: path.into(), found: found.into() };
     let damaged = |found: String| CheckpointError::Damaged { path: path.into(), found };
@@ -264,7 +264,7 @@ fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError>
     };
     let length = u64::from_le_bytes(*length);
     let Some(header) = usize::try_from(length).ok().and_then(|length| rest.get(..length)) else {
-        // A header that starts like JSON but goes on beyond the end belongs to a safetensors file cut short.
+        // A header that starts like JSON but continues beyond the end belongs to a truncated safetensors file.
         return Err(if rest.first() == Some(&b'{') && length < 1 << 30 {
             damaged(format!("it is cut short within its header ({} bytes in the file)", bytes.len()))
         } else {
@@ -289,7 +289,7 @@ fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError>
     if versioned.version != VERSION {
         let writer = match versioned.content["program"].as_str() {
             Some(program) => format!("it was written by gsburn {program}, this is {}", env!("CARGO_PKG_VERSION")),
-            // Programs before format 4 did not say.
+            // Before format 4 the metadata did not name the program.
             None => "it was written by an earlier gsburn, before pipelines had configurations of their own; that program reads it".into(),
         };
         return Err(CheckpointError::Version { path: path.into(), found: versioned.version, writer });
@@ -302,9 +302,9 @@ fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError>
     serde_json::from_value(versioned.content).map_err(|error| damaged(error.to_string()))
 }
 
-/// Makes a rename in the folder of `path` survive a power cut.
+/// Makes a rename in the folder of `path` durable across a power failure.
 fn sync_folder(path: &Path) -> io::Result<()> {
-    // Only Unix lets a folder be opened as a file; elsewhere the file system orders the rename itself.
+    // Only Unix opens a folder as a file; elsewhere the file system orders the rename itself.
     if cfg!(unix)
         && let Some(folder) = path.parent()
     {

@@ -1,4 +1,4 @@
-//! How good a scene is: held-out views rendered and measured.
+//! Measurement of a scene: held-out views are rendered and compared.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::fit::method::{Compared, MOVING, Method, Region, Step};
 use crate::fit::photos::{Photo, Photos, to_tensor};
 use crate::fit::trainer::Model;
 
-/// The figures of one view or the mean of several.
+/// Image quality of one view, or the mean over several.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Peak signal-to-noise ratio, dB.
@@ -26,15 +26,15 @@ pub struct Scores {
     pub lpips: Option<f64>,
 }
 
-/// One view's figures.
+/// The scores of one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ViewScores {
     /// The view's name.
     pub name: String,
-    /// Its figures.
+    /// Its scores.
     #[serde(flatten)]
     pub scores: Scores,
-    /// Its figures over single regions, by name.
+    /// Its scores over single regions, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, Scores>,
 }
@@ -53,9 +53,9 @@ pub struct Quality {
     pub compared: String,
     /// The network of LPIPS: "vgg", "alex" or "squeeze".
     pub lpips_network: Option<String>,
-    /// Why LPIPS is missing.
+    /// The reason why LPIPS is missing.
     pub lpips_reason: Option<String>,
-    /// Why MS-SSIM is missing.
+    /// The reason why MS-SSIM is missing.
     pub ms_ssim_reason: Option<String>,
     /// Each view.
     pub views: Vec<ViewScores>,
@@ -66,25 +66,25 @@ pub struct Quality {
 pub struct ModelSize {
     /// Gaussians.
     pub gaussians: usize,
-    /// Bytes of every number that it takes to draw the scene, as f32.
+    /// Bytes of every number, as f32, that is needed to draw the scene.
     pub bytes: usize,
 }
 
-/// What a training cost so far.
+/// The cost of a training so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Training time, seconds, measuring and saving left out.
+    /// Training time, seconds, without measuring and saving.
     pub seconds: f64,
-    /// Processor time of training, seconds, all threads together; `None` where the system does not say.
+    /// Processor time of training, seconds, all threads; `None` if the system does not report it.
     pub cpu_seconds: Option<f64>,
-    /// Largest resident memory so far, bytes; `None` where the system does not say.
+    /// Peak resident memory, bytes; `None` if the system does not report it.
     pub peak_memory_bytes: Option<u64>,
 }
 
 /// A scene measured on one split.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// Name of the split: "test", "validation"; "train" where nothing is held out, which says little about new views.
+    /// Name of the split: "test", "validation"; "train" if nothing is held out, which says little about new views.
     pub split: String,
     /// Image quality.
     #[serde(flatten)]
@@ -100,37 +100,37 @@ pub struct Measured {
     pub tables: Vec<FigureTable>,
 }
 
-/// The scene measured after a step.
+/// A measurement after a step.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Steps taken.
     pub step: usize,
-    /// What was measured.
+    /// The measurement.
     #[serde(flatten)]
     pub measured: Measured,
-    /// What it cost until then.
+    /// The cost up to the step.
     #[serde(flatten)]
     pub cost: Cost,
 }
 
-/// A view's truth and rendering, `[H, W, 3]` from 0 to 1.
+/// A view's photo and rendering, `[H, W, 3]` from 0 to 1.
 #[derive(Debug, Clone)]
 pub struct Comparison {
     /// The view's name.
     pub name: String,
-    /// The photo.
+    /// The photo with which the rendering is compared.
     pub truth: Tensor<3>,
     /// The rendering.
     pub image: Tensor<3>,
-    /// `[H, W, 1]`: 0 where the photo says nothing; `None` when every pixel counts.
+    /// `[H, W, 1]`: 0 where the photo is masked; `None` if every pixel counts.
     pub mask: Option<Tensor<3>>,
-    /// The blurry photo, where the truth is sharp and both are known, `[H, W, 3]`.
+    /// The blurry photo, if `truth` is sharp and both are known, `[H, W, 3]`.
     pub blurry: Option<Tensor<3>>,
     /// The rendering's PSNR, dB.
     pub psnr: f64,
 }
 
-/// Views of one split with the regions that are scored on their own.
+/// Views of one split with the regions that are scored separately.
 pub struct HeldOut<'a> {
     /// Name of the split.
     pub split: &'a str,
@@ -141,8 +141,8 @@ pub struct HeldOut<'a> {
 }
 
 impl<'a> HeldOut<'a> {
-    /// The split called `name` ("train" for the training views), or the one that figures are reported on where there is no name: the
-    /// test views, or the training views where nothing is held out. `None` where there is no such split.
+    /// The split called `name` ("train" for the training views). Without a name: the split on which figures are reported, which is
+    /// the test views, or the training views if nothing is held out. `None` if there is no such split.
     pub fn of<M: Method>(scene: &'a Scene, name: Option<&str>, at: &Step<M>) -> Option<Self> {
         let (split, views) = match name {
             Some("train") => ("train", scene.train.as_slice()),
@@ -157,7 +157,7 @@ impl<'a> HeldOut<'a> {
     }
 }
 
-/// Measures scenes. LPIPS weights are looked for once.
+/// Measures scenes. LPIPS weights are searched for once.
 #[derive(Debug)]
 pub struct Evaluator {
     perceptual: Result<Perceptual, String>,
@@ -175,7 +175,7 @@ impl Evaluator {
         Self { perceptual, ms_ssim: config.ms_ssim, device: device.clone() }
     }
 
-    /// Renders and measures a model on some views; the pictures of `kept` views spread over all are returned too.
+    /// Renders and measures a model on some views; also returns the pictures of `kept` views, spread evenly over all.
     pub fn measure<M: Method>(
         &self,
         model: &Model<M>,
@@ -249,8 +249,8 @@ impl Evaluator {
         (self.summary(scores, described_comparison(compared, has_truth)), comparisons)
     }
 
-    /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. Others are black in both images for
-    /// the measures that look at neighbourhoods.
+    /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels are black in
+    /// both images for the measures over neighbourhoods.
     fn scores(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
         let share = counts.as_ref().map_or(1.0, |counts| f64::from(counts.clone().mean().into_scalar::<f32>()));
         if share == 0.0 {
@@ -271,7 +271,7 @@ impl Evaluator {
         })
     }
 
-    /// The scores over the pixels of a region that count; `None` where there is none.
+    /// The scores over the pixels of a region that count; `None` if there is none.
     fn region(&self, image: Tensor<3>, photo: &Photo<()>, view: &View, region: &Region) -> Option<Scores> {
         let inside = to_tensor(view, &region.mask, 1, &image.device());
         let counts = photo.mask.iter().fold(inside, |inside, mask| inside * mask.clone());
@@ -302,7 +302,7 @@ impl Evaluator {
     }
 }
 
-/// The mean of each score that all have; `None` without any.
+/// The mean of each score that all views have; `None` without a view.
 fn mean<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> {
     let of = |value: fn(&Scores) -> Option<f64>| -> Option<f64> {
         let values: Vec<f64> = scores.clone().map(value).collect::<Option<_>>()?;
@@ -317,7 +317,7 @@ fn mean<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> 
 }
 
 impl Quality {
-    /// The scores over the pixels that move, where they were measured.
+    /// The scores over moving pixels, if they were measured.
     pub fn moving(&self) -> Option<&Scores> {
         self.regions.get(MOVING)
     }
@@ -329,12 +329,12 @@ impl Evaluation {
         &self.measured.quality.mean
     }
 
-    /// The scores over the pixels that move, where they were measured.
+    /// The scores over moving pixels, if they were measured.
     pub fn moving(&self) -> Option<&Scores> {
         self.measured.quality.moving()
     }
 
-    /// Without single views and tables, which only the last measurement of a run keeps.
+    /// Without single views and tables, which are kept for the last measurement of a run alone.
     pub fn without_details(&self) -> Self {
         let mut evaluation = self.clone();
         evaluation.measured.quality.views.clear();
@@ -400,8 +400,8 @@ pub fn described_split(split: &str) -> String {
     }
 }
 
-/// SSIM of the `share` of the pixels that a mask kept, where both images are black outside of it: SSIM is 1 there, but for windows (of
-/// 11 pixels) that reach into the mask. Errors in windows that cross the mask edge count too, so this is a lower bound.
+/// SSIM over the `share` of the pixels inside a mask, if both images are black outside of it. SSIM is 1 outside, except for windows
+/// (of 11 pixels) that reach into the mask. Errors in windows that cross the mask edge count too, so this is a lower bound.
 fn ssim_of_share(image: Tensor<3>, truth: Tensor<3>, share: f64) -> f64 {
     1.0 - (1.0 - ssim(image, truth)) / share.max(f64::MIN_POSITIVE)
 }

@@ -1,22 +1,22 @@
-//! Whether a run goes on with the views that it began on.
+//! Detects whether a resumed run has the views that it began with.
 
 use gs_datasets::{Scene, View};
 use serde::{Deserialize, Serialize};
 
-/// The training views of a run: their number, and a checksum of what each is called and where, when and how it looks.
+/// A fingerprint of the training views of a run: their number, and a checksum of names, sizes, poses, intrinsics and times.
 ///
-/// Photos themselves are left out, since decoders differ by a bit; the order of views in a run, and the world that Gaussians
-/// live in, follow from what is in.
+/// Pixels are left out, because decoders differ by a bit. The order of views in a run, and the origin subtracted from the world,
+/// follow from what is included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
-    /// How many views there are.
+    /// Number of views.
     pub views: usize,
     /// CRC-32 of names, sizes, poses, intrinsics and times.
     pub crc32: u32,
 }
 
 impl Fingerprint {
-    /// Of the training views of `scene`.
+    /// The fingerprint of the training views of `scene`.
     pub fn of(scene: &Scene) -> Self {
         let mut hasher = crc32fast::Hasher::new();
         for view in &scene.train {

@@ -1,4 +1,4 @@
-//! A run is a folder: configuration, metrics, checkpoints, figures, pictures, report. The only place that knows its layout.
+//! A run is a folder: configuration, metrics, checkpoints, figures, pictures, report. This module alone knows its layout.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -72,23 +72,23 @@ impl MetricsLine {
     }
 }
 
-/// The content of eval.json: the last measurement on top, all of them below.
+/// The content of eval.json: the last measurement, then all of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EvalFile {
     /// Name of the run.
     pub name: String,
     /// The data set's path.
     pub dataset: String,
-    /// The device it ran on.
+    /// The device of the run.
     pub device: String,
     /// Steps of the whole run.
     pub steps: usize,
     /// Name of the pipeline.
     pub pipeline: String,
-    /// What the data set settled: name, value, and the key that says otherwise.
+    /// Values fixed by the data set: name, value, and the key that sets it.
     #[serde(default)]
     pub facts: Vec<(String, String, String)>,
-    /// The settings that charts tell runs apart by: name, key and value.
+    /// The settings by which charts distinguish runs: name, key and value.
     #[serde(default)]
     pub settings: Vec<Setting>,
     /// The most Gaussians that the scene had in training; `None` where the method has no count.
@@ -96,7 +96,7 @@ pub struct EvalFile {
     pub most_gaussians: Option<usize>,
     /// Steps whose loss or gradients were not finite; they changed nothing.
     pub skipped_steps: usize,
-    /// Memory that was predicted before the run, bytes.
+    /// Memory predicted before the run, bytes.
     pub predicted_memory_bytes: u64,
     /// Wall-clock time of the whole program so far, measuring and saving included, seconds.
     pub total_seconds: f64,
@@ -107,7 +107,7 @@ pub struct EvalFile {
     pub evaluations: Vec<Evaluation>,
 }
 
-/// A setting that charts tell runs apart by.
+/// A setting by which charts distinguish runs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setting {
     /// Name in charts.
@@ -116,11 +116,11 @@ pub struct Setting {
     pub key: String,
     /// Its value.
     pub value: String,
-    /// Key and value as a chart says them: "cap 20k".
+    /// Chart label of key and value: "cap 20k".
     pub label: String,
 }
 
-/// The path from the root, whatever folder a program was started in; as it is where there is nothing.
+/// The absolute path; unchanged if there is no such file.
 pub fn full_path(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
 }
@@ -137,12 +137,12 @@ pub fn utf8(path: &Path) -> Result<()> {
 }
 
 impl RunFolder {
-    /// The folder at `path`; nothing is made yet.
+    /// The folder at `path`; nothing is created yet.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
 
-    /// A folder for a new run; nothing is made yet, so that a run that cannot start leaves nothing behind.
+    /// A folder for a new run; nothing is created yet, so that a run that cannot start leaves nothing behind.
     ///
     /// # Errors
     /// When it already holds a run or other files, is a file, or has a path that a checkpoint cannot name.
@@ -175,7 +175,7 @@ impl RunFolder {
     /// Makes the folder.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// When it cannot be created.
     pub fn make(&self) -> Result<()> {
         fs::create_dir_all(self.checkpoints())
             .with_context(|| format!("{}: cannot make the run folder", self.path.display()))
@@ -186,7 +186,7 @@ impl RunFolder {
         &self.path
     }
 
-    /// The run's name: its folder's.
+    /// The run's name, which is its folder's.
     pub fn name(&self) -> String {
         let absolute = full_path(&self.path);
         absolute.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned())
@@ -197,12 +197,12 @@ impl RunFolder {
         self.path.join("config.toml")
     }
 
-    /// The path of the data set, beside the configuration because it is not part of it.
+    /// The path of the data set, in a file beside the configuration because it is not part of it.
     pub fn dataset(&self) -> PathBuf {
         self.path.join("dataset.txt")
     }
 
-    /// One JSON object a line.
+    /// The metrics: one JSON object per line.
     pub fn metrics(&self) -> PathBuf {
         self.path.join("metrics.jsonl")
     }
@@ -227,7 +227,7 @@ impl RunFolder {
         self.path.join("plots")
     }
 
-    /// Where the time of a step goes, where that was measured.
+    /// The time of each stage of a step, if it was measured.
     pub fn profile(&self) -> PathBuf {
         self.path.join("profile.json")
     }
@@ -242,7 +242,7 @@ impl RunFolder {
         self.path.join("report.html")
     }
 
-    /// Saved states.
+    /// The folder of saved states.
     pub fn checkpoints(&self) -> PathBuf {
         self.path.join(CHECKPOINTS)
     }
@@ -266,7 +266,7 @@ impl RunFolder {
         saved
     }
 
-    /// Removes all saved states but the newest `keep`, and what a killed process left half-written.
+    /// Removes all saved states but the newest `keep`, and partial files of a killed process.
     pub fn prune_checkpoints(&self, keep: usize) {
         let saved = self.saved();
         let old = saved.iter().rev().skip(keep).map(|(_, path)| path.clone());
@@ -297,7 +297,7 @@ impl RunFolder {
     /// The configuration and the path of the data set.
     ///
     /// # Errors
-    /// When this is no run folder or the configuration is not valid.
+    /// When this is not a run folder or the configuration is not valid.
     pub fn read_config(&self) -> Result<(Table, PathBuf)> {
         if !self.config().exists() {
             bail!("{}: expected a run folder (with config.toml), found none", self.path.display());
@@ -308,7 +308,7 @@ impl RunFolder {
         Ok((tables::parse(&text, &path.display().to_string())?, PathBuf::from(dataset.trim())))
     }
 
-    /// The lines of metrics.jsonl up to `last_step`. A last line cut short by a killed process is left out.
+    /// The lines of metrics.jsonl up to `last_step`. A last line cut short by a killed process is dropped.
     ///
     /// # Errors
     /// When the file exists and cannot be read.
@@ -347,7 +347,7 @@ impl RunFolder {
     /// Reads eval.json.
     ///
     /// # Errors
-    /// When it is not there or not what this version writes.
+    /// When it does not exist or is not in this version's format.
     pub fn read_eval(&self) -> Result<EvalFile> {
         let path = self.eval();
         let text = guarded::read_to_string(&path, EVAL_MAX).context("cannot read the figures of the run")?;

@@ -1,4 +1,4 @@
-//! How much memory a run will take, said before it starts.
+//! Prediction of the memory that a run needs, shown before it starts.
 
 use std::fmt;
 
@@ -8,36 +8,36 @@ use crate::config::{FitConfig, Strategy};
 use crate::fit::method::Method;
 use crate::fit::parameters::Group;
 
-/// Bytes a run is expected to need at its peak, by what they are for.
+/// Predicted peak memory, by purpose.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Prediction {
-    /// What for, and how many.
+    /// Purpose, and bytes.
     pub parts: Vec<(&'static str, u64)>,
 }
 
-/// Projected row, colours, opacity and their gradients, per Gaussian, bytes: 2 (8 + 3 + 1) floats, the screen row and sums.
+/// Bytes per Gaussian of projected row, colours, opacity and their gradients: 2 (8 + 3 + 1) floats, the screen row and sums.
 const STEP_BYTES_PER_GAUSSIAN: u64 = 4 * (2 * 12 + 8);
 
-/// Tiles a Gaussian touches, on average over the scenes tried.
+/// Tiles that a Gaussian touches, the mean over the scenes tried.
 const TILES_PER_GAUSSIAN: u64 = 6;
 
 /// Bytes of one intersection: sorted row number and position, and key and value of the sort twice.
 const BYTES_PER_INTERSECTION: u64 = 32;
 
-/// Floats per pixel of one step: image, alpha, loss image, their gradients (3 + 1 each), SSIM's three maps of three
-/// channels and its work space.
+/// Floats per pixel of one step: image, alpha, loss image, their gradients (3 + 1 each), SSIM's three maps of three channels and
+/// its work space.
 const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 
-/// Measured on Linux with the CPU backend.
+/// Program, thread stacks and allocator; measured on Linux with the CPU backend.
 const PROGRAM_BYTES: u64 = 40 << 20;
 
 impl Prediction {
-    /// The peak for fitting `scene` as `config` says:
+    /// Predicted peak of fitting `scene` with `config`:
     ///
     /// - Gaussians: parameters and both moments of every Gaussian at the cap;
     /// - step: gradients, projected rows, intersection lists, images and SSIM maps of one step;
     /// - photos: as 8 bits and as cached floats;
-    /// - the method's own;
+    /// - the method's own data;
     /// - program: the program itself, its thread stacks and allocator slack.
     pub fn of_fit<M: Method>(scene: &Scene, config: &FitConfig<M::Config>) -> Self {
         let cap = match config.density.strategy {
@@ -64,13 +64,13 @@ impl Prediction {
         Self { parts }
     }
 
-    /// All together.
+    /// Sum of all parts.
     pub fn total(&self) -> u64 {
         self.parts.iter().map(|(_, bytes)| bytes).sum()
     }
 }
 
-/// What a view keeps in memory: photo, mask, priors, truth.
+/// Bytes of a view in memory: photo, mask, priors, truth.
 fn stored_bytes(view: &View) -> u64 {
     let (priors, truth) = (&view.priors, &view.truth);
     let images = [Some(&view.image), priors.sharp.as_ref(), truth.sharp.as_ref(), truth.blurry.as_ref()];

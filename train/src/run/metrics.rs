@@ -1,7 +1,7 @@
-//! Image quality: PSNR and SSIM by our own arithmetic, MS-SSIM and LPIPS by burn-train.
+//! Image quality: PSNR and SSIM by this workspace's kernels, MS-SSIM and LPIPS by burn-train.
 //!
-//! Images are `[H, W, 3]` from 0 to 1 and are clamped to it first, as 3DGS does. SSIM is the 11x11 Gaussian-window SSIM with
-//! zero padding of 3DGS; MS-SSIM has the five scales of Wang et al. 2003.
+//! Images are `[H, W, 3]` and are clamped to 0 to 1 first, as in 3DGS. SSIM is the 11x11 Gaussian-window SSIM with zero padding of
+//! 3DGS; MS-SSIM has the five scales of Wang et al. 2003.
 
 use std::path::PathBuf;
 
@@ -26,12 +26,12 @@ pub fn psnr_masked(image: Tensor<3>, truth: Tensor<3>, mask: Tensor<3>) -> f64 {
     psnr_of_mse(f64::from(squares) / (3.0 * f64::from(pixels).max(1.0)))
 }
 
-/// PSNR in dB of a mean squared error; at most 100, which equal images get.
+/// PSNR in dB of a mean squared error; at most 100, the value for equal images.
 pub fn psnr_of_mse(mse: f64) -> f64 {
     -10.0 * mse.max(1e-10).log10()
 }
 
-/// The middle of some figures, the upper one of two; `None` without any.
+/// Median (upper of the two middle values); `None` if empty.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
@@ -43,8 +43,7 @@ pub fn ssim(image: Tensor<3>, truth: Tensor<3>) -> f64 {
     f64::from(both.narrow(0, 1, 1).into_scalar::<f32>())
 }
 
-/// Multi-scale SSIM, 0 to 1; `None` when an image side is under 176 pixels, where the fifth scale is smaller than the
-/// window.
+/// Multi-scale SSIM, 0 to 1; `None` if an image side is under 176 pixels, at which the fifth scale is smaller than the window.
 pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>) -> Option<f64> {
     let [height, width, _] = image.dims();
     if height.min(width) < 176 {
@@ -57,7 +56,7 @@ pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>) -> Option<f64> {
     metric.value().map(|value| value.current())
 }
 
-/// Side of the patterns that tell networks apart, pixels: enough for five halvings.
+/// Side of the patterns that distinguish networks, pixels: enough for five halvings.
 const PATTERN: usize = 64;
 
 /// How the sentence begins that says why LPIPS is missing.
@@ -75,7 +74,7 @@ impl Perceptual {
     /// The first of VGG (what 3DGS reports), AlexNet and SqueezeNet whose weights are in the cache.
     ///
     /// # Errors
-    /// Why there is none, as a sentence that names the folder.
+    /// The reason why there is none, as a sentence that names the folder.
     pub fn from_cache(device: &Device) -> Result<Self, String> {
         let folder = cache_folder().ok_or("no LPIPS: this system has no cache folder")?;
         let choices = [(LpipsNet::Vgg, "vgg"), (LpipsNet::Alex, "alex"), (LpipsNet::Squeeze, "squeeze")];
@@ -84,8 +83,8 @@ impl Perceptual {
         match choices.into_iter().find(|(_, name)| cached(name)) {
             Some((net, name)) => {
                 let read = || Self { network: LpipsConfig::new().with_net(net).init_pretrained(device), name };
-                // Burn goes on with random weights where it cannot read the files; those differ from one time to the next. The first
-                // network is gone before the second comes: they are large.
+                // Burn continues with random weights if it cannot read the files; those differ between two reads. The first network
+                // is dropped before the second is read, because they are large.
                 let first = read().of_patterns(device);
                 let network = read();
                 let same = network.of_patterns(device).to_bits() == first.to_bits();
@@ -103,7 +102,7 @@ impl Perceptual {
         }
     }
 
-    /// The distance of two patterns that no two networks agree on.
+    /// The distance between two patterns, which differs between any two networks.
     fn of_patterns(&self, device: &Device) -> f64 {
         let count = (PATTERN * PATTERN * 3) as i64;
         let ramp = Tensor::<1, Int>::arange(0..count, device).float() / count as f32;
@@ -113,13 +112,13 @@ impl Perceptual {
 
     /// LPIPS distance of images `[H, W, 3]` from 0 to 1; 0 for equal images.
     pub fn distance(&self, image: Tensor<3>, truth: Tensor<3>) -> f64 {
-        // burn-train maps 0..1 to the -1..1 the network was trained on.
+        // burn-train maps 0..1 to -1..1, the range of the network.
         let distance = self.network.forward_no_reduction(batch(image), batch(truth));
         f64::from(distance.mean().into_scalar::<f32>())
     }
 }
 
-/// Where burn-train keeps the weights of LPIPS.
+/// The folder of burn-train's LPIPS weights.
 fn cache_folder() -> Option<PathBuf> {
     Some(dirs::cache_dir()?.join("burn-dataset").join("lpips"))
 }

@@ -1,7 +1,7 @@
-//! `gsburn train --profile`: where the time of a training step goes, as profile.json, as a table and in the report.
+//! `gsburn train --profile`: the time of each stage of a training step, as profile.json, as a table and in the report.
 //!
-//! The stages are those of [`gs_burn::profile`], so the gradient of an operation is charged beside the operation itself.
-//! Measuring and saving are outside the steps.
+//! The stages are those of [`gs_burn::profile`], with the gradient of an operation beside the operation. Measuring and saving are
+//! outside the steps.
 
 use std::fmt::Write as _;
 
@@ -14,54 +14,54 @@ use serde::{Deserialize, Serialize};
 use super::folder::RunFolder;
 use super::resources::cpu_seconds;
 
-/// Stages under this share of a step are one row of the table.
+/// Stages below this share of a step are merged into one row of the table.
 const SMALL: f64 = 0.002;
 
 /// The content of profile.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
-    /// The device it ran on.
+    /// The device.
     pub device: String,
-    /// Threads that the work was shared among.
+    /// Threads of the program.
     pub threads: usize,
-    /// Steps that were measured.
+    /// Measured steps.
     pub steps: u64,
-    /// Mean wall-clock seconds of a step.
+    /// Mean wall-clock time of a step, seconds.
     pub wall_seconds: f64,
-    /// Mean processor seconds of a step, all threads; `None` where the system does not say.
+    /// Mean processor time of a step over all threads, seconds; `None` if the system does not report it.
     pub cpu_seconds: Option<f64>,
-    /// Stages, the most expensive first; they add up to the step.
+    /// Stages in descending order of cost; they add up to the step.
     pub stages: Vec<ProfiledStage>,
 }
 
-/// One stage, stages inside it left out.
+/// One stage, without the stages inside it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProfiledStage {
     /// Its name.
     pub name: String,
-    /// Times it was entered, mean of a step.
+    /// Mean number of entries per step.
     pub calls: f64,
-    /// Mean wall-clock seconds of a step.
+    /// Mean wall-clock time per step, seconds.
     pub wall_seconds: f64,
-    /// Mean processor seconds of a step; `None` where the system does not say.
+    /// Mean processor time per step, seconds; `None` if the system does not report it.
     pub cpu_seconds: Option<f64>,
-    /// Share of the step, 0 to 1: of its processor time, or of its wall-clock time where that is all there is.
+    /// Share of the step, 0 to 1: of its processor time, or of its wall-clock time if that is all there is.
     pub share: f64,
 }
 
-/// From now on this thread's training steps are measured. On a GPU each stage waits for the device at its ends, without
-/// which it would be charged for the queueing alone; such steps are slower than others.
+/// Measures this thread's training steps from now on. On a GPU each stage waits for the device at both ends, or it would be charged
+/// for queueing alone; such steps are slower.
 pub fn begin(device: &Device) {
     let device = device.clone();
     let wait = Box::new(move || {
-        // A device that failed says so where its results are read.
+        // A device that failed reports it when its results are read.
         let _ = device.sync();
     });
     gs_burn::profile::begin(Clock { cpu: cpu_seconds, wait });
 }
 
 impl Profile {
-    /// The means over the steps in `stages`; `None` when there was no step.
+    /// The means over the steps in `stages`; `None` without a step.
     pub fn new(stages: &[StageTime], device: &str) -> Option<Self> {
         let steps = stages.iter().find(|stage| stage.name == REST)?.calls;
         let per_step = |seconds: f64| seconds / steps as f64;
@@ -101,7 +101,7 @@ impl Profile {
         )
     }
 
-    /// Stages that count for something, and the others as one.
+    /// The larger stages, and the others merged into one.
     pub fn rows(&self) -> Vec<ProfiledStage> {
         let (mut rows, small): (Vec<_>, Vec<_>) = self.stages.iter().cloned().partition(|stage| stage.share >= SMALL);
         if !small.is_empty() {
@@ -130,13 +130,13 @@ impl Profile {
         text.trim_end().to_string()
     }
 
-    /// The profile kept in a run folder; `None` when there is none that this version reads.
+    /// The profile of a run folder; `None` if there is none that this version reads.
     pub fn read(folder: &RunFolder) -> Option<Self> {
         serde_json::from_slice(&std::fs::read(folder.profile()).ok()?).ok()
     }
 }
 
-/// Writes profile.json of the steps recorded so far, if this thread records; a resumed run's is of its own steps.
+/// Writes profile.json of the steps recorded so far, if this thread records; a resumed run writes its own steps alone.
 ///
 /// # Errors
 /// When it cannot be written.

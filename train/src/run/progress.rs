@@ -15,7 +15,7 @@ const LINE_EVERY: Duration = Duration::from_secs(60);
 /// Weight of the newest value in the running means of loss and PSNR: about the last 20 photos.
 const SMOOTHING: f64 = 0.05;
 
-/// What the bar shows, updated from outside the step.
+/// The progress bar, updated from outside the step.
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
@@ -32,7 +32,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// A bar for a run of `steps` that has taken `step` already; `quiet` shows nothing at all.
+    /// A bar for a run of `steps` that has taken `step` already; a `quiet` one shows nothing.
     pub fn new(step: usize, steps: usize, quiet: bool) -> Self {
         let terminal = std::io::stderr().is_terminal() && !quiet;
         let bar = ProgressBar::with_draw_target(
@@ -58,7 +58,7 @@ impl Progress {
         }
     }
 
-    /// After a step; `psnr` where it was measured. The first of `counts` is shown.
+    /// Shows a step; `psnr` if it was measured. The first of `counts` is shown.
     pub fn step(&mut self, step: usize, loss: f32, psnr: Option<f64>, counts: &[(&str, f64)]) {
         let smooth = |mean: Option<f64>, new: f64| Some(mean.map_or(new, |mean| mean + SMOOTHING * (new - mean)));
         if loss.is_finite() {
@@ -99,7 +99,7 @@ impl Progress {
         if self.terminal { self.bar.suspend(print) } else { print() }
     }
 
-    /// Leaves the terminal as it was.
+    /// Restores the terminal.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

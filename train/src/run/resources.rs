@@ -1,16 +1,16 @@
-//! What this process used so far, where the system says so (Linux).
+//! Processor time and memory of this process, as far as the system reports them (Linux).
 
 use std::fs;
 
-/// Buffers up to this size, bytes, are kept by the process when freed.
+/// Largest buffer, bytes, that the process keeps when it is freed.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const KEPT: i32 = 256 << 20;
 
 /// Keeps freed buffers instead of giving them back to the system.
 ///
-/// A step allocates and frees the same few large buffers. The C library's default returns each to the system and gets it
-/// back page by page, zeroed, which cost a quarter of the processor time of a step (lund-door at 480 pixels). Elsewhere
-/// than on Linux with glibc nothing is done.
+/// A step allocates and frees the same few large buffers. The C library's default returns each to the system and gets it back page
+/// by page, zeroed, which cost a quarter of the processor time of a step (lund-door at 480 pixels). Has an effect only on Linux
+/// with glibc.
 pub fn keep_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `mallopt` only changes parameters of the allocator, and is called before any other thread exists.
@@ -20,7 +20,7 @@ pub fn keep_freed_memory() {
     }
 }
 
-/// Largest resident memory so far, bytes.
+/// Peak resident memory, bytes.
 pub fn peak_memory() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
@@ -28,8 +28,8 @@ pub fn peak_memory() -> Option<u64> {
     Some(kilobytes * 1024)
 }
 
-/// Gives freed buffers back and lets [`peak_memory`] start again from what is resident now: one of several runs in a process
-/// is to answer for itself. `false` where the system does not let us.
+/// Returns freed buffers to the system and resets [`peak_memory`] to what is resident now, so that each of several runs in a
+/// process has its own peak. `false` if the system does not allow it.
 pub fn forget_peak_memory() -> bool {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `malloc_trim` may be called at any time.
@@ -45,7 +45,7 @@ pub fn cpu_seconds() -> Option<f64> {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
         let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-        // SAFETY: `time` is a valid place for the answer.
+        // SAFETY: `time` is a valid pointer for the result.
         let status = unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &mut time) };
         if status == 0 {
             return Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9);
@@ -54,7 +54,7 @@ pub fn cpu_seconds() -> Option<f64> {
     cpu_ticks()
 }
 
-/// The same in steps of 10 ms, for a C library that has no clock for it.
+/// The same in steps of 10 ms, for a C library without a clock for it.
 fn cpu_ticks() -> Option<f64> {
     let stat = fs::read_to_string("/proc/self/stat").ok()?;
     // The second field is the program's name in parentheses and may hold spaces; user and system time are the 12th and

@@ -1,4 +1,4 @@
-//! Finished scenes: read, moved, thinned out and written as PLY.
+//! Finished scenes: read, moved, pruned and written as PLY.
 
 use std::path::{Path, PathBuf};
 
@@ -17,25 +17,25 @@ use crate::fit::density::ops::Draft;
 use crate::fit::facts::SceneFacts;
 use crate::fit::parameters::{self, Group, Table, indices};
 
-/// A scene from a file, with what is known about it.
+/// A scene from a file, with its metadata.
 pub struct LoadedScene {
-    /// The Gaussians at rest, `origin` subtracted.
+    /// The Gaussians without motion, `origin` subtracted.
     pub gaussians: Gaussians,
     /// The scene at any time.
     pub scene: Box<dyn DynamicScene>,
-    /// What was subtracted from every position of the data set's world; zero for a PLY file.
+    /// Position that was subtracted from the data set's world, scene units; zero for a PLY file.
     pub origin: DVec3,
-    /// What its data set settled.
+    /// Values fixed by its data set.
     pub facts: SceneFacts,
-    /// How its images are formed.
+    /// Options of its renderer.
     pub render: RenderConfig,
-    /// The time it is shown at when none is asked for.
+    /// The default time at which it is shown.
     pub middle: f64,
-    /// The run it is from; `None` for a PLY file.
+    /// Its run; `None` for a PLY file.
     pub run: Option<SceneRun>,
 }
 
-/// What a checkpoint says of its run.
+/// The run of a checkpoint.
 #[derive(Debug, Clone)]
 pub struct SceneRun {
     /// Name of the pipeline.
@@ -44,7 +44,7 @@ pub struct SceneRun {
     pub dataset: PathBuf,
     /// Steps taken.
     pub step: usize,
-    /// What the method says of itself: name and value.
+    /// Lines about the method: name and value.
     pub described: Vec<(&'static str, String)>,
 }
 
@@ -58,7 +58,7 @@ pub enum SceneFile {
 }
 
 impl LoadedScene {
-    /// Gaussians of which nothing else is known.
+    /// A scene of Gaussians alone.
     pub fn of_gaussians(gaussians: Gaussians) -> Self {
         let config = Config::default();
         Self {
@@ -72,7 +72,7 @@ impl LoadedScene {
         }
     }
 
-    /// The options of one rendering at an SH degree.
+    /// The options of a rendering at an SH degree.
     pub fn render_options(&self, sh_degree: usize) -> RenderOptions {
         self.facts.render_options(&self.render, sh_degree)
     }
@@ -84,7 +84,7 @@ impl LoadedScene {
         (0..count).map(|i| first + step * i as f64).collect()
     }
 
-    /// Warns once of times outside the recording: a path is an expansion, and away from what it was fitted to it goes anywhere.
+    /// Warns once about times outside the recording: a path is an expansion, and diverges outside the window it was fitted in.
     pub fn warn_outside(&self, times: impl IntoIterator<Item = f64>) {
         let Some([first, last]) = self.scene.span() else { return };
         let outside: Vec<f64> = times.into_iter().filter(|t| !(first..=last).contains(t)).collect();
@@ -96,10 +96,10 @@ impl LoadedScene {
         }
     }
 
-    /// That a time was asked for of a scene that has times.
+    /// Checks that the scene has times.
     ///
     /// # Errors
-    /// A sentence, for a scene that stands still.
+    /// A sentence, for a static scene.
     pub fn moves(&self, path: &Path) -> Result<()> {
         if self.scene.span().is_none() {
             bail!(
@@ -134,10 +134,10 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
     }
 }
 
-/// Writes Gaussians as PLY in the data set's own world: `origin` is added back. Makes the folder where there is none.
+/// Writes Gaussians as PLY in the data set's own world, with `origin` added back. Creates the folder if there is none.
 ///
 /// # Errors
-/// When the file cannot be written, one sentence that names it; then nothing is left behind.
+/// When the file cannot be written, one sentence that names it; then no partial file is left.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
@@ -166,14 +166,14 @@ pub fn truncate_sh(gaussians: &Gaussians, degree: usize) -> Gaussians {
     gaussians
 }
 
-/// What [`without_floaters`] removes.
+/// Thresholds of [`without_floaters`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FloaterFilter {
-    /// Gaussians of lower opacity go.
+    /// Gaussians of lower opacity are removed.
     pub min_opacity: f64,
-    /// Gaussians whose largest size is more than this many times the median largest size go.
+    /// Gaussians whose largest scale is more than this many times the median largest scale are removed.
     pub max_size: f64,
-    /// Gaussians whose eighth-nearest neighbour is farther than this many times the median such distance go.
+    /// Gaussians whose eighth-nearest neighbour is farther than this many times the median such distance are removed.
     pub max_gap: f64,
 }
 

@@ -1,4 +1,4 @@
-//! A run under way: what watches a training and writes its files.
+//! A run in progress: it observes a training and writes its files.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -41,47 +41,47 @@ pub struct Job {
     pub dataset: PathBuf,
     /// The resolved configuration, every key of its pipeline.
     pub config: Table,
-    /// Where the run's files go.
+    /// Folder of the run's files.
     pub folder: RunFolder,
-    /// Where it computes (without autodiff).
+    /// The compute device (without autodiff).
     pub device: Device,
-    /// The device in words, for the report.
+    /// The device for people, for the report.
     pub device_name: String,
     /// Continue from the newest checkpoint in `folder`.
     pub resume: bool,
-    /// Save and leave after this many steps, as Ctrl-C would.
+    /// Save and end after this many steps, as after Ctrl-C.
     pub stop_at: Option<usize>,
     /// Show nothing on the terminal.
     pub quiet: bool,
 }
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug)]
 pub enum Ending {
     /// All steps were taken.
     Finished(Box<EvalFile>),
-    /// It was asked to stop, and saved its state after this step.
+    /// Stopped on request, with the state saved after this step.
     Interrupted(usize),
 }
 
-/// What a run is told of the training that it watches.
+/// A run's knowledge of the training that it observes.
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// Steps of the whole run.
     pub steps: usize,
     /// When the state is saved.
     pub checkpoint: CheckpointConfig,
-    /// What checkpoints say of the run.
+    /// The run, as its checkpoints name it.
     pub origin: Origin,
-    /// The memory it is expected to need.
+    /// The predicted memory.
     pub prediction: Prediction,
-    /// What the data set settled: name, value, and the key that says otherwise.
+    /// Values fixed by the data set: name, value, and the key that sets it.
     pub facts: Vec<(String, String, String)>,
-    /// What charts tell runs apart by.
+    /// Settings by which charts distinguish runs.
     pub settings: Vec<Setting>,
 }
 
-/// A run under way.
+/// A run in progress.
 pub struct Run<'a> {
     job: &'a Job,
     plan: Plan,
@@ -90,7 +90,7 @@ pub struct Run<'a> {
     progress: Progress,
     clock: Clock,
     begun: Instant,
-    /// How often each note came.
+    /// Number of steps with each note.
     notes: BTreeMap<Note, usize>,
     skipped: usize,
     /// The step at which a save that failed is tried again.
@@ -161,10 +161,10 @@ pub fn enter(job: &Job) -> Result<Option<Lock>> {
     (job.resume && job.folder.path().is_dir()).then(|| Lock::take(job.folder.path())).transpose()
 }
 
-/// That a run goes on with the views that it began on.
+/// Checks that a resumed run has the views that it began with.
 ///
 /// # Errors
-/// A sentence when it does not.
+/// A sentence if it does not.
 pub fn check_views(job: &Job, begun_on: Fingerprint, views: Fingerprint) -> Result<()> {
     if begun_on != views {
         bail!(
@@ -229,12 +229,12 @@ impl<'a> Run<'a> {
         self.progress.say(line);
     }
 
-    /// Whether the user, or the job, wants the run to end after `step` steps.
+    /// Whether the user or the job ends the run after `step` steps.
     pub fn is_stopped(&self, step: usize) -> bool {
         interrupt::asked() || self.job.stop_at == Some(step)
     }
 
-    /// A step of the training, on the clock.
+    /// Runs and times a training step.
     pub fn timed<T>(&mut self, step: impl FnOnce() -> T) -> T {
         let recording = gs_burn::profile::step();
         let (begun, cpu_begun) = (Instant::now(), cpu_seconds());
@@ -246,7 +246,7 @@ impl<'a> Run<'a> {
         result
     }
 
-    /// Bar and metrics after `step` steps. `psnr` measures the step's image where a line is written.
+    /// Updates bar and metrics after `step` steps. `psnr` measures the step's image, if a line is written.
     ///
     pub fn observe(
         &mut self,
@@ -257,8 +257,9 @@ impl<'a> Run<'a> {
     ) {
         let was_skipped = skipped > self.skipped;
         self.skipped = skipped;
-        // A line at every planned checkpoint, because the clock of a resumed run continues from the last line. A run that is stopped in
-        // between has none there, so that its metrics are those of an uninterrupted one; it loses the clock of a few steps.
+        // A line at every planned checkpoint, because the clock of a resumed run continues from the last line. A run that is
+        // stopped in between writes none there, so that its metrics equal those of an uninterrupted one; its clock loses a few
+        // steps.
         let last = step == self.plan.steps;
         let noted = due(step, METRICS_EVERY) || due(step, self.plan.checkpoint.every) || last || was_skipped;
         let psnr = if noted && !was_skipped { psnr() } else { None };
@@ -276,7 +277,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Counts what went other than asked in a step; after the `last` step at which it may, each note that came often is said.
+    /// Counts the notes of a step. After the `last` step that may have any, each frequent note is shown.
     pub fn count(&mut self, notes: &[Note], step: usize, last: usize) {
         for note in notes {
             *self.notes.entry(*note).or_default() += 1;
@@ -307,7 +308,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether the state is to be saved after `step` steps, the last excepted.
+    /// Whether the state is saved after `step` steps, the last excepted.
     pub fn is_save_due(&self, step: usize) -> bool {
         (due(step, self.plan.checkpoint.every) || self.retry_at == Some(step)) && step < self.plan.steps
     }
@@ -349,7 +350,7 @@ impl<'a> Run<'a> {
     }
 
     fn eval_file(&self, last: Evaluation) -> EvalFile {
-        // A finished run that is resumed is measured once more at its last step; the newer figures count.
+        // A finished run that is resumed is measured again at its last step; the newer figures replace the older.
         let mut evaluations = BTreeMap::new();
         for line in &self.history {
             if let MetricsLine::Eval(evaluation) = line {
@@ -376,7 +377,7 @@ impl<'a> Run<'a> {
     /// Saves the state after `step` steps.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// When it cannot be written.
     pub fn save(&self, step: usize, snapshot: &Snapshot) -> Result<()> {
         let folder = &self.job.folder;
         checkpoint::save(&folder.checkpoint(step), &self.plan.origin, snapshot)?;
@@ -396,7 +397,7 @@ impl<'a> Run<'a> {
         Ok(Ending::Interrupted(step))
     }
 
-    /// Ends the run after its last measurement; the lines of its metrics come back for the report.
+    /// Ends the run after its last measurement; returns the lines of its metrics for the report.
     ///
     /// # Errors
     /// When the disk does not take the metrics or the profile.
@@ -408,7 +409,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Training time so far, what observers do left out.
+/// Training time so far, without observers.
 #[derive(Debug, Clone, Copy)]
 struct Clock {
     seconds: f64,

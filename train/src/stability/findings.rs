@@ -1,18 +1,18 @@
-//! What an experiment hands back: bounds held against measured values, figures, remarks.
+//! Findings of an experiment: bounds compared with measured values, figures, remarks.
 
 use serde::Serialize;
 
 use crate::report::charts::Chart;
 use crate::stability::Experiment;
 
-/// A bound that was set before measuring, and what was measured.
+/// A bound that was set before measuring, and the measured value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Criterion {
-    /// What is measured.
+    /// The measured quantity.
     pub what: String,
-    /// The bound, in words.
+    /// The bound, for people.
     pub bound: String,
-    /// The value; `None` where nothing could be measured, which passes no bound.
+    /// The value; `None` if nothing could be measured, which misses any bound.
     pub value: Option<f64>,
     /// Its unit.
     pub unit: String,
@@ -75,25 +75,25 @@ impl Criterion {
     }
 }
 
-/// The largest of the values; `None` where there is none or one is not a number.
+/// The largest of the values; `None` without values or if one is NaN.
 pub fn largest(values: impl IntoIterator<Item = f64>) -> Option<f64> {
-    // f64::max would drop NaN, which stands for something that could not be measured.
+    // f64::max would drop NaN, which stands for a value that could not be measured.
     values.into_iter().reduce(|a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) })
 }
 
-/// The smallest of the values; `None` where there is none or one is not a number.
+/// The smallest of the values; `None` without values or if one is NaN.
 pub fn smallest(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     largest(values.into_iter().map(|value| -value)).map(|value| -value)
 }
 
-/// What an experiment found.
+/// The findings of an experiment.
 #[derive(Debug, Clone, Default)]
 pub struct Findings {
     /// Bounds and values.
     pub criteria: Vec<Criterion>,
-    /// Figures by name, which is empty for the only one.
+    /// Figures by name; the name of an only one is empty.
     pub figures: Vec<(&'static str, Chart)>,
-    /// What a reader of the figures should know, in sentences.
+    /// Remarks for readers of the figures, in sentences.
     pub notes: Vec<String>,
 }
 
@@ -105,17 +105,17 @@ pub struct Figure {
     /// The drawing.
     #[serde(skip)]
     pub svg: String,
-    /// What it shows, with all points.
+    /// The chart, with all points.
     #[serde(flatten)]
     pub chart: Chart,
 }
 
-/// An experiment that was run.
+/// A finished experiment.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
     /// The experiment's name.
     pub name: String,
-    /// What it asks.
+    /// Its question.
     pub question: String,
     /// Whether all bounds are kept.
     pub passed: bool,
@@ -130,7 +130,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Draws the figures; where a bound was missed their titles say so.
+    /// Draws the figures; their titles name missed bounds.
     pub fn new(experiment: &Experiment, found: Findings, seconds: f64) -> Self {
         let passed = found.criteria.iter().all(|criterion| criterion.passed);
         let draw = |(name, mut chart): (&str, Chart)| {

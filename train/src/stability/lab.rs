@@ -1,4 +1,4 @@
-//! What experiments share: small worlds on disk, runs on them that can be reached into, and a bar with the time left.
+//! Shared parts of experiments: small worlds on disk, runs with access to their state, and a bar with the time left.
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -21,14 +21,14 @@ use crate::run::interrupt;
 /// Size of the images, pixels.
 pub const SIZE: (usize, usize) = (96, 72);
 
-/// Where experiments are made.
+/// The environment of experiments.
 pub struct Lab {
     worlds: PathBuf,
-    /// A data set to run on beside the worlds, where the user named one.
+    /// The user's data set, on which experiments that can use one run too.
     pub data: Option<PathBuf>,
     /// Fewer variants and steps.
     pub quick: bool,
-    /// Where to compute.
+    /// The compute device.
     pub device: Device,
     quiet: bool,
     bar: ProgressBar,
@@ -59,13 +59,13 @@ impl Lab {
         }
     }
 
-    /// From here on the bar shows this name.
+    /// Shows this name in the bar from now on.
     pub fn enter(&self, name: &'static str) {
         self.name.replace(name);
         self.bar.set_message(name);
     }
 
-    /// Prints a line; where there is no bar, with the time left.
+    /// Prints a line; without a bar, with the time left.
     pub fn say(&self, line: &str) {
         if self.quiet {
             return;
@@ -81,33 +81,33 @@ impl Lab {
         eprintln!("{line}; {done}/{} steps, about {left:.0} s left", self.total);
     }
 
-    /// Leaves the terminal as it was.
+    /// Restores the terminal.
     pub fn leave(&self) {
         self.bar.finish_and_clear();
     }
 
-    /// The number for a run that measures, or for a quick look.
+    /// `full` for a run that measures, `quick` for a first impression.
     pub fn either<T>(&self, full: T, quick: T) -> T {
         if self.quick { quick } else { full }
     }
 
-    /// A world, written once and read with all its truth.
+    /// A synthetic world, written once and read with all its truth.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// When it cannot be written.
     pub fn world(&self, options: &DeblurOptions) -> Result<Scene> {
         let DeblurOptions { world, cameras, frames, .. } = options;
-        // Every option counts, those too long for a name.
+        // The hash covers every option, including those that are not in the name.
         let all = crc32fast::hash(format!("{options:?}").as_bytes());
         let folder = self.worlds.join(format!("{world}-{cameras}x{frames}-{all:08x}"));
-        // Written last.
+        // This file is written last.
         if !folder.join("transforms_train.json").is_file() {
             deblur::write(&folder, options, |_, _| {})?;
         }
         Ok(load(&folder, &LoadOptions { training_truth: true, ..LoadOptions::default() })?)
     }
 
-    /// A data set of the user, as training would load it.
+    /// A data set of the user, as training loads it.
     ///
     /// # Errors
     /// When it cannot be loaded.
@@ -115,7 +115,7 @@ impl Lab {
         Ok(load(path, options)?)
     }
 
-    /// The configuration of a method, changed by `changes` in the words of `--set`.
+    /// The configuration of a method with `changes` as `--set` overrides.
     ///
     /// # Errors
     /// When a change is not valid.
@@ -134,7 +134,7 @@ impl Lab {
     }
 }
 
-/// The options that worlds of the lab start from.
+/// The base options of the lab's worlds.
 pub fn small(world: World, frames: usize) -> DeblurOptions {
     let (width, height) = SIZE;
     DeblurOptions {
@@ -150,7 +150,7 @@ pub fn small(world: World, frames: usize) -> DeblurOptions {
     }
 }
 
-/// A run under way, open to an experiment between its steps.
+/// A run in progress, open to an experiment between its steps.
 pub struct Session<'a, M: Method> {
     lab: &'a Lab,
     /// The fit.
@@ -158,15 +158,15 @@ pub struct Session<'a, M: Method> {
 }
 
 impl<'a, M: Method> Session<'a, M> {
-    /// Before the first step, as a run begins.
+    /// The state before the first step, as in a run.
     pub fn begin(lab: &'a Lab, data: &'a Data<M>, config: &'a FitConfig<M::Config>) -> Self {
         Self { lab, fit: session::Session::begin(data, config, None, &lab.device) }
     }
 
-    /// One step.
+    /// Takes one step.
     ///
     /// # Errors
-    /// When the user asked to stop.
+    /// When the user asked to end.
     pub fn step(&mut self) -> Result<Stepped<M::Extra>> {
         if interrupt::asked() {
             bail!("interrupted; what was finished before is in the output folder");
@@ -187,7 +187,7 @@ impl<'a, M: Method> Session<'a, M> {
         Ok(())
     }
 
-    /// All steps, then the figures of the held-out views.
+    /// Takes all steps, then measures the held-out views.
     ///
     /// # Errors
     /// As [`step`](Self::step).
@@ -196,7 +196,7 @@ impl<'a, M: Method> Session<'a, M> {
         Ok(self.measure())
     }
 
-    /// The figures of the held-out views now.
+    /// Measures the held-out views now.
     pub fn measure(&self) -> Measured {
         let (scene, at) = (&self.fit.data.scene, self.fit.at());
         let evaluator = Evaluator::new(&self.fit.config.eval, &self.lab.device);
@@ -204,18 +204,18 @@ impl<'a, M: Method> Session<'a, M> {
         evaluator.measure(self.fit.trainer.model(), scene, &held_out, &at, 0).0
     }
 
-    /// Training photo `index`, and the image that is compared with it now, `[H, W, 3]`, without going on.
+    /// Training photo `index`, and the image that is compared with it now, `[H, W, 3]`; the state does not change.
     pub fn formed(&mut self, index: usize) -> (Photo<M::Extra>, Tensor<3>) {
         self.fit.formed(index)
     }
 }
 
-/// PSNR over moving parts, dB; NaN where nothing moves.
+/// PSNR over moving parts, dB; NaN if nothing moves.
 pub fn moving_psnr(measured: &Measured) -> f64 {
     measured.quality.regions.get(MOVING).map_or(f64::NAN, |scores| scores.psnr)
 }
 
-/// A figure by its key; NaN where it was not measured.
+/// A figure by its key; `None` if it was not measured.
 pub fn figure(measured: &Measured, key: &str) -> Option<f64> {
     measured.figures.iter().find(|figure| figure.key == key).map(|figure| figure.value)
 }

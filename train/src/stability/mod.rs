@@ -1,9 +1,9 @@
-//! Experiments at the edge of a method: where does it fail, and does it fail as little as it should?
+//! Experiments at the limits of a method: where does it fail, and does it fail as little as it should?
 //!
-//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and holds its findings
-//! against a bound that was set before. A bound that is missed is shown as missed, in the figure's title and in the
-//! report. Runs go through the same [`Session`](crate::fit::session::Session) as `gsburn train`, step by step, so that an experiment can
-//! reach into the state between steps (turn the velocities round, say). The experiments themselves belong to their pipeline.
+//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and compares its
+//! findings with a bound that was set before. A missed bound is marked in the figure's title and in the report. Runs go through the
+//! same [`Session`](crate::fit::session::Session) as `gsburn train`, step by step, so that an experiment can change the state
+//! between steps (reverse the velocities, say). The experiments themselves belong to their pipeline.
 
 pub mod findings;
 pub mod lab;
@@ -23,37 +23,37 @@ pub use lab::Lab;
 pub struct Experiment {
     /// Its name on the command line and in file names.
     pub name: &'static str,
-    /// What it asks.
+    /// Its question.
     pub question: &'static str,
-    /// Training steps it takes, quick or not; for the time left.
+    /// Training steps it takes, quick or not; used for the time left.
     pub steps: fn(quick: bool) -> usize,
-    /// Whether it runs only when it is named: it takes long.
+    /// Whether it runs only if it is named, because it takes long.
     pub on_request: bool,
     /// Runs it.
     pub run: fn(&Lab) -> Result<Findings>,
 }
 
-/// What to run, and where.
+/// The experiments to run.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// Folder for worlds, figures, results.json and stability.html.
     pub out: PathBuf,
     /// Names of the experiments; empty: all.
     pub only: Vec<String>,
-    /// A data set that experiments run on beside their own worlds, where they can.
+    /// The user's data set, on which experiments that can use one run too.
     pub data: Option<PathBuf>,
-    /// Fewer variants and steps: a look, not a measurement.
+    /// Fewer variants and steps: a first impression, not a measurement.
     pub quick: bool,
-    /// Where to compute (without autodiff).
+    /// The compute device (without autodiff).
     pub device: Device,
     /// Show nothing on the terminal.
     pub quiet: bool,
 }
 
-/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with all there is so far.
+/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with everything so far.
 ///
 /// # Errors
-/// One sentence: a name that is none, a full disk, a request to stop.
+/// One sentence: an unknown name, a full disk, a request to end.
 pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request: &Request) -> Result<Vec<Outcome>> {
     let chosen = chosen(experiments, &request.only)?;
     let total = chosen.iter().map(|experiment| (experiment.steps)(request.quick)).sum();
@@ -75,7 +75,7 @@ pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request:
     Ok(outcomes)
 }
 
-/// The experiments named, or all that run on their own worlds.
+/// The named experiments, or all that need not be named.
 fn chosen(experiments: &'static [&'static Experiment], only: &[String]) -> Result<Vec<&'static Experiment>> {
     let names: Vec<&str> = experiments.iter().map(|experiment| experiment.name).collect();
     if let Some(unknown) = only.iter().find(|name| !names.contains(&name.as_str())) {

@@ -1,5 +1,5 @@
-//! Classic adaptive density control (3DGS, section 5.2): clone small Gaussians and split large ones where the screen
-//! gradient is high, remove transparent and oversized ones, and lower opacities now and then.
+//! Classic adaptive density control (3DGS, section 5.2): clone small Gaussians and split large ones where the screen gradient is
+//! high, remove transparent and oversized ones, and lower opacities at intervals.
 
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
@@ -13,18 +13,18 @@ use crate::fit::random::{Purpose, normal_triple, stream};
 use crate::fit::schedule::due;
 use gs_burn::adam::Adam;
 
-/// A split Gaussian's parts are smaller by this factor (3DGS: phi).
+/// The scales of a split Gaussian's parts are divided by this factor (3DGS: phi).
 const SPLIT_SHRINK: f64 = 1.6;
 
-/// Opacities are lowered to at most this many times the dead one's (3DGS: 0.01 for 0.005).
+/// Opacities are lowered to at most this many times the opacity of a dead Gaussian (3DGS: 0.01 for 0.005).
 const RESET_TO: f64 = 2.0;
 
-/// The statistics of classic adaptive control since the last change.
+/// Statistics of classic adaptive control since the last refinement.
 #[derive(Debug, Clone)]
 pub struct Adaptive {
     /// Sum over views of the norm of the screen gradient, `[N]`, in half image widths.
     pub gradient: Tensor<1>,
-    /// Views in which the Gaussian was seen, `[N]`.
+    /// Number of views that showed the Gaussian, `[N]`.
     pub views: Tensor<1>,
 }
 
@@ -34,7 +34,7 @@ impl Adaptive {
         Self { gradient: Tensor::zeros([n], device), views: Tensor::zeros([n], device) }
     }
 
-    /// Adds one view. The gradient is taken by image coordinates from -1 to 1, as 3DGS does, so that one threshold serves
+    /// Adds one view. The gradient is with respect to image coordinates from -1 to 1, as in 3DGS, so that one threshold serves
     /// every resolution.
     pub fn gather(&mut self, screen: &Tensor<2>, observation: &Observation, absolute: bool) {
         let n = screen.dims()[0];
@@ -48,7 +48,7 @@ impl Adaptive {
         self.views = self.views.clone() + observation.radii.clone().greater_elem(0.0).float();
     }
 
-    /// Clones, splits and removes, never above `config.cap`; the statistics begin anew.
+    /// Clones, splits and removes, never above `config.cap`; the statistics are reset.
     pub fn refine(
         &mut self,
         gaussians: &mut Gaussians,
@@ -59,7 +59,7 @@ impl Adaptive {
         let mut draft = Draft::read(gaussians);
         let before = draft.len();
         let mut chosen = self.above_threshold(config.gradient);
-        // When the budget does not allow all, those that need it most.
+        // If the budget does not allow all, the highest gradients come first.
         chosen.truncate(config.cap.saturating_sub(before));
         let split = split_or_clone(&mut draft, gaussians, chosen.iter().map(|(row, _)| *row), config, context);
 
@@ -67,11 +67,11 @@ impl Adaptive {
         let largest = if opacities_were_lowered { config.prune_size * context.extent } else { f64::INFINITY };
         let grown = draft.len();
         let was_split = |row: usize| split.get(row).is_some_and(|split| *split);
-        // A comparison with NaN is false: what is not a number is removed too.
+        // A comparison with NaN is false, so a Gaussian that is not finite is removed too.
         let counts = |draft: &Draft, row| draft.opacity(row) > config.min_opacity && draft.size(row) <= largest;
         let some_stay = (0..grown).any(|row| !was_split(row) && counts(&draft, row));
         if !some_stay {
-            // A scene without Gaussians has no gradient that could bring one back.
+            // No gradient could restore a scene without Gaussians.
             tracing::warn!(
                 step = context.step,
                 "density.min_opacity and density.prune_size would leave no Gaussian: none is removed"
@@ -84,7 +84,7 @@ impl Adaptive {
         Refinement { changes: Changes { added: grown - before, moved: 0, removed: grown - after }, rows }
     }
 
-    /// Rows whose mean gradient is at least `threshold`, highest first, ties by row.
+    /// Rows whose mean gradient is at least `threshold`, in descending order, ties by row.
     fn above_threshold(&self, threshold: f64) -> Vec<(usize, f32)> {
         let (sums, views) = (to_host(self.gradient.clone()), to_host(self.views.clone()));
         let means = sums.iter().zip(&views).map(|(sum, views)| sum / views.max(1.0));
@@ -94,8 +94,8 @@ impl Adaptive {
     }
 }
 
-/// Appends a copy of each small row as it is, and two smaller parts, placed at random inside it, of each large one. Returns
-/// which of the old rows were split and should go; that leaves one more Gaussian per chosen row either way.
+/// Appends a copy of each small row, and two smaller parts of each large one at random positions inside it. Returns which of the
+/// old rows were split and must be removed; the count grows by one per chosen row either way.
 fn split_or_clone(
     draft: &mut Draft,
     gaussians: &Gaussians,
@@ -125,7 +125,7 @@ fn split_or_clone(
     split
 }
 
-/// Lowers opacities where `config.opacity_policy` asks for it after this step.
+/// Lowers opacities if `config.opacity_policy` does so after this step.
 pub fn lower_opacities(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) {
     if !config.active(context.step, context.steps) {
         return;

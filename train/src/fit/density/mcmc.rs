@@ -1,13 +1,13 @@
 //! Relocation under a budget: "3D Gaussian Splatting as Markov Chain Monte Carlo" (Kheradmand et al. 2024), sections 3.2 to
 //! 3.4.
 //!
-//! - [`refine`]: dead Gaussians move onto live ones drawn by opacity, then the count grows by a share up to the cap. Each
-//!   Gaussian that receives copies shares its opacity and size out among them (Eq. 9), so that the image does not change.
-//! - [`perturb`]: after each step, centres get noise with the Gaussian's own covariance, gated to those nearly transparent:
-//!   `mean += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
+//! - [`refine`]: dead Gaussians are relocated to live ones drawn by opacity, then the count grows by a share up to the cap. A
+//!   Gaussian and its copies share opacity and scale (Eq. 9), so that the image does not change.
+//! - [`perturb`]: after each step, the means get noise with the Gaussian's own covariance, gated to nearly transparent ones: `mean
+//!   += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
 //!
-//! Departures: covariance and rate are taken in scene extents, which makes the noise independent of the scene's unit and
-//! equal to the paper's at extent 1; both the receiving Gaussian and its copies begin with zero moments.
+//! Departures: covariance and rate are in scene extents, which makes the noise independent of the scene's unit and equal to the
+//! paper's at extent 1; the moments of both the live Gaussian and its copies are reset to zero.
 
 use burn::tensor::{IndexingUpdateOp, Tensor};
 use gs_burn::Gaussians;
@@ -26,13 +26,13 @@ const GATE_STEEPNESS: f64 = 100.0;
 /// Opacity at which the gate is half open (paper: t).
 const GATE_OPACITY: f64 = 0.005;
 
-/// A gate below this lets no noise through: the Gaussian would move by less than a thousandth of its noise.
+/// A gate below this lets no noise through: it would move the Gaussian by less than a thousandth of the noise.
 const GATE_MIN: f64 = 1e-3;
 
-/// Gaussians that share one stream of random numbers, so that threads can draw side by side.
+/// Gaussians that share one stream of random numbers, so that threads can draw in parallel.
 const CHUNK: usize = 4096;
 
-/// Moves the dead onto the living and grows by `config.growth`, never above `config.cap`.
+/// Relocates dead Gaussians to live ones and grows by `config.growth`, never above `config.cap`.
 pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) -> Refinement {
     let mut rng = stream(context.seed, Purpose::Density, context.step as u64);
     let mut draft = Draft::read(gaussians);
@@ -87,7 +87,7 @@ pub fn perturb(gaussians: &mut Gaussians, noise: f64, context: &StepContext) {
             let quat = [0, 1, 2, 3].map(|c| f64::from(quats[4 * row + c]));
             let variances = [0, 1, 2].map(|c| (2.0 * f64::from(log_scales[3 * row + c])).exp());
             let offset = covariance_times(quat, variances, normal_triple(&mut rng)) * (strength * gated[row].1);
-            // A Gaussian whose rotation or size is not finite stays where it is.
+            // A Gaussian whose rotation or scale is not finite is not moved.
             let offset = if offset.is_finite() { offset.as_vec3() } else { glam::Vec3::ZERO };
             moved.copy_from_slice(&offset.to_array());
         }

@@ -1,5 +1,6 @@
-//! Where Gaussians are added, moved and removed: [`default`] (classic adaptive control, 3DGS) and [`mcmc`] (relocation
-//! under a budget, 3DGS-MCMC) decide when and where, with the verbs of [`ops`]. At its end, [`prune`] removes the Gaussians that add nothing.
+//! Density control: adding, relocating and removing Gaussians. [`default`] (classic adaptive control, 3DGS) and [`mcmc`]
+//! (relocation under a budget, 3DGS-MCMC) decide when and where; [`ops`] has the operations. After the last refinement, [`prune`]
+//! removes the Gaussians that contribute next to nothing.
 
 pub mod default;
 pub mod mcmc;
@@ -16,12 +17,12 @@ use gs_burn::adam::Adam;
 
 pub use default::Adaptive;
 
-/// What a step tells density control.
+/// Observations of one step for density control.
 #[derive(Debug)]
 pub struct Observation {
-    /// Gradient of the loss by each 2D mean, `[N, 4]` (`SCREEN` rows); present when [`Density::wants_screen`] said so.
+    /// Gradient of the loss with respect to each 2D mean, `[N, 4]` (`SCREEN` rows); present if [`Density::wants_screen`] is true.
     pub screen: Option<Tensor<2>>,
-    /// Radius of each Gaussian in the image, `[N]`, pixels; 0 when it was not seen.
+    /// Radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen.
     pub radii: Tensor<1>,
     /// Image width, pixels.
     pub width: usize,
@@ -29,7 +30,7 @@ pub struct Observation {
     pub height: usize,
 }
 
-/// Where in the run a change happens.
+/// The state of the run at a refinement.
 #[derive(Debug, Clone, Copy)]
 pub struct StepContext {
     /// The step just taken, from 1.
@@ -38,29 +39,29 @@ pub struct StepContext {
     pub steps: usize,
     /// The seed of all draws.
     pub seed: u64,
-    /// The scene's size, scene units.
+    /// The scene's extent, scene units.
     pub extent: f64,
-    /// Rate of the centres at this step, in scene extents.
+    /// Learning rate of the means at this step, in scene extents.
     pub means_lr: f64,
 }
 
-/// How many Gaussians a change touched.
+/// Numbers of Gaussians that a refinement changed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Changes {
-    /// New ones.
+    /// Added Gaussians.
     pub added: usize,
-    /// Dead ones that were relocated.
+    /// Relocated dead Gaussians.
     pub moved: usize,
-    /// Removed ones.
+    /// Removed Gaussians.
     pub removed: usize,
 }
 
-/// A change of the table.
+/// A change of the table of Gaussians.
 #[derive(Debug, Clone, Default)]
 pub struct Refinement {
-    /// How many Gaussians it touched.
+    /// Numbers of Gaussians changed.
     pub changes: Changes,
-    /// Where each row came from; `None` when no row moved.
+    /// The old row of each new row; `None` if no row moved.
     pub rows: Option<RowMap>,
 }
 
@@ -68,7 +69,7 @@ pub struct Refinement {
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant)] // there is one per run
 pub enum Density {
-    /// Nothing changes.
+    /// The count never changes.
     None,
     /// Relocation under a budget; keeps no statistics.
     Mcmc,
@@ -77,7 +78,7 @@ pub enum Density {
 }
 
 impl Density {
-    /// The control that `config` asks for, over `gaussians`.
+    /// The density control of `config`, for `gaussians`.
     pub fn new(config: &DensityConfig, gaussians: &Gaussians) -> Self {
         match config.strategy {
             Strategy::None => Self::None,
@@ -88,11 +89,11 @@ impl Density {
 
     /// Whether the step should compute screen gradients.
     pub fn wants_screen(&self, config: &DensityConfig, step: usize, steps: usize) -> bool {
-        // Statistics gather from the first step on, as in 3DGS, and as long as they are still used.
+        // Statistics are gathered from the first step on, as in 3DGS, for as long as they are used.
         matches!(self, Self::Adaptive(_)) && (step as f64) < config.stop * steps as f64
     }
 
-    /// What happens after the update of `context.step`.
+    /// Acts after the update of `context.step`.
     pub fn after_step(
         &mut self,
         gaussians: &mut Gaussians,

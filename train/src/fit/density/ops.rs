@@ -1,7 +1,7 @@
-//! Verbs of density control, on a host [`Draft`] of the table: read once, changed row by row, written back once.
+//! Operations of density control on a host copy of the table, [`Draft`]: read once, changed row by row, written back once.
 //!
-//! A draft carries on the host only the columns whose numbers change (centres, sizes, opacities). Everything else (rotations,
-//! SH, the optimiser's moments) follows by row number when the draft is committed, so rows can never come apart.
+//! A draft holds only the columns whose numbers change (means, scales, opacities). All others (rotations, SH, the optimiser's
+//! moments) follow by row number when the draft is committed, so that rows stay consistent.
 
 use gs_burn::Gaussians;
 use rand::Rng;
@@ -10,22 +10,22 @@ use crate::fit::parameters::{Group, Table, from_host, indices};
 use gs_burn::RowMap;
 use gs_burn::adam::Adam;
 
-/// Most Gaussians one can become in one change (3DGS-MCMC tabulates its binomials up to here).
+/// Most copies of one Gaussian in one refinement (3DGS-MCMC tabulates its binomials up to here).
 pub const MAX_COPIES: usize = 51;
 
-/// Highest opacity a change writes: its logit must stay finite.
+/// Highest opacity that an operation writes: its logit must be finite.
 const OPACITY_MAX: f64 = 1.0 - 1e-6;
 
-/// A new table in the making.
+/// A table of Gaussians being changed.
 #[derive(Debug, Clone)]
 pub struct Draft {
-    /// For each new row, the old row its other columns come from.
+    /// For each new row, the old row of its other columns.
     from: Vec<u32>,
-    /// Whether the row begins with zero moments.
+    /// Whether the row's moments are reset to zero.
     reset: Vec<bool>,
-    /// Centres, scene units.
+    /// Means, scene units.
     pub means: Vec<[f32; 3]>,
-    /// Logarithms of the sizes.
+    /// Logarithms of the scales.
     pub log_scales: Vec<[f32; 3]>,
     /// Opacity logits.
     pub opacity_logits: Vec<f32>,
@@ -54,12 +54,12 @@ impl Draft {
         self.from.is_empty()
     }
 
-    /// Opacity of a row, 0 to 1.
+    /// The opacity of a row, 0 to 1.
     pub fn opacity(&self, row: usize) -> f64 {
         sigmoid(f64::from(self.opacity_logits[row]))
     }
 
-    /// Largest of a row's three sizes, scene units.
+    /// The largest of a row's three scales, scene units.
     pub fn size(&self, row: usize) -> f64 {
         let largest = self.log_scales[row].iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
         f64::from(largest).exp()
@@ -70,17 +70,17 @@ impl Draft {
         self.opacity_logits[row] = logit(opacity.min(OPACITY_MAX)) as f32;
     }
 
-    /// Multiplies a row's sizes.
+    /// Multiplies a row's scales.
     pub fn scale(&mut self, row: usize, factor: f64) {
         self.log_scales[row] = self.log_scales[row].map(|s| s + factor.ln() as f32);
     }
 
-    /// Lets a row begin with zero moments.
+    /// Resets a row's moments to zero.
     pub fn forget(&mut self, row: usize) {
         self.reset[row] = true;
     }
 
-    /// Appends a copy of a row, with zero moments; returns its number.
+    /// Appends a copy of a row, with zero moments, and returns its number.
     pub fn duplicate(&mut self, row: usize) -> usize {
         self.from.push(self.from[row]);
         self.reset.push(true);
@@ -99,8 +99,8 @@ impl Draft {
         self.opacity_logits[to] = self.opacity_logits[from];
     }
 
-    /// Shrinks opacity and size of every row in `rows` so that together with the copies about to be made of it (one per
-    /// mention) it looks as it did; see [`relocation`]. Their moments begin anew.
+    /// Lowers opacity and scale of every row in `rows` so that, with one copy per mention, it looks as before; see [`relocation`].
+    /// The moments are reset.
     pub fn share_out(&mut self, rows: &[usize], min_opacity: f64) {
         let mut copies = vec![0usize; self.len()];
         for row in rows {
@@ -116,7 +116,7 @@ impl Draft {
         }
     }
 
-    /// Keeps the rows for which `keep` says so.
+    /// Keeps the rows for which `keep` is true.
     pub fn retain(&mut self, keep: impl Fn(&Self, usize) -> bool) {
         let kept: Vec<usize> = (0..self.len()).filter(|row| keep(self, *row)).collect();
         *self = Self {
@@ -128,8 +128,8 @@ impl Draft {
         };
     }
 
-    /// Writes the draft back: columns it carries from here, the rest by row number. Other tables with a row per Gaussian follow by the
-    /// map returned.
+    /// Writes the draft back: its own columns from here, the others by row number. Other tables with a row per Gaussian follow by
+    /// the returned map.
     pub fn commit(self, gaussians: &mut Gaussians, adam: &mut Adam) -> RowMap {
         let device = gaussians.device();
         let rows = RowMap { from: self.from, reset: self.reset };
@@ -149,8 +149,8 @@ impl Draft {
     }
 }
 
-/// New opacity, and factor of the sizes, of each of `n` coincident Gaussians that together replace one of `opacity`
-/// (3DGS-MCMC, Eq. 9):
+/// New opacity, and factor of the scales, of each of `n` coincident Gaussians that together replace one of `opacity` (3DGS-MCMC,
+/// Eq. 9):
 ///
 /// ```text
 /// o' = 1 - (1 - o)^(1/n)
@@ -158,7 +158,7 @@ impl Draft {
 ///        = o / sum_{j=1..n} C(n, j) (-1)^(j-1) o'^j / sqrt(j)        (summing the binomials over i)
 /// ```
 ///
-/// The opacity keeps the blended centre exactly; the factor keeps the integral of the blended profile.
+/// The opacity preserves the blended centre exactly; the factor preserves the integral of the blended profile.
 pub fn relocation(opacity: f64, n: usize) -> (f64, f64) {
     let n = n.clamp(1, MAX_COPIES);
     let opacity = opacity.clamp(0.0, OPACITY_MAX);
@@ -172,8 +172,8 @@ pub fn relocation(opacity: f64, n: usize) -> (f64, f64) {
     (new, if sum > 0.0 { opacity / sum } else { 1.0 })
 }
 
-/// `count` rows drawn with replacement, each with probability in proportion to its weight. A weight that is not a positive
-/// finite number counts as zero; when all are, nothing can be drawn and the result is empty.
+/// `count` rows drawn with replacement, each with probability proportional to its weight. A weight that is not a positive finite
+/// number counts as zero; if all are, the result is empty.
 pub fn sample(weights: &[f64], count: usize, rng: &mut impl Rng) -> Vec<usize> {
     let mut total = 0.0;
     let sums: Vec<f64> = weights

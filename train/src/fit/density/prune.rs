@@ -1,10 +1,10 @@
-//! Pruning by contribution, once the count rests: the Gaussians that together add next to nothing to the training images are removed, and
-//! the others have the rest of the run to take their place.
+//! Pruning by contribution, once the count is fixed: the Gaussians that together contribute next to nothing to the training images
+//! are removed. The others have the rest of the run to compensate.
 //!
-//! The contribution of a Gaussian is the sum of its blending weights over all pixels, `sum_p T_p alpha_p`: the derivative of the image of
-//! a feature of 1 by that feature, summed over training views. (RadSplat prunes by the largest weight; the sum says how much is lost
-//! when many go at once.) After growth to the cap a fifth of the Gaussians share a two-hundredth of the light: hidden ones, ones outside
-//! of every photo, and faint copies.
+//! The contribution of a Gaussian is the sum of its blending weights over all pixels and training views, `sum_p T_p alpha_p`: the
+//! derivative of the summed image of a feature with respect to that feature. (RadSplat prunes by the largest weight; the sum bounds
+//! the loss if many are removed at once.) After growth to the cap, a fifth of the Gaussians have 0.5 % of the contribution: hidden
+//! ones, ones outside every photo, and faint copies.
 
 use burn::tensor::Tensor;
 use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
@@ -22,7 +22,7 @@ use gs_burn::adam::Adam;
 /// At most this many views are sampled. A Gaussian seen in 2 % of the views is missed by all samples with probability 1/170.
 const VIEWS: usize = 256;
 
-/// Pixels that each Gaussian of `model` fills in `views`, `[N]`.
+/// Contribution of each Gaussian of `model` over `views`, `[N]`, pixels.
 pub fn contributions(model: &dyn DynamicScene, views: &[View], options: &RenderOptions, seed: u64) -> Vec<f64> {
     let mut chosen =
         index::sample(&mut stream(seed, Purpose::Prune, 0), views.len(), VIEWS.min(views.len())).into_vec();
@@ -36,7 +36,7 @@ pub fn contributions(model: &dyn DynamicScene, views: &[View], options: &RenderO
     sums
 }
 
-/// Sums of blending weights over one view, `[N]`.
+/// Contribution of each Gaussian in one view, `[N]`, pixels.
 fn weights(scene: &Gaussians, view: &View, options: &RenderOptions) -> Vec<f32> {
     let feature = Tensor::<2>::ones([scene.len(), 1], &scene.device()).autodiff().require_grad();
     let scene = Gaussians::from_tensors(
@@ -52,7 +52,7 @@ fn weights(scene: &Gaussians, view: &View, options: &RenderOptions) -> Vec<f32> 
     to_host(feature.grad(&gradients).expect("the feature is a leaf"))
 }
 
-/// Drops the Gaussians of the least `contributions` as long as all of them together have at most `share` of the sum.
+/// Removes the Gaussians of the least `contributions`, as many as have together at most `share` of the sum.
 pub fn prune_by_contribution(
     gaussians: &mut Gaussians,
     adam: &mut Adam,
@@ -65,7 +65,7 @@ pub fn prune_by_contribution(
     (draft.len() < gaussians.len()).then(|| draft.commit(gaussians, adam))
 }
 
-/// Whether each is kept. Of equal ones the first go first.
+/// Whether each Gaussian is kept. Of equal contributions the lower row is removed first.
 fn kept(contributions: &[f64], share: f64) -> Vec<bool> {
     let allowed = share * contributions.iter().sum::<f64>();
     let mut order: Vec<usize> = (0..contributions.len()).collect();
@@ -73,7 +73,7 @@ fn kept(contributions: &[f64], share: f64) -> Vec<bool> {
     let (mut kept, mut dropped) = (vec![true; contributions.len()], 0.0);
     for row in order {
         dropped += contributions[row];
-        // Not so where nothing is seen at all.
+        // If nothing is seen at all, nothing is removed.
         if !(dropped <= allowed && allowed > 0.0) {
             break;
         }

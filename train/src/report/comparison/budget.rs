@@ -1,7 +1,7 @@
-//! How many Gaussians are enough: the smallest cap that is as good as the best, as far as the held-out views can tell.
+//! The budget: the smallest cap that is as good as the best, within the precision of the held-out views.
 //!
-//! "As good" is within one standard error of the mean PSNR over held-out views (the rule of Breiman et al. 1984 for pruning
-//! trees), of moving parts where they were measured. Only runs that differ in nothing but their cap are compared.
+//! "As good" is within one standard error of the mean PSNR over held-out views (the rule of Breiman et al. 1984 for pruning trees);
+//! the PSNR is that of moving parts if they were measured. Only runs that differ in their cap alone are compared.
 
 use super::ComparedRun;
 use crate::fit::method::MOVING;
@@ -66,7 +66,7 @@ fn figures_missing(ladder: &[(usize, &Evaluation)]) -> bool {
     ladder.iter().any(|(_, e)| e.measured.split != "test" || e.measured.quality.views.len() < 2)
 }
 
-/// Cap, mean PSNR over views and its standard error; `None` with fewer than two views, which have none.
+/// Cap, mean PSNR over views and its standard error; `None` with fewer than two views, for which it is undefined.
 fn figure(cap: usize, evaluation: &Evaluation, moving: bool) -> Option<(usize, f64, f64)> {
     let of = |view: &ViewScores| match moving {
         true => view.regions.get(MOVING).map(|scores| scores.psnr),

@@ -1,4 +1,4 @@
-//! Reads the runs that were named, and says of each that cannot be compared why.
+//! Reads the named runs, and gives the reason for each that cannot be compared.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use super::ComparedRun;
 use crate::config::tables::flat;
 use crate::run::folder::RunFolder;
 
-/// What could be read.
+/// The runs that could be read.
 #[derive(Debug)]
 pub struct Gathered {
     /// At least one run, all on one data set.
@@ -18,12 +18,12 @@ pub struct Gathered {
     pub warnings: Vec<String>,
 }
 
-/// Reads the runs at `paths`. Left out, with a warning: folders without figures, unfinished runs, and runs on another data
-/// set than most (of equally many, than the first). Files that are no folders are passed over, so that `runs/*` may name
-/// what a chart wrote there.
+/// Reads the runs at `paths`. Left out, with a warning, are folders without figures, unfinished runs, and runs on another data set
+/// than most (on a tie, than the first). Files that are not folders are skipped, so that `runs/*` may match what a chart wrote
+/// there.
 ///
 /// # Errors
-/// When nothing is left; the sentence says why the first was left out.
+/// When nothing is left; the sentence gives the reason for the first.
 pub fn gather(paths: &[PathBuf]) -> Result<Gathered> {
     let mut warnings = Vec::new();
     let mut found: Vec<(ComparedRun, PathBuf)> = Vec::new();
@@ -34,7 +34,7 @@ pub fn gather(paths: &[PathBuf]) -> Result<Gathered> {
         }
     }
     let count = |dataset: &Path| found.iter().filter(|(_, other)| other == dataset).count();
-    // The last of the largest is taken, hence the reversal.
+    // `max_by_key` returns the last of equal maxima, hence the reversal.
     let usual = found.iter().rev().max_by_key(|(_, dataset)| count(dataset)).map(|(_, dataset)| dataset.clone());
     let Some(usual) = usual else {
         match warnings.first() {
@@ -52,11 +52,11 @@ pub fn gather(paths: &[PathBuf]) -> Result<Gathered> {
     Ok(Gathered { runs, warnings })
 }
 
-/// The run and its data set, or why it cannot be compared.
+/// The run and its data set, or the reason why it cannot be compared.
 fn read(path: &Path) -> Result<(ComparedRun, PathBuf), String> {
     let folder = RunFolder::at(path);
     let eval = folder.read_eval().map_err(|error| {
-        // A file that is there and cannot be understood is worth its own words.
+        // A file that exists and cannot be parsed has an error of its own.
         match (path.exists(), folder.eval().exists()) {
             (false, _) => "expected a run folder, found nothing".into(),
             (true, false) => "cannot read its eval.json, no figures yet".into(),
@@ -73,7 +73,7 @@ fn read(path: &Path) -> Result<(ComparedRun, PathBuf), String> {
     Ok((ComparedRun { name: eval.name.clone(), folder, values, eval }, dataset))
 }
 
-/// Runs of one name take their paths instead.
+/// Replaces equal names by paths.
 fn tell_apart(runs: &mut [ComparedRun]) {
     let names: Vec<String> = runs.iter().map(|run| run.name.clone()).collect();
     for run in runs {

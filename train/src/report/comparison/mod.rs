@@ -1,6 +1,7 @@
-//! Several runs beside one another: which of their measurements nothing beats at its cost, as charts, table and page.
+//! Several runs compared: the Pareto front of accuracy against cost, as charts, table and page.
 //!
-//! `gather` reads the runs, `budget` says how many Gaussians are enough, `panels` and `table` say what is shown, `page` puts it into HTML.
+//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `panels` and `table` choose what is shown, `page` writes
+//! HTML.
 
 mod budget;
 mod gather;
@@ -24,7 +25,7 @@ use crate::run::folder::{EvalFile, RunFolder, Setting};
 /// A finished run.
 #[derive(Debug, Clone)]
 pub struct ComparedRun {
-    /// Its folder's name, with as much of the path as it takes to tell it from the others.
+    /// Its folder's name, with as much of the path as distinguishes it from the others.
     pub name: String,
     /// Its folder.
     pub folder: RunFolder,
@@ -34,7 +35,7 @@ pub struct ComparedRun {
     pub eval: EvalFile,
 }
 
-/// The settings that the pipelines of some runs tell them apart by, as name and key, in the order of their first run.
+/// The settings by which the pipelines of the runs distinguish them, as name and key, in the order of their first run.
 pub(crate) fn settings(runs: &[ComparedRun]) -> Vec<(&str, &str)> {
     let mut found: Vec<(&str, &str)> = Vec::new();
     for setting in runs.iter().flat_map(|run| &run.eval.settings) {
@@ -46,30 +47,30 @@ pub(crate) fn settings(runs: &[ComparedRun]) -> Vec<(&str, &str)> {
 }
 
 impl ComparedRun {
-    /// One of [`settings`]; `None` where it means nothing to the run.
+    /// One of [`settings`]; `None` if it has no meaning for the run.
     pub(crate) fn setting(&self, key: &str) -> Option<&Setting> {
         self.eval.settings.iter().find(|setting| setting.key == key)
     }
 
-    /// Its measurements in the order they were made.
+    /// Its measurements, in order.
     pub(crate) fn measurements(&self) -> &[Evaluation] {
         &self.eval.evaluations
     }
 }
 
-/// Whether every measurement knows its processor time. Then that is what accuracy costs, because other work on the machine
-/// does not change it; otherwise wall-clock time is.
+/// Whether every measurement has its processor time. Then that is the cost, because other work on the machine does not change it;
+/// otherwise wall-clock time is.
 pub(crate) fn by_cpu(runs: &[ComparedRun]) -> bool {
     runs.iter().flat_map(ComparedRun::measurements).all(|e| e.cost.cpu_seconds.is_some())
 }
 
-/// What a measurement cost, seconds.
+/// The cost of a measurement, seconds.
 pub(crate) fn seconds(evaluation: &Evaluation, cpu: bool) -> f64 {
     evaluation.cost.cpu_seconds.filter(|_| cpu).unwrap_or(evaluation.cost.seconds)
 }
 
-/// For each point (cost, quality) whether no other is at least as cheap and at least as good, and better in one of the two.
-/// Points that are not finite are never on the front.
+/// For each point (cost, quality), whether no other is at least as cheap and at least as good, and better in one of the two. Points
+/// that are not finite are never on the front.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
     let finite = |(x, y): (f64, f64)| x.is_finite() && y.is_finite();
     let beats = |a: (f64, f64), b: (f64, f64)| finite(a) && a.0 <= b.0 && a.1 >= b.1 && a != b;

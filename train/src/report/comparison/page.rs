@@ -16,7 +16,7 @@ use crate::run::outputs::MARK;
 /// Largest report, bytes: its pictures are in it.
 const PAGE_MAX: u64 = 1 << 30;
 
-/// The charts as one SVG, one below the other; the command that made them is in its description.
+/// The charts as one SVG, one below the other; the SVG's description is the command that made them.
 pub fn stacked(panels: &Panels, command: &str) -> String {
     let (width, height) = SIZE;
     let mut svg = format!(
@@ -53,8 +53,8 @@ pub fn page(title: &str, panels: &Panels, table: &Table, warnings: &[String], co
     )
 }
 
-/// Puts the comparison into the report.html of a run, in place of an earlier one, and keeps it beside it, so that it is
-/// there again when the report is written anew.
+/// Puts the comparison into the report.html of a run, in place of an earlier one, and saves it beside it, so that a new report
+/// contains it too.
 ///
 /// # Errors
 /// When the run has no report, or a file cannot be written.

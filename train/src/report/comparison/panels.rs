@@ -1,4 +1,4 @@
-//! What the charts of a comparison show: accuracy against seconds and against count, points told apart by what differs.
+//! The charts of a comparison: accuracy against seconds and against count, with labels and colours for the settings that differ.
 
 use std::collections::BTreeSet;
 
@@ -7,13 +7,13 @@ use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::report::scatter::{COLORS, Dot, Scatter};
 use crate::run::evaluate::Evaluation;
 
-/// Runs up to which every one has its label; of more, those on the front do.
+/// Largest number of runs that are all labelled; of more, those on the front are.
 const LABELLED: usize = 24;
 
-/// Counts closer together than this share are one, and a chart over them shows nothing.
+/// Counts that differ by less than this share are equal, and a chart over them would show nothing.
 const SAME_COUNT: f64 = 0.05;
 
-/// The charts, and what their points and colours mean.
+/// The charts, and the meaning of their points and colours.
 #[derive(Debug)]
 pub struct Panels {
     /// The charts.
@@ -23,8 +23,8 @@ pub struct Panels {
 type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
 
 impl Panels {
-    /// Moving parts first, where they were measured, then whole images; each against seconds, and against the number of
-    /// Gaussians where that differs.
+    /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the number of
+    /// Gaussians if that differs.
     pub fn new(runs: &[ComparedRun]) -> Self {
         let cpu = by_cpu(runs);
         let marks = Marks::new(runs);
@@ -55,22 +55,22 @@ fn counts_differ(runs: &[ComparedRun]) -> bool {
     high > low * (1.0 + SAME_COUNT)
 }
 
-/// How points are told apart.
+/// Colours and labels of the points.
 #[derive(Debug)]
 struct Marks {
     /// Index into the colours by run.
     colors: Vec<usize>,
     /// Label by run.
     labels: Vec<String>,
-    /// What each colour in use means; empty when there is one.
+    /// The meaning of each colour in use; empty for a single colour.
     legend: Vec<(String, usize)>,
-    /// What all runs have in common.
+    /// Settings that are equal in all runs.
     note: String,
 }
 
 impl Marks {
-    /// Colour says the first of [`settings`] in which the runs differ, the label says the others. Where that does not tell
-    /// runs apart, their names do.
+    /// The colour stands for the first of [`settings`] in which the runs differ, the label for the others. If those do not
+    /// distinguish the runs, their names do.
     fn new(runs: &[ComparedRun]) -> Self {
         let values = |key: &str| {
             let mut values: Vec<&str> = runs
@@ -79,7 +79,7 @@ impl Marks {
                 .collect::<BTreeSet<_>>()
                 .into_iter()
                 .collect();
-            // Numbers by size, not by spelling.
+            // Numbers are sorted by value, not by spelling.
             values.sort_by_key(|value| value.parse::<usize>().unwrap_or(0));
             values
         };
@@ -88,7 +88,7 @@ impl Marks {
         let colored = differing.iter().copied().find(|key| values(key).len() < COLORS.len());
         let colors = runs.iter().map(|run| match colored {
             None => 0,
-            // A run to which the setting means nothing has the last colour, which no value takes.
+            // A run for which the setting has no meaning has the last colour, which no value has.
             Some(key) => run
                 .setting(key)
                 .and_then(|setting| values(key).iter().position(|v| *v == setting.value))
@@ -155,7 +155,7 @@ impl Marks {
     }
 }
 
-/// What all runs have in common of [`settings`], and in which other keys they differ.
+/// The [`settings`] that all runs share, and the other keys in which they differ.
 fn note(runs: &[ComparedRun]) -> String {
     let settings = settings(runs);
     let common = settings.iter().filter_map(|(_, key)| {
@@ -202,7 +202,7 @@ mod tests {
         ];
         let marks = Marks::new(&runs);
         assert_eq!(marks.legend, [("integrate".to_string(), 0), ("no blur model".to_string(), 1)]);
-        // Instants mean nothing without a blur model, so there the colour's own words are the label.
+        // The number of instants has no meaning without a blur model, so the colour's own label is used.
         assert_eq!(marks.labels, ["N 15", "N 7", "no blur model"]);
         assert_eq!(marks.note, "all: cap 100k");
         let numbers = Marks::new(&runs[..2]);

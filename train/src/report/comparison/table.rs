@@ -11,25 +11,25 @@ use crate::report::html::escaped;
 use crate::run::evaluate::Evaluation;
 use crate::run::memory::megabytes;
 
-/// Further keys of the configuration that are shown where runs differ in them; a longer list is no table any more.
+/// Most further keys of the configuration shown as columns; more would not be readable.
 const FURTHER: usize = 8;
 
-/// Sections that change nothing about what a run learns.
+/// Sections that do not change what a run learns.
 const ASIDE: [&str; 2] = ["checkpoint.", "eval."];
 
-/// Names of columns and rows of cells. Columns in which no row has anything are left out.
+/// Names of columns and rows of cells. Columns without any content are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Cells, empty where there is nothing to say.
+    /// Cells; empty without a value.
     pub rows: Vec<Vec<String>>,
-    /// Where each row's run has its report, from the folder of the page; empty without links.
+    /// Path of each row's report, from the folder of the page; empty without links.
     links: Vec<String>,
 }
 
 impl Table {
-    /// Every measurement of every run. The front is that of moving parts where they were measured, and of whole images.
+    /// Every measurement of every run, with a front for moving parts, if they were measured, and one for whole images.
     pub fn new(runs: &[ComparedRun]) -> Self {
         let cpu = by_cpu(runs);
         let further = further_keys(runs);
@@ -71,7 +71,7 @@ impl Table {
         Self { rows: rows.collect(), columns, links: Vec::new() }.without_empty_columns()
     }
 
-    /// With each run's name leading to its report, `name/report.html` from where the page is.
+    /// Links each run's name to its report, `name/report.html` from the folder of the page.
     pub fn linked(self, runs: &[ComparedRun]) -> Self {
         let links = runs.iter().flat_map(|run| {
             let link = format!("{}/report.html", run.folder.name());
@@ -157,7 +157,7 @@ impl Table {
 /// A column's cell for a measurement.
 type Measure = Box<dyn Fn(&Evaluation) -> Option<String>>;
 
-/// Name and cells of everything that was measured: image quality, whole and by region, cost, size, figures of the methods.
+/// Name and cells of every measured quantity: image quality, whole and by region, cost, size, figures of the methods.
 fn measures(all: &[&Evaluation]) -> Vec<(String, Measure)> {
     let mut regions: Vec<String> = all.iter().flat_map(|e| e.measured.quality.regions.keys().cloned()).collect();
     regions.sort();
@@ -203,7 +203,7 @@ fn measures(all: &[&Evaluation]) -> Vec<(String, Measure)> {
     columns
 }
 
-/// Keys beside [`settings`] in which the runs differ; none when they are too many for a table.
+/// Keys other than [`settings`] in which the runs differ; none if they are too many for a table.
 fn further_keys(runs: &[ComparedRun]) -> Vec<String> {
     let settings = settings(runs);
     let differing = differing_keys(runs);

@@ -1,4 +1,4 @@
-//! Runs made by hand, for tests.
+//! Hand-made runs for tests.
 
 use super::ComparedRun;
 use crate::fit::method::MOVING;
