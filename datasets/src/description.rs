@@ -12,6 +12,7 @@ use crate::findings::Findings;
 use crate::names::{self, some_names};
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
 use crate::pixels::Behind;
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::{PointCloud, SceneFormat};
 use crate::statistics::mean;
@@ -80,8 +81,9 @@ fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawF
     });
     if !repeated.is_empty() {
         findings.warn(format!(
-            "{} frames are listed more than once; the first of each was kept ({})",
-            repeated.len(),
+            "{} {} listed more than once; the first of each was kept ({})",
+            counted(repeated.len(), "frame"),
+            agree(repeated.len(), "is", "are"),
             some_names(&repeated)
         ));
     }

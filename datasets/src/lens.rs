@@ -6,6 +6,7 @@ use std::path::Path;
 use crate::error::DatasetError;
 use crate::frame::Intrinsics;
 use crate::names::some_names;
+use crate::plural::counted;
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.
@@ -63,10 +64,10 @@ pub(crate) struct Resolved {
 pub(crate) fn off_photo_warning(scene: &Path, views: &[&str]) -> Option<String> {
     (!views.is_empty()).then(|| {
         format!(
-            "{}: the principal point (cx, cy) of {} views is not inside the photo; if the intrinsics are for photos of another size, \
+            "{}: the principal point (cx, cy) of {} is not inside the photo; if the intrinsics are for photos of another size, \
              w and h must say which ({})",
             scene.display(),
-            views.len(),
+            counted(views.len(), "view"),
             some_names(views)
         )
     })

@@ -14,6 +14,7 @@ use crate::log::Log;
 use crate::mask;
 use crate::names::some_names;
 use crate::options::LoadOptions;
+use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
 use crate::scene::{Scene, Split};
 use crate::statistics::range;
@@ -81,10 +82,11 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
     let rescaled: Vec<&ViewNote> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
     if let Some(ViewNote { name, rescaled: Some(declared), size: actual, .. }) = rescaled.first() {
         findings.warn(format!(
-            "{}: the images of {} views have another size than their intrinsics, which were rescaled \
-             ({name}: declared {} x {}, found {} x {})",
+            "{}: {} {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, found {} \
+             x {})",
             path.display(),
-            rescaled.len(),
+            counted(rescaled.len(), "view"),
+            agree(rescaled.len(), "has", "have"),
             declared.0,
             declared.1,
             actual.0,
@@ -96,9 +98,9 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
     let blank: Vec<&str> = notes.iter().filter(|note| note.is_blank).map(|note| note.name.as_str()).collect();
     if !blank.is_empty() {
         findings.warn(format!(
-            "{}: no pixel counts in {} views, by their masks or their lens distortion ({})",
+            "{}: no pixel counts in {}, by their masks or their lens distortion ({})",
             path.display(),
-            blank.len(),
+            counted(blank.len(), "view"),
             some_names(&blank)
         ));
     }

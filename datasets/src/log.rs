@@ -15,6 +15,7 @@ use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{Intrinsics, View};
 use crate::options::LoadOptions;
+use crate::plural::counted;
 use crate::printable::{printable, shown};
 use crate::raw::RawFrame;
 use crate::scene::{PointCloud, SceneFormat, Split};
@@ -103,7 +104,7 @@ impl Log {
         let description = Description::of(raw, path, options, &mut findings);
         let plan = split::plan(&description.frames, &options.holdout, options.splits, path)?;
         let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
-        tracing::info!("{}: {} training views, {}", shown(path), plan.train.len(), printable(&held_out));
+        tracing::info!("{}: {}, {}", shown(path), counted(plan.train.len(), "training view"), printable(&held_out));
         Ok((Self::of(description, &plan, path, options), findings))
     }
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::error::DatasetError;
 use crate::guarded;
+use crate::plural::{agree, counted};
 use crate::raw::RawPoints;
 
 /// Colour of points without one: mid grey.
@@ -159,8 +160,13 @@ fn read_binary(data: &[u8], header: &Header, path: &Path, add: &mut Add) -> Resu
         return Err(DatasetError::malformed(
             path,
             format!("byte {}", header.end),
-            format!("{} vertices of {stride} bytes", header.vertices),
-            format!("{} bytes up to the end of the file", data.len()),
+            format!(
+                "{} {} of {}",
+                header.vertices,
+                agree(header.vertices, "vertex", "vertices"),
+                counted(stride, "byte")
+            ),
+            format!("{} up to the end of the file", counted(data.len(), "byte")),
         ));
     }
     let mut row = Vec::with_capacity(header.properties.len());

@@ -6,6 +6,7 @@ use std::path::Path;
 use crate::consistency;
 use crate::error::DatasetError;
 use crate::options::{DEFAULT_HOLDOUT, Holdout, SplitUse};
+use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 use crate::scene::{self, Split};
 
@@ -53,7 +54,7 @@ impl SplitPlan {
             let is_kept = Some(index) == kept;
             index += 1;
             if !is_kept {
-                self.rule = format!("{}; {} {name} views left out", self.rule, list.len());
+                self.rule = format!("{}; {} left out", self.rule, counted(list.len(), &format!("{name} view")));
             }
             is_kept
         });
@@ -90,13 +91,13 @@ pub(crate) fn plan(
             }
             let is_held = |index: &usize| names.iter().any(|name| is_named(&frames[*index], name));
             let (test, train) = (0..frames.len()).partition(is_held);
-            SplitPlan::of(train, test, format!("{} views held out by name", names.len()))
+            SplitPlan::of(train, test, format!("{} held out by name", counted(names.len(), "view")))
         }
     };
     if plan.train.is_empty() {
         return Err(DatasetError::NoTrainingViews {
             path: scene.to_path_buf(),
-            found: format!("{} held-out views ({})", plan.held_out_frames().count(), plan.rule),
+            found: format!("{} ({})", counted(plan.held_out_frames().count(), "held-out view"), plan.rule),
         });
     }
     if splits == SplitUse::Reported {

@@ -1,6 +1,6 @@
 //! One mask of moving pixels per training view: given by the data set or inferred from the photos.
 
-use gs_datasets::{Scene, View, some_names};
+use gs_datasets::{Scene, View, agree, counted, some_names};
 
 use crate::camera_masks::{FRAMES_MIN, camera_masks};
 use crate::cameras::static_cameras;
@@ -74,7 +74,11 @@ pub fn moving_masks(scene: &Scene, source: MaskSource, options: &MaskOptions) ->
     let missing = found.masks.iter().any(Option::is_none);
     if source == MaskSource::Given && missing {
         let count = found.masks.iter().filter(|mask| mask.is_none()).count();
-        found.warnings.push(format!("{count} of {} training views have no mask of moving objects", views.len()));
+        found.warnings.push(format!(
+            "{count} of {} {} no mask of moving objects",
+            counted(views.len(), "training view"),
+            agree(count, "has", "have")
+        ));
     } else if source != MaskSource::Given && missing {
         infer(views, options, &mut found);
     }
@@ -103,7 +107,9 @@ fn take_given(views: &[View], found: &mut MovingMasks) {
         }
     }
     if misfits > 0 {
-        found.warnings.push(format!("masks of {misfits} training views have another size than the photo; left out"));
+        found
+            .warnings
+            .push(format!("masks of {} have another size than the photo; left out", counted(misfits, "training view")));
     }
 }
 
@@ -129,18 +135,19 @@ fn infer(views: &[View], options: &MaskOptions, found: &mut MovingMasks) {
     }
     if !noisy.is_empty() {
         found.warnings.push(format!(
-            "more than half of the picture changes from frame to frame in {} cameras ({}), so masks miss most \
+            "more than half of the picture changes from frame to frame in {} ({}), so masks miss most \
              motion: are the cameras fixed, is the light steady?",
-            noisy.len(),
+            counted(noisy.len(), "camera"),
             some_names(&noisy)
         ));
     }
     if !without.is_empty() {
         found.warnings.push(format!(
-            "{} of {} training views have no mask of moving objects and none could be inferred: that takes at \
-             least {FRAMES_MIN} photos of one size from a static camera",
+            "{} of {} {} no mask of moving objects and none could be inferred: that takes at least {FRAMES_MIN} photos of one \
+             size from a static camera",
             without.len(),
-            views.len()
+            counted(views.len(), "training view"),
+            agree(without.len(), "has", "have")
         ));
     }
 }

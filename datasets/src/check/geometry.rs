@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use crate::formats::colmap::model::Model;
 use crate::lens::Lens;
+use crate::plural::{agree, counted};
 use crate::pose;
 use crate::raw::{RawFrame, RawPoints};
 use crate::statistics::mean;
@@ -25,8 +26,11 @@ impl fmt::Display for Reprojection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "Points reproject with an error of {:.3} pixels (median; mean {:.3}, the model says {:.3}) over {} observations.",
-            self.median, self.mean, self.stored_mean, self.observations
+            "Points reproject with an error of {:.3} pixels (median; mean {:.3}, the model says {:.3}) over {}.",
+            self.median,
+            self.mean,
+            self.stored_mean,
+            counted(self.observations, "observation")
         )
     }
 }
@@ -91,7 +95,9 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
     let low = points.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = points.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let places = decimals((high - low).max_element());
-    format!("{} points to start from lie between {low:.places$} and {high:.places$}.", points.positions.len())
+    let count = points.positions.len();
+    let lie = agree(count, "lies", "lie");
+    format!("{} to start from {lie} between {low:.places$} and {high:.places$}.", counted(count, "point"))
 }
 
 /// How far cameras stand apart and whether they look at something together.

@@ -8,6 +8,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::lens::off_photo_warning;
 use crate::mask;
+use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
 
@@ -40,14 +41,23 @@ pub(super) fn describe(
     for ((width, height), count) in sizes.iter().take(5) {
         let (w, h) = decoder.target((*width, *height));
         let loaded = if (w, h) == (*width, *height) { String::new() } else { format!(", loaded at {w} x {h}") };
-        report.facts.push(format!("{count} images are {width} x {height} pixels{loaded}."));
+        report.facts.push(format!(
+            "{} {} {width} x {height} pixels{loaded}.",
+            counted(*count, "image"),
+            agree(*count, "is", "are")
+        ));
     }
     if sizes.len() > 5 {
-        report.facts.push(format!("There are {} more image sizes.", sizes.len() - 5));
+        report.facts.push(format!(
+            "There {} {} more.",
+            agree(sizes.len() - 5, "is", "are"),
+            counted(sizes.len() - 5, "image size")
+        ));
     }
     let rescaled = decoded.iter().filter(|value| value.rescaled.is_some()).count();
     if rescaled > 0 {
-        findings.warn(format!("the intrinsics of {rescaled} views are for another size and will be rescaled"));
+        findings
+            .warn(format!("the intrinsics of {} are for another size and will be rescaled", counted(rescaled, "view")));
     }
     let off_photo: Vec<&str> =
         decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
@@ -69,11 +79,15 @@ pub(super) fn describe(
     let distorted = frames.iter().filter(|(frame, _)| !frame.lens.distortion.is_none()).count();
     report.facts.push(match distorted {
         0 => "No lens distortion is declared.".to_string(),
-        _ => format!("{distorted} images have a lens distortion, which is removed at load."),
+        _ => format!(
+            "{} {} a lens distortion, which is removed at load.",
+            counted(distorted, "image"),
+            agree(distorted, "has", "have")
+        ),
     });
     let masked = frames.iter().filter(|(frame, _)| !frame.masks.is_empty()).count();
     if masked > 0 {
-        report.facts.push(format!("{masked} images have masks."));
+        report.facts.push(format!("{} {} masks.", counted(masked, "image"), agree(masked, "has", "have")));
     }
     report.blank = decoded.iter().filter(|value| value.is_blank).count();
     let shares = decoded.iter().filter_map(|value| value.masked).collect();

@@ -14,6 +14,7 @@ use crate::findings::Findings;
 use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
 use crate::names::some_names;
 use crate::options::LoadOptions;
+use crate::plural::{agree, counted};
 use crate::printable::printable;
 use crate::raw::{RawFrame, SplitName};
 use crate::split;
@@ -97,9 +98,12 @@ fn fill(
     let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
     report.train = train.len();
     report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), list.len())).collect();
+    let training = format!("{} {}", counted(report.train, "view"), agree(report.train, "trains", "train"));
     report.facts.push(match held_out.len() {
-        0 => format!("{} views train, none is held out: {}.", report.train, plan.rule),
-        count => format!("{} views train, {count} are held out ({}): {}.", report.train, plan.counts(), plan.rule),
+        0 => format!("{training}, none is held out: {}.", plan.rule),
+        count => {
+            format!("{training}, {count} {} held out ({}): {}.", agree(count, "is", "are"), plan.counts(), plan.rule)
+        }
     });
     consistency::compare_splits(&train, &held_out, path).iter().for_each(|sentence| findings.warn(sentence));
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
@@ -132,15 +136,21 @@ fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
     let by = if cameras.is_empty() {
         String::new()
     } else {
-        format!(" by {} cameras ({})", cameras.len(), some_names(&cameras))
+        format!(" by {} ({})", counted(cameras.len(), "camera"), some_names(&cameras))
     };
     report.facts.push(format!(
-        "{} views have a time, {} different ones from {low} to {high}{by}.",
-        times.len(),
-        sorted.len()
+        "{} {} a time, {} different {} from {low} to {high}{by}.",
+        counted(times.len(), "view"),
+        agree(times.len(), "has", "have"),
+        sorted.len(),
+        agree(sorted.len(), "one", "ones")
     ));
     if let Some((cameras, still)) = consistency::static_cameras(frames) {
-        report.facts.push(format!("{still} of {cameras} cameras with several times are static."));
+        report.facts.push(format!(
+            "{still} of {} with several times {} static.",
+            counted(cameras, "camera"),
+            agree(still, "is", "are")
+        ));
     }
     describe_exposure(frames, report);
 }
@@ -157,5 +167,5 @@ fn describe_exposure(frames: &[RawFrame], report: &mut CheckReport) {
     let of = |value: f64| consistency::interval_of(frames).map(|interval| value / interval);
     let share = of(high).map_or_else(String::new, |share| format!(", {share:.2} of the frame interval"));
     let value = if high > low { format!("{low} to {high}") } else { high.to_string() };
-    report.facts.push(format!("The exposure of {} views is {value}{share}.", exposures.len()));
+    report.facts.push(format!("The exposure of {} is {value}{share}.", counted(exposures.len(), "view")));
 }

@@ -8,6 +8,7 @@ use glam::{DMat3, DMat4, DVec3};
 use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
 use crate::names::some_names;
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::statistics::{mean, median};
 use crate::subject::subject;
@@ -54,7 +55,11 @@ pub(super) fn name_by_pose(frames: &mut [RawFrame], findings: &mut Findings) {
     for (frame, group) in frames.iter_mut().zip(group_of) {
         frame.camera_id = Some(format!("pose{group:02}"));
     }
-    findings.fact(format!("No camera is named; {} were told apart by their poses.", groups.len()));
+    findings.fact(format!(
+        "No camera is named; {} {} told apart by their poses.",
+        groups.len(),
+        agree(groups.len(), "was", "were")
+    ));
 }
 
 /// More camera poses than any rig has.
@@ -120,10 +125,11 @@ pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Find
         names.into_iter().zip(&positions).filter(|(_, position)| is_stray(position)).map(|(name, _)| name).collect();
     if !strays.is_empty() {
         findings.warn(format!(
-            "{}: {} cameras stand more than {STRAY} times as far away as half of all do ({}); are their poses right? Learning \
-             rates follow the cameras' spread, and so will be far too high",
+            "{}: {} {} more than {STRAY} times as far away as half of all do ({}); are their poses right? Learning rates follow \
+             the cameras' spread, and so will be far too high",
             scene.display(),
-            strays.len(),
+            counted(strays.len(), "camera"),
+            agree(strays.len(), "stands", "stand"),
             some_names(&strays)
         ));
     }
@@ -157,24 +163,27 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     let scene_name = scene.display();
     if !moved.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} cameras change their pose over time ({}); blur from their own motion is not modelled, and \
-             what moves cannot be told from their photos alone",
-            moved.len(),
+            "{scene_name}: {} {} pose over time ({}); blur from their own motion is not modelled, and what moves cannot be told \
+             from their photos alone",
+            counted(moved.len(), "camera"),
+            agree(moved.len(), "changes its", "change their"),
             some_names(&moved)
         ));
     }
     if !zoomed.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} cameras change their intrinsics over time ({})",
-            zoomed.len(),
+            "{scene_name}: {} {} intrinsics over time ({})",
+            counted(zoomed.len(), "camera"),
+            agree(zoomed.len(), "changes its", "change their"),
             some_names(&zoomed)
         ));
     }
     if !disagree.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} cameras have another pose or other intrinsics in the test set than in the training set \
-             ({}); figures on them will be low",
-            disagree.len(),
+            "{scene_name}: {} {} another pose or other intrinsics in the test set than in the training set ({}); figures on them \
+             will be low",
+            counted(disagree.len(), "camera"),
+            agree(disagree.len(), "has", "have"),
             some_names(&disagree)
         ));
     }
@@ -211,10 +220,12 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
         let names: Vec<&str> = test.iter().copied().filter(strange).map(|frame| frame.name.as_str()).collect();
         if !names.is_empty() {
             findings.warn(format!(
-                "{}: {} held-out views turn their back on what all training cameras look at, or stand more than {FAR_RATIO} \
-                 times nearer or farther ({}); do both sets use one world and one convention?",
+                "{}: {} {} back on what all training cameras look at, or {} more than {FAR_RATIO} times nearer or farther ({}); do \
+                 both sets use one world and one convention?",
                 scene.display(),
-                names.len(),
+                counted(names.len(), "held-out view"),
+                agree(names.len(), "turns its", "turn their"),
+                agree(names.len(), "stands", "stand"),
                 some_names(&names)
             ));
         }

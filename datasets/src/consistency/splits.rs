@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::timing::interval_of;
 use crate::names::some_names;
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::side_files::Kind;
 use crate::statistics::{median, range};
@@ -39,8 +40,10 @@ pub(crate) fn without_time<'a>(train: &[&'a RawFrame], held_out: &[&'a RawFrame]
 
 fn timeless(train: &[&RawFrame], held_out: &[&RawFrame]) -> Option<String> {
     let names = without_time(train, held_out);
-    (!names.is_empty())
-        .then(|| format!("{} views have no time although others do ({})", names.len(), some_names(&names)))
+    (!names.is_empty()).then(|| {
+        let (views, have) = (counted(names.len(), "view"), agree(names.len(), "has", "have"));
+        format!("{views} {have} no time although others do ({})", some_names(&names))
+    })
 }
 
 /// Paths are fitted to training times; away from them they go anywhere.
@@ -55,10 +58,11 @@ fn outside(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Option<
     }
     let (first, last) = range(held_out.iter().filter_map(|frame| frame.time))?;
     Some(format!(
-        "{}: {} held-out views were taken outside the times of the training views ({}; held out from {first} to {last}, \
+        "{}: {} {} taken outside the times of the training views ({}; held out from {first} to {last}, \
          training from {low} to {high}); what moves is not known there, and figures on them will be low",
         scene.display(),
-        names.len(),
+        counted(names.len(), "held-out view"),
+        agree(names.len(), "was", "were"),
         some_names(&names)
     ))
 }
@@ -73,9 +77,11 @@ fn blurry_truth(held_out: &[&RawFrame], scene: &Path) -> Option<String> {
     let count = held_out.iter().filter(is_blurry).count();
     (count > 0).then(|| {
         format!(
-            "{}: {count} held-out photos are as blurry as those that train, and no sharp image of them is there; figures on them say \
-             how blurry a rendering is, not how sharp",
-            scene.display()
+            "{}: {} {} as blurry as those that train, and no sharp image of them is there; figures on them say how blurry a \
+             rendering is, not how sharp",
+            scene.display(),
+            counted(count, "held-out photo"),
+            agree(count, "is", "are")
         )
     })
 }

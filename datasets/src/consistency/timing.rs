@@ -8,6 +8,7 @@ use crate::findings::Findings;
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::order::natural;
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::statistics::median;
 
@@ -63,9 +64,11 @@ pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &
     let mut drop = drop.into_iter();
     frames.retain(|_| !drop.next().unwrap_or(false));
     findings.warn(format!(
-        "{}: times repeat: {} photos have the camera and time of an earlier one and are left out ({})",
+        "{}: times repeat: {} {} the camera and time of an earlier one and {} left out ({})",
         scene.display(),
-        pairs.len(),
+        counted(pairs.len(), "photo"),
+        agree(pairs.len(), "has", "have"),
+        agree(pairs.len(), "is", "are"),
         some_names(&pairs)
     ));
 }
@@ -91,9 +94,9 @@ pub(super) fn find_backward(frames: &[RawFrame], scene: &Path, findings: &mut Fi
     if !pairs.is_empty() {
         pairs.sort_by(|a, b| natural(a, b));
         findings.warn(format!(
-            "{}: times run backwards in {} places although file names go on; they are used as written ({})",
+            "{}: times run backwards in {} although file names go on; they are used as written ({})",
             scene.display(),
-            pairs.len(),
+            counted(pairs.len(), "place"),
             some_names(&pairs)
         ));
     }
@@ -141,9 +144,9 @@ pub(super) fn settle_exposures(frames: &mut [RawFrame], scene: &Path, options: &
     ];
     for (names, why) in sentences.into_iter().filter(|(names, _)| !names.is_empty()) {
         findings.warn(format!(
-            "{}: the exposure of {} views {why}; it is left out and counts as unknown ({})",
+            "{}: the exposure of {} {why}; it is left out and counts as unknown ({})",
             scene.display(),
-            names.len(),
+            counted(names.len(), "view"),
             some_names(&names)
         ));
     }

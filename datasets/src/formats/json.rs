@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 
 use crate::error::DatasetError;
 use crate::guarded;
+use crate::plural::counted;
 
 /// Reads a JSON file whose top level is an object.
 pub(crate) fn read(path: &Path) -> Result<Map<String, Value>, DatasetError> {
@@ -58,7 +59,7 @@ pub(crate) fn kind(value: &Value) -> String {
         Value::Number(value) => value.to_string(),
         Value::String(value) => format!("{:?}", value.chars().take(40).collect::<String>()),
         Value::Array(values) => format!("a list of {}", values.len()),
-        Value::Object(values) => format!("an object with {} keys", values.len()),
+        Value::Object(values) => format!("an object with {}", counted(values.len(), "key")),
     }
 }
 

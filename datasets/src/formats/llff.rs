@@ -21,6 +21,7 @@ use crate::guarded;
 use crate::lens::{Distortion, Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
+use crate::plural::counted;
 use crate::printable::printable;
 use crate::priors::{npy, sources};
 use crate::raw::{RawFrame, RawScene, SplitName};
@@ -111,7 +112,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
         }
     }
     if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none for {} poses", rows.len());
+        let found = format!("none for {}", counted(rows.len(), "pose"));
         return Err(DatasetError::NoFrames { path: poses.folder.clone(), found });
     }
     // Which masks a folder holds is not said anywhere; in a set of frames over time they mark what moves.
@@ -145,8 +146,8 @@ fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, Datase
         return Err(DatasetError::NoFrames { path, found });
     }
     if poses.cameras.len() != rows {
-        let found = format!("{} folders named {CAMERA_PREFIX}*", poses.cameras.len());
-        let expected = format!("one camera folder for each of {rows} poses");
+        let found = format!("{} named {CAMERA_PREFIX}*", counted(poses.cameras.len(), "folder"));
+        let expected = format!("one camera folder for each of {}", counted(rows, "pose"));
         return Err(DatasetError::malformed(&poses.path, "rows", expected, found));
     }
     let mut stems: Vec<String> = found.iter().flatten().map(|path| stem(path)).collect();
@@ -194,8 +195,8 @@ fn still_photos(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, Dataset
     let folder = poses.folder.join("images");
     let found: Vec<PathBuf> = sorted(&folder).into_iter().filter(|path| has_extension(path, &IMAGES)).collect();
     if found.len() != rows {
-        let count = format!("{} images in {}", found.len(), folder.display());
-        let expected = format!("folders {CAMERA_PREFIX}00 and on, or one image for each of {rows} poses");
+        let count = format!("{} in {}", counted(found.len(), "image"), folder.display());
+        let expected = format!("folders {CAMERA_PREFIX}00 and on, or one image for each of {}", counted(rows, "pose"));
         return Err(DatasetError::malformed(&poses.path, "rows", expected, count));
     }
     let photo = |(row, path)| FrameFile { path, row, time: None, camera: None, split: None };

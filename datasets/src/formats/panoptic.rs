@@ -20,6 +20,7 @@ use crate::lens::{Distortion, Focal, Lens};
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
+use crate::plural::{agree, counted};
 use crate::printable::printable;
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
@@ -109,9 +110,11 @@ pub(crate) fn read(
     }
     if !missing.is_empty() {
         findings.warn(format!(
-            "{}: {} images do not exist; their frames were left out ({})",
+            "{}: {} {} not exist; {} left out ({})",
             files.scene.display(),
-            missing.len(),
+            counted(missing.len(), "image"),
+            agree(missing.len(), "does", "do"),
+            agree(missing.len(), "its frame was", "their frames were"),
             some_names(&missing)
         ));
     }
@@ -119,7 +122,7 @@ pub(crate) fn read(
         findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
     }
     if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of {} images", missing.len());
+        let found = format!("none of {}", counted(missing.len(), "image"));
         return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
     }
     let kinds = [Kind::Depth, Kind::Sharp];

@@ -6,6 +6,7 @@ use crate::findings::Findings;
 use crate::guarded;
 use crate::names;
 use crate::options::PriorUse;
+use crate::plural::{agree, counted};
 use crate::raw::RawFrame;
 use crate::side_files::{Kind, SideFile};
 
@@ -93,7 +94,13 @@ pub(crate) fn search(
 /// Says what a side folder is taken for. Pseudo-sharp images are warned about, because a folder of that name may also
 /// hold the truth, and what trains on the truth proves nothing.
 fn report(kind: Kind, folder: &Path, file: &Path, found: usize, findings: &mut Findings) {
-    let sentence = format!("{}: {found} files of {} are read as {kind}", file.display(), folder.display());
+    let sentence = format!(
+        "{}: {} of {} {} read as {kind}",
+        file.display(),
+        counted(found, "file"),
+        folder.display(),
+        agree(found, "is", "are")
+    );
     if kind == Kind::Sharp {
         findings.warn(format!("{sentence}, guesses to learn from; if they are the truth, load without this prior"));
     } else {

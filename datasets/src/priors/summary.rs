@@ -8,6 +8,7 @@ use crate::findings::Findings;
 use crate::frame::DepthSpace;
 use crate::mask::SUSPECT_SHARE;
 use crate::names::some_names;
+use crate::plural::{agree, counted};
 use crate::side_files::Kind;
 
 /// One view's files.
@@ -52,9 +53,10 @@ fn left_out(scene: &Path, views: &[Noted], findings: &mut Findings) {
         let of = views.iter().filter(|view| view.trains || !kind.is_prior()).count();
         let detail = if detail.is_empty() { detail } else { format!(": {detail}") };
         findings.warn(format!(
-            "{}: {kind} of {} of {of} views {why}; they are left out ({}{detail})",
+            "{}: {kind} of {} of {} {why}; they are left out ({}{detail})",
             scene.display(),
             names.len(),
+            counted(of, "view"),
             some_names(&names)
         ));
     }
@@ -67,9 +69,10 @@ fn resampled(scene: &Path, views: &[Noted], findings: &mut Findings) {
     }
     for (kind, count) in counts {
         findings.warn(format!(
-            "{}: {kind} of {count} views have another size than their photos, though the same proportions; each pixel \
-             takes the nearest value",
-            scene.display()
+            "{}: {kind} of {} have another size than their photos, though the same proportions; each pixel takes the nearest \
+             value",
+            scene.display(),
+            counted(count, "view")
         ));
     }
 }
@@ -83,10 +86,10 @@ fn guessed(scene: &Path, views: &[Noted], findings: &mut Findings) {
         .collect();
     if let Some(first) = spaces.first() {
         findings.warn(format!(
-            "{}: nothing says what the depth files of {} views mean (key `depth_kind`); they are taken for {}, up to \
+            "{}: nothing says what the depth files of {} mean (key `depth_kind`); they are taken for {}, up to \
              scale and shift",
             scene.display(),
-            spaces.len(),
+            counted(spaces.len(), "view"),
             describe(*first)
         ));
     }
@@ -98,16 +101,16 @@ fn masks(scene: &Path, views: &[Noted], findings: &mut Findings) {
     let empty: Vec<&str> = shares.iter().filter(|(_, share)| *share == 0.0).map(|(name, _)| *name).collect();
     if no_mask_marks_anything(views) {
         findings.warn(format!(
-            "{}: no mask marks a moving pixel in any of {} views; the masks are left out",
+            "{}: no mask marks a moving pixel in any of {}; the masks are left out",
             scene.display(),
-            shares.len()
+            counted(shares.len(), "view")
         ));
     } else if !empty.is_empty() {
         findings.warn(format!(
-            "{}: the masks of {} of {} views mark no moving pixel; nothing is taken to move there ({})",
+            "{}: the masks of {} of {} mark no moving pixel; nothing is taken to move there ({})",
             scene.display(),
             empty.len(),
-            shares.len(),
+            counted(shares.len(), "view"),
             some_names(&empty)
         ));
     }
@@ -151,7 +154,7 @@ pub(crate) fn facts(views: &[Noted]) -> Vec<String> {
                 (Kind::Moving, _) => format!(", {:.1} % of the pixels on average", 100.0 * mean),
                 _ => String::new(),
             };
-            format!("{count} views have {kind}{detail}.")
+            format!("{} {} {kind}{detail}.", counted(count, "view"), agree(count, "has", "have"))
         })
         .collect()
 }

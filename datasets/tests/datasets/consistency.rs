@@ -103,7 +103,7 @@ fn a_time_that_repeats_keeps_the_first_photo() {
     let (folder, mut train, test) = set();
     train["frames"][2]["time"] = json!(0.1);
     let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["times repeat: 1 photos", "train/cam00/0002 after train/cam00/0001"]);
+    only_warning(&scene, &["times repeat: 1 photo has", "train/cam00/0002 after train/cam00/0001"]);
     assert_eq!(scene.train.len(), 7);
 }
 
@@ -112,7 +112,7 @@ fn times_that_run_backwards_are_told() {
     let (folder, mut train, test) = set();
     train["frames"][2]["time"] = json!(0.05);
     let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["backwards in 1 places", "train/cam00/0002 at 0.05 after train/cam00/0001 at 0.1"]);
+    only_warning(&scene, &["backwards in 1 place although", "train/cam00/0002 at 0.05 after train/cam00/0001 at 0.1"]);
     assert_eq!(scene.train.len(), 8);
     // frame_10 comes after frame_9, though not in the alphabet.
     let folder = Folder::new();
@@ -131,7 +131,7 @@ fn a_camera_that_moves_is_told() {
     let (folder, mut train, test) = set();
     train["frames"][2]["transform_matrix"][0][3] = json!(0.5);
     let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["1 cameras change their pose over time (cam00)"]);
+    only_warning(&scene, &["1 camera changes its pose over time (cam00)"]);
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn train_and_test_sets_that_disagree_are_told() {
         test["frames"][i]["transform_matrix"] = ring(0);
     }
     let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["1 cameras have another pose or other intrinsics in the test set", "(cam00)"]);
+    only_warning(&scene, &["1 camera has another pose or other intrinsics in the test set", "(cam00)"]);
 
     // The test set in other units.
     let (folder, train, mut test) = set();
@@ -171,7 +171,7 @@ fn a_camera_far_from_all_others_is_named() {
     top["frames"][4]["transform_matrix"][0][3] = json!(1000.0);
     folder.write_json("transforms.json", &top);
     let scene = load(folder.path(), &options).expect("loaded");
-    only_warning(&scene, &["1 cameras stand more than 50 times", "(images/04)"]);
+    only_warning(&scene, &["1 camera stands more than 50 times", "(images/04)"]);
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn held_out_times_beyond_the_training_times_are_told() {
     let (folder, train, mut test) = set();
     test["frames"][3]["time"] = json!(0.5);
     let scene = read(&folder, &train, &test);
-    let parts = ["1 held-out views", "test/cam02/0003", "held out from 0 to 0.5, training from 0 to 0.3"];
+    let parts = ["1 held-out view was", "test/cam02/0003", "held out from 0 to 0.5, training from 0 to 0.3"];
     only_warning(&scene, &parts);
 }
 

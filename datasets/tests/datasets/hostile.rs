@@ -163,7 +163,7 @@ fn a_binary_model_cut_anywhere_names_the_file() {
         }
         let longer: Vec<u8> = whole[i].iter().copied().chain([0]).collect();
         folder.write(&format!("sparse/0/{file}"), longer);
-        assert!(error_of(&folder).contains("1 more bytes"));
+        assert!(error_of(&folder).contains("1 more byte"));
     }
 }
 

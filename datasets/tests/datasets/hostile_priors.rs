@@ -70,7 +70,7 @@ fn arrays_that_are_none() {
     for (what, bytes) in files {
         let (used, warnings) = try_file(&folder, &bytes);
         assert!(!used, "{what}");
-        assert!(warnings.iter().any(|text| text.contains("depth priors of 1 of 1 views")), "{what}: {warnings:?}");
+        assert!(warnings.iter().any(|text| text.contains("depth priors of 1 of 1 view ")), "{what}: {warnings:?}");
     }
     let (used, _) = try_file(&folder, &npy_f32("(6, 8)", &ramp()));
     assert!(used, "the fixture itself is sound");

@@ -15,6 +15,7 @@ mod layouts;
 mod log;
 mod masks;
 mod odd_names;
+mod plural;
 mod poses;
 mod priors;
 mod split;

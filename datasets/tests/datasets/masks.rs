@@ -92,5 +92,5 @@ fn a_view_without_a_pixel_that_counts_is_reported() {
     let (folder, _) = masked();
     folder.grey("masks/00.png", 32, 24, |_, _| 0);
     let (_, warnings) = mask_of(&folder, MaskUse::Auto, None);
-    assert!(warnings.iter().any(|text| text.contains("no pixel counts in 1 views")), "{warnings:?}");
+    assert!(warnings.iter().any(|text| text.contains("no pixel counts in 1 view,")), "{warnings:?}");
 }

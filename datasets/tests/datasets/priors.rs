@@ -237,7 +237,7 @@ fn a_prior_that_cannot_be_used_is_left_out_and_counted() {
     }
     let report = check(folder.path(), &options());
     assert!(report.is_ok() && report.warnings[..4] == warnings, "{report}");
-    assert!(report.to_string().contains("1 views have depth priors, depth, to be aligned"), "{report}");
+    assert!(report.to_string().contains("1 view has depth priors, depth, to be aligned"), "{report}");
 }
 
 #[test]

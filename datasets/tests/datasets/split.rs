@@ -60,7 +60,7 @@ fn the_data_sets_own_lists_win() {
     assert_eq!(split("later"), Some(vec!["images/05"]));
     assert_eq!((split(Split::TRAIN).map(|names| names.len()), split("other")), (Some(3), None));
     assert_eq!(scene.held_out_views().count(), 3);
-    assert!(scene.warnings[0].contains("1 frames are in none"), "{:?}", scene.warnings);
+    assert!(scene.warnings[0].contains("1 frame is in none"), "{:?}", scene.warnings);
     let report = check(folder.path(), &LoadOptions::default()).to_string();
     assert!(report.contains("3 views train, 3 are held out (1 test, 1 validation, 1 later)"), "{report}");
 }

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::model::{Camera, Image, Point, model_by_id};
 use crate::error::DatasetError;
 use crate::guarded;
+use crate::plural::{agree, counted};
 
 /// The id of "no point".
 const NO_POINT: u64 = u64::MAX;
@@ -25,7 +26,10 @@ impl<'a> Bytes<'a> {
     fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8], DatasetError> {
         let rest = self.all.get(self.offset..).unwrap_or_default();
         let taken = rest.get(..count).ok_or_else(|| {
-            self.wrong(format!("{count} bytes ({what})"), format!("{} bytes, then the end", rest.len()))
+            self.wrong(
+                format!("{} ({what})", counted(count, "byte")),
+                format!("{}, then the end", counted(rest.len(), "byte")),
+            )
         })?;
         self.offset += count;
         Ok(taken)
@@ -63,10 +67,10 @@ impl<'a> Bytes<'a> {
         let rest = self.all.len().saturating_sub(self.offset);
         match usize::try_from(count) {
             Ok(count) if count.checked_mul(least).is_some_and(|needed| needed <= rest) => Ok(count),
-            _ => {
-                Err(self
-                    .wrong(format!("{count} {what} of at least {least} bytes"), format!("{rest} bytes up to the end")))
-            }
+            _ => Err(self.wrong(
+                format!("{count} {what} of at least {least} bytes"),
+                format!("{} up to the end", counted(rest, "byte")),
+            )),
         }
     }
 
@@ -86,7 +90,11 @@ impl<'a> Bytes<'a> {
 
     fn end(&self) -> Result<(), DatasetError> {
         let rest = self.all.len().saturating_sub(self.offset);
-        if rest == 0 { Ok(()) } else { Err(self.wrong("the end of the file", format!("{rest} more bytes"))) }
+        if rest == 0 {
+            Ok(())
+        } else {
+            Err(self.wrong("the end of the file", format!("{rest} more {}", agree(rest, "byte", "bytes"))))
+        }
     }
 }
 

@@ -16,6 +16,7 @@ use crate::lens::Lens;
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
 use crate::side_files::{Kind, SideFile, SideFiles};
@@ -163,17 +164,20 @@ pub(crate) fn scene(
     }
     if !missing.is_empty() {
         findings.warn(format!(
-            "{}: {} of {total} images do not exist in {}; they were left out ({})",
+            "{}: {} of {} {} not exist in {}; {} left out ({})",
             images_file.display(),
             missing.len(),
+            counted(total, "image"),
+            agree(missing.len(), "does", "do"),
             image_folder.display(),
+            agree(missing.len(), "it was", "they were"),
             some_names(&missing)
         ));
     }
     if frames.is_empty() && !findings.is_lenient() {
         let found = match total {
             0 => format!("no image in {}", images_file.display()),
-            _ => format!("none of the {total} images in {}", image_folder.display()),
+            _ => format!("none of the {} in {}", counted(total, "image"), image_folder.display()),
         };
         return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
     }

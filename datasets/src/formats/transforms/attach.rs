@@ -14,6 +14,7 @@ use crate::mask::{MaskFile, White};
 use crate::names;
 use crate::names::some_names;
 use crate::options::{DepthKind, LoadOptions, MaskUse};
+use crate::plural::{agree, counted};
 use crate::priors::sources;
 use crate::raw::RawFrame;
 use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};
@@ -90,15 +91,24 @@ pub(super) fn images(
         && missing_masks.len() == found.len()
     {
         let expected = "the masks that all frames name (--set data.masks=ignore: without)";
-        return Err(keys.wrong("mask_path", expected, format!("none of {total} files, {first} among them")));
+        return Err(keys.wrong(
+            "mask_path",
+            expected,
+            format!("none of {}, {first} among them", counted(total, "file")),
+        ));
     }
-    for (list, what) in [(missing, "images"), (missing_masks, "masks")] {
+    for (list, what) in [(missing, "image"), (missing_masks, "mask")] {
         if !list.is_empty() {
-            let effect = if what == "images" { "their frames were left out" } else { "their frames are not masked" };
+            let effect = match what {
+                "image" => agree(list.len(), "its frame was left out", "their frames were left out"),
+                _ => agree(list.len(), "its frame is not masked", "their frames are not masked"),
+            };
             findings.warn(format!(
-                "{}: {} of {total} {what} do not exist; {effect} ({})",
+                "{}: {} of {} {} not exist; {effect} ({})",
                 file.display(),
                 list.len(),
+                counted(total, what),
+                agree(list.len(), "does", "do"),
                 some_names(&list)
             ));
         }

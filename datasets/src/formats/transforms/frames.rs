@@ -10,6 +10,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
+use crate::plural::{agree, counted};
 use crate::pose;
 use crate::printable::printable;
 use crate::priors::sources::{FRAME_KEYS, TRUTH_KEYS};
@@ -41,9 +42,10 @@ pub(super) fn read(top: &Map<String, Value>, file: &Path, findings: &mut Finding
     }
     if let Some((name, scale)) = scaled.first() {
         findings.warn(format!(
-            "{}: the rotations of {} frames have a scale, which was divided out ({scale:.5} in frame {name:?})",
+            "{}: the {} of {} a scale, which was divided out ({scale:.5} in frame {name:?})",
             file.display(),
-            scaled.len()
+            agree(scaled.len(), "rotation", "rotations"),
+            counted(scaled.len(), "frame") + agree(scaled.len(), " has", " have")
         ));
     }
     Ok(entries)

@@ -18,6 +18,7 @@ use crate::frame::CameraPose;
 use crate::names;
 use crate::names::some_names;
 use crate::options::LoadOptions;
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene, SplitName};
 use crate::scene::{SceneFormat, Split};
 use crate::{pixels, ply};
@@ -75,8 +76,11 @@ pub(crate) fn read(
         }
     }
     if scene.frames.is_empty() && !findings.is_lenient() {
-        let found =
-            if listed == 0 { "an empty list of frames".to_string() } else { format!("none of {listed} images") };
+        let found = if listed == 0 {
+            "an empty list of frames".to_string()
+        } else {
+            format!("none of {}", counted(listed, "image"))
+        };
         return Err(DatasetError::NoFrames { path: sources.scene.clone(), found });
     }
     Ok(scene)
@@ -174,9 +178,10 @@ fn assign_splits(
     }
     if !twice.is_empty() {
         findings.fact(format!(
-            "{}: {} frames are in several of the split's lists; each counts once, as training before test before other lists ({}).",
+            "{}: {} {} in several of the split's lists; each counts once, as training before test before other lists ({}).",
             file.display(),
-            twice.len(),
+            counted(twice.len(), "frame"),
+            agree(twice.len(), "is", "are"),
             some_names(&twice)
         ));
     }
@@ -184,11 +189,16 @@ fn assign_splits(
     found.retain(|frame| frame.split.is_some());
     if found.is_empty() && before > 0 {
         let expected = "a list with the file_path of a frame";
-        return Err(keys.wrong("train_filenames", expected, format!("none of the {before} frames")));
+        return Err(keys.wrong("train_filenames", expected, format!("none of the {}", counted(before, "frame"))));
     }
     if found.len() < before {
         let left_out = before - found.len();
-        findings.warn(format!("{}: {left_out} frames are in none of the split's lists and left out", file.display()));
+        findings.warn(format!(
+            "{}: {} {} in none of the split's lists and left out",
+            file.display(),
+            counted(left_out, "frame"),
+            agree(left_out, "is", "are")
+        ));
     }
     Ok(found)
 }
