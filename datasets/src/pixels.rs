@@ -3,7 +3,7 @@
 use std::io::{BufReader, Cursor, Seek};
 use std::path::Path;
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::error::DatasetError;
 use crate::foreign::Foreign;
@@ -16,6 +16,10 @@ const SIDE_MAX: u32 = 65_535;
 
 /// Most memory that decoding one image may take, bytes. Room for 250 megapixels.
 const DECODE_MAX: u64 = 1 << 30;
+
+/// Most decoded bytes for each byte of a file: deflate makes at most 1032 bytes of one, and of a palette of two colours each is eight
+/// pixels of three bytes. A header that asks for more is broken, and its memory is asked for before the pixels are looked at.
+const DECODED_PER_BYTE: u64 = 1032 * 24;
 
 /// A decoded photo without transparency.
 pub(crate) enum Photo {
@@ -72,7 +76,12 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
     if reader.format() == Some(ImageFormat::Jpeg) && !jpeg::is_whole(&bytes) {
         return Err(wrong(format!("a JPEG cut short, of {} bytes", bytes.len())));
     }
-    let image = reader.decode().map_err(|error| wrong(error.to_string()))?;
+    let decoder = reader.into_decoder().map_err(|error| wrong(error.to_string()))?;
+    let (width, height) = decoder.dimensions();
+    if decoder.total_bytes() / DECODED_PER_BYTE > bytes.len() as u64 {
+        return Err(wrong(format!("a header of {width} x {height} pixels on a file of {} bytes", bytes.len())));
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| wrong(error.to_string()))?;
     if image.width() == 0 || image.height() == 0 {
         return Err(wrong(format!("an image of {} x {} pixels", image.width(), image.height())));
     }

@@ -16,6 +16,9 @@ pub(super) const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 /// memory is asked for before the pixels are looked at.
 const SAMPLES_MAX: usize = 1 << 28;
 
+/// Most samples for each byte of the file. Deflate, the closest of the compressions, makes at most 1032 bytes of one, or 516 halves.
+const SAMPLES_PER_BYTE: usize = 1024;
+
 /// Names of the channel with depth, best first. Files with a picture and its depth call the depth Z; files of depth
 /// alone use any of the others.
 pub(super) const DEPTH: &[&[&str]] = &[&["Z"], &["DEPTH"], &["V"], &["Y"], &["R"]];
@@ -72,8 +75,9 @@ fn decode(bytes: &[u8]) -> Result<Vec<Layer>, String> {
         let size = pixels.and_then(|pixels| pixels.checked_mul(header.channels.list.len()));
         samples = samples.saturating_add(size.unwrap_or(usize::MAX));
     }
-    if samples > SAMPLES_MAX {
-        return Err(format!("a header that asks for more than {SAMPLES_MAX} samples"));
+    let most = SAMPLES_MAX.min(bytes.len().saturating_mul(SAMPLES_PER_BYTE));
+    if samples > most {
+        return Err(format!("a header that asks for more than {most} samples"));
     }
     let image = read()
         .no_deep_data()
