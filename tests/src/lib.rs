@@ -10,5 +10,6 @@ pub mod devices;
 pub mod exposure;
 pub mod finite_differences;
 pub mod fit;
+pub mod mutate;
 pub mod scenes;
 pub mod tolerance;

@@ -3,6 +3,7 @@
 mod blur_from_frames;
 mod check;
 mod colmap;
+mod colmap_writer;
 mod consistency;
 mod deblur;
 mod fixtures;

@@ -1,0 +1,168 @@
+//! Small sound data sets with one damaged file: nothing panics, the work is bounded, no control character is said, and `load` and
+//! `check` agree.
+//!
+//! Each reader gets [`SHORT`] cases with all other tests. The long run is asked for, with as many cases as wanted:
+//!
+//! ```text
+//! GS_FUZZ_CASES=100000 cargo test --release -p gs-datasets --test fuzz -- --ignored
+//! ```
+
+mod bounded;
+#[path = "../datasets/colmap_writer.rs"]
+mod colmap_writer;
+#[allow(dead_code)] // Other tests use the rest of them.
+#[path = "../datasets/fixtures.rs"]
+mod fixtures;
+#[path = "../../../tests/src/mutate.rs"]
+mod mutate;
+mod seeds;
+
+use std::fs;
+
+use gs_datasets::{Holdout, LoadOptions, Scene, check, load, load_cameras};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestCaseError, TestRunner};
+
+use crate::bounded::bounded;
+use crate::mutate::damaged;
+use crate::seeds::{SEEDS, Seed};
+
+/// Cases for each reader with all other tests.
+const SHORT: u32 = 64;
+
+/// Cases for each reader when no number is given.
+const LONG: u32 = 20_000;
+
+/// The variable with the number of cases of the long run.
+const CASES: &str = "GS_FUZZ_CASES";
+
+/// Damages each file of a seed in turn.
+fn fuzz(name: &str, cases: u32) {
+    let seed = SEEDS.iter().find(|seed| seed.name == name).expect("a seed of this name");
+    let folder = (seed.write)();
+    assert!(loaded(&folder, &options(0)).is_ok(), "{name}: the seed itself is sound");
+    let whole: Vec<Vec<u8>> = seed.files.iter().map(|file| fs::read(folder.file(file)).expect("read")).collect();
+    let step = (any::<u8>(), any::<u32>(), any::<u64>());
+    let strategy = (0..seed.files.len(), 0..3_u8, proptest::collection::vec(step, 1..6));
+    let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
+    let outcome = runner.run(&strategy, |(file, kind, steps)| {
+        folder.write(seed.files[file], damaged(&whole[file], &steps));
+        let kept = std::panic::catch_unwind(|| bounded(|| examine(&folder, &options(kind))));
+        folder.write(seed.files[file], &whole[file]);
+        kept.map_err(|panic| {
+            let text = panic.downcast_ref::<String>().cloned().unwrap_or_else(|| "a panic".to_string());
+            TestCaseError::fail(format!("{}: {text}", seed.files[file]))
+        })
+    });
+    if let Err(error) = outcome {
+        panic!("{name}: {error}");
+    }
+}
+
+/// How the set is loaded: each kind leads through other code.
+fn options(kind: u8) -> LoadOptions {
+    match kind {
+        0 => LoadOptions { holdout: Holdout::None, ..LoadOptions::default() },
+        1 => LoadOptions { max_width: Some(5), training_truth: true, ..LoadOptions::default() },
+        _ => LoadOptions { holdout: Holdout::Every(2), recentre: false, ..LoadOptions::default() },
+    }
+}
+
+fn loaded(folder: &fixtures::Folder, options: &LoadOptions) -> Result<Scene, gs_datasets::DatasetError> {
+    load(folder.path(), options)
+}
+
+/// Reads a set in every way there is.
+fn examine(folder: &fixtures::Folder, options: &LoadOptions) {
+    let loaded = loaded(folder, options);
+    let report = check(folder.path(), options);
+    let mut said = [report.facts.clone(), report.warnings.clone(), report.errors.clone()].concat();
+    match &loaded {
+        Ok(scene) => {
+            assert!(report.is_ok(), "it loads, and is bad by the report: {report}");
+            said.extend(scene.warnings.clone());
+            let views = scene.train.iter().chain(scene.held_out_views());
+            for view in views {
+                said.push(view.name.clone());
+                said.extend(view.camera_id.clone());
+                assert!(
+                    view.c2w.is_finite() && view.intrinsics.fx.is_finite() && view.intrinsics.fx > 0.0,
+                    "{}",
+                    view.name
+                );
+                assert_eq!(view.image.data.len(), 3 * view.width * view.height, "{}", view.name);
+            }
+            let points = scene.points.iter().flat_map(|points| points.positions.iter().flatten());
+            assert!(points.into_iter().all(|value| value.is_finite()), "a point that is not finite");
+        }
+        Err(error) => {
+            assert!(!report.is_ok(), "it does not load ({error}), and is good by the report: {report}");
+            said.push(error.to_string());
+        }
+    }
+    match load_cameras(folder.path()) {
+        Ok(cameras) => said.extend(cameras.into_iter().map(|camera| camera.name)),
+        Err(error) => said.push(error.to_string()),
+    }
+    let raw = said.iter().find(|text| text.chars().any(|c| c.is_control() || c == '\u{202e}'));
+    assert_eq!(raw, None, "a control character is said");
+}
+
+#[test]
+fn transforms_json() {
+    fuzz("transforms.json", SHORT);
+}
+
+#[test]
+fn transforms_json_with_everything_beside_it() {
+    fuzz("transforms.json with priors", SHORT);
+}
+
+#[test]
+fn points_ply() {
+    fuzz("PLY", SHORT);
+}
+
+#[test]
+fn depth_npy() {
+    fuzz("NPY", SHORT);
+}
+
+#[test]
+fn depth_exr() {
+    fuzz("EXR", SHORT);
+}
+
+#[test]
+fn colmap_binary() {
+    fuzz("COLMAP binary", SHORT);
+}
+
+#[test]
+fn colmap_text() {
+    fuzz("COLMAP text", SHORT);
+}
+
+#[test]
+fn llff() {
+    fuzz("LLFF", SHORT);
+}
+
+#[test]
+fn panoptic() {
+    fuzz("Panoptic", SHORT);
+}
+
+#[test]
+fn photos() {
+    fuzz("photos", SHORT);
+}
+
+#[test]
+#[ignore = "as long as wanted: GS_FUZZ_CASES cases for each reader"]
+fn all_readers_for_long() {
+    let cases = std::env::var(CASES).map_or(LONG, |text| text.parse().expect("GS_FUZZ_CASES is a number"));
+    for Seed { name, .. } in SEEDS {
+        fuzz(name, cases);
+    }
+}
