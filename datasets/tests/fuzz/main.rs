@@ -158,6 +158,49 @@ fn photos() {
     fuzz("photos", SHORT);
 }
 
+/// Sizes that are within every limit, on files of some hundred bytes.
+#[test]
+fn a_header_cannot_ask_for_more_than_its_file_could_hold() {
+    let side = 8192_i32;
+    let folder = (SEEDS[4].write)();
+    let mut exr = fs::read(folder.file("depth/2.exr")).expect("read");
+    for window in ["dataWindow", "displayWindow"] {
+        // Four i32 after the name, the type and the attribute's length.
+        let key = format!("{window}\0box2i\0");
+        let start = exr.windows(key.len()).position(|found| found == key.as_bytes()).expect("a window") + key.len() + 4;
+        exr[start + 8..start + 12].copy_from_slice(&(side - 1).to_le_bytes());
+        exr[start + 12..start + 16].copy_from_slice(&(side - 1).to_le_bytes());
+    }
+    // The table of places of chunks, 16 lines each, has one entry: the place behind itself.
+    let entry = |at: &usize| exr[*at..at + 8] == (*at as u64 + 8).to_le_bytes();
+    let table = (0..exr.len() - 8).find(entry).expect("a table");
+    exr.splice(table + 8..table + 8, vec![0; 8 * (side as usize / 16 - 1)]);
+    let key = b"chunkCount\0int\0";
+    if let Some(at) = exr.windows(key.len()).position(|found| found == key) {
+        exr[at + key.len() + 4..at + key.len() + 8].copy_from_slice(&(side / 16).to_le_bytes());
+    }
+    folder.write("depth/2.exr", exr);
+    bounded(|| examine(&folder, &options(0)));
+
+    let folder = (SEEDS[0].write)();
+    let mut png = fs::read(folder.file("images/00.png")).expect("read");
+    png[16..20].copy_from_slice(&side.to_be_bytes());
+    png[20..24].copy_from_slice(&side.to_be_bytes());
+    let sum = crc(&png[12..29]);
+    png[29..33].copy_from_slice(&sum.to_be_bytes());
+    folder.write("images/00.png", png);
+    bounded(|| examine(&folder, &options(0)));
+    let error = loaded(&folder, &options(0)).expect_err("a lie").to_string();
+    assert!(error.contains("a header of 8192 x 8192 pixels"), "{error}");
+}
+
+/// The checksum of a PNG's chunk (ISO 3309).
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |sum, byte| {
+        (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ if sum & 1 == 1 { 0xedb8_8320 } else { 0 })
+    })
+}
+
 #[test]
 #[ignore = "as long as wanted: GS_FUZZ_CASES cases for each reader"]
 fn all_readers_for_long() {
