@@ -5,6 +5,7 @@
 //! binary; read also as big-endian binary or text, with properties in any order and any others beside them.
 
 mod header;
+mod printable;
 mod read;
 #[cfg(test)]
 mod tests;
@@ -13,22 +14,41 @@ mod write;
 use std::io;
 use std::path::PathBuf;
 
+use printable::shown;
 pub use read::read_ply;
 pub use write::write_ply;
 
 /// Errors of reading and writing a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum PlyError {
-    /// The file system returned an error.
-    #[error("{path}: {source}", path = path.display())]
+    /// The file system refused.
+    #[error("{path}: {source}", path = shown(path))]
     Io {
         /// The file.
         path: PathBuf,
         /// The system's message.
         source: io::Error,
     },
-    /// The header does not belong to a PLY file with Gaussians.
-    #[error("{path}: {message}", path = path.display())]
+    /// There is no regular file.
+    #[error("{path}: expected a PLY file, found {found}", path = shown(path))]
+    NotAFile {
+        /// What was to be read.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// The header promises more Gaussians than any machine holds.
+    #[error(
+        "{path}: expected at most {VERTICES_MAX} vertices, found {count}", path = shown(path)
+    )]
+    TooMany {
+        /// The file.
+        path: PathBuf,
+        /// Vertices the header promises.
+        count: u64,
+    },
+    /// The header is not that of a PLY file with Gaussians.
+    #[error("{path}: {message}", path = shown(path))]
     Header {
         /// The file.
         path: PathBuf,
@@ -36,7 +56,7 @@ pub enum PlyError {
         message: String,
     },
     /// A vertex lacks something a Gaussian needs.
-    #[error("{path}: expected vertex property `{name}` of a Gaussian splatting scene, found none", path = path.display())]
+    #[error("{path}: expected vertex property `{name}` of a Gaussian splatting scene, found none", path = shown(path))]
     MissingProperty {
         /// The file.
         path: PathBuf,
@@ -46,7 +66,7 @@ pub enum PlyError {
     /// The file ends too early.
     #[error(
         "{path}: expected at least {expected} bytes for {count} vertices, found {found}; the file is cut short",
-        path = path.display()
+        path = shown(path)
     )]
     Cut {
         /// The file.
@@ -58,8 +78,8 @@ pub enum PlyError {
         /// Bytes there are.
         found: u64,
     },
-    /// A value is not finite.
-    #[error("{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}", path = path.display())]
+    /// A value is no number where a number is needed.
+    #[error("{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}", path = shown(path))]
     NotFinite {
         /// The file.
         path: PathBuf,
@@ -71,6 +91,10 @@ pub enum PlyError {
         found: String,
     },
 }
+
+/// Most Gaussians that are read: 67 million, which take 16 GB at degree 3 before anything is done with them. A file may be of any length
+/// and take no room on its disk, so that its length alone does not bound what its header may ask for.
+const VERTICES_MAX: u64 = 1 << 26;
 
 /// Coefficients above degree 0 that a file may hold per channel: those of degrees 0 to 3.
 const REST_PER_CHANNEL: [usize; 4] = [0, 3, 8, 15];

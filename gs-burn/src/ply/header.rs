@@ -4,6 +4,7 @@ use std::io::{BufRead, Read};
 use std::path::Path;
 
 use super::PlyError;
+use super::printable::printable;
 
 /// Longest header that is read; a header of Gaussians has 2 KB.
 const HEADER_MAX: u64 = 1 << 16;
@@ -103,7 +104,12 @@ impl Element {
     }
 }
 
-/// A parsed header.
+/// At most 80 characters: a file that is no scene may hold lines of any length.
+pub fn start_of(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// What the header says.
 #[derive(Clone, Debug)]
 pub struct Header {
     pub encoding: Encoding,
@@ -138,9 +144,7 @@ impl Header {
                     bad("expected the line `end_header`, found none; the file is cut short or no scene".into()),
                 );
             };
-            // A file that is not a PLY file may have lines of any length.
-            let unclear =
-                || bad(format!("cannot read the header line `{}`", line.chars().take(80).collect::<String>()));
+            let unclear = || bad(format!("cannot read the header line `{}`", printable(&start_of(&line))));
             match line.split_whitespace().collect::<Vec<_>>()[..] {
                 ["format", name, _] => {
                     encoding = Some(match name {

@@ -1,14 +1,17 @@
 //! Reading a scene.
 
+use std::collections::TryReserveError;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::header::{Element, Encoding, Header, Scalar};
+use super::header::{Element, Encoding, Header, Scalar, start_of};
+use super::printable::printable;
 use super::{
-    PlyError, RECORD_LOG_SCALES, RECORD_MEANS, RECORD_OPACITY, RECORD_QUATS, RECORD_SH, REST_PER_CHANNEL, record_names,
+    PlyError, RECORD_LOG_SCALES, RECORD_MEANS, RECORD_OPACITY, RECORD_QUATS, RECORD_SH, REST_PER_CHANNEL, VERTICES_MAX,
+    record_names,
 };
 use crate::Gaussians;
 
@@ -32,6 +35,9 @@ pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, Pl
     ))
 }
 
+/// Longest line of a text file, bytes: a vertex of degree 3 has 62 numbers, and a face a few more.
+const LINE_MAX: u64 = 1 << 16;
+
 /// Gaussians on the host.
 #[derive(Default)]
 struct Records {
@@ -45,16 +51,21 @@ struct Records {
 }
 
 impl Records {
-    fn with_capacity(count: usize, rest: usize) -> Self {
-        let floats = |each: usize| Vec::with_capacity(count * each);
-        Self {
-            means: floats(3),
-            quats: floats(4),
-            log_scales: floats(3),
-            opacity_logits: floats(1),
-            sh: floats(3 * (rest + 1)),
+    /// With room for `count` Gaussians, if the machine has it.
+    fn with_capacity(count: usize, rest: usize) -> Result<Self, TryReserveError> {
+        let floats = |each: usize| -> Result<Vec<f32>, TryReserveError> {
+            let mut values = Vec::new();
+            values.try_reserve_exact(count * each)?;
+            Ok(values)
+        };
+        Ok(Self {
+            means: floats(3)?,
+            quats: floats(4)?,
+            log_scales: floats(3)?,
+            opacity_logits: floats(1)?,
+            sh: floats(3 * (rest + 1))?,
             rest,
-        }
+        })
     }
 
     fn push(&mut self, record: &[f32]) {
@@ -90,6 +101,12 @@ struct Reader {
 impl Reader {
     fn open(path: &Path) -> Result<Self, PlyError> {
         let io = |source| PlyError::Io { path: path.to_owned(), source };
+        // Asked before it is opened: a pipe without a writer would be waited for.
+        let metadata = std::fs::metadata(path).map_err(io)?;
+        if !metadata.is_file() {
+            let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
+            return Err(PlyError::NotAFile { path: path.to_owned(), found });
+        }
         let file = File::open(path).map_err(io)?;
         let file_len = file.metadata().map_err(io)?.len();
         let mut file = BufReader::with_capacity(1 << 20, file);
@@ -99,7 +116,10 @@ impl Reader {
         let vertex = vertex.ok_or_else(|| bad("expected an element `vertex`, found none".into()))?;
         let element = &header.elements[vertex];
         if let Some(list) = element.properties.iter().find(|property| property.scalar.is_none()) {
-            return Err(bad(format!("expected numbers in element `vertex`, found the list `{}`", list.name)));
+            return Err(bad(format!(
+                "expected numbers in element `vertex`, found the list `{}`",
+                printable(&start_of(&list.name))
+            )));
         }
         let rest = rest_per_channel(element).map_err(bad)?;
         let columns = columns(path, element, rest)?;
@@ -127,30 +147,41 @@ impl Reader {
         if expected > self.file_len {
             return Err(PlyError::Cut { path: self.path.clone(), count, expected, found: self.file_len });
         }
+        if count > VERTICES_MAX {
+            return Err(PlyError::TooMany { path: self.path.clone(), count });
+        }
         Ok(count as usize)
     }
 
-    /// Bytes of the header and of the elements before the vertices, which are skipped.
+    fn room(&self, count: usize) -> Result<Records, PlyError> {
+        Records::with_capacity(count, self.rest).map_err(|error| self.io(io::Error::other(error)))
+    }
+
+    /// Bytes of header and of the elements in front of the vertices, which are skipped.
     fn skip_binary(&mut self) -> Result<(), PlyError> {
         let mut skipped = 0_u64;
         for element in &self.header.elements[..self.vertex] {
             let stride = element.stride().ok_or_else(|| PlyError::Header {
                 path: self.path.clone(),
-                message: format!("expected element `vertex` first, found `{}` with a list before it", element.name),
+                message: format!(
+                    "expected element `vertex` first, found `{}` with a list before it",
+                    printable(&start_of(&element.name))
+                ),
             })?;
             skipped = skipped.saturating_add(element.count.saturating_mul(stride as u64));
         }
         let stride = self.element().stride().expect("a vertex without lists");
         self.header.len = self.header.len.saturating_add(skipped);
         self.check_length(self.header.len, stride as u64)?;
-        std::io::copy(&mut self.file.by_ref().take(skipped), &mut std::io::sink()).map_err(|source| self.io(source))?;
+        // Jumped over and not read: they may be terabytes. No file is longer than an i64 says.
+        self.file.seek_relative(skipped as i64).map_err(|source| self.io(source))?;
         Ok(())
     }
 
     fn read_binary(&mut self, encoding: Encoding) -> Result<Records, PlyError> {
         let stride = self.element().stride().expect("a vertex without lists");
         let count = self.check_length(self.header.len, stride as u64)?;
-        let mut records = Records::with_capacity(count, self.rest);
+        let mut records = self.room(count)?;
         let mut bytes = vec![0; stride];
         let mut record = vec![0.0; self.columns.len()];
         for vertex in 0..count {
@@ -174,7 +205,7 @@ impl Reader {
         for _ in 0..before {
             self.next_line(&mut line)?;
         }
-        let mut records = Records::with_capacity(count, self.rest);
+        let mut records = self.room(count)?;
         let mut record = vec![0.0; self.columns.len()];
         for vertex in 0..count {
             self.next_line(&mut line)?;
@@ -188,9 +219,12 @@ impl Reader {
                 let word = words[column.index];
                 *value =
                     self.finite(word.parse().unwrap_or(f64::NAN), vertex, column).map_err(|error| match error {
-                        PlyError::NotFinite { path, vertex, property, .. } => {
-                            PlyError::NotFinite { path, vertex, property, found: format!("`{word}`") }
-                        }
+                        PlyError::NotFinite { path, vertex, property, .. } => PlyError::NotFinite {
+                            path,
+                            vertex,
+                            property,
+                            found: format!("`{}`", printable(&start_of(word))),
+                        },
                         other => other,
                     })?;
             }
@@ -203,7 +237,12 @@ impl Reader {
     fn next_line(&mut self, line: &mut String) -> Result<(), PlyError> {
         loop {
             line.clear();
-            if self.file.read_line(line).map_err(|source| self.io(source))? == 0 {
+            let length = self.file.by_ref().take(LINE_MAX).read_line(line).map_err(|source| self.io(source))?;
+            if length as u64 == LINE_MAX {
+                let message = format!("expected lines of less than {LINE_MAX} bytes, found a longer one");
+                return Err(PlyError::Header { path: self.path.clone(), message });
+            }
+            if length == 0 {
                 let count = self.element().count;
                 let (path, found) = (self.path.clone(), self.file_len);
                 return Err(PlyError::Cut { path, count, expected: found + 1, found });
@@ -228,13 +267,26 @@ impl Reader {
     }
 }
 
-/// Number of coefficients per channel above degree 0.
+/// Highest degree of spherical harmonics that is read.
+const SH_DEGREE_MAX: usize = REST_PER_CHANNEL.len() - 1;
+
+/// Highest degree that an error recognises by its number of properties.
+const SH_DEGREE_KNOWN: usize = 10;
+
+/// How many coefficients per channel above degree 0 there are.
 fn rest_per_channel(element: &Element) -> Result<usize, String> {
     let found = element.properties.iter().filter(|property| property.name.starts_with("f_rest_")).count();
-    REST_PER_CHANNEL
-        .into_iter()
-        .find(|rest| 3 * rest == found)
-        .ok_or_else(|| format!("expected 0, 9, 24 or 45 properties `f_rest_*`, found {found}"))
+    if let Some(rest) = REST_PER_CHANNEL.into_iter().find(|rest| 3 * rest == found) {
+        return Ok(rest);
+    }
+    let higher = (SH_DEGREE_MAX + 1..=SH_DEGREE_KNOWN).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == found);
+    Err(match higher {
+        Some(degree) => format!(
+            "SH degree {degree} is not supported (at most {SH_DEGREE_MAX}): found {found} properties `f_rest_*`, expected 0, 9, 24 \
+             or 45"
+        ),
+        None => format!("expected 0, 9, 24 or 45 properties `f_rest_*`, found {found}"),
+    })
 }
 
 fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, PlyError> {

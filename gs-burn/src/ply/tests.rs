@@ -171,3 +171,75 @@ fn an_empty_scene_comes_back() {
     let back = read_ply(&path, &device()).unwrap();
     assert_eq!((back.len(), back.sh_degree()), (0, 2));
 }
+
+/// The layout of 3DGS with the coefficients of a degree, and no vertex.
+fn header_of_degree(degree: usize) -> String {
+    let rest = 3 * ((degree + 1).pow(2) - 1);
+    let fixed = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"];
+    let names = fixed.into_iter().chain(["rot_0", "rot_1", "rot_2", "rot_3"]).map(str::to_owned);
+    let names = names.chain((0..rest).map(|k| format!("f_rest_{k}")));
+    let properties: String = names.map(|name| format!("property float {name}\n")).collect();
+    format!("ply\nformat binary_little_endian 1.0\nelement vertex 0\n{properties}end_header\n")
+}
+
+#[test]
+fn a_degree_that_is_not_supported_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    for degree in 0..=3 {
+        fs::write(&path, header_of_degree(degree)).unwrap();
+        assert_eq!(read_ply(&path, &device()).unwrap().sh_degree(), degree);
+    }
+    for degree in [4, 5, 10] {
+        let message = format!("SH degree {degree} is not supported (at most 3)");
+        assert_refused(&path, header_of_degree(degree).as_bytes(), &message);
+    }
+}
+
+#[test]
+fn control_characters_of_a_header_reach_no_message() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a\u{1b}[31m\nscene.ply");
+    let header = header_of_degree(0);
+    let text = header.replace("binary_little_endian", "ascii").replace("vertex 0", "vertex 1");
+    for bytes in [
+        header.replace("float x", "\u{1b}[31m x"),
+        header.replace("float x", "list uchar float \u{1b}[31m"),
+        header.replace("float x", "float y"),
+        text.clone() + &"\u{1b}[31m ".repeat(14),
+        text + &"1 ".repeat(LONG),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        let error = read_ply(&path, &device()).unwrap_err().to_string();
+        assert!(!error.chars().any(char::is_control) && error.len() < 400, "{error:?}");
+    }
+}
+
+/// Words of a line that is longer than any vertex.
+const LONG: usize = 1 << 17;
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe.ply");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for path in [folder.path(), std::path::Path::new("/dev/zero"), &pipe] {
+        let error = read_ply(path, &device()).unwrap_err().to_string();
+        assert!(error.contains("expected a PLY file, found a"), "{error}");
+    }
+}
+
+/// A sparse file is as long as a header likes, and takes no room.
+#[test]
+fn a_count_is_bounded_however_long_the_file_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    for format in ["binary_little_endian", "ascii"] {
+        let header = header_of_degree(3).replace("vertex 0", "vertex 20000000000");
+        fs::write(&path, header.replace("binary_little_endian", format)).unwrap();
+        fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(6 << 40).unwrap();
+        let error = read_ply(&path, &device()).unwrap_err().to_string();
+        assert!(error.contains("at most 67108864 vertices, found 20000000000"), "{error}");
+    }
+}
