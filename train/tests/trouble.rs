@@ -4,7 +4,7 @@ mod common;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use common::{config, finish, job, tiny_scene, train};
 use gs_train::run::folder::RunFolder;
@@ -255,26 +255,6 @@ fn a_full_standard_output_is_an_error() {
     let output = gsburn(temporary.path()).arg("info").stdout(full).output().expect("the program starts");
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("standard output"));
-}
-
-#[cfg(unix)]
-#[test]
-fn sigterm_saves_and_has_its_own_exit_code() {
-    let temporary = tempfile::tempdir().expect("a folder");
-    let folder = temporary.path();
-    tiny_scene(folder);
-    let args = [&["train", "scene", "--out", "run", "--steps", "1000000"][..], &QUICK].concat();
-    let mut run = gsburn(folder).args(args).stderr(Stdio::null()).spawn().expect("the program starts");
-    let metrics = folder.join("run/metrics.jsonl");
-    // It is under way when it has written its first line; a run that ends by itself fails the test.
-    while fs::metadata(&metrics).map_or(0, |file| file.len()) == 0 {
-        assert!(run.try_wait().expect("asked").is_none());
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    let killed = Command::new("kill").args(["-TERM", &run.id().to_string()]).status().expect("kill starts");
-    assert!(killed.success());
-    assert_eq!(run.wait().expect("ends").code(), Some(143));
-    assert_eq!(RunFolder::at(folder.join("run")).saved().len(), 1);
 }
 
 #[test]

@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use gs_burn::Gaussians;
+use gs_datasets::counted;
 
 use crate::cli::ExportArgs;
-use crate::commands::{counted, print};
+use crate::commands::print;
 use crate::pipelines::load_scene;
 use crate::run::memory::megabytes;
 use crate::run::outputs;

@@ -100,8 +100,3 @@ fn is_news(sentence: &str) -> bool {
 fn marked(markdown: &str) -> String {
     format!("<!-- {MARK} -->\n\n{markdown}")
 }
-
-/// "1 floater", "2 floaters".
-fn counted(count: usize, one: &str) -> String {
-    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
-}

@@ -6,11 +6,11 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use gs_burn::{Camera, Extras, RenderOptions, Rendering, render_with};
 use gs_datasets::image_io::{encode_exr, encode_png, write_atomic};
-use gs_datasets::{CameraPose, load_cameras};
+use gs_datasets::{CameraPose, counted, load_cameras};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::cli::{ImageFormat, RenderArgs};
-use crate::commands::{counted, device, print};
+use crate::commands::{device, print};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::intrinsics;
 use crate::pipelines::load_scene;

@@ -31,7 +31,8 @@ pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
             return Err(ConfigError::Circle { origin: path.display().to_string() });
         }
         let read = guarded::read_to_string(&path, FILE_MAX);
-        let text = read.map_err(|source| ConfigError::Read { path: path.clone(), source, recipe: None })?;
+        let text =
+            read.map_err(|source| ConfigError::Read { path: path.clone(), source: source.into(), recipe: None })?;
         let (layer, base) = layer(&text, path.display().to_string())?;
         next = base.map(|name| path.with_file_name(name));
         layers.push(layer);

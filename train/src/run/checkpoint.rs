@@ -75,7 +75,7 @@ pub struct Checkpoint {
 pub enum CheckpointError {
     /// It cannot be opened or read, or is no file.
     #[error(transparent)]
-    Read(#[from] gs_datasets::DatasetError),
+    Read(#[from] Box<gs_datasets::DatasetError>),
     /// It cannot be written; nothing was changed.
     #[error("{}: cannot write the checkpoint: {source}", path.display())]
     Write {
@@ -162,7 +162,7 @@ impl Checkpoint {
     /// # Errors
     /// A sentence that names the file and the error.
     pub fn load(path: &Path) -> Result<Self, CheckpointError> {
-        let bytes = guarded::read(path, FILE_MAX)?;
+        let bytes = guarded::read(path, FILE_MAX).map_err(Box::new)?;
         let Metadata { origin, notes, crc32, .. } = read_metadata(&bytes, path)?;
         let damaged = |error: SafeTensorError| CheckpointError::Damaged {
             path: path.into(),
