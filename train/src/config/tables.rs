@@ -22,7 +22,7 @@ pub struct Layer {
 /// A file and the files it is based on, the outermost base first.
 ///
 /// # Errors
-/// A file that cannot be read or is not TOML, or more than [`MAX_BASES`] of them.
+/// A file that cannot be read or is not TOML, or too long a chain of bases.
 pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
     let mut next = Some(path.to_path_buf());
     let mut layers = Vec::new();

@@ -14,7 +14,7 @@ const IGNORED: [u8; 3] = [70, 78, 90];
 /// Pixels between the panels.
 const GAP: usize = 4;
 
-/// Colours of the error from none to full scale: black, violet, red, orange, pale yellow. Brightness rises evenly, so that the
+/// Colours of the error from none to full scale: black, violet, red, orange, pale yellow. Lightness rises evenly, so that the
 /// panel also reads in grey.
 const HEAT: [[f32; 3]; 5] = [[0., 0., 4.], [87., 16., 110.], [188., 55., 84.], [249., 142., 9.], [252., 255., 164.]];
 

@@ -145,6 +145,8 @@ pub fn finished(job: &Job, config: &str) -> Option<EvalFile> {
     let eval = folder.read_eval().ok()?;
     let is_done = newest.0 == eval.steps && eval.last.step == eval.steps && saved == config;
     let is_done = is_done && folder.ply().is_file() && folder.report().is_file();
+    // A damaged checkpoint is replaced, from the one before it.
+    let is_done = is_done && Checkpoint::load(&newest.1).and_then(Checkpoint::whole).is_ok();
     if is_done && !job.quiet {
         eprintln!("{}: the run is finished; nothing is written", folder.path().display());
     }
