@@ -26,8 +26,13 @@ const TEST_DEVICE: &str = "GSBURN_TEST_DEVICE";
 
 /// The device of the tests.
 pub fn device() -> Device {
+    named(&device_name())
+}
+
+/// Its name, for `--device` of a program that is compared with the tests' own process.
+pub fn device_name() -> String {
     let first = || backends().next().expect("a backend is built").to_string();
-    named(&std::env::var(TEST_DEVICE).unwrap_or_else(|_| first()))
+    std::env::var(TEST_DEVICE).unwrap_or_else(|_| first())
 }
 
 /// The backends of this build, those on the CPU first.
