@@ -184,6 +184,22 @@ impl NamedGradients {
         self.tables.insert(path.into(), table);
     }
 
+    /// Adds gradients to those of the same path; others are inserted. For parts of a backward pass that were computed apart.
+    pub fn add(&mut self, others: Self) {
+        for (path, table) in others.tables {
+            let sum = match self.tables.remove(&path) {
+                Some(own) => own + table,
+                None => table,
+            };
+            self.tables.insert(path, sum);
+        }
+    }
+
+    /// The same gradients with `prefix.` before every path.
+    pub fn under(self, prefix: &str) -> Self {
+        Self { tables: self.tables.into_iter().map(|(path, table)| (format!("{prefix}.{path}"), table)).collect() }
+    }
+
     /// Removes a gradient, so that its parameter does not change in the next update.
     pub fn remove(&mut self, path: &str) -> Option<Tensor<2>> {
         self.tables.remove(path)

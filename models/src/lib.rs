@@ -25,7 +25,7 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-mod bits;
+pub mod bits;
 pub mod depth_prior;
 pub mod light;
 pub mod mlp;
@@ -33,6 +33,7 @@ pub mod pixels;
 pub mod rotation;
 pub mod scene;
 pub mod sh_bands;
+pub mod sparsedyn;
 pub mod taylormode;
 
 pub use mlp::{Activation, Mlp, MlpConfig};

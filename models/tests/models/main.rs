@@ -9,6 +9,7 @@ mod light;
 mod mlp;
 mod rotation;
 mod scene;
+mod sparsedyn;
 mod taylormode;
 mod training;
 

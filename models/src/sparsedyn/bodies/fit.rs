@@ -1,0 +1,373 @@
+//! The law of a sequence of poses: least squares for one law, BIC among laws.
+
+use gs_burn::glam::{DMat3, DVec3};
+
+use super::law::{BodyPose, Law, LawValues, NUMBERS, Term};
+
+/// A fitted law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fitted {
+    /// The law.
+    pub law: Law,
+    /// Its numbers.
+    pub values: LawValues,
+    /// Root mean square distance of the body's markers from the poses, scene units.
+    pub deviation: f64,
+    /// The criterion by which laws are compared; lower is better.
+    pub bic: f64,
+}
+
+/// Poses of one body, and how well they are known.
+#[derive(Debug, Clone)]
+pub struct Poses {
+    /// The body's centre in the first frame, world, scene units.
+    pub first: DVec3,
+    /// The size of the body, scene units: the distance of the markers from its centre.
+    pub size: f64,
+    /// Time since the first frame, and the pose.
+    pub poses: Vec<(f64, BodyPose)>,
+    /// Standard deviation of a marker's coordinate, scene units: smaller misfits tell nothing.
+    pub noise: f64,
+}
+
+/// Steps of Levenberg and Marquardt's method; laws of one oscillation converge in about 15.
+const ITERATIONS: usize = 40;
+
+/// Rates tried for an oscillation, from a quarter of a period over the poses to one period in four poses.
+const RATES: usize = 48;
+
+/// Axes of the markers, in sizes of the body, with the centre four points that determine a pose.
+const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+
+/// The law among `laws` with the least BIC; `None` without poses.
+pub fn select_law(poses: &Poses, laws: &[Law]) -> Option<Fitted> {
+    let fits = laws.iter().filter_map(|law| fit_law(poses, *law));
+    fits.min_by(|a, b| a.bic.total_cmp(&b.bic))
+}
+
+/// The best numbers of a law; `None` without poses, or when nothing finite fits.
+pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
+    if poses.poses.is_empty() {
+        return None;
+    }
+    let rotations = unwrapped(poses);
+    let starts = match law.has(Term::Oscillation) {
+        true => oscillation_starts(poses, &rotations, law),
+        false => vec![polynomial_start(poses, &rotations, law)],
+    };
+    let refined = starts.into_iter().map(|values| refine(poses, law, values));
+    let (values, sum) = refined.filter(|(_, sum)| sum.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let count = (3 * MARKERS.len() * poses.poses.len()) as f64;
+    // Coordinates of one pose are not independent of each other: six numbers determine it.
+    let independent = (6 * poses.poses.len()) as f64;
+    let variance = sum / count + poses.noise * poses.noise;
+    let bic = independent * variance.max(f64::MIN_POSITIVE).ln() + law.freedom() as f64 * independent.ln();
+    Some(Fitted { law, values, deviation: (sum / count * 3.0).sqrt(), bic })
+}
+
+/// Sum of squared coordinates of the markers' misfits, scene units squared.
+fn misfit(poses: &Poses, values: &LawValues) -> f64 {
+    residuals(poses, values).iter().map(|x| x * x).sum()
+}
+
+fn residuals(poses: &Poses, values: &LawValues) -> Vec<f64> {
+    let mut residuals = Vec::with_capacity(3 * MARKERS.len() * poses.poses.len());
+    for (s, pose) in &poses.poses {
+        let own = values.pose(poses.first, *s);
+        for marker in MARKERS {
+            let at = poses.first + poses.size * marker;
+            residuals.extend((own.apply(at, poses.first) - pose.apply(at, poses.first)).to_array());
+        }
+    }
+    residuals
+}
+
+/// Rotation vectors of the poses, continued over whole turns.
+fn unwrapped(poses: &Poses) -> Vec<DVec3> {
+    let mut vectors: Vec<DVec3> = Vec::with_capacity(poses.poses.len());
+    for (_, pose) in &poses.poses {
+        let principal = pose.rotation.to_scaled_axis();
+        let expected = match vectors.as_slice() {
+            [.., before, last] => 2.0 * *last - *before,
+            [last] => *last,
+            [] => DVec3::ZERO,
+        };
+        let axis = principal.try_normalize().or_else(|| expected.try_normalize()).unwrap_or(DVec3::Z);
+        let turns = ((expected - principal).dot(axis) / std::f64::consts::TAU).round();
+        vectors.push(principal + turns * std::f64::consts::TAU * axis);
+    }
+    vectors
+}
+
+/// The numbers of the terms without oscillation by linear least squares.
+fn polynomial_start(poses: &Poses, rotations: &[DVec3], law: Law) -> LawValues {
+    let times: Vec<f64> = poses.poses.iter().map(|(s, _)| *s).collect();
+    let mut values = LawValues::REST;
+    let spin = [(Term::Spin, 1), (Term::SpinUp, 2)];
+    set_polynomial(&mut values, &times, rotations, law, spin);
+    let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
+    set_polynomial(&mut values, &times, &shifts, law, [(Term::Velocity, 1), (Term::Acceleration, 2)]);
+    if law.has(Term::Pivot) {
+        values.set(Term::Pivot, pivot_of(poses));
+    }
+    values
+}
+
+fn set_polynomial(values: &mut LawValues, times: &[f64], data: &[DVec3], law: Law, terms: [(Term, i32); 2]) {
+    let used: Vec<(Term, i32)> = terms.into_iter().filter(|(term, _)| law.has(*term)).collect();
+    let basis = |s: f64, power: i32| if power == 2 { 0.5 * s * s } else { s };
+    let columns: Vec<Vec<f64>> =
+        used.iter().map(|(_, power)| times.iter().map(|s| basis(*s, *power)).collect()).collect();
+    for (found, (term, _)) in linear(&columns, data).into_iter().zip(used) {
+        values.set(term, found);
+    }
+}
+
+/// The offset of the pivot from the centre: the best `d` in `centre(s) - first = -(R(s) - 1) d`, the shortest along the axis.
+fn pivot_of(poses: &Poses) -> DVec3 {
+    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for (_, pose) in &poses.poses {
+        let matrix = DMat3::IDENTITY - DMat3::from_quat(pose.rotation);
+        normal += matrix.transpose() * matrix;
+        right += matrix.transpose() * (pose.centre - poses.first);
+    }
+    // Along the axis every offset does: this share of the largest entry picks the shortest.
+    let ridge = 1e-6 * normal.to_cols_array().iter().fold(0.0_f64, |most, x| most.max(x.abs())) + f64::MIN_POSITIVE;
+    (normal + DMat3::from_diagonal(DVec3::splat(ridge))).inverse() * right
+}
+
+/// For several rates the best amplitudes and phase by linear least squares, the three best of them.
+fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law) -> Vec<LawValues> {
+    let times: Vec<f64> = poses.poses.iter().map(|(s, _)| *s).collect();
+    let span = times.iter().fold(0.0_f64, |most, s| most.max(s.abs())).max(f64::MIN_POSITIVE);
+    let least = 0.25 * std::f64::consts::TAU / span;
+    let most = 0.25 * std::f64::consts::TAU * times.len() as f64 / span;
+    let plain = polynomial_start(poses, rotations, law);
+    let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
+    let mut starts: Vec<(f64, LawValues)> = Vec::new();
+    for index in 0..RATES {
+        let rate = least * (most / least).max(1.0).powf(index as f64 / (RATES - 1) as f64);
+        let sine: Vec<f64> = times.iter().map(|s| (rate * s).sin()).collect();
+        let cosine: Vec<f64> = times.iter().map(|s| (rate * s).cos() - 1.0).collect();
+        let mut values = plain;
+        for (term, data, even) in [
+            (Term::Swing, rotations, [Term::Spin, Term::SpinUp]),
+            (Term::Sway, shifts.as_slice(), [Term::Velocity, Term::Acceleration]),
+        ] {
+            if !law.has(term) {
+                continue;
+            }
+            let mut columns = vec![sine.clone(), cosine.clone()];
+            let used: Vec<Term> = even.into_iter().filter(|term| law.has(*term)).collect();
+            for other in &used {
+                let second = *other == even[1];
+                columns.push(times.iter().map(|s| if second { 0.5 * s * s } else { *s }).collect());
+            }
+            let found = linear(&columns, data);
+            let (amplitude, phase) = joined(found[0], found[1]);
+            values.set(term, amplitude);
+            values.set_oscillation(rate, phase);
+            for (other, found) in used.into_iter().zip(&found[2..]) {
+                values.set(other, *found);
+            }
+        }
+        starts.push((misfit(poses, &values), values));
+    }
+    starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    starts.into_iter().take(3).map(|(_, values)| values).collect()
+}
+
+/// `sine sin(x) + cosine (cos(x) - 1)` as `amplitude (sin(x + phase) - sin(phase))`, along the larger of the two directions.
+fn joined(sine: DVec3, cosine: DVec3) -> (DVec3, f64) {
+    let direction = if sine.length() >= cosine.length() { sine } else { cosine };
+    let Some(direction) = direction.try_normalize() else { return (DVec3::ZERO, 0.0) };
+    let (a, b) = (sine.dot(direction), cosine.dot(direction));
+    (direction * a.hypot(b), b.atan2(a))
+}
+
+/// Levenberg and Marquardt's method over the law's own numbers, with derivatives by differences.
+fn refine(poses: &Poses, law: Law, mut values: LawValues) -> (LawValues, f64) {
+    let free: Vec<usize> = law.mask().iter().enumerate().filter(|(_, on)| **on > 0.0).map(|(index, _)| index).collect();
+    let mut sum = misfit(poses, &values);
+    let mut damping = 1e-3;
+    for _ in 0..ITERATIONS {
+        if free.is_empty() || sum == 0.0 {
+            break;
+        }
+        let base = residuals(poses, &values);
+        let columns: Vec<Vec<f64>> = free
+            .iter()
+            .map(|index| {
+                let mut moved = values;
+                let h = 1e-6 * moved.0[*index].abs().max(1.0);
+                moved.0[*index] += h;
+                residuals(poses, &moved).iter().zip(&base).map(|(after, before)| (after - before) / h).collect()
+            })
+            .collect();
+        let Some(change) = damped(&columns, &base, damping) else { break };
+        let mut next = values;
+        for (index, change) in free.iter().zip(&change) {
+            next.0[*index] -= change;
+        }
+        let after = misfit(poses, &next);
+        if after < sum {
+            let gain = 1.0 - after / sum;
+            (values, sum) = (next, after);
+            damping = (0.3 * damping).max(1e-12);
+            if gain < 1e-10 {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e9 {
+                break;
+            }
+        }
+    }
+    (values, sum)
+}
+
+/// The solution of `(J^T J + damping diag) x = J^T r`, columns of `J` given.
+fn damped(columns: &[Vec<f64>], residuals: &[f64], damping: f64) -> Option<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let count = columns.len();
+    let mut matrix = vec![vec![0.0; count + 1]; count];
+    for i in 0..count {
+        for j in 0..count {
+            matrix[i][j] = dot(&columns[i], &columns[j]);
+        }
+        matrix[i][count] = dot(&columns[i], residuals);
+    }
+    let largest = (0..count).map(|i| matrix[i][i]).fold(0.0, f64::max);
+    for (i, row) in matrix.iter_mut().enumerate() {
+        row[i] += damping * row[i].max(1e-9 * largest) + f64::MIN_POSITIVE;
+    }
+    solve(matrix)
+}
+
+/// Gauss's elimination with the largest pivot in each column; the last column is the right side.
+fn solve(mut matrix: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+    let count = matrix.len();
+    for column in 0..count {
+        let pivot = (column..count).max_by(|a, b| matrix[*a][column].abs().total_cmp(&matrix[*b][column].abs()))?;
+        matrix.swap(column, pivot);
+        if matrix[column][column].abs() < f64::MIN_POSITIVE {
+            return None;
+        }
+        let (above, below) = matrix.split_at_mut(column + 1);
+        let lead = &above[column];
+        for row in below {
+            let factor = row[column] / lead[column];
+            row.iter_mut().zip(lead).skip(column).for_each(|(x, y)| *x -= factor * y);
+        }
+    }
+    let mut solution = vec![0.0; count];
+    for row in (0..count).rev() {
+        let known: f64 = (row + 1..count).map(|column| matrix[row][column] * solution[column]).sum();
+        solution[row] = (matrix[row][count] - known) / matrix[row][row];
+    }
+    solution.iter().all(|x| x.is_finite()).then_some(solution)
+}
+
+/// The vectors `x_k` that fit `sum_k column_k x_k` best to `data`; zero where the columns say nothing.
+fn linear(columns: &[Vec<f64>], data: &[DVec3]) -> Vec<DVec3> {
+    let mut found = vec![DVec3::ZERO; columns.len()];
+    for axis in 0..3 {
+        let values: Vec<f64> = data.iter().map(|vector| vector[axis]).collect();
+        // A share of rounding keeps columns that are alike apart.
+        if let Some(solution) = damped(columns, &values, 1e-12) {
+            found.iter_mut().zip(solution).for_each(|(vector, x)| vector[axis] = x);
+        }
+    }
+    found
+}
+
+/// The numbers of laws in a fixed order are those of [`LawValues`].
+const _: () = assert!(NUMBERS == 23);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn poses(values: &LawValues, frames: usize, noise: f64) -> Poses {
+        let first = DVec3::new(0.3, -0.2, 0.5);
+        let mut state = 7_u64;
+        let mut draw = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5) * 12.0_f64.sqrt() * noise
+        };
+        let mut one = |frame: usize| {
+            let s = frame as f64 / 60.0;
+            let mut pose = values.pose(first, s);
+            pose.centre += DVec3::new(draw(), draw(), draw());
+            pose.rotation =
+                gs_burn::glam::DQuat::from_scaled_axis(DVec3::new(draw(), draw(), draw()) / 0.3) * pose.rotation;
+            (s, pose)
+        };
+        Poses { first, size: 0.3, poses: (0..frames).map(&mut one).collect(), noise: noise.max(1e-4) }
+    }
+
+    fn values(law: Law) -> LawValues {
+        let mut values = LawValues::REST;
+        for (term, vector) in [
+            (Term::Velocity, DVec3::new(0.8, -0.3, 0.2)),
+            (Term::Acceleration, DVec3::new(0.2, 0.1, -3.0)),
+            (Term::Spin, DVec3::new(0.3, 0.1, 6.0)),
+            (Term::SpinUp, DVec3::new(0.2, 0.1, 4.0)),
+            (Term::Swing, DVec3::new(0.0, 0.9, 0.1)),
+            (Term::Sway, DVec3::new(0.1, 0.5, 0.0)),
+            (Term::Pivot, DVec3::new(0.4, 0.1, 0.9)),
+        ] {
+            if law.has(term) {
+                values.set(term, vector);
+            }
+        }
+        if law.has(Term::Oscillation) {
+            values.set_oscillation(7.0, 1.1);
+        }
+        values
+    }
+
+    /// The observed time is 0 to 0.75, the future 1; markers are 0.3 from the centre.
+    #[test]
+    fn every_law_is_found_again_and_tells_the_future() {
+        for law in Law::ALL {
+            let truth = values(law);
+            let poses = poses(&truth, 46, 0.0);
+            let fitted = fit_law(&poses, law).expect("poses");
+            assert!(fitted.deviation < 1e-5, "{}: {}", law.in_words(), fitted.deviation);
+            let (there, own) = (truth.pose(poses.first, 1.0), fitted.values.pose(poses.first, 1.0));
+            assert!(there.centre.distance(own.centre) < 1e-3, "{}: centre", law.in_words());
+            assert!(there.rotation.angle_between(own.rotation) < 1e-3, "{}: rotation", law.in_words());
+        }
+    }
+
+    #[test]
+    fn bic_chooses_the_law_that_made_the_poses() {
+        for law in Law::ALL {
+            let poses = poses(&values(law), 46, 2e-3);
+            let chosen = select_law(&poses, &Law::ALL).expect("poses");
+            let same = chosen.law == law;
+            // A richer law that says the same is no error; a poorer one is.
+            let reaches = chosen.deviation < 3.0 * 2e-3 && chosen.law.freedom() <= law.freedom();
+            assert!(same || reaches, "{} was taken for {}", law.in_words(), chosen.law.in_words());
+        }
+    }
+
+    #[test]
+    fn whole_turns_are_counted() {
+        let law = Law::of(&[Term::Spin, Term::Pivot]);
+        let mut truth = values(law);
+        truth.set(Term::Spin, DVec3::new(0.0, 0.0, 20.0));
+        let fitted = fit_law(&poses(&truth, 46, 1e-3), law).expect("poses");
+        assert!(fitted.values.vector(Term::Spin).distance(DVec3::new(0.0, 0.0, 20.0)) < 0.05);
+    }
+
+    #[test]
+    fn nothing_to_fit_is_none_and_one_pose_is_rest() {
+        let law = Law::GENERAL;
+        assert!(fit_law(&poses(&values(law), 0, 0.0), law).is_none());
+        let one = fit_law(&poses(&values(law), 1, 0.0), law).expect("a pose");
+        assert!(one.values.0.iter().all(|x| x.is_finite()));
+    }
+}

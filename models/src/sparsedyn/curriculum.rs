@@ -1,0 +1,129 @@
+//! Progressive physics learning (Eq. 8 to 10): which frames a step compares.
+//!
+//! Frames count from 0, the first; `T` is the last frame that is seen. In the short-horizon phase one frame is drawn from the active window
+//! `{0 .. H(n) - 1}`, which grows by `s_H` frames every `M` steps. Once it holds all frames, the long-horizon phase draws one frame from
+//! `{t' .. T}` and `K` more from `{0 .. t' - 1}`, whose losses count `lambda_early / K` each.
+
+/// The schedule.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Curriculum {
+    /// `T`, the last frame that is seen, at least 0.
+    pub last_frame: usize,
+    /// `s_H`, frames by which the window grows; 0: all frames from the start.
+    pub growth: usize,
+    /// `M`, steps from one growth to the next, at least 1.
+    pub interval: usize,
+    /// `t'`, the first frame of the late horizon; 0: the late horizon holds all frames ("full-horizon").
+    pub late_from: usize,
+    /// `K`, frames replayed in each step of the long-horizon phase.
+    pub replays: usize,
+    /// `lambda_early`, the weight of the replays' mean loss.
+    pub replay_weight: f64,
+}
+
+/// The phase of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// The window holds this many frames, from the first on.
+    Short {
+        /// `H(n)`.
+        frames: usize,
+    },
+    /// The window holds all frames.
+    Long,
+}
+
+/// A frame of a step, and the weight of its loss.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampled {
+    /// Which frame, 0 to `T`.
+    pub frame: usize,
+    /// The factor of its loss.
+    pub weight: f64,
+}
+
+impl Curriculum {
+    /// The phase of physics step `n`, from 1 (Eq. 8).
+    ///
+    /// The paper's `H(n) = min(T, s_H (floor((n - 1) / M) + 1))` gives the window `{0 .. H(n) - 1}`, which never holds frame `T`; the long-horizon
+    /// phase, which begins where `H(n) = T`, does.
+    pub fn phase(&self, n: usize) -> Phase {
+        if self.growth == 0 {
+            return Phase::Long;
+        }
+        let frames = self.growth * ((n.max(1) - 1) / self.interval.max(1) + 1);
+        if frames >= self.last_frame { Phase::Long } else { Phase::Short { frames } }
+    }
+
+    /// The first step of the long-horizon phase, from 1.
+    pub fn long_from(&self) -> usize {
+        if self.growth == 0 { 1 } else { (self.last_frame.div_ceil(self.growth).max(1) - 1) * self.interval.max(1) + 1 }
+    }
+
+    /// The frames of physics step `n`, from 1, the late one first. `draw(below)` gives a number from 0 to below `below`, evenly
+    /// distributed.
+    pub fn frames(&self, n: usize, mut draw: impl FnMut(usize) -> usize) -> Vec<Sampled> {
+        match self.phase(n) {
+            Phase::Short { frames } => vec![Sampled { frame: draw(frames), weight: 1.0 }],
+            Phase::Long => {
+                let late = self.late_from.min(self.last_frame);
+                let first = Sampled { frame: late + draw(self.last_frame - late + 1), weight: 1.0 };
+                let replays = if late == 0 { 0 } else { self.replays };
+                let weight = self.replay_weight / replays.max(1) as f64;
+                let replayed = (0..replays).map(|_| Sampled { frame: draw(late), weight });
+                std::iter::once(first).chain(replayed).collect()
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PAPER: Curriculum =
+        Curriculum { last_frame: 45, growth: 4, interval: 500, late_from: 35, replays: 4, replay_weight: 0.5 };
+
+    #[test]
+    fn the_window_grows_as_in_equation_8() {
+        assert_eq!(PAPER.phase(1), Phase::Short { frames: 4 });
+        assert_eq!(PAPER.phase(500), Phase::Short { frames: 4 });
+        assert_eq!(PAPER.phase(501), Phase::Short { frames: 8 });
+        assert_eq!(PAPER.phase(5500), Phase::Short { frames: 44 });
+        assert_eq!(PAPER.phase(5501), Phase::Long);
+        assert_eq!(PAPER.long_from(), 5501);
+    }
+
+    #[test]
+    fn short_steps_stay_in_the_window_and_long_ones_replay() {
+        let mut state = 1_u64;
+        let mut draw = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) as usize) % below
+        };
+        for n in (1..5501).step_by(37) {
+            let Phase::Short { frames } = PAPER.phase(n) else { panic!("short at {n}") };
+            let sampled = PAPER.frames(n, &mut draw);
+            assert!(sampled.len() == 1 && sampled[0].frame < frames && sampled[0].weight == 1.0);
+        }
+        let mut seen = [false; 46];
+        for n in 5501..7000 {
+            let sampled = PAPER.frames(n, &mut draw);
+            assert_eq!(sampled.len(), 5);
+            assert!((35..=45).contains(&sampled[0].frame));
+            assert!(sampled[1..].iter().all(|one| one.frame < 35 && one.weight == 0.125));
+            sampled.iter().for_each(|one| seen[one.frame] = true);
+        }
+        assert!(seen.iter().all(|seen| *seen), "every frame is drawn");
+    }
+
+    #[test]
+    fn rows_of_table_3_without_replay_or_late_horizon() {
+        let draw = |below: usize| below - 1;
+        assert_eq!(Curriculum { replays: 0, ..PAPER }.frames(6000, draw), [Sampled { frame: 45, weight: 1.0 }]);
+        assert_eq!(Curriculum { late_from: 0, ..PAPER }.frames(6000, draw), [Sampled { frame: 45, weight: 1.0 }]);
+        assert_eq!(Curriculum { growth: 0, ..PAPER }.phase(1), Phase::Long);
+        let single = Curriculum { last_frame: 0, ..PAPER };
+        assert_eq!(single.frames(1, draw)[0].frame, 0, "one frame alone");
+    }
+}
