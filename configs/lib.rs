@@ -21,7 +21,18 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 23] = [
+pub const RECIPES: [Recipe; 34] = [
+    recipe!("sparsedyn/ablations/full-horizon"),
+    recipe!("sparsedyn/ablations/no-regularisation"),
+    recipe!("sparsedyn/ablations/no-replay"),
+    recipe!("sparsedyn/ablations/opacity-only"),
+    recipe!("sparsedyn/ablations/replay-2"),
+    recipe!("sparsedyn/ablations/replay-6"),
+    recipe!("sparsedyn/ablations/window-2"),
+    recipe!("sparsedyn/ablations/window-3"),
+    recipe!("sparsedyn/ablations/window-5"),
+    recipe!("sparsedyn/base"),
+    recipe!("sparsedyn/paper"),
     recipe!("static/base"),
     recipe!("static/blender"),
     recipe!("static/demo"),

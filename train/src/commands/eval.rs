@@ -102,6 +102,7 @@ fn table(measured: &Measured) -> String {
         text += &row(&view.name, &view.scores);
     }
     text += &row("mean", &quality.mean);
+    text += &format!("{:width$}  {:7.2}\n", "mean error", quality.psnr_of_mean_error);
     for (name, scores) in &quality.regions {
         text += &row(&format!("{name} parts"), scores);
     }

@@ -8,7 +8,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use burn::module::{Module, ModuleDisplay};
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Gradients, Tensor};
 use gs_burn::adam::Adam;
 use gs_burn::{Gaussians, NamedGradients, RowMap};
 use gs_datasets::{LoadOptions, Scene, View};
@@ -58,6 +58,20 @@ pub struct Forward {
     pub drawn: Vec<Drawn>,
     /// Departures from the configuration, to be counted and reported.
     pub notes: Vec<Note>,
+    /// The part of the backward pass that is not in the loss's graph, if there is one.
+    pub remainder: Option<Remainder>,
+}
+
+/// A part of a backward pass that a method computes itself, after that of the loss: it takes the gradients of its leaves out of the finished
+/// pass and adds to those of the model, whose paths begin with `gaussians.` and `method.`.
+pub type Remainder = Box<dyn FnOnce(&mut Gradients, &mut NamedGradients)>;
+
+impl Forward {
+    /// No image, and a loss of zero on `device`.
+    pub fn empty(device: &Device) -> Self {
+        let loss = Tensor::zeros([1], device);
+        Self { images: Vec::new(), loss, drawn: Vec::new(), notes: Vec::new(), remainder: None }
+    }
 }
 
 /// The quantities of a rendering that density control needs.

@@ -21,6 +21,8 @@ pub enum Purpose {
     Bench = 5,
     /// The views in which contributions are measured.
     Prune = 6,
+    /// The direction of a step of integration.
+    Direction = 7,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

@@ -167,7 +167,8 @@ impl<M: Method> Trainer<M> {
         let screen = |_| Tensor::<2>::zeros([rows, 4], &device).autodiff().require_grad();
         let screens: Vec<Tensor<2>> = if wanted { photos.iter().map(screen).collect() } else { Vec::new() };
         let at = self.at(cues, config);
-        let Forward { images, loss, drawn, notes } = tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
+        let Forward { images, loss, drawn, notes, remainder } =
+            tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
         let loss = loss + regularisers(&tracked.gaussians, self.facts.extent, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
@@ -180,7 +181,10 @@ impl<M: Method> Trainer<M> {
             height: photo.camera.height,
         };
         let observations = drawn.into_iter().zip(photos).map(&mut observe).collect();
-        let gradients = NamedGradients::take(&tracked, &mut graph);
+        let mut gradients = NamedGradients::take(&tracked, &mut graph);
+        if let Some(remainder) = remainder {
+            remainder(&mut graph, &mut gradients);
+        }
         let _stage = profile::stage("check of the gradients");
         let mut checked = vec![loss.inner()];
         checked.extend(gradients.finiteness());

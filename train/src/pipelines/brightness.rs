@@ -114,6 +114,7 @@ impl Method for Brightness {
             drawn: vec![Drawn { radii: rendering.radii(), intersections: rendering.intersections }],
             images: vec![image],
             notes: Vec::new(),
+            remainder: None,
         }
     }
 

@@ -7,6 +7,7 @@ pub mod brightness;
 pub mod examples;
 pub mod fit;
 pub mod resolve;
+pub mod sparsedyn;
 pub mod still;
 pub mod taylormode;
 
@@ -27,10 +28,11 @@ use crate::stability::Experiment;
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.
-pub static PIPELINES: [&dyn Pipeline; 3] = [
+pub static PIPELINES: [&dyn Pipeline; 4] = [
     &fit::Fit::<still::Still>::NEW,
     &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
+    &fit::Fit::<sparsedyn::Sparsedyn>::NEW,
 ];
 
 /// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less than two

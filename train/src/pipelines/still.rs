@@ -49,6 +49,7 @@ impl Method for Still {
             drawn: vec![Drawn { radii: rendering.radii(), intersections: rendering.intersections }],
             images: vec![rendering.color],
             notes: Vec::new(),
+            remainder: None,
         }
     }
 

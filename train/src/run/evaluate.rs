@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor};
+use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Perceptual, ms_ssim, psnr, psnr_masked, ssim};
+use super::metrics::{Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim};
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
 use crate::fit::method::{Compared, MOVING, Method, Region, Step};
@@ -45,6 +46,10 @@ pub struct Quality {
     /// The mean over views.
     #[serde(flatten)]
     pub mean: Scores,
+    /// PSNR of the mean squared error over all views, dB: the number that NVFi, TRACE and FreeGave report. It is never above `psnr`, the
+    /// mean of the views' own; 0 in files of before.
+    #[serde(default)]
+    pub psnr_of_mean_error: f64,
     /// The mean over the views in which a region has pixels, by the region's name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, Scores>,
@@ -209,44 +214,51 @@ impl Evaluator {
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let mut photos = Photos::plain(views, &self.device);
         let (mut scores, mut comparisons, mut compared) = (Vec::new(), Vec::new(), Compared::Sharp);
-        for (index, view) in views.iter().enumerate() {
-            let photo = photos.get(index);
-            let image = match model.method.formed(&model.gaussians, view, at) {
-                Some(formed) => {
-                    compared = Compared::FormedBlur;
-                    formed
+        for together in by_time(views).chunks(TIMES_AT_ONCE) {
+            let times: Vec<f64> = together.iter().map(|(time, _)| *time).collect();
+            let mut shared: Option<Vec<Gaussians>> = None;
+            for (at_time, (_, indices)) in together.iter().enumerate() {
+                for index in indices.iter().copied() {
+                    let view = &views[index];
+                    let photo = photos.get(index);
+                    let image = match model.method.formed(&model.gaussians, view, at) {
+                        Some(formed) => {
+                            compared = Compared::FormedBlur;
+                            formed
+                        }
+                        None => {
+                            let gaussians = &shared.get_or_insert_with(|| scene.at_times(&times))[at_time];
+                            let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+                            gs_burn::render(gaussians, &photo.camera, &options).color.clamp(0.0, 1.0)
+                        }
+                    };
+                    let Some(whole) = self.scores(image.clone(), photo.image.clone(), photo.mask.clone()) else {
+                        tracing::warn!(view = view.name, "no pixel counts: the view is not measured");
+                        continue;
+                    };
+                    let regions = held_out.regions[index].iter().filter_map(|region| {
+                        let scores = self.region(image.clone(), &photo, view, region)?;
+                        Some((region.name.to_string(), scores))
+                    });
+                    let regions = regions.collect();
+                    if kept > 0 && index % keep_every == 0 {
+                        comparisons.push((index, self.comparison(view, photo, image, whole.psnr)));
+                    }
+                    scores.push((index, ViewScores { name: view.name.clone(), scores: whole, regions }));
                 }
-                None => {
-                    let gaussians = scene.at(view.time.unwrap_or(0.0));
-                    let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
-                    gs_burn::render(&gaussians, &photo.camera, &options).color.clamp(0.0, 1.0)
-                }
-            };
-            let Some(whole) = self.scores(image.clone(), photo.image.clone(), photo.mask.clone()) else {
-                tracing::warn!(view = view.name, "no pixel counts: the view is not measured");
-                continue;
-            };
-            let regions = held_out.regions[index].iter().filter_map(|region| {
-                let scores = self.region(image.clone(), &photo, view, region)?;
-                Some((region.name.to_string(), scores))
-            });
-            let regions = regions.collect();
-            if kept > 0 && index % keep_every == 0 {
-                let blurry = view.truth.blurry.as_ref().map(|blurry| to_tensor(view, &blurry.data, 3, &self.device));
-                let psnr = whole.psnr;
-                comparisons.push(Comparison {
-                    name: view.name.clone(),
-                    truth: photo.image,
-                    image,
-                    mask: photo.mask,
-                    blurry,
-                    psnr,
-                });
             }
-            scores.push(ViewScores { name: view.name.clone(), scores: whole, regions });
         }
+        scores.sort_by_key(|(index, _)| *index);
+        comparisons.sort_by_key(|(index, _)| *index);
+        let scores = scores.into_iter().map(|(_, scores)| scores).collect();
+        let comparisons = comparisons.into_iter().map(|(_, comparison)| comparison).collect();
         let has_truth = views.iter().any(|view| view.truth.blurry.is_some());
         (self.summary(scores, described_comparison(compared, has_truth)), comparisons)
+    }
+
+    fn comparison(&self, view: &View, photo: Photo<()>, image: Tensor<3>, psnr: f64) -> Comparison {
+        let blurry = view.truth.blurry.as_ref().map(|blurry| to_tensor(view, &blurry.data, 3, &self.device));
+        Comparison { name: view.name.clone(), truth: photo.image, image, mask: photo.mask, blurry, psnr }
     }
 
     /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels are black in
@@ -291,6 +303,7 @@ impl Evaluator {
             (None, false) => Some("no MS-SSIM: switched off (eval.ms_ssim = false)".into()),
         };
         Quality {
+            psnr_of_mean_error: psnr_of_mean_error(&views),
             mean,
             regions,
             compared: compared.into(),
@@ -300,6 +313,33 @@ impl Evaluator {
             views,
         }
     }
+}
+
+/// PSNR of the mean over views of the squared error, dB; 0 without a view.
+fn psnr_of_mean_error(views: &[ViewScores]) -> f64 {
+    if views.is_empty() {
+        return 0.0;
+    }
+    let errors = views.iter().map(|view| mse_of_psnr(view.scores.psnr));
+    psnr_of_mse(errors.sum::<f64>() / views.len() as f64)
+}
+
+/// Times at which a scene is held at once: a rollout is integrated once for all of them, and each holds its Gaussians.
+const TIMES_AT_ONCE: usize = 16;
+
+/// The views of each time by index, times ascending; 0 for a view without a time.
+fn by_time(views: &[View]) -> Vec<(f64, Vec<usize>)> {
+    let mut order: Vec<(f64, usize)> =
+        views.iter().enumerate().map(|(index, view)| (view.time.unwrap_or(0.0), index)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut groups: Vec<(f64, Vec<usize>)> = Vec::new();
+    for (time, index) in order {
+        match groups.last_mut() {
+            Some((last, indices)) if *last == time => indices.push(index),
+            _ => groups.push((time, vec![index])),
+        }
+    }
+    groups
 }
 
 /// The mean of each score that all views have; `None` without a view.

@@ -31,6 +31,11 @@ pub fn psnr_of_mse(mse: f64) -> f64 {
     -10.0 * mse.max(1e-10).log10()
 }
 
+/// The mean squared error of a PSNR in dB.
+pub fn mse_of_psnr(psnr: f64) -> f64 {
+    10.0_f64.powf(-0.1 * psnr)
+}
+
 /// Median (upper of the two middle values); `None` if empty.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);

@@ -71,6 +71,7 @@ impl Taylormode {
             loss,
             drawn: vec![Drawn { radii, intersections }],
             notes: step.misfit.get().then_some(DEPTH_MISFIT).into_iter().collect(),
+            remainder: None,
         }
     }
 }

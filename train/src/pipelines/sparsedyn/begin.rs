@@ -1,0 +1,93 @@
+//! The Gaussians of the first frame: at the back-projected pixels of depth priors, else at the data set's points, else where photos agree.
+
+use burn::tensor::Device;
+use gs_datasets::{PointCloud, Scene};
+
+use super::cues::Cues;
+use super::evidence::may_move;
+use super::model::{Frame, Sparsedyn};
+use super::{Config, Step};
+use crate::fit::initialise::{InitialGaussians, gaussians_at, initial_gaussians};
+
+/// Least weight of a prior's pixel that becomes a point.
+const LEAST_WEIGHT: f32 = 0.25;
+
+/// The state before the first step.
+pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sparsedyn) {
+    let (cues, config) = (at.cues, at.config);
+    let points = prior_points(scene, cues);
+    let initial = match points.is_empty() {
+        false => gaussians_at(&points, at.facts.extent, &config.init, config.density.cap, config.seed),
+        true => {
+            // The first frame alone: at other times the photos show other states.
+            let first = cues.by_frame.first().map(Vec::as_slice).unwrap_or_default();
+            let train = first.iter().map(|index| scene.train[*index].clone()).collect();
+            let first =
+                Scene { train, held_out: Vec::new(), points: scene.points.clone(), warnings: Vec::new(), ..*scene };
+            initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed)
+        }
+    };
+    let rows = may_move(&initial.means, &cues.evidence, config.method.moving.cameras);
+    let (centre, length) = extent_of(&initial.means, &rows);
+    let frame = Frame {
+        labels: vec![-1; rows.len()],
+        rows,
+        bodies: Vec::new(),
+        knots: 0,
+        start: cues.start(),
+        span: [cues.start(), cues.times.last().copied().unwrap_or(0.0)],
+        step: config.method.dynamics.step_frames * cues.interval,
+        centre,
+        length,
+    };
+    let model = Sparsedyn::new(frame, &config.method.dynamics, config.seed, device);
+    (initial, model)
+}
+
+/// The pixels of all priors of the first frame in space, with the photos' colours: the dense and redundant union of the views.
+fn prior_points(scene: &Scene, cues: &Cues) -> PointCloud {
+    let mut points = PointCloud::default();
+    for (index, prior) in &cues.depths {
+        let view = &scene.train[*index];
+        for (pixel, (depth, weight)) in prior.depth.iter().zip(&prior.weights).enumerate() {
+            if *weight < LEAST_WEIGHT {
+                continue;
+            }
+            let (x, y) = ((pixel % view.width) as f64 + 0.5, (pixel / view.width) as f64 + 0.5);
+            let position = view.c2w.transform_point3(view.intrinsics.ray(x, y) * f64::from(*depth)).as_vec3();
+            if position.is_finite() {
+                points.positions.push(position.to_array());
+                let color = &view.image.data[3 * pixel..3 * pixel + 3];
+                points.colors.push([color[0], color[1], color[2]]);
+            }
+        }
+    }
+    points
+}
+
+/// The middle of the rows and their root mean square distance from it; of all rows if none is listed.
+fn extent_of(means: &[[f32; 3]], rows: &[u32]) -> ([f64; 3], f64) {
+    let all: Vec<u32> = (0..means.len() as u32).collect();
+    let rows = if rows.is_empty() { &all } else { rows };
+    let at = |row: &u32| glam::Vec3::from(means[*row as usize]).as_dvec3();
+    let count = rows.len().max(1) as f64;
+    let middle = rows.iter().map(at).sum::<glam::DVec3>() / count;
+    let spread = (rows.iter().map(|row| at(row).distance_squared(middle)).sum::<f64>() / count).sqrt();
+    (middle.to_array(), if spread > 0.0 { spread } else { 1.0 })
+}
+
+/// A module for Gaussians that are known at one time alone.
+pub fn at_rest(config: &Config, device: &Device) -> Sparsedyn {
+    let frame = Frame {
+        rows: Vec::new(),
+        labels: Vec::new(),
+        bodies: Vec::new(),
+        knots: 0,
+        start: 0.0,
+        span: [0.0, 1.0],
+        step: 1.0,
+        centre: [0.0; 3],
+        length: 1.0,
+    };
+    Sparsedyn::new(frame, &config.method.dynamics, config.seed, device)
+}

@@ -1,0 +1,273 @@
+//! `[warmup]`, `[dynamics]`, `[curriculum]`, `[moving]` and `[bodies]`: the sections of the pipeline.
+
+use gs_models::sparsedyn::{Ask, Integrator};
+use serde::{Deserialize, Serialize};
+
+use crate::config::{
+    Config, ConfigError, DensityConfig, FitConfig, InitConfig, LossConfig, ModelConfig, OpacityPolicy, Section,
+    Strategy, check, not_negative, positive,
+};
+
+/// Weight of the mean opacity (paper, 4.1).
+pub const LAMBDA_OPACITY: f64 = 1e-2;
+
+/// Weight of the depth term (paper, 4.1).
+pub const LAMBDA_DEPTH: f64 = 5e-3;
+
+/// The refinement of the first frame (section 3.2).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WarmupConfig {
+    /// Share of the run in which the first frame alone is fitted and nothing moves.
+    pub share: f64,
+    /// Weight of the mean opacity in the warm-up (Eq. 5; paper: 1e-2). More leaves fewer Gaussians.
+    pub opacity: f64,
+    /// Weight of the difference between rendered and prior depth in the warm-up (Eq. 6; paper: 5e-3), per scene extent.
+    pub depth: f64,
+}
+
+impl Default for WarmupConfig {
+    fn default() -> Self {
+        Self { share: 0.2, opacity: LAMBDA_OPACITY, depth: 10.0 * LAMBDA_DEPTH }
+    }
+}
+
+/// What moves the Gaussians.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionModel {
+    /// The rollout of the dynamics field from the first frame (the paper).
+    Rollout,
+    /// The rollout, and a deformation field that corrects it while frames are seen.
+    Hybrid,
+    /// The baseline TRACE: a deformation field, and a dynamics field that is learned over one step at a time and asked for the future alone.
+    Trace,
+    /// The baseline FreeGave: as TRACE, with rigid motions of time mixed by a code of each Gaussian.
+    Freegave,
+}
+
+/// The dynamics field (Eq. 3) and the rollout (Eq. 4 and 9).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DynamicsConfig {
+    /// What moves the Gaussians.
+    pub model: MotionModel,
+    /// When the field is asked: at every stage of a step, once a step, or once at the start with accelerations that hold.
+    pub ask: Ask,
+    /// The integrator of a step.
+    pub integrator: Integrator,
+    /// Length of a step, frames (paper: 2).
+    pub step_frames: f64,
+    /// Sines and cosines of each input, at 2^0 to 2^(bands - 1).
+    pub bands: usize,
+    /// Units of a hidden layer.
+    pub width: usize,
+    /// Hidden layers.
+    pub layers: usize,
+    /// Learning rate of the field at the first step after the warm-up.
+    pub lr: f64,
+    /// Learning rate of the field at the last step; exponential in between.
+    pub lr_final: f64,
+}
+
+impl Default for DynamicsConfig {
+    fn default() -> Self {
+        Self {
+            model: MotionModel::Rollout,
+            ask: Ask::Start,
+            integrator: Integrator::Screw,
+            step_frames: 2.0,
+            bands: 3,
+            width: 64,
+            layers: 3,
+            lr: 5e-3,
+            lr_final: 2e-5,
+        }
+    }
+}
+
+/// Progressive physics learning (section 3.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CurriculumConfig {
+    /// Frames by which the window grows (Eq. 8; paper: 4); 0: all frames from the start.
+    pub growth: usize,
+    /// Steps from one growth to the next (Eq. 8; paper: 500); 0: by `short`.
+    pub interval: usize,
+    /// Share of the steps after the warm-up in which the window grows, where `interval` is 0.
+    pub short: f64,
+    /// First frame of the late horizon as a share of the frames seen (paper: 35 of 45); 0: the late horizon holds all frames.
+    pub late: f64,
+    /// Frames replayed in each step of the long-horizon phase (Eq. 10; paper: 4).
+    pub replays: usize,
+    /// Weight of their mean loss (Eq. 10; paper: 0.5).
+    pub replay_weight: f64,
+}
+
+impl Default for CurriculumConfig {
+    fn default() -> Self {
+        Self { growth: 4, interval: 0, short: 0.5, late: 35.0 / 45.0, replays: 4, replay_weight: 0.5 }
+    }
+}
+
+/// Which Gaussians may move.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MovingConfig {
+    /// Whether Gaussians without evidence of motion stay static; otherwise all may move.
+    pub select: bool,
+    /// Change of a pixel over the frames of a static camera above which something moves there, 0 to 1 of the brightest.
+    pub change: f64,
+    /// Share of the cameras in whose image a Gaussian lies that must see a change there.
+    pub cameras: f64,
+    /// Largest movement over the seen frames, pixels of any training view, at which a Gaussian is found to be static at the end.
+    pub still_pixels: f64,
+}
+
+impl Default for MovingConfig {
+    fn default() -> Self {
+        Self { select: true, change: 0.06, cameras: 0.5, still_pixels: 0.25 }
+    }
+}
+
+/// What moves Gaussians that may move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BodyUse {
+    /// Rigid bodies where there are any, the field for the rest.
+    Both,
+    /// Rigid bodies alone: a Gaussian of no body goes with the nearest one.
+    Bodies,
+    /// The field alone (the paper).
+    Field,
+}
+
+/// Rigid bodies with laws of motion, beyond the paper.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BodiesConfig {
+    /// What moves Gaussians that may move.
+    #[serde(rename = "use")]
+    pub choice: BodyUse,
+    /// Share of the steps after the warm-up at which bodies are found in the paths of the field.
+    pub from: f64,
+    /// Share of the steps after the warm-up at which each body's law is chosen; between the two, bodies follow a smooth free motion.
+    pub select: f64,
+    /// Largest distance of a Gaussian's path from its body's motion, pixels of the nearest training view.
+    pub tolerance_pixels: f64,
+    /// Share of a Gaussian's distance from where it began that is added to the tolerance.
+    pub tolerance_share: f64,
+    /// Most bodies.
+    pub most: usize,
+    /// Smallest share of the moving Gaussians in a body.
+    pub share: f64,
+    /// Frames from one knot of the free motion to the next.
+    pub knot_frames: f64,
+    /// Uncertainty of a body's pose, pixels: smaller misfits do not ask for a richer law.
+    pub noise_pixels: f64,
+    /// Learning rate of the laws' numbers when bodies are found, in body units (objects' size, radians, per unit of time).
+    pub lr: f64,
+    /// Learning rate at the last step; exponential in between.
+    pub lr_final: f64,
+}
+
+impl Default for BodiesConfig {
+    fn default() -> Self {
+        Self {
+            choice: BodyUse::Both,
+            from: 0.2,
+            select: 0.7,
+            tolerance_pixels: 2.0,
+            tolerance_share: 0.08,
+            most: 12,
+            share: 0.02,
+            knot_frames: 4.0,
+            noise_pixels: 0.5,
+            lr: 4e-3,
+            lr_final: 2e-5,
+        }
+    }
+}
+
+/// The sections that the pipeline adds.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sections {
+    /// The refinement of the first frame.
+    pub warmup: WarmupConfig,
+    /// The dynamics field and the rollout.
+    pub dynamics: DynamicsConfig,
+    /// Progressive physics learning.
+    pub curriculum: CurriculumConfig,
+    /// Which Gaussians may move.
+    pub moving: MovingConfig,
+    /// Rigid bodies with laws of motion.
+    pub bodies: BodiesConfig,
+}
+
+impl Section for Sections {
+    fn validate(&self, _shared: &Config) -> Result<(), ConfigError> {
+        let Self { warmup, dynamics, curriculum, moving, bodies } = self;
+        let share = |value: f64| (0.0..=1.0).contains(&value);
+        check("warmup.share", warmup.share, (0.0..1.0).contains(&warmup.share), "at least 0 and below 1")?;
+        check("warmup.opacity", warmup.opacity, not_negative(warmup.opacity), "0 or more")?;
+        check("warmup.depth", warmup.depth, not_negative(warmup.depth), "0 or more")?;
+        let step = (0.01..=100.0).contains(&dynamics.step_frames);
+        check("dynamics.step_frames", dynamics.step_frames, step, "from 0.01 to 100")?;
+        check("dynamics.bands", dynamics.bands, dynamics.bands <= 16, "from 0 to 16")?;
+        check("dynamics.width", dynamics.width, (1..=4096).contains(&dynamics.width), "from 1 to 4096")?;
+        check("dynamics.layers", dynamics.layers, (1..=32).contains(&dynamics.layers), "from 1 to 32")?;
+        check("dynamics.lr", dynamics.lr, positive(dynamics.lr), "positive")?;
+        check("dynamics.lr_final", dynamics.lr_final, positive(dynamics.lr_final), "positive")?;
+        check("curriculum.short", curriculum.short, share(curriculum.short), "from 0 to 1")?;
+        check("curriculum.late", curriculum.late, share(curriculum.late), "from 0 to 1")?;
+        check("curriculum.replays", curriculum.replays, curriculum.replays <= 64, "from 0 to 64")?;
+        let weight = not_negative(curriculum.replay_weight);
+        check("curriculum.replay_weight", curriculum.replay_weight, weight, "0 or more")?;
+        check("moving.change", moving.change, share(moving.change), "from 0 to 1")?;
+        check("moving.cameras", moving.cameras, share(moving.cameras), "from 0 to 1")?;
+        check("moving.still_pixels", moving.still_pixels, not_negative(moving.still_pixels), "0 or more")?;
+        check("bodies.from", bodies.from, share(bodies.from), "from 0 to 1")?;
+        let select = (bodies.from..=1.0).contains(&bodies.select);
+        check("bodies.select", bodies.select, select, "from bodies.from to 1")?;
+        check("bodies.tolerance_pixels", bodies.tolerance_pixels, positive(bodies.tolerance_pixels), "positive")?;
+        let tolerance = not_negative(bodies.tolerance_share);
+        check("bodies.tolerance_share", bodies.tolerance_share, tolerance, "0 or more")?;
+        check("bodies.most", bodies.most, (1..=1000).contains(&bodies.most), "from 1 to 1000")?;
+        check("bodies.share", bodies.share, share(bodies.share), "from 0 to 1")?;
+        check("bodies.knot_frames", bodies.knot_frames, bodies.knot_frames >= 1.0, "at least 1")?;
+        check("bodies.noise_pixels", bodies.noise_pixels, positive(bodies.noise_pixels), "positive")?;
+        check("bodies.lr", bodies.lr, positive(bodies.lr), "positive")?;
+        check("bodies.lr_final", bodies.lr_final, positive(bodies.lr_final), "positive")
+    }
+}
+
+/// The recommended configuration.
+pub fn defaults() -> FitConfig<Sections> {
+    let base = Config::default();
+    let shared = Config {
+        pipeline: "sparsedyn".into(),
+        steps: 4000,
+        // A dense prior names every surface; what hides others is pruned.
+        init: InitConfig { opacity: 0.5, ..InitConfig::default() },
+        // Few views do not determine how a colour depends on the view.
+        model: ModelConfig { sh_degree: 0, ..ModelConfig::default() },
+        // Opacity is weighted in the warm-up alone.
+        loss: LossConfig { opacity_reg: 0.0, scale_reg: 0.0, ..LossConfig::default() },
+        density: DensityConfig {
+            strategy: Strategy::Default,
+            cap: 20_000,
+            start: 100,
+            every: 50,
+            // Before motion begins: a small fast object would vanish if its Gaussians were pruned then.
+            stop: 0.19,
+            prune_share: 0.05,
+            min_opacity: 0.1,
+            gradient: 1e-3,
+            opacity_policy: OpacityPolicy::None,
+            ..DensityConfig::default()
+        },
+        ..base
+    };
+    FitConfig { shared, method: Sections::default() }
+}

@@ -1,0 +1,182 @@
+//! [`Sparsedyn`] as a [`Method`]: each function in one line, from the file of its topic.
+
+use std::path::Path;
+
+use burn::tensor::{Device, Tensor};
+use gs_burn::adam::Adam;
+use gs_burn::{Gaussians, NamedGradients, RowMap};
+use gs_datasets::{LoadOptions, PriorUse, Scene, View};
+use gs_models::DynamicScene;
+use gs_models::sparsedyn::Phase;
+
+use super::config::Sections;
+use super::cues::warmup_steps;
+use super::model::Frame;
+use super::order::Progressive;
+use super::scene::RolledScene;
+use super::{Config, Cues, DepthCue, Sparsedyn, Step, begin, config, discover, figures};
+use crate::config::FitConfig;
+use crate::fit::figure::Figures;
+use crate::fit::initialise::InitialGaussians;
+use crate::fit::method::{CAP, ChartKey, Forward, Method};
+use crate::fit::photos::Photo;
+use crate::fit::sampler::ViewOrder;
+
+impl Method for Sparsedyn {
+    const NAME: &'static str = "sparsedyn";
+    type Config = Sections;
+    type Cues = Cues;
+    type Extra = DepthCue;
+
+    fn defaults() -> FitConfig<Sections> {
+        config::defaults()
+    }
+
+    fn loading(_config: &Config, options: &mut LoadOptions) {
+        options.priors = PriorUse { sharp: false, ..options.priors };
+    }
+
+    fn prepare(scene: &mut Scene) {
+        let before = scene.train.len();
+        scene.train.retain(|view| view.time.is_some());
+        let left_out = before - scene.train.len();
+        if left_out > 0 && !scene.train.is_empty() {
+            scene.warnings.extend(Self::leaves_out(left_out));
+        }
+    }
+
+    fn leaves_out(without_time: usize) -> Option<String> {
+        (without_time > 0).then(|| format!("{without_time} training photos have no time and are left out"))
+    }
+
+    fn suits(dataset: &Path, _train: usize, timed: usize) -> Result<(), String> {
+        match timed {
+            0 => Err(format!(
+                "{}: expected a time for each frame, found none; a static scene trains with pipeline = \"static\"",
+                dataset.display()
+            )),
+            1 => Err(format!("{}: expected at least 2 training photos with times, found 1", dataset.display())),
+            _ => Ok(()),
+        }
+    }
+
+    fn cues(scene: &Scene, config: &Config) -> Cues {
+        Cues::of(scene, config)
+    }
+
+    fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Self) {
+        begin::begin(scene, at, device)
+    }
+
+    fn extra(view: &View, index: usize, at: &Step, device: &Device) -> DepthCue {
+        DepthCue::new(at.cues, view, index, device)
+    }
+
+    fn order(&self, views: &[View], config: &Config) -> Box<dyn ViewOrder> {
+        Box::new(Progressive::new(views, config))
+    }
+
+    fn forward(&self, gaussians: &Gaussians, photos: &[Photo<DepthCue>], screens: &[Tensor<2>], at: &Step) -> Forward {
+        self.compared(gaussians, photos, screens, at)
+    }
+
+    fn update(self, _: &Gaussians, gradients: &mut NamedGradients, adam: &mut Adam, at: &Step) -> Self {
+        self.updated(gradients, adam, at)
+    }
+
+    fn follow(self, rows: &RowMap, _adam: &mut Adam) -> Self {
+        self.followed(rows)
+    }
+
+    fn simplify(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
+        discover::simplified(self, gaussians, adam, views, at)
+    }
+
+    fn scene(&self, gaussians: Gaussians) -> Box<dyn DynamicScene> {
+        Box::new(RolledScene { gaussians, method: self.clone() })
+    }
+
+    fn middle(&self) -> f64 {
+        self.frame.start
+    }
+
+    fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
+        figures::bytes(self, gaussians, config)
+    }
+
+    fn figures(&self, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
+        figures::figures(self, gaussians, scene, views, at)
+    }
+
+    fn introduction(&self, _scene: &Scene, at: &Step) -> (Vec<String>, Vec<String>) {
+        let (cues, config) = (at.cues, at.config);
+        let (warmup, schedule) = (warmup_steps(config), cues.curriculum(config));
+        let long = (warmup + schedule.long_from()).min(config.steps + 1);
+        let window = match schedule.phase(1) {
+            Phase::Short { frames } => format!(
+                "a window of {frames} frames that grows by {} every {} steps to step {}",
+                schedule.growth,
+                schedule.interval,
+                long - 1
+            ),
+            Phase::Long => "all frames at once".to_string(),
+        };
+        let lines = vec![
+            format!(
+                "{} frames from {} to {}; {} Gaussians may move{}",
+                cues.times.len(),
+                self.frame.span[0],
+                self.frame.span[1],
+                self.frame.rows.len(),
+                match cues.depths.len() {
+                    0 => String::new(),
+                    count => format!("; {count} depth priors of the first frame"),
+                }
+            ),
+            format!(
+                "schedule: the first frame alone to step {warmup}; {window}; then a frame from {} on, with {} earlier ones",
+                schedule.late_from, schedule.replays
+            ),
+        ];
+        let single = (cues.times.len() < 2).then(|| "all photos have one time: no motion can be learned".to_string());
+        (lines, single.into_iter().collect())
+    }
+
+    fn described(&self) -> Vec<(&'static str, String)> {
+        let [first, last] = self.frame.span;
+        let mut lines = vec![("moving", self.frame.rows.len().to_string()), ("seen", format!("{first} to {last}"))];
+        lines.extend(self.body_lines().into_iter().map(|line| ("body", line)));
+        lines
+    }
+
+    fn frame(&self) -> serde_json::Value {
+        serde_json::to_value(&self.frame).expect("a frame is JSON")
+    }
+
+    fn from_frame(frame: &serde_json::Value, config: &Config, device: &Device) -> Result<Self, String> {
+        let frame: Frame = serde_json::from_value(frame.clone()).map_err(|error| error.to_string())?;
+        frame.check()?;
+        Ok(Self::new(frame, &config.method.dynamics, config.seed, device))
+    }
+
+    fn fits(&self, gaussians: usize) -> Result<(), String> {
+        match self.frame.rows.last() {
+            Some(row) if *row as usize >= gaussians => Err("the dynamics do not fit the Gaussians".into()),
+            _ => Ok(()),
+        }
+    }
+
+    fn at_rest(_scene: &Scene, at: &Step, device: &Device) -> Result<Self, String> {
+        Ok(begin::at_rest(at.config, device))
+    }
+
+    fn chart_keys() -> &'static [ChartKey] {
+        const KEYS: [ChartKey; 4] = [
+            ChartKey { name: "asked", key: "dynamics.ask", words: &[], unless: None },
+            ChartKey { name: "", key: "dynamics.integrator", words: &[("*", "")], unless: None },
+            ChartKey { name: "width", key: "dynamics.width", words: &[], unless: None },
+            CAP,
+        ];
+        &KEYS
+    }
+}
