@@ -116,6 +116,9 @@ fn table(measured: &Measured) -> String {
         text +=
             "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";
     }
+    if quality.regions_inferred {
+        text += "\nthe data set marks no moving parts in these photos: they were found where the photos change";
+    }
     text.extend(measured.figures_line().map(|line| format!("\n{line}")));
     for reason in missing(quality) {
         text += &format!("\n{reason}");

@@ -96,8 +96,12 @@ fn summary(eval: &EvalFile) -> String {
         "sharp truth" => " The sharp truth of the blurry photos is compared with the sharp rendering.",
         _ => "",
     };
+    let regions = match quality.regions_inferred {
+        true => " The data set marks no moving parts in these photos: they were found where the photos change.",
+        false => "",
+    };
     format!(
-        "{} steps of {} on <code>{}</code>, device {}; measured on {views} {split} view{}.{compared}{skipped}",
+        "{} steps of {} on <code>{}</code>, device {}; measured on {views} {split} view{}.{compared}{regions}{skipped}",
         eval.last.step,
         escaped(&eval.pipeline),
         escaped(&eval.dataset),

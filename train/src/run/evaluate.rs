@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::metrics::{Perceptual, ms_ssim, psnr, psnr_masked, ssim};
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
-use crate::fit::method::{Compared, MOVING, Method, Region, Step};
+use crate::fit::method::{Compared, MOVING, Method, Region, Step, given_regions};
 use crate::fit::photos::{Photo, Photos, to_tensor};
 use crate::fit::trainer::Model;
 
@@ -48,6 +48,9 @@ pub struct Quality {
     /// The mean over the views in which a region has pixels, by the region's name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, Scores>,
+    /// Whether a region was inferred from the photos, because the data set does not mark it.
+    #[serde(default)]
+    pub regions_inferred: bool,
     /// The comparison that was made: a sharp rendering with the "photo", with the "sharp truth" of a blurry photo, or the "formed blur" of the
     /// scene over each photo's exposure with the blurry photo.
     pub compared: String,
@@ -155,6 +158,15 @@ impl<'a> HeldOut<'a> {
         };
         Some(Self { split, views, regions: M::regions(views, at.config) })
     }
+
+    /// Whether the data set does not give one of the regions.
+    fn has_inferred(&self) -> bool {
+        let inferred = |(view, regions): (&View, &Vec<Region>)| {
+            let given = given_regions(view);
+            regions.iter().any(|region| !given.contains(region))
+        };
+        self.views.iter().zip(&self.regions).any(inferred)
+    }
 }
 
 /// Measures scenes. LPIPS weights are searched for once.
@@ -246,7 +258,9 @@ impl Evaluator {
             scores.push(ViewScores { name: view.name.clone(), scores: whole, regions });
         }
         let has_truth = views.iter().any(|view| view.truth.blurry.is_some());
-        (self.summary(scores, described_comparison(compared, has_truth)), comparisons)
+        let summary = self.summary(scores, described_comparison(compared, has_truth));
+        let regions_inferred = !summary.regions.is_empty() && held_out.has_inferred();
+        (Quality { regions_inferred, ..summary }, comparisons)
     }
 
     /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels are black in
@@ -293,6 +307,7 @@ impl Evaluator {
         Quality {
             mean,
             regions,
+            regions_inferred: false,
             compared: compared.into(),
             lpips_network: self.perceptual.as_ref().ok().map(|network| network.name.into()),
             lpips_reason: self.perceptual.as_ref().err().cloned(),
