@@ -38,9 +38,9 @@ fn fails(folder: &Path, args: &[&str]) -> String {
     errors
 }
 
-/// A run of 40 steps on the tiny scene that saves twice.
+/// A run of 40 steps on the tiny scene that saves twice. It keeps as many checkpoints as runs do by default.
 fn short(folder: &Path) -> Job {
-    let config = config(40, &["checkpoint.every=20", "checkpoint.keep=2", "density.start=10", "density.every=10"]);
+    let config = config(40, &["checkpoint.every=20", "density.start=10", "density.every=10"]);
     job(&tiny_scene(folder), &folder.join("run"), &config)
 }
 
@@ -166,6 +166,7 @@ fn a_damaged_newest_checkpoint_is_set_aside() {
     let temporary = tempfile::tempdir().expect("a folder");
     let mut job = short(temporary.path());
     finish(&job);
+    assert_eq!(job.folder.saved().iter().map(|(step, _)| *step).collect::<Vec<_>>(), [20, 40]);
     let newest = job.folder.checkpoint(40);
     let whole = fs::read(&newest).expect("read");
     job.resume = true;
