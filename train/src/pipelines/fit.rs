@@ -182,7 +182,7 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
     let facts = trainer.facts.listed().into_iter().filter(|(_, _, key)| is_open(key));
     let facts: Vec<String> = facts.map(|(name, value, key)| format!("{name} {value} ({key})")).collect();
     if !facts.is_empty() {
-        run.say(&format!("settled by the data set: {}", facts.join("; ")));
+        run.say(&format!("found in the data set: {}", facts.join("; ")));
     }
     let (lines, warnings) = trainer.method().introduction(scene, &session.at());
     lines.iter().for_each(|line| run.say(line));

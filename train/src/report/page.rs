@@ -116,7 +116,7 @@ fn facts(eval: &EvalFile) -> String {
         return String::new();
     }
     let mut html = String::from(
-        "<table>\n<tr><th>settled by the data set</th><th>value</th><th>key that says otherwise</th></tr>\n",
+        "<table>\n<tr><th>found in the data set</th><th>value</th><th>key that says otherwise</th></tr>\n",
     );
     for (name, value, key) in &eval.facts {
         html += &format!("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(value), escaped(key));
