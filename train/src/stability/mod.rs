@@ -17,7 +17,7 @@ use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
 
 pub use findings::{Criterion, Figure, Findings, Outcome};
-pub use lab::Lab;
+pub use lab::{Interrupted, Lab};
 
 /// One experiment.
 pub struct Experiment {
