@@ -87,11 +87,18 @@ fn renderings_are_never_written_over_photos() {
     assert!(fails(folder, &["eval", "run", "--out", "mine.json"]).contains("mine.json"));
     fs::write(folder.join("mine.svg"), "<svg/>").expect("written");
     assert!(fails(folder, &["chart", "run", "--out", "mine.svg"]).contains("mine.svg"));
+    fs::create_dir(folder.join("mine")).expect("made");
+    fs::write(folder.join("mine/report.html"), "<main></main>").expect("written");
+    let said = fails(folder, &["chart", "run", "--out", "new.svg", "--report", "mine"]);
+    assert!(said.contains("report.html") && said.contains("gsburn wrote"), "{said}");
+    fs::write(folder.join("mine/results.json"), "[]").expect("written");
+    let said = fails(folder, &["stability", "taylormode", "--only", "divergence", "--quick", "--out", "mine"]);
+    assert!(said.contains("results.json") && said.contains("gsburn wrote"), "{said}");
     for _ in 0..2 {
         succeeds(folder, &["export", "run", "--out", "ours.ply"]);
         succeeds(folder, &["eval", "run", "--out", "ours.json", "--renders", "pictures"]);
         succeeds(folder, &["chart", "run", "--out", "ours.svg", "--csv", "ours.csv"]);
-        succeeds(folder, &["chart", "run", "--out", "ours.html"]);
+        succeeds(folder, &["chart", "run", "--out", "ours.html", "--report", "run"]);
     }
 }
 

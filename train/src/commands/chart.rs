@@ -23,7 +23,8 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     }
     let markdown = args.out.with_extension("md");
     let table = (extension == "svg").then(|| markdown.clone());
-    let paths: Vec<_> = [args.out.clone()].into_iter().chain(table).chain(args.csv.clone()).collect();
+    let reports = args.report.iter().map(RunFolder::at).flat_map(|folder| [folder.report(), folder.comparison()]);
+    let paths: Vec<_> = [args.out.clone()].into_iter().chain(table).chain(args.csv.clone()).chain(reports).collect();
     outputs::check(&paths, &[])?;
     let found = gather(&args.runs)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));

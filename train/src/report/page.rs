@@ -14,6 +14,7 @@ use crate::fit::figure::{FigureTable, Prominence};
 use crate::run::evaluate::Evaluation;
 use crate::run::folder::EvalFile;
 use crate::run::memory::megabytes;
+use crate::run::outputs::MARK;
 use crate::run::profile::Profile;
 
 /// The look of all pages.
@@ -47,7 +48,7 @@ pub(super) fn html(
     let mut page = String::new();
     write!(
         page,
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name} · gsburn</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
     )?;
