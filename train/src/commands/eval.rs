@@ -107,10 +107,9 @@ fn table(measured: &Measured) -> String {
     }
     let why = if measured.split == "train" { ", because none are held out or they were asked for" } else { "" };
     text += &format!(
-        "{} Gaussians, {} {}{why}",
+        "{} Gaussians, {}{why}",
         measured.size.gaussians,
-        quality.views.len(),
-        described_split(&measured.split)
+        described_split(&measured.split, quality.views.len())
     );
     if quality.compared == "formed blur" {
         text +=

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor};
-use gs_datasets::{Scene, View};
+use gs_datasets::{Scene, View, counted};
 use serde::{Deserialize, Serialize};
 
 use super::metrics::{Perceptual, ms_ssim, psnr, psnr_masked, ssim};
@@ -369,14 +369,13 @@ impl Evaluation {
         let regions: String =
             quality.regions.iter().map(|(name, scores)| format!(", {name} parts {:.2} dB", scores.psnr)).collect();
         format!(
-            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {} {}; {} Gaussians, {:.1} s",
+            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {}; {} Gaussians, {:.1} s",
             self.step,
             quality.mean.psnr,
             quality.mean.ssim,
             optional("MS-SSIM", quality.mean.ms_ssim),
             optional("LPIPS", quality.mean.lpips),
-            quality.views.len(),
-            described_split(split),
+            described_split(split, quality.views.len()),
             size.gaussians,
             self.cost.seconds
         )
@@ -406,12 +405,12 @@ fn described_comparison(compared: Compared, has_truth: bool) -> &'static str {
     }
 }
 
-/// The views of a split in words.
-pub fn described_split(split: &str) -> String {
+/// The `count` views of a split in words.
+pub fn described_split(split: &str, count: usize) -> String {
     match split {
-        "test" => "held-out views".into(),
-        "train" => "training views".into(),
-        other => format!("views of the split {other}"),
+        "test" => counted(count, "held-out view"),
+        "train" => counted(count, "training view"),
+        other => format!("{} of the split {other}", counted(count, "view")),
     }
 }
 
