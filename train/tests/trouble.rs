@@ -137,6 +137,7 @@ fn a_log_without_a_terminal_shows_steps_and_time() {
     tiny_scene(temporary.path());
     let train = [&["train", "scene", "--out", "run", "--steps", "5"][..], &QUICK].concat();
     let [_, errors] = succeeds(temporary.path(), &train);
+    assert!(errors.contains("reading scene ..."), "{errors}");
     assert!(errors.contains("step 5 of 5") && errors.contains("s left"), "{errors}");
 }
 

@@ -24,6 +24,7 @@ use crate::run::fingerprint::Fingerprint;
 use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
+use crate::run::progress;
 use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
@@ -50,6 +51,8 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         return Ok(Ending::Finished(Box::new(eval)));
     }
     let held = watch::enter(job)?;
+    // Photos, cues and initial Gaussians take from seconds to minutes.
+    progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
     let plan = plan::<M>(job, config, &data);
     let trainer = resumed::<M>(job, config, &plan)?;
