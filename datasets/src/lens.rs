@@ -34,6 +34,18 @@ impl Focal {
             Self::Angle(angle) => 0.5 * size / (0.5 * angle).tan(),
         }
     }
+
+    fn shown(self) -> String {
+        match self {
+            Self::Pixels(pixels) => in_pixels(pixels),
+            Self::Angle(angle) => format!("an angle of {angle:?} radians"),
+        }
+    }
+}
+
+/// "960.0 pixels", "1e300 pixels": the debug format of a number shortens large ones, which otherwise fill lines with zeros.
+fn in_pixels(value: f64) -> String {
+    format!("{value:?} pixels")
 }
 
 /// Lens parameters before the image's size is known. What is `None` takes its value from the image.
@@ -104,7 +116,7 @@ impl Lens {
                 file,
                 format!("intrinsics of {}", image.display()),
                 "focal lengths of 0.01 to 10000 image sides and a principal point within two sides of the middle",
-                format!("{:?}, {:?}, {:?}, {:?}", self.focal_x, self.focal_y, self.cx, self.cy),
+                self.shown(),
             )
         })?;
         let rescaled = (scale_x - 1.0).abs() > 1e-9 || (scale_y - 1.0).abs() > 1e-9;
@@ -114,6 +126,20 @@ impl Lens {
             intrinsics: intrinsics.scaled(scale_x, scale_y),
             rescaled_from: rescaled.then_some((width, height)),
         })
+    }
+
+    /// Focal lengths and principal point as the file gives them, for a message.
+    fn shown(&self) -> String {
+        let given = |value: Option<String>| value.unwrap_or_else(|| "not given".into());
+        let focal = |focal: Option<Focal>| given(focal.map(Focal::shown));
+        let centre = |pixels: Option<f64>| given(pixels.map(in_pixels));
+        format!(
+            "focal lengths {} (x) and {} (y), principal point {} (x) and {} (y)",
+            focal(self.focal_x),
+            focal(self.focal_y),
+            centre(self.cx),
+            centre(self.cy)
+        )
     }
 
     /// Intrinsics for the declared size; `None` when they are no camera's, or that of photos of quite another size.

@@ -1,4 +1,6 @@
 //! A data set whose frames are described first and decoded when asked: [`Log`].
+//!
+//! [`check`](crate::check()) does not go through a log: a log ends at the first error of its description, and `check` lists all of them.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -116,6 +116,10 @@ fn brightness_is_learned_measured_reported_and_charted() {
         assert_eq!(again[key], first[key], "{key}");
     }
     assert!(gsburn(folder, &["info", "learned"]).contains("brightness"));
+
+    // A PLY file knows no brightness: all photos are taken to be equally bright.
+    let ply = ["eval", "learned/scene.ply", "--data", "world", "--set", "pipeline=brightness"];
+    assert!(gsburn(folder, &ply).contains("brightest / darkest photo 1.000"));
 }
 
 #[test]

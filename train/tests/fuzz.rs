@@ -13,11 +13,9 @@ mod mutate;
 use std::fs;
 use std::path::Path;
 
-use gs_train::pipelines::fit::read_model;
-use gs_train::pipelines::still::Still;
-use gs_train::pipelines::{Sources, of_checkpoint, resolve};
+use gs_datasets::synthetic::deblur::{self, DeblurOptions};
+use gs_train::pipelines::{PIPELINES, Sources, of_checkpoint, resolve};
 use gs_train::run::checkpoint::Checkpoint;
-use gs_train::run::folder::RunFolder;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
@@ -55,8 +53,9 @@ fn configurations(cases: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("config.toml");
     // Every key of each pipeline, and a recipe as people write it.
-    let seeds: Vec<Vec<u8>> = ["pipeline=static", "pipeline=taylormode"]
-        .map(|pipeline| common::resolved(10, &[pipeline]).text.into_bytes())
+    let seeds: Vec<Vec<u8>> = PIPELINES
+        .map(|pipeline| format!("pipeline={}", pipeline.name()))
+        .map(|pipeline| common::resolved(10, &[pipeline.as_str()]).text.into_bytes())
         .into_iter()
         .chain(gs_recipes::find("taylormode/base").map(|recipe| recipe.text.as_bytes().to_vec()))
         .collect();
@@ -67,24 +66,44 @@ fn configurations(cases: u32) {
     });
 }
 
-/// A checkpoint of a run on the tiny scene.
-fn checkpoint(folder: &Path, steps: usize) -> Vec<u8> {
-    let config = common::config(steps, &["init.random_points=20"]);
-    let job = common::job(&common::tiny_scene(folder), &folder.join("run"), &config);
+/// The last checkpoint of a run of so many steps.
+fn checkpoint(dataset: &Path, run: &Path, steps: usize, overrides: &[&str]) -> Vec<u8> {
+    let job = common::job(dataset, run, &common::config(steps, overrides));
     common::finish(&job);
-    fs::read(RunFolder::at(folder.join("run")).checkpoint(steps)).expect("read")
+    fs::read(job.folder.checkpoint(steps)).expect("read")
+}
+
+/// A checkpoint of each pipeline.
+fn checkpoint_seeds(folder: &Path) -> Vec<Vec<u8>> {
+    let still = common::tiny_scene(folder);
+    let video = folder.join("video");
+    let options = DeblurOptions {
+        width: 32,
+        height: 24,
+        cameras: 4,
+        held_out: 1,
+        frames: 3,
+        points: 100,
+        ..DeblurOptions::default()
+    };
+    deblur::write(&video, &options, |_, _| {}).expect("the world is written");
+    let few = "init.random_points=20";
+    vec![
+        checkpoint(&still, &folder.join("static"), 3, &[few]),
+        checkpoint(&still, &folder.join("brightness"), 1, &["pipeline=brightness", few]),
+        checkpoint(&video, &folder.join("moving"), 1, &["pipeline=taylormode", "blur.samples=3", "motion.points=30"]),
+    ]
 }
 
 fn checkpoints(cases: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let device = common::device();
     let file = folder.path().join("x.safetensors");
-    fuzz(cases, &[checkpoint(folder.path(), 3)], |bytes| {
+    fuzz(cases, &checkpoint_seeds(folder.path()), |bytes| {
         fs::write(&file, bytes).expect("written");
         let read = || -> anyhow::Result<()> {
             let checkpoint = Checkpoint::load(&file)?;
-            of_checkpoint(&checkpoint)?;
-            read_model::<Still>(&checkpoint, &device)?;
+            of_checkpoint(&checkpoint)?.open(&checkpoint, &device)?;
             checkpoint.whole()?;
             Ok(())
         };

@@ -79,6 +79,7 @@ fn blurry_photos_are_compared_with_the_formed_blur() {
     let job = common::job(&world, &folder.join("run"), &common::config(STEPS, &OVERRIDES));
     let sharp = common::finish(&job);
     assert_eq!(sharp.last.measured.quality.compared, "sharp truth");
+    assert!(!sharp.last.measured.quality.regions.is_empty() && !sharp.last.measured.quality.regions_inferred);
     let checkpoint = job.folder.checkpoint(STEPS);
 
     without_truth(&world);
@@ -106,15 +107,20 @@ fn eval_json_says_what_was_compared() {
     let folder = temporary.path();
     let world = video(folder);
     without_truth(&world);
-    let job = common::job(&world, &folder.join("run"), &common::config(10, &OVERRIDES));
+    let overrides = [&OVERRIDES[..], &["data.priors=[]"]].concat();
+    let job = common::job(&world, &folder.join("run"), &common::config(10, &overrides));
     common::finish(&job);
     let eval: serde_json::Value = serde_json::from_slice(&fs::read(job.folder.eval()).expect("read")).expect("JSON");
     assert_eq!(eval["compared"], "formed blur");
     let report = fs::read_to_string(job.folder.report()).expect("read");
     assert!(report.contains("compared with the blur that the scene forms"));
+    // Nor does the set mark what moves.
+    assert!(eval["regions"][MOVING]["psnr"].is_number() && eval["regions_inferred"] == true, "{eval}");
+    assert!(report.contains("found where the photos change"));
 
     let still = common::job(&common::tiny_scene(folder), &folder.join("still"), &common::config(3, &[]));
-    assert_eq!(common::finish(&still).last.measured.quality.compared, "photo");
+    let still = common::finish(&still).last.measured.quality;
+    assert_eq!((still.compared.as_str(), still.regions_inferred), ("photo", false));
 }
 
 /// Masks that are inferred for training and for measuring stay out of the fields for what the data set gave.
@@ -133,6 +139,10 @@ fn inferred_masks_are_not_given_ones() {
     let held_out = HeldOut::of(&data.scene, None, &at).expect("a split");
     assert!(held_out.regions.iter().flatten().any(|region| region.name == MOVING), "moving parts are measured");
     assert_eq!(held_out.regions, Taylormode::regions(held_out.views, &config));
+    // A run's own heuristics do not change which pixels are scored.
+    let other = [&OVERRIDES[..], &["data.priors=[]", "cues.shadow=0.0", "cues.speck=0.01"]].concat();
+    let other = common::typed::<Taylormode>(&common::config(STEPS, &other));
+    assert_eq!(held_out.regions, Taylormode::regions(held_out.views, &other));
     assert_eq!(data.scene, scene, "the data set stays what it was");
     let mut views = scene.train.iter().chain(scene.held_out_views());
     assert!(views.all(|view| view.priors.moving.is_none() && view.priors.depth.is_none()));

@@ -38,9 +38,9 @@ fn fails(folder: &Path, args: &[&str]) -> String {
     errors
 }
 
-/// A run of 40 steps on the tiny scene that saves twice.
+/// A run of 40 steps on the tiny scene that saves twice. It keeps as many checkpoints as runs do by default.
 fn short(folder: &Path) -> Job {
-    let config = config(40, &["checkpoint.every=20", "checkpoint.keep=2", "density.start=10", "density.every=10"]);
+    let config = config(40, &["checkpoint.every=20", "density.start=10", "density.every=10"]);
     job(&tiny_scene(folder), &folder.join("run"), &config)
 }
 
@@ -87,11 +87,18 @@ fn renderings_are_never_written_over_photos() {
     assert!(fails(folder, &["eval", "run", "--out", "mine.json"]).contains("mine.json"));
     fs::write(folder.join("mine.svg"), "<svg/>").expect("written");
     assert!(fails(folder, &["chart", "run", "--out", "mine.svg"]).contains("mine.svg"));
+    fs::create_dir(folder.join("mine")).expect("made");
+    fs::write(folder.join("mine/report.html"), "<main></main>").expect("written");
+    let said = fails(folder, &["chart", "run", "--out", "new.svg", "--report", "mine"]);
+    assert!(said.contains("report.html") && said.contains("gsburn wrote"), "{said}");
+    fs::write(folder.join("mine/results.json"), "[]").expect("written");
+    let said = fails(folder, &["stability", "taylormode", "--only", "divergence", "--quick", "--out", "mine"]);
+    assert!(said.contains("results.json") && said.contains("gsburn wrote"), "{said}");
     for _ in 0..2 {
         succeeds(folder, &["export", "run", "--out", "ours.ply"]);
         succeeds(folder, &["eval", "run", "--out", "ours.json", "--renders", "pictures"]);
         succeeds(folder, &["chart", "run", "--out", "ours.svg", "--csv", "ours.csv"]);
-        succeeds(folder, &["chart", "run", "--out", "ours.html"]);
+        succeeds(folder, &["chart", "run", "--out", "ours.html", "--report", "run"]);
     }
 }
 
@@ -130,6 +137,7 @@ fn a_log_without_a_terminal_shows_steps_and_time() {
     tiny_scene(temporary.path());
     let train = [&["train", "scene", "--out", "run", "--steps", "5"][..], &QUICK].concat();
     let [_, errors] = succeeds(temporary.path(), &train);
+    assert!(errors.contains("reading scene ..."), "{errors}");
     assert!(errors.contains("step 5 of 5") && errors.contains("s left"), "{errors}");
 }
 
@@ -166,6 +174,7 @@ fn a_damaged_newest_checkpoint_is_set_aside() {
     let temporary = tempfile::tempdir().expect("a folder");
     let mut job = short(temporary.path());
     finish(&job);
+    assert_eq!(job.folder.saved().iter().map(|(step, _)| *step).collect::<Vec<_>>(), [20, 40]);
     let newest = job.folder.checkpoint(40);
     let whole = fs::read(&newest).expect("read");
     job.resume = true;

@@ -125,9 +125,13 @@ fn intrinsics_of_no_camera_are_refused_and_those_of_another_size_said() {
     for (key, value) in [("cx", 960.0), ("cx", -960.0), ("cy", 1e30), ("fl_x", 1e300), ("fl_x", 1e-300)] {
         let mut wrong = top.clone();
         wrong[key] = json!(value);
+        wrong.as_object_mut().expect("an object").remove("fl_y");
         folder.write_json("transforms.json", &wrong);
         let error = error_of(&folder);
         assert!(error.contains("image sides") && error.contains("principal point"), "{key} {value}: {error}");
+        // The values are shown as numbers, and no debug text is.
+        assert!(error.contains(" pixels (x) and not given (y)"), "{key} {value}: {error}");
+        assert!(!error.contains("Some(") && !error.contains("None"), "{key} {value}: {error}");
     }
     // Those of photos twice as wide.
     top["cx"] = json!(32.0);

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use gs_datasets::image_io::write_atomic;
+use gs_datasets::printable;
 
 use crate::cli::ChartArgs;
 use crate::commands::{command_line, marked, print};
@@ -22,10 +23,11 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     }
     let markdown = args.out.with_extension("md");
     let table = (extension == "svg").then(|| markdown.clone());
-    let paths: Vec<_> = [args.out.clone()].into_iter().chain(table).chain(args.csv.clone()).collect();
+    let reports = args.report.iter().map(RunFolder::at).flat_map(|folder| [folder.report(), folder.comparison()]);
+    let paths: Vec<_> = [args.out.clone()].into_iter().chain(table).chain(args.csv.clone()).chain(reports).collect();
     outputs::check(&paths, &[])?;
     let found = gather(&args.runs)?;
-    found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
     // Printed first: the table needs no file, so it is shown even if a file cannot be written.
     print(table.text());

@@ -108,14 +108,16 @@ fn table(measured: &Measured) -> String {
     }
     let why = if measured.split == "train" { ", because none are held out or they were asked for" } else { "" };
     text += &format!(
-        "{} Gaussians, {} {}{why}",
+        "{} Gaussians, {}{why}",
         measured.size.gaussians,
-        quality.views.len(),
-        described_split(&measured.split)
+        described_split(&measured.split, quality.views.len())
     );
     if quality.compared == "formed blur" {
         text +=
             "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";
+    }
+    if quality.regions_inferred {
+        text += "\nthe data set marks no moving parts in these photos: they were found where the photos change";
     }
     text.extend(measured.figures_line().map(|line| format!("\n{line}")));
     for reason in missing(quality) {

@@ -8,12 +8,12 @@ use crate::cli::StabilityArgs;
 use crate::commands::{device, print};
 use crate::pipelines::{PIPELINES, find};
 use crate::run::interrupt;
-use crate::stability::{Outcome, Request, run as run_experiments};
+use crate::stability::{Interrupted, Outcome, Request, run as run_experiments};
 
 /// Runs the experiments of a pipeline.
 ///
 /// # Errors
-/// One sentence: an unknown name, a full disk, Ctrl-C.
+/// One sentence: an unknown name, a full disk.
 pub fn run(args: &StabilityArgs) -> Result<ExitCode> {
     let with_experiments = PIPELINES.iter().filter(|pipeline| !pipeline.experiments().is_empty());
     let names: Vec<&str> = with_experiments.map(|pipeline| pipeline.name()).collect();
@@ -29,7 +29,13 @@ pub fn run(args: &StabilityArgs) -> Result<ExitCode> {
         device: device(&args.device)?,
         quiet: false,
     };
-    let outcomes = run_experiments(pipeline.name(), pipeline.experiments(), &request)?;
+    let outcomes = match run_experiments(pipeline.name(), pipeline.experiments(), &request) {
+        Err(error) if error.is::<Interrupted>() => {
+            eprintln!("{error}");
+            return Ok(ExitCode::from(interrupt::exit_code()));
+        }
+        outcomes => outcomes?,
+    };
     print(table(&outcomes).trim_end());
     print(format!("report {}", args.out.join("stability.html").display()));
     // A missed bound is a result, not a failure of the program.

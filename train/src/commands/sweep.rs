@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
+use gs_datasets::printable;
 
 use crate::cli::SweepArgs;
 use crate::commands::{command_line, describe, device, marked, print};
@@ -101,7 +102,7 @@ fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Resolved, state: Stat
 fn compare(out: &Path, plan: &[Planned]) -> Result<ExitCode> {
     let paths: Vec<PathBuf> = plan.iter().map(|(folder, ..)| folder.path().to_path_buf()).collect();
     let found = gather(&paths)?;
-    found.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
     print(table.text());
     if let Some(verdict) = enough(&found.runs) {

@@ -30,13 +30,14 @@ impl Default for EvalConfig {
 pub struct CheckpointConfig {
     /// Steps from one checkpoint to the next, and so the most that a killed run loses; 0: only at the end.
     pub every: usize,
-    /// Checkpoints kept; older ones are removed once a new one is complete.
+    /// Checkpoints kept; older ones are removed once a new one is complete. With 2, `--resume` can go on from the older one if the
+    /// newest is damaged; with 1 the work would be lost.
     pub keep: usize,
 }
 
 impl Default for CheckpointConfig {
     fn default() -> Self {
-        Self { every: 1000, keep: 1 }
+        Self { every: 1000, keep: 2 }
     }
 }
 

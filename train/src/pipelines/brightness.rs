@@ -139,4 +139,9 @@ impl Method for Brightness {
             frame.as_u64().filter(|photos| *photos < 1 << 24).ok_or("the number of photos is missing or absurd")?;
         Ok(Self::of(photos as usize, device))
     }
+
+    /// Takes all photos to be equally bright.
+    fn at_rest(scene: &Scene, _: &Step<Self>, device: &Device) -> Result<Self, String> {
+        Ok(Self::of(scene.train.len(), device))
+    }
 }

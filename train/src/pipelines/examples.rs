@@ -21,7 +21,7 @@ Examples:
 
 One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
 chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes
-on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130.";
+on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130, SIGTERM likewise with 143.";
 
 /// Shown below `gsburn stability --help`.
 pub const STABILITY: &str = "\
@@ -32,4 +32,5 @@ Examples:
   gsburn stability taylormode --out runs/sensitivity --only sensitivity --data my-video
 
 Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
-shown as missed and is no error. A wrong name after --only lists the experiments.";
+shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with
+143; what was finished before is kept.";

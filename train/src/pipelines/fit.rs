@@ -24,6 +24,7 @@ use crate::run::fingerprint::Fingerprint;
 use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
+use crate::run::progress;
 use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
@@ -50,6 +51,8 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         return Ok(Ending::Finished(Box::new(eval)));
     }
     let held = watch::enter(job)?;
+    // Photos, cues and initial Gaussians take from seconds to minutes.
+    progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
     let plan = plan::<M>(job, config, &data);
     let trainer = resumed::<M>(job, config, &plan)?;
@@ -182,7 +185,7 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
     let facts = trainer.facts.listed().into_iter().filter(|(_, _, key)| is_open(key));
     let facts: Vec<String> = facts.map(|(name, value, key)| format!("{name} {value} ({key})")).collect();
     if !facts.is_empty() {
-        run.say(&format!("settled by the data set: {}", facts.join("; ")));
+        run.say(&format!("found in the data set: {}", facts.join("; ")));
     }
     let (lines, warnings) = trainer.method().introduction(scene, &session.at());
     lines.iter().for_each(|line| run.say(line));

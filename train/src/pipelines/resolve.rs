@@ -40,7 +40,7 @@ pub fn resolve(sources: Sources) -> Result<Resolved, ConfigError> {
         layers.extend(recipe(name)?);
     }
     if let Some(path) = sources.file {
-        layers.extend(tables::file_layers(path).map_err(|error| with_recipe(error, path))?);
+        layers.extend(tables::file_layers(path).map_err(with_recipe)?);
     }
     let main = layers.last().map_or_else(|| "arguments".to_string(), |layer| layer.origin.clone());
     for text in sources.overrides {
@@ -121,17 +121,18 @@ fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Resul
     Err(ConfigError::UnknownKey { origin, key, nearest })
 }
 
-/// A file that is not there may be meant for the recipe of its name: `configs/taylormode/base.toml` outside of the repository.
-fn with_recipe(error: ConfigError, path: &Path) -> ConfigError {
+/// A file that is not there, or the base of a file, may be meant for the recipe of its name: `configs/taylormode/base.toml` outside of the
+/// repository.
+fn with_recipe(error: ConfigError) -> ConfigError {
     match error {
-        ConfigError::Read { path: missing, source, .. } if missing == path && !path.exists() => {
+        ConfigError::Read { path, source, .. } if !path.exists() => {
             let named = path.with_extension("").to_string_lossy().replace('\\', "/");
             let is_meant = |recipe: &&gs_recipes::Recipe| {
                 let name = recipe.name;
                 named == name || named.strip_suffix(name).is_some_and(|before| before.ends_with('/'))
             };
             let recipe = gs_recipes::RECIPES.iter().find(is_meant).map(|recipe| recipe.name.to_string());
-            ConfigError::Read { path: missing, source, recipe }
+            ConfigError::Read { path, source, recipe }
         }
         error => error,
     }
@@ -167,6 +168,12 @@ mod tests {
         let message = of("configs/taylormode/paper.toml");
         assert!(message.contains("--recipe taylormode/paper"), "{message}");
         assert!(!of("nowhere/other.toml").contains("--recipe taylormode"));
+        // So does the base of a file.
+        let folder = tempfile::tempdir().expect("a folder");
+        let mine = folder.path().join("mine.toml");
+        std::fs::write(&mine, "base = \"configs/taylormode/base.toml\"\n").expect("written");
+        let message = of(mine.to_str().expect("UTF-8"));
+        assert!(message.contains("--recipe taylormode/base"), "{message}");
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod profile;
 pub mod scatter;
 
 use anyhow::Result;
+use gs_datasets::guarded;
 use gs_datasets::image_io::{write_atomic, write_png};
 
 use crate::run::evaluate::Comparison;
@@ -20,6 +21,9 @@ use crate::run::profile::Profile;
 use charts::{Chart, Series};
 pub use page::{STYLE, with_comparison};
 use pictures::SideBySide;
+
+/// Largest comparison.html, bytes: a row of its table takes some 500 bytes, and a page with a million measurements is read by nobody.
+const COMPARISON_MAX: u64 = 64 << 20;
 
 /// Writes renders/, plots/ and report.html of a run.
 ///
@@ -45,7 +49,7 @@ pub fn write(
     }
     let page = page::html(eval, &plots, &pictures, Profile::read(folder).as_ref(), config)?;
     // A comparison that `gsburn chart` put into an earlier report is kept.
-    let page = match std::fs::read_to_string(folder.comparison()) {
+    let page = match guarded::read_to_string(&folder.comparison(), COMPARISON_MAX) {
         Ok(section) => with_comparison(&page, &section).unwrap_or(page),
         Err(_) => page,
     };

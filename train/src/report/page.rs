@@ -14,6 +14,7 @@ use crate::fit::figure::{FigureTable, Prominence};
 use crate::run::evaluate::Evaluation;
 use crate::run::folder::EvalFile;
 use crate::run::memory::megabytes;
+use crate::run::outputs::MARK;
 use crate::run::profile::Profile;
 
 /// The look of all pages.
@@ -47,7 +48,7 @@ pub(super) fn html(
     let mut page = String::new();
     write!(
         page,
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name} · gsburn</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
     )?;
@@ -96,8 +97,12 @@ fn summary(eval: &EvalFile) -> String {
         "sharp truth" => " The sharp truth of the blurry photos is compared with the sharp rendering.",
         _ => "",
     };
+    let regions = match quality.regions_inferred {
+        true => " The data set marks no moving parts in these photos: they were found where the photos change.",
+        false => "",
+    };
     format!(
-        "{} steps of {} on <code>{}</code>, device {}; measured on {views} {split} view{}.{compared}{skipped}",
+        "{} steps of {} on <code>{}</code>, device {}; measured on {views} {split} view{}.{compared}{regions}{skipped}",
         eval.last.step,
         escaped(&eval.pipeline),
         escaped(&eval.dataset),
@@ -112,7 +117,7 @@ fn facts(eval: &EvalFile) -> String {
         return String::new();
     }
     let mut html = String::from(
-        "<table>\n<tr><th>settled by the data set</th><th>value</th><th>key that says otherwise</th></tr>\n",
+        "<table>\n<tr><th>found in the data set</th><th>value</th><th>key that says otherwise</th></tr>\n",
     );
     for (name, value, key) in &eval.facts {
         html += &format!("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(value), escaped(key));

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::Gaussians;
-use gs_datasets::{Scene, View};
+use gs_datasets::{Scene, View, counted};
 use serde::{Deserialize, Serialize};
 
 use super::metrics::{Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim};
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
-use crate::fit::method::{Compared, MOVING, Method, Region, Step};
+use crate::fit::method::{Compared, MOVING, Method, Region, Step, given_regions};
 use crate::fit::photos::{Photo, Photos, to_tensor};
 use crate::fit::trainer::Model;
 
@@ -53,6 +53,9 @@ pub struct Quality {
     /// The mean over the views in which a region has pixels, by the region's name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, Scores>,
+    /// Whether a region was inferred from the photos, because the data set does not mark it.
+    #[serde(default)]
+    pub regions_inferred: bool,
     /// The comparison that was made: a sharp rendering with the "photo", with the "sharp truth" of a blurry photo, or the "formed blur" of the
     /// scene over each photo's exposure with the blurry photo.
     pub compared: String,
@@ -160,6 +163,15 @@ impl<'a> HeldOut<'a> {
         };
         Some(Self { split, views, regions: M::regions(views, at.config) })
     }
+
+    /// Whether the data set does not give one of the regions.
+    fn has_inferred(&self) -> bool {
+        let inferred = |(view, regions): (&View, &Vec<Region>)| {
+            let given = given_regions(view);
+            regions.iter().any(|region| !given.contains(region))
+        };
+        self.views.iter().zip(&self.regions).any(inferred)
+    }
 }
 
 /// Measures scenes. LPIPS weights are searched for once.
@@ -253,7 +265,9 @@ impl Evaluator {
         let scores = scores.into_iter().map(|(_, scores)| scores).collect();
         let comparisons = comparisons.into_iter().map(|(_, comparison)| comparison).collect();
         let has_truth = views.iter().any(|view| view.truth.blurry.is_some());
-        (self.summary(scores, described_comparison(compared, has_truth)), comparisons)
+        let summary = self.summary(scores, described_comparison(compared, has_truth));
+        let regions_inferred = !summary.regions.is_empty() && held_out.has_inferred();
+        (Quality { regions_inferred, ..summary }, comparisons)
     }
 
     fn comparison(&self, view: &View, photo: Photo<()>, image: Tensor<3>, psnr: f64) -> Comparison {
@@ -306,6 +320,7 @@ impl Evaluator {
             psnr_of_mean_error: psnr_of_mean_error(&views),
             mean,
             regions,
+            regions_inferred: false,
             compared: compared.into(),
             lpips_network: self.perceptual.as_ref().ok().map(|network| network.name.into()),
             lpips_reason: self.perceptual.as_ref().err().cloned(),
@@ -394,14 +409,13 @@ impl Evaluation {
         let regions: String =
             quality.regions.iter().map(|(name, scores)| format!(", {name} parts {:.2} dB", scores.psnr)).collect();
         format!(
-            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {} {}; {} Gaussians, {:.1} s",
+            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {}; {} Gaussians, {:.1} s",
             self.step,
             quality.mean.psnr,
             quality.mean.ssim,
             optional("MS-SSIM", quality.mean.ms_ssim),
             optional("LPIPS", quality.mean.lpips),
-            quality.views.len(),
-            described_split(split),
+            described_split(split, quality.views.len()),
             size.gaussians,
             self.cost.seconds
         )
@@ -431,12 +445,12 @@ fn described_comparison(compared: Compared, has_truth: bool) -> &'static str {
     }
 }
 
-/// The views of a split in words.
-pub fn described_split(split: &str) -> String {
+/// The `count` views of a split in words.
+pub fn described_split(split: &str, count: usize) -> String {
     match split {
-        "test" => "held-out views".into(),
-        "train" => "training views".into(),
-        other => format!("views of the split {other}"),
+        "test" => counted(count, "held-out view"),
+        "train" => counted(count, "training view"),
+        other => format!("{} of the split {other}", counted(count, "view")),
     }
 }
 

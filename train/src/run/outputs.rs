@@ -10,8 +10,8 @@ use anyhow::{Result, bail};
 /// The mark: a text chunk of a PNG, a comment of PLY, GIF, SVG, HTML and Markdown, an attribute of EXR, a field of JSON.
 pub const MARK: &str = "written by gsburn";
 
-/// First line of a CSV table, which has no place for a comment.
-const CSV: &str = "run,";
+/// What the first line of a CSV table of ours begins with and contains: a table has no place for a comment, and these columns are in each.
+const CSV: (&str, [&str; 2]) = ("run,", [",step,", ",PSNR dB,"]);
 
 /// Bytes in which the mark is looked for: a header with all its properties takes some 2 kB.
 const LOOKED_AT: u64 = 8192;
@@ -57,8 +57,19 @@ fn is_ours(path: &Path) -> bool {
     // What cannot be read is not ours; a pipe or a device is not opened.
     let is_read =
         path.is_file() && File::open(path).and_then(|file| file.take(LOOKED_AT).read_to_end(&mut begin)).is_ok();
-    let is_csv = path.extension().is_some_and(|extension| extension == "csv") && begin.starts_with(CSV.as_bytes());
+    let is_csv = path.extension().is_some_and(|extension| extension == "csv") && is_our_table(&begin);
     is_read && (is_csv || begin.windows(MARK.len()).any(|bytes| bytes == MARK.as_bytes()))
+}
+
+fn is_our_table(begin: &[u8]) -> bool {
+    let first = begin.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let first = String::from_utf8_lossy(first);
+    first.starts_with(CSV.0) && CSV.1.iter().all(|column| first.contains(column))
+}
+
+/// An SVG with the mark in a comment.
+pub fn marked_svg(svg: &str) -> String {
+    format!("<!-- {MARK} -->\n{svg}")
 }
 
 /// A PNG with the mark in a text chunk behind its header.
@@ -89,8 +100,12 @@ mod tests {
         check_one(&at("scene.ply")).expect("ours");
         let named = check(&[at("scene.ply")], &[at("scene.ply")]).expect_err("of the data set").to_string();
         assert!(named.contains("data set names"), "{named}");
-        fs::write(at("t.csv"), "run,step\n").expect("written");
+        fs::write(at("t.csv"), "run,cap,step,PSNR dB,SSIM\na,10,3,20.00,0.9\n").expect("written");
         check_one(&at("t.csv")).expect("ours");
+        fs::write(at("mine.csv"), "run,date\n1,today\n").expect("written");
+        assert!(refused("mine.csv").contains("found another"));
+        fs::write(at("chart.svg"), marked_svg("<svg/>")).expect("written");
+        check_one(&at("chart.svg")).expect("ours");
         assert!(refused(&"x".repeat(250)).contains("at most"));
     }
 

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use anyhow::{Context, Result};
 use burn::tensor::Device;
 use gs_burn::profile::{Clock, REST, StageTime};
+use gs_datasets::guarded;
 use gs_datasets::image_io::write_atomic;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,9 @@ use super::resources::cpu_seconds;
 
 /// Stages below this share of a step are merged into one row of the table.
 const SMALL: f64 = 0.002;
+
+/// Largest profile.json, bytes: a stage takes some 200 bytes, and a step has some thirty.
+const PROFILE_MAX: u64 = 1 << 20;
 
 /// The content of profile.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -132,7 +136,7 @@ impl Profile {
 
     /// The profile of a run folder; `None` if there is none that this version reads.
     pub fn read(folder: &RunFolder) -> Option<Self> {
-        serde_json::from_slice(&std::fs::read(folder.profile()).ok()?).ok()
+        serde_json::from_slice(&guarded::read(&folder.profile(), PROFILE_MAX).ok()?).ok()
     }
 }
 

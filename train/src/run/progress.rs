@@ -15,6 +15,18 @@ const LINE_EVERY: Duration = Duration::from_secs(60);
 /// Weight of the newest value in the running means of loss and PSNR: about the last 20 photos.
 const SMOOTHING: f64 = 0.05;
 
+/// Prints a line before there is a bar.
+pub fn say(line: &str, quiet: bool) {
+    if !quiet {
+        print(line);
+    }
+}
+
+/// A line on stderr. Names from data sets are in it. A closed stderr is no reason to end a run.
+fn print(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{}", printable(line));
+}
+
 /// The progress bar, updated from outside the step.
 #[derive(Debug)]
 pub struct Progress {
@@ -94,9 +106,7 @@ impl Progress {
         if self.quiet {
             return;
         }
-        // Names from data sets are in it. A closed stderr is no reason to end a run.
-        let print = || drop(writeln!(std::io::stderr(), "{}", printable(line)));
-        if self.terminal { self.bar.suspend(print) } else { print() }
+        if self.terminal { self.bar.suspend(|| print(line)) } else { print(line) }
     }
 
     /// Restores the terminal.

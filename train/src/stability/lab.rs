@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use burn::tensor::{Device, Tensor};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
@@ -20,6 +20,11 @@ use crate::run::interrupt;
 
 /// Size of the images, pixels.
 pub const SIZE: (usize, usize) = (96, 72);
+
+/// The user asked to end before all experiments had run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("interrupted; what was finished before is in the output folder")]
+pub struct Interrupted;
 
 /// The environment of experiments.
 pub struct Lab {
@@ -166,10 +171,10 @@ impl<'a, M: Method> Session<'a, M> {
     /// Takes one step.
     ///
     /// # Errors
-    /// When the user asked to end.
+    /// [`Interrupted`], when the user asked to end.
     pub fn step(&mut self) -> Result<Stepped<M::Extra>> {
         if interrupt::asked() {
-            bail!("interrupted; what was finished before is in the output folder");
+            return Err(Interrupted.into());
         }
         let stepped = self.fit.step();
         self.lab.count_step();

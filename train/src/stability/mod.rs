@@ -9,15 +9,19 @@ pub mod findings;
 pub mod lab;
 mod page;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
+use serde::Serialize;
+
+use crate::run::outputs::{self, MARK, marked_svg};
 
 pub use findings::{Criterion, Figure, Findings, Outcome};
-pub use lab::Lab;
+pub use lab::{Interrupted, Lab};
 
 /// One experiment.
 pub struct Experiment {
@@ -50,12 +54,26 @@ pub struct Request {
     pub quiet: bool,
 }
 
+/// The content of results.json.
+#[derive(Debug, Serialize)]
+struct Results<'a> {
+    /// [`MARK`], so that later experiments may write over the file.
+    program: &'static str,
+    experiments: &'a [Outcome],
+}
+
+/// Name of the file with all findings.
+const RESULTS: &str = "results.json";
+/// Name of the report.
+const REPORT: &str = "stability.html";
+
 /// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with everything so far.
 ///
 /// # Errors
-/// One sentence: an unknown name, a full disk, a request to end.
+/// One sentence: an unknown name, a file of somebody else in the way, a full disk, a request to end.
 pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request: &Request) -> Result<Vec<Outcome>> {
     let chosen = chosen(experiments, &request.only)?;
+    outputs::check(&files(&request.out, &chosen), &[])?;
     let total = chosen.iter().map(|experiment| (experiment.steps)(request.quick)).sum();
     let lab = Lab::new(request, total);
     let mut outcomes = Vec::new();
@@ -65,7 +83,7 @@ pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request:
         let found = (experiment.run)(&lab)?;
         let outcome = Outcome::new(experiment, found, begun.elapsed().as_secs_f64());
         for figure in &outcome.figures {
-            write_atomic(&request.out.join(&figure.file), figure.svg.as_bytes())?;
+            write_atomic(&request.out.join(&figure.file), marked_svg(&figure.svg).as_bytes())?;
         }
         lab.say(&outcome.line());
         outcomes.push(outcome);
@@ -88,10 +106,28 @@ fn chosen(experiments: &'static [&'static Experiment], only: &[String]) -> Resul
     Ok(experiments.iter().filter(wanted).copied().collect())
 }
 
+/// The files in `out` that these experiments may write over. The name of a figure begins with that of its experiment.
+fn files(out: &Path, chosen: &[&Experiment]) -> Vec<PathBuf> {
+    let is_figure = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).and_then(|name| name.strip_suffix(".svg"));
+        let rests =
+            |name: &str| chosen.iter().filter_map(|experiment| name.strip_prefix(experiment.name)).any(is_suffix);
+        name.is_some_and(rests)
+    };
+    let present = fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.path());
+    [RESULTS, REPORT].map(|name| out.join(name)).into_iter().chain(present.filter(is_figure)).collect()
+}
+
+/// Whether a figure's name may go on in this way behind that of its experiment.
+fn is_suffix(rest: &str) -> bool {
+    rest.is_empty() || rest.starts_with('-')
+}
+
 fn write(pipeline: &str, request: &Request, outcomes: &[Outcome]) -> Result<()> {
-    let json = serde_json::to_string_pretty(outcomes).expect("figures are JSON") + "\n";
-    write_atomic(&request.out.join("results.json"), json.as_bytes())?;
-    Ok(write_atomic(&request.out.join("stability.html"), page::html(pipeline, outcomes, request.quick).as_bytes())?)
+    let results = Results { program: MARK, experiments: outcomes };
+    let json = serde_json::to_string_pretty(&results).expect("figures are JSON") + "\n";
+    write_atomic(&request.out.join(RESULTS), json.as_bytes())?;
+    Ok(write_atomic(&request.out.join(REPORT), page::html(pipeline, outcomes, request.quick).as_bytes())?)
 }
 
 #[cfg(test)]
@@ -102,6 +138,18 @@ mod tests {
         Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_| bail!("not run") };
     static LONG: Experiment = Experiment { name: "long", on_request: true, ..QUICK };
     static ALL: [&Experiment; 2] = [&QUICK, &LONG];
+
+    #[test]
+    fn files_of_others_are_named_before_anything_runs() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        for name in ["depth.svg", "depth-a.svg", "deeper.svg", "long.svg", "depth.png"] {
+            fs::write(at(name), "<svg/>").expect("written");
+        }
+        let mut found = files(folder.path(), &[&QUICK]);
+        found.sort();
+        assert_eq!(found, ["depth-a.svg", "depth.svg", RESULTS, REPORT].map(at));
+    }
 
     #[test]
     fn names_are_checked() {

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::report::html::escaped;
+use crate::run::outputs::MARK;
 use crate::stability::Outcome;
 
 const STYLE: &str = include_str!("../report/style.css");
@@ -12,7 +13,7 @@ pub(super) fn html(pipeline: &str, outcomes: &[Outcome], quick: bool) -> String 
     let criteria = || outcomes.iter().flat_map(|outcome| &outcome.criteria);
     let missed = criteria().filter(|criterion| !criterion.passed).count();
     let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>Stability · gsburn</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>Where {pipeline} fails</h1>\n<p>{} experiments, \
          {} bounds, {missed} of them missed.{}</p>\n</header>\n",

@@ -3,7 +3,7 @@
 
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::{TaylorMotion, TimeWindow};
-use gs_multiview::{self as multiview, Centre, ImageScale, MaskOrigin, MovingMasks, Track};
+use gs_multiview::{self as multiview, Centre, ImageScale, MaskOptions, MaskOrigin, MovingMasks, Track};
 
 use super::Config;
 use super::config::{BlurMode, MaskSource};
@@ -75,13 +75,14 @@ pub fn left_out_warning(photos: usize) -> Option<String> {
 }
 
 /// The moving parts of held-out views: as given by the data set; if it gives none at all, the pixels that change in front of static
-/// cameras. Training never uses them.
-pub fn regions(views: &[View], config: &Config) -> Vec<Vec<Region>> {
+/// cameras. Training never uses them. They are found with the default heuristics and not with a run's `[cues]`, so that the same
+/// pixels are scored in every run on a data set.
+pub fn regions(views: &[View]) -> Vec<Vec<Region>> {
     let given: Vec<Vec<Region>> = views.iter().map(given_regions).collect();
     if given.iter().any(|regions| !regions.is_empty()) {
         return given;
     }
-    let masks = multiview::inferred_masks(views, &config.method.cues.options().masks);
+    let masks = multiview::inferred_masks(views, &MaskOptions::default());
     let found = masks.iter().flatten().count();
     if found > 0 {
         tracing::info!(views = found, "moving parts of held-out views are measured where the photos change");

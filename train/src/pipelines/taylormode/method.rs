@@ -113,8 +113,8 @@ impl Method for Taylormode {
         figures::cost(self, gaussians, config).bytes
     }
 
-    fn regions(views: &[View], config: &Config) -> Vec<Vec<Region>> {
-        cues::regions(views, config)
+    fn regions(views: &[View], _config: &Config) -> Vec<Vec<Region>> {
+        cues::regions(views)
     }
 
     fn formed(&self, gaussians: &Gaussians, view: &View, at: &Step) -> Option<Tensor<3>> {

@@ -63,7 +63,7 @@ pub fn enough(runs: &[ComparedRun]) -> Option<String> {
 
 /// Whether any run was not measured on at least two held-out views.
 fn figures_missing(ladder: &[(usize, &Evaluation)]) -> bool {
-    ladder.iter().any(|(_, e)| e.measured.split != "test" || e.measured.quality.views.len() < 2)
+    ladder.iter().any(|(_, e)| e.measured.split == "train" || e.measured.quality.views.len() < 2)
 }
 
 /// Cap, mean PSNR over views and its standard error; `None` with fewer than two views, for which it is undefined.
@@ -138,6 +138,12 @@ mod tests {
         let psnr = [28.0, 30.0, 32.0, 34.0];
         assert!(enough(&[run(1, psnr, "1"), run(2, psnr, "2")]).is_none());
         assert!(enough(&[run(1, psnr, "1")]).is_none());
+        let on = |split: &str| {
+            let mut ladder = [run(1, psnr, "1"), run(2, psnr, "1")];
+            ladder.iter_mut().for_each(|run| run.eval.last.measured.split = split.into());
+            enough(&ladder)
+        };
+        assert!(on("train").is_none() && on("validation").is_some());
         assert!(enough(&[run(1, psnr, "1"), run(1, psnr, "1")]).is_none());
         assert!(enough(&[]).is_none());
     }

@@ -34,7 +34,7 @@ pub fn stacked(panels: &Panels, command: &str) -> String {
 
 /// Charts, table, warnings and the command that made them.
 fn section(panels: &Panels, table: &Table, warnings: &[String], command: &str) -> String {
-    let mut html = String::from("<section>\n<h2>Accuracy against cost</h2>\n<div class=\"plots\">\n");
+    let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>Accuracy against cost</h2>\n<div class=\"plots\">\n");
     panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
     html += "</div>\n";
     warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(warning)));

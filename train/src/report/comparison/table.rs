@@ -249,7 +249,7 @@ mod tests {
         let row = |cells: [&str; 4]| cells.map(String::from).to_vec();
         Table {
             columns: row(["run", "N", "LPIPS", "front"]),
-            rows: vec![row(["a,b", "3", "", "both"]), row(["c", "15", "", ""])],
+            rows: vec![row(["a,b", "3", "", "both"]), row(["c", "15", "", ""]), row(["=1|<b>", "7", "", ""])],
             links: Vec::new(),
         }
         .without_empty_columns()
@@ -257,9 +257,13 @@ mod tests {
 
     #[test]
     fn a_table_reads_in_every_format() {
-        assert_eq!(table().text(), "run   N  front\na,b   3   both\nc    15      -");
-        assert_eq!(table().markdown(), "| run | N | front |\n|---|---|---|\n| a,b | 3 | both |\n| c | 15 | – |\n");
-        assert_eq!(table().csv(), "run,N,front\n\"a,b\",3,both\nc,15,\n");
+        let text = ["run      N  front", "a,b      3   both", "c       15      -", "=1|<b>   7      -"];
+        assert_eq!(table().text(), text.join("\n"));
+        let markdown = ["| run | N | front |", "|---|---|---|", "| a,b | 3 | both |", "| c | 15 | – |"];
+        // A name is no markup, and no formula.
+        assert_eq!(table().markdown(), markdown.join("\n") + "\n| =1\\|&lt;b> | 7 | – |\n");
+        assert_eq!(table().csv(), "run,N,front\n\"a,b\",3,both\nc,15,\n'=1|<b>,7,\n");
+        assert!(table().html().contains("<td>=1|&lt;b&gt;</td>"));
         assert!(table().html().contains("<tr class=\"front\"><td>a,b</td>"));
     }
 }
