@@ -147,8 +147,7 @@ pub enum BodyUse {
 #[serde(default, deny_unknown_fields)]
 pub struct BodiesConfig {
     /// What moves Gaussians that may move.
-    #[serde(rename = "use")]
-    pub choice: BodyUse,
+    pub mode: BodyUse,
     /// Share of the steps after the warm-up at which bodies are found in the paths of the field.
     pub from: f64,
     /// Share of the steps after the warm-up at which each body's law is chosen; between the two, bodies follow a smooth free motion.
@@ -174,7 +173,7 @@ pub struct BodiesConfig {
 impl Default for BodiesConfig {
     fn default() -> Self {
         Self {
-            choice: BodyUse::Both,
+            mode: BodyUse::Both,
             from: 0.2,
             select: 0.7,
             tolerance_pixels: 2.0,

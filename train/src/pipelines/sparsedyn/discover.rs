@@ -28,7 +28,7 @@ const FEWEST: usize = 12;
 /// The model after the events of a step: bodies are found, laws are chosen.
 pub fn simplified(model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     let config = &at.config.method.bodies;
-    if config.choice == BodyUse::Field || model.model != MotionModel::Rollout {
+    if config.mode == BodyUse::Field || model.model != MotionModel::Rollout {
         return model;
     }
     let warmup = warmup_steps(at.config);
@@ -70,7 +70,7 @@ fn with_bodies(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, vie
         tracing::info!(step = at.step, "no rigid body was found: the field moves everything");
         return model;
     }
-    if config.choice == BodyUse::Bodies {
+    if config.mode == BodyUse::Bodies {
         to_nearest(&mut labels, &paths[0]);
     }
     let all = self::paths(&model, &first, seen);
