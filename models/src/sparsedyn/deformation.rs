@@ -79,7 +79,7 @@ impl Deformation {
     pub fn forward(&self, positions: &Tensor<2>, codes: Option<Tensor<2>>, t: f64) -> Deformed {
         let _stage = profile::stage("deformation field");
         let options = (&positions.device(), positions.dtype());
-        let centre = Tensor::<2>::from_data(TensorData::new(self.centre.to_vec(), [1, 3]), options.clone());
+        let centre = Tensor::<2>::from_data(TensorData::new(self.centre.to_vec(), [1, 3]), options);
         let scaled = (positions.clone().detach() - centre) / self.length;
         let time = Tensor::from_data(TensorData::new(vec![t], [1, 1]), options);
         let own = match codes {
