@@ -10,6 +10,7 @@ mod demo;
 mod frames;
 mod random;
 mod shapes;
+mod tracer;
 mod world;
 
 pub use demo::{DemoOptions, demo_scene};
