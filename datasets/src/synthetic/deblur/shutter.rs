@@ -10,8 +10,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::shapes::Ray;
-use super::super::tracer::motion::Twist;
 use super::super::tracer::camera::Camera;
+use super::super::tracer::motion::Twist;
 use super::super::tracer::stage::{Lit, Placed, Stage, StaticPoint};
 use crate::light::to_byte;
 

@@ -8,11 +8,11 @@ use glam::{DQuat, DVec3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::World;
 use super::super::tracer::motion::{Bounce, Motion, Path, Pose, Turn};
 use super::super::tracer::solid::{Form, Part, Solid};
 use super::super::tracer::stage::{Lamp, MovingObject, Plane, Stage};
 use super::super::tracer::texture::{Pattern, Texture};
+use super::World;
 
 /// Half the room's width, the positions of its back and front wall, metres.
 const ROOM: (f64, f64, f64) = (3.0, 2.3, -5.0);

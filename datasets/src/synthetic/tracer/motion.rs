@@ -186,7 +186,8 @@ mod tests {
                 let (velocity, difference) = (twist.at(at(t, p), &pose), (at(t + h, p) - at(t - h, p)) / (2.0 * h));
                 assert!((difference - velocity).length() < 1e-7, "{name} at {t}: {difference} against {velocity}");
             }
-            let spin = (motion.pose(t + h).rotation * motion.pose(t - h).rotation.conjugate()).to_scaled_axis() / (2.0 * h);
+            let spin =
+                (motion.pose(t + h).rotation * motion.pose(t - h).rotation.conjugate()).to_scaled_axis() / (2.0 * h);
             assert!((spin - twist.angular).length() < 1e-7, "{name} at {t}: {spin} against {}", twist.angular);
         }
     }
@@ -196,7 +197,8 @@ mod tests {
         let axis = DVec3::new(0.3, -0.8, 0.5).normalize();
         let v = DVec3::new;
         let rest = Turn::Steady { rate: 0.0, acceleration: 0.0 };
-        let line = |velocity: DVec3, acceleration: DVec3| Path::Line { start: v(0.1, 0.2, 0.9), velocity, acceleration };
+        let line =
+            |velocity: DVec3, acceleration: DVec3| Path::Line { start: v(0.1, 0.2, 0.9), velocity, acceleration };
         let arm = Path::Arm { pivot: v(0.2, -0.5, 0.4), arm: v(0.6, 0.3, -0.2) };
         let steady = |rate: f64, acceleration: f64| Turn::Steady { rate, acceleration };
         let swing = Turn::Swing { amplitude: 0.6, rate: 5.0, phase: 0.4 };
@@ -226,8 +228,7 @@ mod tests {
     fn positions_follow_their_laws() {
         let path = Path::Line { start: DVec3::Z, velocity: DVec3::X, acceleration: DVec3::new(0.0, 0.0, -4.0) };
         let still = Turn::Steady { rate: 0.0, acceleration: 0.0 };
-        let motion =
-            Motion { path, axis: DVec3::Z, turn: still, orientation: DQuat::IDENTITY, zero: 0.0, speed: 1.0 };
+        let motion = Motion { path, axis: DVec3::Z, turn: still, orientation: DQuat::IDENTITY, zero: 0.0, speed: 1.0 };
         assert!(motion.pose(1.0).position.distance(DVec3::new(1.0, 0.0, -1.0)) < 1e-15);
         let arm = Path::Arm { pivot: DVec3::X, arm: DVec3::X };
         let half = Motion { path: arm, turn: Turn::Steady { rate: std::f64::consts::PI, acceleration: 0.0 }, ..motion };
