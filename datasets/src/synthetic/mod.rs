@@ -2,14 +2,16 @@
 //!
 //! Nothing here is shared with the rasterizer that learns from these images, so a mistake in one cannot hide in the
 //! other. [`demo_scene`] writes a static data set in the Blender layout; [`deblur::write`] writes moving worlds with
-//! motion blur, their truth and the priors a deblurring pipeline starts from; [`blur_from_frames`] averages the frames of
-//! real multi-view video.
+//! motion blur, their truth and the priors a deblurring pipeline starts from; [`extrapolation::write`] writes moving worlds whose
+//! future is to be predicted; [`blur_from_frames`] averages the frames of real multi-view video.
 
 pub mod deblur;
 mod demo;
+pub mod extrapolation;
 mod frames;
 mod random;
 mod shapes;
+mod tracer;
 mod world;
 
 pub use demo::{DemoOptions, demo_scene};

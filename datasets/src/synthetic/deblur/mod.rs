@@ -2,8 +2,6 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `motion.rs` | rigid motion in closed form, with its velocity |
-//! | `texture.rs`, `solid.rs`, `stage.rs` | paint; forms and where rays meet them; light and shadows at an instant |
 //! | `worlds.rs` | the worlds |
 //! | `rig.rs` | the cameras |
 //! | `shutter.rs` | exposures: blurry, sharp, depth, velocity, masks |
@@ -11,17 +9,12 @@
 //! | `points.rs` | points to start from |
 //! | `write.rs` | the folder and its JSON |
 //!
-//! Light is added up in linear light with the curve of [`light`](crate::light). Nothing here is shared with the
-//! rasterizer that learns from these images.
+//! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these images.
 
-mod motion;
 mod points;
 mod priors;
 mod rig;
 mod shutter;
-mod solid;
-mod stage;
-mod texture;
 mod worlds;
 mod write;
 

@@ -7,8 +7,8 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::super::random::gaussian;
-use super::rig::Camera;
-use super::stage::{Lit, Stage};
+use super::super::tracer::camera::Camera;
+use super::super::tracer::stage::{Lit, Stage};
 use crate::light::to_byte;
 
 /// Standard deviation of the points' positions, metres.

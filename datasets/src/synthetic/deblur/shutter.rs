@@ -10,9 +10,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::shapes::Ray;
-use super::motion::Twist;
-use super::rig::Camera;
-use super::stage::{Lit, Placed, Stage, StaticPoint};
+use super::super::tracer::camera::Camera;
+use super::super::tracer::motion::Twist;
+use super::super::tracer::stage::{Lit, Placed, Stage, StaticPoint};
 use crate::light::to_byte;
 
 /// Rays along each side of a pixel.

@@ -4,8 +4,8 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::super::tracer::stage::{Lit, Stage};
 use super::rig::{Rig, cameras};
-use super::stage::{Lit, Stage};
 use super::{DeblurOptions, World, worlds};
 
 fn rig(cameras: usize, held_out: usize, width: usize, height: usize) -> Rig {

@@ -8,14 +8,17 @@ use glam::{DQuat, DVec3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use super::super::tracer::motion::{Bounce, Motion, Path, Pose, Turn};
+use super::super::tracer::solid::{Form, Part, Solid};
+use super::super::tracer::stage::{Lamp, MovingObject, Plane, Stage};
+use super::super::tracer::texture::{Pattern, Texture};
 use super::World;
-use super::motion::{Bounce, Motion, Path, Pose};
-use super::solid::{Form, Part, Solid};
-use super::stage::{Lamp, MovingObject, Plane, Stage};
-use super::texture::{Pattern, Texture};
 
 /// Half the room's width, the positions of its back and front wall, metres.
 const ROOM: (f64, f64, f64) = (3.0, 2.3, -5.0);
+
+/// Objects are at the same position at this time for any speed.
+const MIDDLE: f64 = 0.5;
 
 /// Radius of the floor in the open, metres.
 const GROUND: f64 = 5.0;
@@ -67,7 +70,8 @@ fn part(form: Form, position: [f64; 3], texture: Texture) -> Part {
 
 fn motion(path: Path, axis: [f64; 3], rate: f64, acceleration: f64) -> Motion {
     let axis = DVec3::from_array(axis).normalize();
-    Motion { path, axis, rate, acceleration, turn: DQuat::IDENTITY, speed: 1.0 }
+    let turn = Turn::Steady { rate, acceleration };
+    Motion { path, axis, turn, orientation: DQuat::IDENTITY, zero: MIDDLE, speed: 1.0 }
 }
 
 type Paint<'a> = dyn FnMut(Pattern, f64, [[f64; 3]; 3]) -> Texture + 'a;
@@ -78,7 +82,7 @@ fn cube(paint: &mut Paint) -> MovingObject {
     let solid = Solid::new(vec![part(Form::Cuboid { half: DVec3::splat(0.34) }, [0.0; 3], texture)]);
     let path = Path::Sway { centre: DVec3::new(0.0, 0.05, 0.78), swing: DVec3::new(0.78, 0.30, 0.10), rate: 2.1 };
     let mut motion = motion(path, [0.35, 0.15, 1.0], 1.4, 0.0);
-    motion.turn = DQuat::from_rotation_x(0.35) * DQuat::from_rotation_z(0.6);
+    motion.orientation = DQuat::from_rotation_x(0.35) * DQuat::from_rotation_z(0.6);
     MovingObject { name: "cube", solid, motion }
 }
 
@@ -124,7 +128,7 @@ fn sphere(paint: &mut Paint) -> MovingObject {
     let centre = DVec3::new(0.05, -0.1, radius);
     let path = Path::Bounce { centre, swing: DVec3::new(0.55, 0.25, 0.0), rate: 1.6, bounce };
     let mut motion = motion(path, [0.3, 1.0, 0.2], 1.3, 0.0);
-    motion.turn = DQuat::from_rotation_x(0.5);
+    motion.orientation = DQuat::from_rotation_x(0.5);
     MovingObject { name: "sphere", solid, motion }
 }
 

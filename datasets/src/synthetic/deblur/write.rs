@@ -3,15 +3,16 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use glam::DQuat;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::rig::{ANGLE_X, Camera, Rig, cameras};
+use super::super::tracer::camera::Camera;
+use super::super::tracer::stage::Stage;
+use super::super::tracer::truth::movers;
+use super::rig::{ANGLE_X, Rig, cameras};
 use super::shutter::{ExposurePoses, Shot, photograph};
-use super::stage::Stage;
 use super::{DeblurOptions, points, priors, worlds};
 use crate::error::DatasetError;
 use crate::image_io::{write_atomic, write_exr, write_png};
@@ -237,33 +238,11 @@ fn transforms(stage: &Stage, cameras: &[&Camera], options: &DeblurOptions) -> Va
         "mask_meaning": "dynamic",
         "depth_kind": options.priors.depth_kind(),
         "world": options.world.name(),
-        "movers": objects(stage, options),
+        "movers": movers(stage, (0..options.frames).map(|frame| options.time(frame))),
         "frames": frames,
     });
     if options.points > 0 {
         top["ply_file_path"] = json!("points3d.ply");
     }
     top
-}
-
-/// The pose and velocities of every moving object at each frame's time: the truth for motion models.
-fn objects(stage: &Stage, options: &DeblurOptions) -> Value {
-    let list = |object: &super::stage::MovingObject| {
-        let poses: Vec<Value> = (0..options.frames)
-            .map(|frame| {
-                let time = options.time(frame);
-                let (pose, twist) = (object.motion.pose(time), object.motion.twist(time));
-                let DQuat { x, y, z, w } = pose.rotation;
-                json!({
-                    "time": time,
-                    "position": pose.position.to_array(),
-                    "quaternion_wxyz": [w, x, y, z],
-                    "velocity": twist.velocity.to_array(),
-                    "angular_velocity": twist.angular.to_array(),
-                })
-            })
-            .collect();
-        json!({ "name": object.name, "radius": object.solid.radius, "poses": poses })
-    };
-    stage.objects.iter().map(list).collect()
 }
