@@ -19,7 +19,7 @@ use crate::pipelines::examples;
 
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
-pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
+pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthExtrapolationArgs};
 
 /// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.
 #[derive(Debug, Parser)]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, ValueHint};
 use clap::{Args, Subcommand};
 use gs_datasets::synthetic::deblur::{PriorFault, World};
+use gs_datasets::synthetic::extrapolation::World as Extrapolated;
 
 /// Arguments of `synth`.
 #[derive(Debug, Args)]
@@ -19,6 +20,8 @@ pub struct SynthArgs {
 pub enum Synth {
     /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and priors
     Deblur(SynthDeblurArgs),
+    /// Moving objects or a room filmed by static cameras, whose future is to be predicted, with depth priors of the first frame
+    Extrapolation(SynthExtrapolationArgs),
     /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
     BlurFromFrames(BlurFromFramesArgs),
 }
@@ -80,6 +83,62 @@ pub struct SynthDeblurArgs {
     pub points: usize,
 
     /// Seed of textures, static objects and faults
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub seed: u64,
+}
+
+/// Arguments of `synth extrapolation`.
+#[derive(Debug, Args)]
+pub struct SynthExtrapolationArgs {
+    /// The world
+    #[arg(value_parser = one_of(&Extrapolated::ALL, Extrapolated::name, Extrapolated::in_words))]
+    pub world: Extrapolated,
+
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Image size, pixels
+    #[arg(long, default_value = "160x160", value_name = "WxH")]
+    pub size: String,
+
+    /// Cameras, held-out ones included [default: 15, in the room 25]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=200), value_name = "N")]
+    pub cameras: Option<u32>,
+
+    /// Cameras held out [default: 3, in the room 5]
+    #[arg(long, value_name = "N")]
+    pub held_out: Option<u32>,
+
+    /// Frames of each camera, at times 0 to 1 - 1/N; those up to 0.75 are for training
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(8..=10_000), value_name = "N")]
+    pub frames: u32,
+
+    /// Write true depth and velocity of every N-th frame
+    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub truth_every: u32,
+
+    /// Error of each view's depth scale, a share
+    #[arg(long, default_value_t = 0.03, value_name = "SHARE")]
+    pub prior_scale: f64,
+
+    /// Error of each view's depth shift, a share of its mean depth
+    #[arg(long, default_value_t = 0.01, value_name = "SHARE")]
+    pub prior_shift: f64,
+
+    /// Noise of depth, a share of it
+    #[arg(long, default_value_t = 0.005, value_name = "SHARE")]
+    pub prior_noise: f64,
+
+    /// Share of pixels with a random depth
+    #[arg(long, default_value_t = 0.01, value_name = "SHARE")]
+    pub prior_outliers: f64,
+
+    /// Priors without errors
+    #[arg(long, conflicts_with_all = ["prior_scale", "prior_shift", "prior_noise", "prior_outliers"])]
+    pub perfect_priors: bool,
+
+    /// Seed of textures, cameras and errors
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub seed: u64,
 }

@@ -5,10 +5,11 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults};
+use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions, PriorErrors};
 use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs};
+use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthExtrapolationArgs};
 use crate::commands::print;
 
 /// Makes the data set.
@@ -18,6 +19,7 @@ use crate::commands::print;
 pub fn run(args: &SynthArgs) -> Result<ExitCode> {
     match &args.what {
         Synth::Deblur(args) => deblur_world(args),
+        Synth::Extrapolation(args) => extrapolation_world(args),
         Synth::BlurFromFrames(args) => blur(args),
     }
 }
@@ -56,6 +58,45 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
     bar.finish_and_clear();
     warn_of_overlap(args.exposure, options.exposure_time());
     print(format!("{}: {} cameras, {} frames each", args.out.display(), args.cameras, args.frames));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn extrapolation_world(args: &SynthExtrapolationArgs) -> Result<ExitCode> {
+    vacant(&args.out)?;
+    let (width, height) = parse_size(&args.size)?;
+    let usual = ExtrapolationOptions::of(args.world);
+    let errors = PriorErrors {
+        scale: args.prior_scale,
+        shift: args.prior_shift,
+        noise: args.prior_noise,
+        outliers: args.prior_outliers,
+        ..PriorErrors::default()
+    };
+    let options = ExtrapolationOptions {
+        width,
+        height,
+        cameras: args.cameras.map_or(usual.cameras, |count| count as usize),
+        held_out: args.held_out.map_or(usual.held_out, |count| count as usize),
+        frames: args.frames as usize,
+        truth_every: args.truth_every as usize,
+        priors: if args.perfect_priors { PriorErrors::none() } else { errors },
+        seed: args.seed,
+        ..usual
+    };
+    let bar = bar();
+    extrapolation::write(&args.out, &options, |done, total| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    print(format!(
+        "{}: {} cameras, {} held out, {} frames each, of which {} are for training",
+        args.out.display(),
+        options.cameras,
+        options.held_out,
+        options.frames,
+        options.training_frames()
+    ));
     Ok(ExitCode::SUCCESS)
 }
 
