@@ -114,6 +114,7 @@ impl View {
             + self.image.data.capacity()
             + mask(&self.mask)
             + depth
+            + map(&self.priors.confidence)
             + mask(&self.priors.moving)
             + image(&self.priors.sharp)
             + image(sharp)
@@ -142,6 +143,8 @@ impl View {
 pub struct Priors {
     /// Depth or inverse depth.
     pub depth: Option<DepthPrior>,
+    /// `[height, width]` how sure each depth is, 1 (not at all) and above, as VGGT gives it (`1 + exp(.)`).
+    pub confidence: Option<Vec<f32>>,
     /// `[height, width]`: 255 where an object moves at the exposure's centre, 0 elsewhere.
     pub moving: Option<Vec<u8>>,
     /// A deblurring network's image of the photo; same size and encoding as [`View::image`].

@@ -57,6 +57,7 @@ mod resample;
 mod resize;
 mod scene;
 mod side_files;
+mod sparse_views;
 mod split;
 mod statistics;
 mod subject;
@@ -75,5 +76,6 @@ pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, Pri
 pub use plural::{agree, counted};
 pub use printable::printable;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
+pub use sparse_views::{SparseViews, ViewKind, view_kind};
 pub use statistics::mean;
 pub use subject::{nearest_to_axes, subject, subject_distance};

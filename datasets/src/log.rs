@@ -104,7 +104,7 @@ impl Log {
         let mut findings = Findings::default();
         let raw = formats::read(path, options, &mut findings)?;
         let description = Description::of(raw, path, options, &mut findings);
-        let plan = split::plan(&description.frames, &options.holdout, options.splits, path)?;
+        let plan = split::plan(&description.frames, options, path)?;
         let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
         tracing::info!("{}: {}, {}", shown(path), counted(plan.train.len(), "training view"), printable(&held_out));
         Ok((Self::of(description, &plan, path, options), findings))

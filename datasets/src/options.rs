@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::sparse_views::SparseViews;
+
 /// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as [`Split::TEST`](crate::Split::TEST).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Holdout {
@@ -92,6 +94,8 @@ pub struct LoadOptions {
     pub holdout: Holdout,
     /// Which of the held-out splits are loaded. Default [`SplitUse::All`].
     pub splits: SplitUse,
+    /// Few training cameras, and the times that are seen, in place of the split; `None` (the default) goes by `holdout`.
+    pub sparse: Option<SparseViews>,
     /// The image folder of a COLMAP model, where it is not one of the usual ones; absolute, or relative to the scene.
     pub images: Option<PathBuf>,
     /// Whether a scene far from its world's origin is moved to the origin. See [`RECENTRE_DISTANCE`]. Default yes.
@@ -123,6 +127,7 @@ impl Default for LoadOptions {
             background: [0.0; 3],
             holdout: Holdout::Dataset,
             splits: SplitUse::All,
+            sparse: None,
             images: None,
             recentre: true,
             masks: MaskUse::Auto,

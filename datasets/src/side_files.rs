@@ -9,6 +9,7 @@ use crate::options::DepthKind;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Depth,
+    Confidence,
     Moving,
     Sharp,
     TrueSharp,
@@ -22,7 +23,7 @@ pub(crate) enum Kind {
 impl Kind {
     /// Whether it is a guess rather than the truth.
     pub fn is_prior(self) -> bool {
-        matches!(self, Self::Depth | Self::Moving | Self::Sharp)
+        matches!(self, Self::Depth | Self::Confidence | Self::Moving | Self::Sharp)
     }
 }
 
@@ -30,6 +31,7 @@ impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Depth => "depth priors",
+            Self::Confidence => "confidences of depth",
             Self::Moving => "masks of moving objects",
             Self::Sharp => "pseudo-sharp images",
             Self::TrueSharp => "true sharp images",

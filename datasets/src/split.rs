@@ -5,10 +5,11 @@ use std::path::Path;
 
 use crate::consistency;
 use crate::error::DatasetError;
-use crate::options::{DEFAULT_HOLDOUT, Holdout, SplitUse};
+use crate::options::{DEFAULT_HOLDOUT, Holdout, LoadOptions, SplitUse};
 use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 use crate::scene::{self, Split};
+use crate::sparse_views;
 
 /// Frames by purpose, as indices in the order given.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,18 +63,17 @@ impl SplitPlan {
 }
 
 /// Splits frames that are sorted by name.
-pub(crate) fn plan(
-    frames: &[RawFrame],
-    holdout: &Holdout,
-    splits: SplitUse,
-    scene: &Path,
-) -> Result<SplitPlan, DatasetError> {
+pub(crate) fn plan(frames: &[RawFrame], options: &LoadOptions, scene: &Path) -> Result<SplitPlan, DatasetError> {
+    let LoadOptions { holdout, splits, .. } = options;
     let bad = |expected: &str, found: String| DatasetError::Option {
         path: scene.to_path_buf(),
         option: "holdout",
         expected: expected.to_string(),
         found,
     };
+    if let Some(sparse) = &options.sparse {
+        return sparse_views::plan(frames, sparse, scene);
+    }
     let mut plan = match holdout {
         Holdout::None => SplitPlan::of((0..frames.len()).collect(), Vec::new(), "all views train".to_string()),
         Holdout::Every(0) => return Err(bad("every n-th view with n of at least 1", "0".to_string())),
@@ -100,7 +100,7 @@ pub(crate) fn plan(
             found: format!("{} ({})", counted(plan.held_out_frames().count(), "held-out view"), plan.rule),
         });
     }
-    if splits == SplitUse::Reported {
+    if *splits == SplitUse::Reported {
         plan.keep_reported();
     }
     Ok(plan)

@@ -81,7 +81,7 @@ fn fill(
     }
     report.facts.push(format!("Frames with an image: {}.", frames.len()));
     // A split that cannot be made is the last error of the report.
-    let plan = split::plan(&frames, &options.holdout, options.splits, path);
+    let plan = split::plan(&frames, options, path);
     let examined: Vec<(&RawFrame, bool)> = match &plan {
         Ok(plan) => frames.iter().enumerate().filter_map(|(i, frame)| Some((frame, plan.trains(i)?))).collect(),
         Err(_) => frames.iter().map(|frame| (frame, SplitName::trains(frame.split.as_ref()))).collect(),

@@ -87,6 +87,10 @@ fn load(file: &SideFile, meaning: DepthMeaning, photo: &PhotoShape, into: &mut A
             }
             priors.depth = Some(DepthPrior { values, space: depth.space, metric: depth.metric });
         }
+        Kind::Confidence => {
+            let map = depth::confidence(path).map_err(broken)?;
+            priors.confidence = Some(fit(map, file.kind, photo, &mut into.notes)?);
+        }
         Kind::Moving => {
             let map = depth::objects(path).map_err(broken)?;
             let moving = fit(map, file.kind, photo, &mut into.notes)?;

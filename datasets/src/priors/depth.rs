@@ -80,6 +80,13 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     Ok(Depth { map, space, metric, guessed: meaning.kind.is_none() })
 }
 
+/// Opens a map of confidences; at least 1, where the file knows nothing.
+pub(super) fn confidence(path: &Path) -> Result<Map<f32>, DatasetError> {
+    let mut map = depth(path, DepthMeaning { kind: Some(DepthKind::Depth), step: 1.0 })?.map;
+    map.values.iter_mut().for_each(|value| *value = value.max(1.0));
+    Ok(map)
+}
+
 /// Opens a map of vectors: EXR channels X, Y, Z (or R, G, B), or an array `(H, W, 3)`. What is not finite becomes 0.
 pub(super) fn vectors(path: &Path) -> Result<Map<f32>, DatasetError> {
     let mut map = match open(path)? {

@@ -11,8 +11,12 @@ use crate::raw::RawFrame;
 use crate::side_files::{Kind, SideFile};
 
 /// Keys of a frame. Masks are not among them: what `mask_path` means is for `mask_meaning` to say.
-pub(crate) const FRAME_KEYS: &[(&str, Kind)] =
-    &[("depth_file_path", Kind::Depth), ("depth_path", Kind::Depth), ("pseudo_sharp_path", Kind::Sharp)];
+pub(crate) const FRAME_KEYS: &[(&str, Kind)] = &[
+    ("depth_file_path", Kind::Depth),
+    ("depth_path", Kind::Depth),
+    ("confidence_file_path", Kind::Confidence),
+    ("pseudo_sharp_path", Kind::Sharp),
+];
 
 /// Keys of a frame's `truth` object.
 pub(crate) const TRUTH_KEYS: &[(&str, Kind)] = &[
@@ -46,7 +50,7 @@ pub(crate) fn named(root: &Path, written: &str) -> PathBuf {
 /// Whether the user wants a kind of file read; truth always is.
 pub(crate) fn is_wanted(kind: Kind, wanted: PriorUse) -> bool {
     match kind {
-        Kind::Depth => wanted.depth,
+        Kind::Depth | Kind::Confidence => wanted.depth,
         Kind::Moving => wanted.masks,
         Kind::Sharp => wanted.sharp,
         _ => true,

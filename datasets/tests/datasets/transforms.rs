@@ -11,6 +11,7 @@ const ALL: LoadOptions = LoadOptions {
     background: [0.0; 3],
     holdout: Holdout::None,
     splits: SplitUse::All,
+    sparse: None,
     images: None,
     recentre: true,
     masks: gs_datasets::MaskUse::Auto,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PriorUse};
+use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, SparseViews};
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check};
@@ -105,6 +105,13 @@ pub struct DataConfig {
     pub holdout_every: usize,
     /// The views held out, by name or file stem, for `holdout = "names"`.
     pub holdout_names: Vec<String>,
+    /// Cameras that train; 0: by `holdout`. With fewer than the data set has, the others are held out: `validation_cameras` of them, of which
+    /// about half lie between training cameras and half outside.
+    pub train_cameras: usize,
+    /// Cameras that are held out, for `train_cameras` above 0 or `seen` below 1.
+    pub validation_cameras: usize,
+    /// Share of the recording that is seen, for data sets without a list of future frames; later frames are held out. 1: all of it.
+    pub seen: f64,
     /// Image folder of a COLMAP model if it is not a usual one; empty: found automatically.
     pub images: String,
     /// Colour behind the scene and behind transparent pixels.
@@ -127,6 +134,9 @@ impl Default for DataConfig {
             holdout: HoldoutChoice::Dataset,
             holdout_every: gs_datasets::DEFAULT_HOLDOUT,
             holdout_names: Vec::new(),
+            train_cameras: 0,
+            validation_cameras: 5,
+            seen: 1.0,
             images: String::new(),
             background: Background::Found(Auto::Auto),
             masks: MaskChoice::Auto,
@@ -149,6 +159,11 @@ impl DataConfig {
                 HoldoutChoice::Names => Holdout::Names(self.holdout_names.clone()),
                 HoldoutChoice::None => Holdout::None,
             },
+            sparse: (self.train_cameras > 0 || self.seen < 1.0).then_some(SparseViews {
+                train: self.train_cameras,
+                validation: self.validation_cameras,
+                seen: self.seen,
+            }),
             images: (!self.images.is_empty()).then(|| PathBuf::from(&self.images)),
             masks: match self.masks {
                 MaskChoice::Auto => MaskUse::Auto,
@@ -176,6 +191,7 @@ impl DataConfig {
         check("data.holdout_every", self.holdout_every, self.holdout_every >= 2, "at least 2")?;
         let named = self.holdout != HoldoutChoice::Names || !self.holdout_names.is_empty();
         check("data.holdout_names", "[]", named, "a list of view names when data.holdout = \"names\"")?;
+        check("data.seen", self.seen, self.seen > 0.0 && self.seen <= 1.0, "above 0 and at most 1")?;
         let color = self.background.color();
         let in_range = color.iter().all(|c| (0.0..=1.0).contains(c));
         check("data.background", format!("{color:?}"), in_range, "three numbers from 0 to 1")

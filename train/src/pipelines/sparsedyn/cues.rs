@@ -124,15 +124,11 @@ fn prior_of(view: &View) -> Option<DepthPrior> {
         })
         .collect();
     let mut weights: Vec<f32> = depth.iter().map(|depth| if *depth > 0.0 { 1.0 } else { 0.0 }).collect();
-    if let Some(confidence) = confidence(prior) {
+    if let Some(confidence) = &view.priors.confidence {
         for (weight, confidence) in weights.iter_mut().zip(confidence) {
             let above = (confidence - 1.0).max(0.0);
             *weight *= above / (above + HALF_CONFIDENCE - 1.0);
         }
     }
     weights.iter().any(|weight| *weight > 0.0).then_some(DepthPrior { depth, weights })
-}
-
-fn confidence(_prior: &gs_datasets::DepthPrior) -> Option<&[f32]> {
-    None
 }
