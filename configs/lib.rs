@@ -21,7 +21,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 34] = [
+pub const RECIPES: [Recipe; 37] = [
     recipe!("sparsedyn/ablations/full-horizon"),
     recipe!("sparsedyn/ablations/no-regularisation"),
     recipe!("sparsedyn/ablations/no-replay"),
@@ -32,6 +32,9 @@ pub const RECIPES: [Recipe; 34] = [
     recipe!("sparsedyn/ablations/window-3"),
     recipe!("sparsedyn/ablations/window-5"),
     recipe!("sparsedyn/base"),
+    recipe!("sparsedyn/baseline-freegave"),
+    recipe!("sparsedyn/baseline-trace"),
+    recipe!("sparsedyn/field"),
     recipe!("sparsedyn/paper"),
     recipe!("static/base"),
     recipe!("static/blender"),

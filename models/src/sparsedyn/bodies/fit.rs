@@ -26,6 +26,8 @@ pub struct Poses {
     pub size: f64,
     /// Time since the first frame, and the pose.
     pub poses: Vec<(f64, BodyPose)>,
+    /// Poses among them that are independent of each other: those of a smooth motion with few knots are not.
+    pub independent: f64,
     /// Standard deviation of a marker's coordinate, scene units: smaller misfits tell nothing.
     pub noise: f64,
 }
@@ -59,7 +61,7 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
     let (values, sum) = refined.filter(|(_, sum)| sum.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))?;
     let count = (3 * MARKERS.len() * poses.poses.len()) as f64;
     // Coordinates of one pose are not independent of each other: six numbers determine it.
-    let independent = (6 * poses.poses.len()) as f64;
+    let independent = 6.0 * poses.independent.max(1.0);
     let variance = sum / count + poses.noise * poses.noise;
     let bic = independent * variance.max(f64::MIN_POSITIVE).ln() + law.freedom() as f64 * independent.ln();
     Some(Fitted { law, values, deviation: (sum / count * 3.0).sqrt(), bic })
@@ -304,7 +306,13 @@ mod tests {
                 gs_burn::glam::DQuat::from_scaled_axis(DVec3::new(draw(), draw(), draw()) / 0.3) * pose.rotation;
             (s, pose)
         };
-        Poses { first, size: 0.3, poses: (0..frames).map(&mut one).collect(), noise: noise.max(1e-4) }
+        Poses {
+            first,
+            size: 0.3,
+            poses: (0..frames).map(&mut one).collect(),
+            independent: frames as f64,
+            noise: noise.max(1e-4),
+        }
     }
 
     fn values(law: Law) -> LawValues {

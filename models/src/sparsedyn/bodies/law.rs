@@ -87,7 +87,7 @@ impl Law {
             Self::of(&[V, W, O]),
             Self::of(&[V, A, S, U]),
             Self::of(&[V, A, W, O]),
-            Self::of(&[V, A, S, Y, O]),
+            Self::of(&[S, Y, O]),
         ]
     };
 

@@ -148,7 +148,8 @@ pub enum BodyUse {
 pub struct BodiesConfig {
     /// What moves Gaussians that may move.
     pub mode: BodyUse,
-    /// Share of the steps after the warm-up at which bodies are found in the paths of the field.
+    /// Share of the steps after the warm-up at which bodies are found in the paths of the field. Early: over few frames every motion is nearly
+    /// even, and bodies are then followed as the window grows; a field that is followed longer loses what swings.
     pub from: f64,
     /// Share of the steps after the warm-up at which each body's law is chosen; between the two, bodies follow a smooth free motion.
     pub select: f64,
@@ -174,7 +175,7 @@ impl Default for BodiesConfig {
     fn default() -> Self {
         Self {
             mode: BodyUse::Both,
-            from: 0.2,
+            from: 0.08,
             select: 0.7,
             tolerance_pixels: 2.0,
             tolerance_share: 0.08,

@@ -132,6 +132,7 @@ fn with_laws(mut model: Sparsedyn, adam: &mut Adam, views: &[View], at: &Step) -
             first,
             size: 0.5 * model.frame.length,
             poses: at.cues.times.iter().zip(&poses).map(sequence).collect(),
+            independent: at.cues.times.len() as f64 / config.knot_frames,
             noise: config.noise_pixels * pixel,
         };
         if let Some(fitted) = select_law(&sequence, &Law::ALL) {
@@ -203,7 +204,13 @@ fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f
     let first = middle(&before, &own);
     let spread = before.iter().map(|x| x.distance_squared(first)).sum::<f64>() / before.len() as f64;
     let pose = |(time, path): (&f64, &Vec<DVec3>)| (time - times[0], rigid_motion(&before, &at(path), first));
-    Poses { first, size: spread.sqrt(), poses: times.iter().zip(paths).map(pose).collect(), noise }
+    Poses {
+        first,
+        size: spread.sqrt(),
+        poses: times.iter().zip(paths).map(pose).collect(),
+        independent: times.len() as f64,
+        noise,
+    }
 }
 
 /// Whether no marker of a body moves by more than `still`, scene units.

@@ -1,0 +1,129 @@
+//! SparseDynGS: motion is recovered and the future is predicted; every way of integration trains; a resumed run is the same to the bit.
+#![recursion_limit = "256"]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use gs_burn::glam::{DQuat, DVec3};
+use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, World, write};
+use gs_train::pipelines::fit::read_model;
+use gs_train::pipelines::sparsedyn::Sparsedyn;
+use gs_train::run::checkpoint::Checkpoint;
+use gs_train::run::watch::Job;
+
+mod common;
+
+/// A small world, photographed by `cameras`, one of them held out.
+fn world(folder: &Path, world: World, (size, frames): (usize, usize), cameras: usize) -> PathBuf {
+    let path = folder.join(world.name());
+    let options = ExtrapolationOptions {
+        width: size,
+        height: size,
+        cameras,
+        held_out: 1,
+        frames,
+        ..ExtrapolationOptions::of(world)
+    };
+    write(&path, &options, |_, _| {}).expect("written");
+    path
+}
+
+fn job(world: &Path, folder: &Path, steps: usize, overrides: &[&str]) -> Job {
+    let own = ["pipeline=sparsedyn", "data.background=[1.0,1.0,1.0]", "density.cap=1500"];
+    let all: Vec<&str> = own.into_iter().chain(overrides.iter().copied()).collect();
+    common::job(world, folder, &common::config(steps, &all))
+}
+
+fn model(job: &Job, steps: usize) -> Sparsedyn {
+    let file = Checkpoint::load(&job.folder.checkpoint(steps)).expect("loads");
+    read_model::<Sparsedyn>(&file, &common::device()).expect("a scene").0.method
+}
+
+/// Every way of asking, every integrator, the hybrid and both baselines take steps in every phase, save, and are measured at future times.
+#[test]
+fn every_way_trains_and_is_measured() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = world(folder, World::Duo, (24, 32), 4);
+    for (index, keys) in [
+        ["dynamics.ask=stage", "dynamics.integrator=rk2", "bodies.mode=field"],
+        ["dynamics.ask=step", "dynamics.integrator=rk4", "bodies.mode=both"],
+        ["dynamics.ask=start", "dynamics.integrator=screw", "bodies.mode=bodies"],
+        ["dynamics.model=hybrid", "dynamics.ask=start", "moving.select=false"],
+        ["dynamics.model=trace", "dynamics.integrator=rk2", "moving.select=false"],
+        ["dynamics.model=freegave", "dynamics.ask=stage", "moving.select=false"],
+    ]
+    .iter()
+    .enumerate()
+    {
+        let job = job(&world, &folder.join(index.to_string()), 30, keys);
+        let eval = common::finish(&job);
+        let measured = &eval.last.measured;
+        assert_eq!((measured.split.as_str(), eval.skipped_steps), ("test", 0), "{keys:?}");
+        assert!(measured.quality.mean.psnr.is_finite() && measured.quality.mean.psnr > 5.0, "{keys:?}");
+        assert!(measured.quality.psnr_of_mean_error <= measured.quality.mean.psnr + 1e-9, "{keys:?}");
+    }
+}
+
+#[test]
+fn it_resumes_to_the_same_bits() {
+    const STEPS: usize = 60;
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = world(folder, World::Fan, (24, 32), 4);
+    let [whole, resumed] = ["whole", "resumed"].map(|name| job(&world, &folder.join(name), STEPS, &[]));
+    common::finish(&whole);
+    // In the warm-up, while bodies move freely, and after their laws are chosen.
+    common::finish_interrupted(&resumed, &[7, 30, 52]);
+    let bits = |job: &Job| fs::read(job.folder.checkpoint(STEPS)).expect("saved");
+    assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
+}
+
+/// A rotor that turns evenly is one body. At time 1, a quarter of the recording after the last frame that was seen, its angle is right to 3
+/// degrees, and its pivot to 2 % of its size.
+#[test]
+fn a_rotation_is_found_and_goes_on() {
+    const STEPS: usize = 2000;
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = world(folder, World::Fan, (80, 60), 7);
+    let learned = job(&world, &folder.join("learned"), STEPS, &[]);
+    let eval = common::finish(&learned);
+    let model = model(&learned, STEPS);
+    let bodies = model.bodies.as_ref().expect("bodies");
+    let of = |body: usize| model.frame.labels.iter().filter(|label| **label == body as i32).count();
+    let body = (0..bodies.len()).max_by_key(|body| of(*body)).expect("a body");
+    let text = fs::read_to_string(world.join("transforms_train.json")).expect("read");
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let vector = |key: &str| {
+        let numbers = json["movers"][0]["poses"][0][key].as_array().expect("three").iter();
+        DVec3::from_slice(&numbers.filter_map(serde_json::Value::as_f64).collect::<Vec<_>>())
+    };
+    let truth = DQuat::from_scaled_axis(vector("angular_velocity"));
+    let pose = bodies.poses(1.0)[body];
+    let words = model.body_lines().join("; ");
+    let psnr = eval.last.mean().psnr;
+    let angle = pose.rotation.angle_between(truth).to_degrees();
+    assert!(angle < 3.0, "{angle} degrees off at time 1: {words}, {psnr} dB");
+    // The rotor turns about its own origin, which stays where it is.
+    let first = DVec3::from_array(bodies.frames[body].centre);
+    let drift = pose.apply(vector("position"), first).distance(vector("position"));
+    assert!(drift < 0.02 * ROTOR, "the pivot drifts by {drift}: {words}, {psnr} dB");
+}
+
+/// The radius of the rotor, metres.
+const ROTOR: f64 = 1.0;
+
+#[test]
+fn a_set_with_one_photo_of_a_time_is_refused_in_a_sentence() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = world(folder, World::Fan, (16, 32), 3);
+    common::edit(&world, "transforms_train.json", |frames| frames.truncate(1));
+    let error = common::train(&job(&world, &folder.join("run"), 4, &[])).expect_err("one photo").to_string();
+    assert!(error.contains("at least 2 training photos with times"), "{error}");
+    assert!(
+        !folder.join("run/checkpoints").exists()
+            || fs::read_dir(folder.join("run/checkpoints")).expect("read").count() == 0
+    );
+}
