@@ -1,14 +1,14 @@
 //! Rigid bodies with laws of motion: what many Gaussians do together costs a body, not its Gaussians.
 //!
 //! The paper gives every Gaussian a motion of its own by the field. Most scenes hold a few bodies: here Gaussians whose paths are one rigid
-//! motion are found ([`segment`]), and each body gets the simplest law ([`law`], [`fit`]) that its poses bear out by BIC. A law says what the
+//! motion are found ([`mod@segment`]), and each body gets the simplest law ([`mod@law`], [`mod@fit`]) that its poses bear out by BIC. A law says what the
 //! body does next; a field says so only as far as its network happens to. What is no rigid body stays with the field.
 //!
 //! | file | holds |
 //! |---|---|
 //! | [`law`] | laws as sets of terms; a pose at a time |
 //! | [`fit`] | the law of a sequence of poses, and the choice among laws |
-//! | [`segment`] | bodies among paths |
+//! | [`mod@segment`] | bodies among paths |
 //! | [`motion`] | bodies as a Burn module: the laws' numbers, learned from photos |
 
 pub mod fit;
