@@ -57,7 +57,6 @@ mod resample;
 mod resize;
 mod scene;
 mod side_files;
-mod sparse_views;
 mod split;
 mod statistics;
 mod subject;
@@ -72,10 +71,12 @@ pub use loader::{load, load_cameras};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
 pub use names::some_names;
-pub use options::{DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SplitUse};
+pub use options::{
+    DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SparseViews, SplitUse,
+};
 pub use plural::{agree, counted};
 pub use printable::printable;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
-pub use sparse_views::{SparseViews, ViewKind, view_kind};
+pub use split::{ViewKind, view_kind};
 pub use statistics::mean;
 pub use subject::{nearest_to_axes, subject, subject_distance};

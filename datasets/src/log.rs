@@ -105,6 +105,10 @@ impl Log {
         let raw = formats::read(path, options, &mut findings)?;
         let description = Description::of(raw, path, options, &mut findings);
         let plan = split::plan(&description.frames, options, path)?;
+        if options.sparse.is_some() && description.points.is_some() {
+            let hidden = split::hidden_points(&description.frames, &plan, path);
+            hidden.into_iter().for_each(|sentence| findings.warn(sentence));
+        }
         let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
         tracing::info!("{}: {}, {}", shown(path), counted(plan.train.len(), "training view"), printable(&held_out));
         Ok((Self::of(description, &plan, path, options), findings))
@@ -133,7 +137,7 @@ impl Log {
             .map(|(split, index)| describe(&raw[index], split, &decoder))
             .collect();
         let all: Vec<&RawFrame> = raw.iter().collect();
-        let disagreements = consistency::compare_splits(&all[..trains], &all[trains..], path);
+        let disagreements = consistency::compare_splits(&all[..trains], &all[trains..], options.sparse.is_some(), path);
         Self {
             path: path.to_path_buf(),
             format: description.format,

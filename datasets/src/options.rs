@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::sparse_views::SparseViews;
-
 /// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as [`Split::TEST`](crate::Split::TEST).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Holdout {
@@ -29,6 +27,23 @@ pub enum SplitUse {
     /// the data set did not have them. A D-NeRF set has 20 validation and 20 test views beside 50 to 200 training views, and a
     /// view of 800 x 800 pixels is 2 MB.
     Reported,
+}
+
+/// Which cameras train, which are held out, and the times that are seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SparseViews {
+    /// Cameras that train; 0: all that the data set's split trains on.
+    pub train: usize,
+    /// Cameras that are held out, at most; about half of them look from between training cameras.
+    pub validation: usize,
+    /// Share of the recording that is seen, above 0 and at most 1. A data set with a list of later frames keeps its own last time.
+    pub seen: f64,
+}
+
+impl Default for SparseViews {
+    fn default() -> Self {
+        Self { train: 5, validation: 7, seen: 1.0 }
+    }
 }
 
 /// The literature's held-out share for photo sets without a split of their own (Mip-NeRF 360 and everything after it).

@@ -73,6 +73,8 @@ impl Split {
     pub const TEST: &'static str = "test";
     /// The data set's validation list.
     pub const VALIDATION: &'static str = "validation";
+    /// Training cameras at times that are not seen, see [`SparseViews`](crate::SparseViews).
+    pub const TEST_SEEN: &'static str = "test-seen";
 }
 
 /// A posed photo set, undistorted, resized and split, in memory. No view is in two splits.

@@ -105,7 +105,12 @@ fn fill(
             format!("{training}, {count} {} held out ({}): {}.", agree(count, "is", "are"), plan.counts(), plan.rule)
         }
     });
-    consistency::compare_splits(&train, &held_out, path).iter().for_each(|sentence| findings.warn(sentence));
+    if options.sparse.is_some() && points.is_some() {
+        split::hidden_points(&frames, &plan, path).iter().for_each(|sentence| findings.warn(sentence));
+    }
+    consistency::compare_splits(&train, &held_out, options.sparse.is_some(), path)
+        .iter()
+        .for_each(|sentence| findings.warn(sentence));
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
     report.without_time = consistency::without_time(&train, &held_out).len();
     let poses: Vec<glam::DMat4> = train.iter().map(|frame| frame.c2w).collect();

@@ -116,7 +116,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
         return Err(DatasetError::NoFrames { path: poses.folder.clone(), found });
     }
     // Which masks a folder holds is not said anywhere; in a set of frames over time they mark what moves.
-    let mut kinds = vec![Kind::Depth, Kind::Sharp];
+    let mut kinds = vec![Kind::Depth, Kind::Confidence, Kind::Sharp];
     if matches!(options.masks, MaskUse::Auto | MaskUse::Moving) {
         kinds.push(Kind::Moving);
     }

@@ -125,7 +125,7 @@ pub(crate) fn read(
         let found = format!("none of {}", counted(missing.len(), "image"));
         return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
     }
-    let kinds = [Kind::Depth, Kind::Sharp];
+    let kinds = [Kind::Depth, Kind::Confidence, Kind::Sharp];
     let description = files.folder.join(TRAIN_FILE);
     sources::search(&mut frames, &files.folder, &description, &kinds, options.priors, findings);
     sources::note_gaps(&mut frames);

@@ -15,6 +15,7 @@ pub(crate) const FRAME_KEYS: &[(&str, Kind)] = &[
     ("depth_file_path", Kind::Depth),
     ("depth_path", Kind::Depth),
     ("confidence_file_path", Kind::Confidence),
+    ("confidence_path", Kind::Confidence),
     ("pseudo_sharp_path", Kind::Sharp),
 ];
 
@@ -31,6 +32,7 @@ pub(crate) const TRUTH_KEYS: &[(&str, Kind)] = &[
 /// Side folders of each prior, best first, and the extensions tried in them.
 const FOLDERS: &[(Kind, &[&str], &[&str])] = &[
     (Kind::Depth, &["priors/depth", "depth"], &["exr", "npy", "png"]),
+    (Kind::Confidence, &["priors/confidence"], &["exr", "npy", "png"]),
     (Kind::Moving, &["priors/masks", "masks", "seg"], &["png", "npy", "jpg"]),
     (Kind::Sharp, &["priors/sharp", "sharp"], &["png", "jpg", "jpeg"]),
 ];
@@ -118,11 +120,16 @@ fn beside(folder: &Path, name: &str, extensions: &[&str]) -> Option<PathBuf> {
     [Some(name), shorter].into_iter().flatten().find_map(|name| names::with_extension(&folder.join(name), extensions))
 }
 
-/// Adds an entry without a path where other frames have one of the kind, so that the gap is counted.
+/// Adds an entry without a path where other frames have one of the kind, so that the gap is counted. Where several frames have one and
+/// all of these are of one time, as the priors of a reconstruction of the first frame are, only frames of that time can lack it.
 pub(crate) fn note_gaps(frames: &mut [RawFrame]) {
-    for kind in [Kind::Depth, Kind::Moving, Kind::Sharp] {
-        if frames.iter().any(|frame| frame.sides.lists(kind)) {
-            for frame in frames.iter_mut().filter(|frame| !frame.sides.lists(kind)) {
+    for kind in [Kind::Depth, Kind::Confidence, Kind::Moving, Kind::Sharp] {
+        let mut times = frames.iter().filter(|frame| frame.sides.lists(kind)).map(|frame| frame.time);
+        let Some(first) = times.next() else { continue };
+        let (others, same) = times.fold((0, true), |(count, same), time| (count + 1, same && time == first));
+        let is_of_one_time = others > 0 && same;
+        for frame in frames.iter_mut().filter(|frame| !frame.sides.lists(kind)) {
+            if !is_of_one_time || frame.time == first {
                 frame.sides.files.push(SideFile { kind, path: None });
             }
         }

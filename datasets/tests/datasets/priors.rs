@@ -350,3 +350,53 @@ fn priors_are_not_undistorted() {
     assert!(scene.train[0].priors.depth.is_none());
     assert!(scene.warnings.iter().any(|text| text.contains("lens distortion")), "{:?}", scene.warnings);
 }
+
+/// Confidence goes with depth: named or in its side folder, at least 1, at the photo's size; a broken file is counted and left out.
+#[test]
+fn confidence_is_read_with_depth() {
+    let values: Vec<f32> = (0..48).map(|i| if i == 5 { f32::NAN } else { i as f32 / 4.0 }).collect();
+    for key in ["confidence_file_path", "confidence_path", ""] {
+        let (folder, mut top) = one_camera(1);
+        write_exr(&folder.file("d.exr"), 8, 6, &[("Z", &ramp())]).expect("written");
+        write_exr(&folder.file("priors/confidence/train/cam00/0000.exr"), 8, 6, &[("Y", &values)]).expect("written");
+        top["depth_kind"] = json!("depth");
+        top["frames"][0]["depth_file_path"] = json!("d.exr");
+        if !key.is_empty() {
+            top["frames"][0][key] = json!("priors/confidence/train/cam00/0000.exr");
+        }
+        let loaded = scene(&folder, &top, &options());
+        assert_eq!(loaded.warnings, Vec::<String>::new());
+        let confidence = loaded.train[0].priors.confidence.as_ref().expect("a confidence");
+        assert_eq!(confidence[..9], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 1.75, 2.0], "key {key:?}");
+        let half = scene(&folder, &top, &LoadOptions { max_width: Some(4), ..options() });
+        assert_eq!(half.train[0].priors.confidence.as_ref().map(Vec::len), Some(4 * 3));
+        assert!(loaded.train[0].bytes() > half.train[0].bytes() + 4 * (48 - 12) * 2, "both maps count");
+        let none =
+            scene(&folder, &top, &LoadOptions { priors: PriorUse { depth: false, ..PriorUse::ALL }, ..options() });
+        assert_eq!(none.train[0].priors.confidence, None);
+        folder.write("priors/confidence/train/cam00/0000.exr", "broken");
+        let broken = scene(&folder, &top, &options());
+        assert!(broken.train[0].priors.depth.is_some() && broken.train[0].priors.confidence.is_none());
+        assert!(
+            broken.warnings.iter().any(|text| text.contains("confidences of depth of 1 of 1 view")),
+            "{:?}",
+            broken.warnings
+        );
+    }
+}
+
+/// A reconstruction of the first frame gives priors of that time alone; what it lacks there is a gap, what it lacks later is none.
+#[test]
+fn priors_of_one_time_have_gaps_at_that_time_only() {
+    let folder = Folder::new();
+    let mut top = rig(&folder, "train", 0, 3, 4);
+    top["depth_kind"] = json!("depth");
+    write_exr(&folder.file("d.exr"), 8, 6, &[("Z", &ramp())]).expect("written");
+    for camera in [0, 1] {
+        top["frames"][4 * camera]["depth_file_path"] = json!("d.exr");
+    }
+    let warnings = scene(&folder, &top, &options()).warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("train/cam02/0000"), "{warnings:?}");
+    top["frames"][8]["depth_file_path"] = json!("d.exr");
+    assert_eq!(scene(&folder, &top, &options()).warnings, Vec::<String>::new());
+}

@@ -128,7 +128,7 @@ fn search_side_folders(
 ) {
     // Folders of static sets hold other things: a set without times is left alone.
     if frames.iter().any(|frame| frame.time.is_some()) || options.masks == MaskUse::Moving {
-        let mut kinds = vec![Kind::Depth, Kind::Sharp];
+        let mut kinds = vec![Kind::Depth, Kind::Confidence, Kind::Sharp];
         if rule == MaskRule::Moving {
             kinds.push(Kind::Moving);
         }

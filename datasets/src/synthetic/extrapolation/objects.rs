@@ -195,7 +195,7 @@ fn pendulum(paint: &mut Paint) -> Bodies {
 fn hinge(paint: &mut Paint) -> Bodies {
     let wood = paint(Pattern::Planks, 0.11, WOOD);
     let top = paint(Pattern::Mosaic, 0.15, GREEN);
-    let tiles = paint(Pattern::Mosaic, 0.13, RED);
+    let tiles = paint(Pattern::Mosaic, 0.12, RED);
     let blue = paint(Pattern::Fur, 0.14, BLUE);
     let chest = vec![
         part(cuboid(0.70, 0.45, 0.30), [0.0, 0.0, -0.50], wood),
@@ -235,7 +235,7 @@ fn spinner(paint: &mut Paint) -> Bodies {
     let stone = paint(Pattern::Plaster, 0.15, STONE);
     let parts = vec![
         part(Form::Bumpy { radius: 0.36, relief: 0.06 }, [0.0; 3], red),
-        part(cuboid(0.32, 0.12, 0.12), [0.60, 0.0, 0.0], blue),
+        part(cuboid(0.34, 0.12, 0.12), [0.60, 0.0, 0.0], blue),
         part(ball(0.20), [-0.25, 0.52, 0.10], green),
         Part {
             turn: DQuat::from_rotation_x(FRAC_PI_2),
@@ -254,7 +254,7 @@ fn duo(paint: &mut Paint) -> Bodies {
     let drift = turning(line([0.80, 0.20, 0.30], [-0.35, 0.20, -0.50], [0.0; 3]), [0.3, 0.2, 1.0], 2.2, 0.0);
     let moving = vec![
         moving("ball", vec![part(Form::Bumpy { radius: 0.30, relief: 0.06 }, [0.0; 3], skin)], throw),
-        moving("box", vec![part(cuboid(0.26, 0.20, 0.26), [0.0; 3], tiles)], drift),
+        moving("box", vec![part(cuboid(0.26, 0.22, 0.26), [0.0; 3], tiles)], drift),
     ];
     Bodies { still: Vec::new(), moving }
 }

@@ -1,5 +1,7 @@
 //! Which frames train and which are held out, and under which name.
 
+mod sparse_views;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -9,7 +11,9 @@ use crate::options::{DEFAULT_HOLDOUT, Holdout, LoadOptions, SplitUse};
 use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 use crate::scene::{self, Split};
-use crate::sparse_views;
+
+pub(crate) use self::sparse_views::hidden_points;
+pub use self::sparse_views::{ViewKind, view_kind};
 
 /// Frames by purpose, as indices in the order given.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,17 +68,30 @@ impl SplitPlan {
 
 /// Splits frames that are sorted by name.
 pub(crate) fn plan(frames: &[RawFrame], options: &LoadOptions, scene: &Path) -> Result<SplitPlan, DatasetError> {
-    let LoadOptions { holdout, splits, .. } = options;
+    let mut plan = match &options.sparse {
+        Some(sparse) => sparse_views::plan(frames, sparse, scene)?,
+        None => by_holdout(frames, &options.holdout, scene)?,
+    };
+    if plan.train.is_empty() {
+        return Err(DatasetError::NoTrainingViews {
+            path: scene.to_path_buf(),
+            found: format!("{} ({})", counted(plan.held_out_frames().count(), "held-out view"), plan.rule),
+        });
+    }
+    if options.splits == SplitUse::Reported {
+        plan.keep_reported();
+    }
+    Ok(plan)
+}
+
+fn by_holdout(frames: &[RawFrame], holdout: &Holdout, scene: &Path) -> Result<SplitPlan, DatasetError> {
     let bad = |expected: &str, found: String| DatasetError::Option {
         path: scene.to_path_buf(),
         option: "holdout",
         expected: expected.to_string(),
         found,
     };
-    if let Some(sparse) = &options.sparse {
-        return sparse_views::plan(frames, sparse, scene);
-    }
-    let mut plan = match holdout {
+    Ok(match holdout {
         Holdout::None => SplitPlan::of((0..frames.len()).collect(), Vec::new(), "all views train".to_string()),
         Holdout::Every(0) => return Err(bad("every n-th view with n of at least 1", "0".to_string())),
         Holdout::Every(n) => every(frames, *n),
@@ -93,17 +110,7 @@ pub(crate) fn plan(frames: &[RawFrame], options: &LoadOptions, scene: &Path) -> 
             let (test, train) = (0..frames.len()).partition(is_held);
             SplitPlan::of(train, test, format!("{} held out by name", counted(names.len(), "view")))
         }
-    };
-    if plan.train.is_empty() {
-        return Err(DatasetError::NoTrainingViews {
-            path: scene.to_path_buf(),
-            found: format!("{} ({})", counted(plan.held_out_frames().count(), "held-out view"), plan.rule),
-        });
-    }
-    if *splits == SplitUse::Reported {
-        plan.keep_reported();
-    }
-    Ok(plan)
+    })
 }
 
 fn every(frames: &[RawFrame], n: usize) -> SplitPlan {

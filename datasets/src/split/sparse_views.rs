@@ -3,33 +3,18 @@
 //! Training cameras stand on one part of the rig, so that some of the others look from between them and some from outside. The choice depends
 //! on the cameras' names and poses alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
 
 use crate::error::DatasetError;
-use crate::plural::counted;
+use crate::options::SparseViews;
+use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::scene::Split;
-use crate::split::SplitPlan;
 
-/// Which cameras train, which are held out, and the times that are seen.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SparseViews {
-    /// Cameras that train; 0: all that the data set's split trains on.
-    pub train: usize,
-    /// Cameras that are held out, at most; about half of them look from between training cameras.
-    pub validation: usize,
-    /// Share of the recording that is seen, above 0 and at most 1. A data set with a list of later frames keeps its own last time.
-    pub seen: f64,
-}
-
-impl Default for SparseViews {
-    fn default() -> Self {
-        Self { train: 5, validation: 7, seen: 1.0 }
-    }
-}
+use super::SplitPlan;
 
 /// How a held-out camera looks at a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,9 +27,6 @@ pub enum ViewKind {
 
 /// Share of the cameras, nearest to the first by name, among which training cameras are chosen: the others look from outside.
 const PART: f64 = 0.6;
-
-/// Name of the split of training cameras at times that are not seen.
-const TEST_SEEN: &str = "test-seen";
 
 /// How a camera looks at a scene that others were trained on: from between them if it is no farther from their middle than the farthest of
 /// them.
@@ -82,7 +64,7 @@ pub(crate) fn plan(frames: &[RawFrame], options: &SparseViews, scene: &Path) -> 
         cameras.iter().filter(|(id, _)| trains(id)).map(|(id, c2w)| (*id, position(c2w))).collect();
     let wanted = if options.train == 0 { candidates.len() } else { options.train };
     if wanted > candidates.len() || wanted == 0 {
-        return Err(bad(format!("at most {}", counted(candidates.len(), "camera that trains")), wanted.to_string()));
+        return Err(bad(format!("at most {}", counted(candidates.len(), "training camera")), wanted.to_string()));
     }
     let chosen = training_cameras(&candidates, wanted);
     let poses: Vec<DMat4> = chosen.iter().map(|id| cameras[id]).collect();
@@ -103,7 +85,7 @@ pub(crate) fn plan(frames: &[RawFrame], options: &SparseViews, scene: &Path) -> 
     let named = [
         (Split::TEST, list(&held_ids, false)),
         (Split::VALIDATION, list(&held_ids, true)),
-        (TEST_SEEN, list(&chosen, false)),
+        (Split::TEST_SEEN, list(&chosen, false)),
     ];
     let held_out = named.into_iter().filter(|(_, list)| !list.is_empty()).map(|(name, list)| (name.to_string(), list));
     let between = held.iter().filter(|(_, kind)| *kind == ViewKind::Interpolating).count();
@@ -114,6 +96,24 @@ pub(crate) fn plan(frames: &[RawFrame], options: &SparseViews, scene: &Path) -> 
         held.len() - between
     );
     Ok(SplitPlan { train, held_out: held_out.collect(), rule })
+}
+
+/// Warns that the points to start from may show what only cameras see that train no longer: figures of few cameras would profit from them.
+pub(crate) fn hidden_points(frames: &[RawFrame], plan: &SplitPlan, scene: &Path) -> Option<String> {
+    let ids = |frames: &mut dyn Iterator<Item = &RawFrame>| -> BTreeSet<String> {
+        frames.filter_map(|frame| frame.camera_id.clone()).collect()
+    };
+    let own = ids(&mut frames.iter().filter(|frame| SplitName::trains(frame.split.as_ref())));
+    let chosen = ids(&mut plan.train.iter().map(|index| &frames[*index]));
+    let hidden = own.difference(&chosen).count();
+    (hidden > 0).then(|| {
+        format!(
+            "{}: the points of the data set may come from {} that {} not train here; start from depth priors of the training cameras",
+            scene.display(),
+            counted(hidden, "camera"),
+            agree(hidden, "does", "do")
+        )
+    })
 }
 
 /// The last time that is seen: that of the data set's own training list if another list goes on after it, else by share of the recording.
@@ -208,7 +208,7 @@ mod tests {
             assert_eq!(cameras(test), cameras(scene.split(Split::VALIDATION).expect("held-out cameras")));
             assert_eq!(cameras(test).len(), validation, "{world}");
             assert!(cameras(test).iter().all(|id| !own.contains(id)));
-            assert_eq!(cameras(scene.split(TEST_SEEN).expect("the training cameras' future")), own);
+            assert_eq!(cameras(scene.split(Split::TEST_SEEN).expect("the training cameras' future")), own);
             assert!(scene.train.iter().all(|view| view.time <= Some(0.75)));
             assert!(test.iter().all(|view| view.time > Some(0.75)));
             let poses: Vec<DMat4> = scene.train.iter().map(|view| view.c2w).collect();
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn too_many_cameras_are_refused_and_all_of_them_may_train() {
         let error = loaded(World::Fan, SparseViews { train: 99, ..SparseViews::default() }).expect_err("too many");
-        assert!(error.to_string().contains("at most 12 cameras"), "{error}");
+        assert!(error.to_string().contains("at most 12 training cameras"), "{error}");
         let scene = loaded(World::Fan, SparseViews { train: 0, ..SparseViews::default() }).expect("loaded");
         assert_eq!(scene.train.len(), 12 * 7);
     }
