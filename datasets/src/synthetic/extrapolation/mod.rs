@@ -6,6 +6,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `objects.rs`, `room.rs` | the worlds |
+//! | `scene.rs` | a world with its light |
 //! | `rig.rs` | the cameras |
 //! | `film.rs` | sharp images with transparency, depth, velocity, masks |
 //! | `priors.rs` | depth and confidence with the errors of a feed-forward reconstructor |
@@ -20,6 +21,7 @@ mod points;
 mod priors;
 mod rig;
 mod room;
+mod scene;
 mod write;
 
 #[cfg(test)]

@@ -3,14 +3,11 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DQuat, DVec3};
-use rand::Rng;
-use rand_chacha::ChaCha8Rng;
 
-use super::super::tracer::motion::{Motion, Path, Pose, Turn};
+use super::super::tracer::motion::{Motion, Path, Turn};
 use super::super::tracer::solid::{Form, Part, Solid};
-use super::super::tracer::stage::{Lamp, MovingObject, Stage};
+use super::super::tracer::stage::MovingObject;
 use super::super::tracer::texture::{Pattern, Texture};
-use super::{World, room};
 
 /// Makes textures: a pattern, the side of its largest cells (metres) and three colours (linear light).
 pub(super) type Paint<'a> = dyn FnMut(Pattern, f64, [[f64; 3]; 3]) -> Texture + 'a;
@@ -19,42 +16,6 @@ pub(super) type Paint<'a> = dyn FnMut(Pattern, f64, [[f64; 3]; 3]) -> Texture + 
 pub(super) struct Bodies {
     pub still: Vec<(DVec3, Solid)>,
     pub moving: Vec<MovingObject>,
-}
-
-/// Builds a world; textures come from `rng`.
-pub(super) fn stage(world: World, rng: &mut ChaCha8Rng) -> Stage {
-    let mut paint = |pattern, size, colors: [[f64; 3]; 3]| Texture {
-        pattern,
-        size,
-        colors: colors.map(DVec3::from_array),
-        salt: rng.random(),
-    };
-    let paint: &mut Paint = &mut paint;
-    let bodies = match world {
-        World::Fan => fan(paint),
-        World::FallingBall => falling_ball(paint),
-        World::Slider => slider(paint),
-        World::Pendulum => pendulum(paint),
-        World::Hinge => hinge(paint),
-        World::Telescope => telescope(paint),
-        World::Spinner => spinner(paint),
-        World::Duo => duo(paint),
-        World::Room => room::bodies(paint),
-    };
-    let planes = if world.is_room() { room::planes(paint) } else { Vec::new() };
-    let lamp = if world.is_room() { room::lamp() } else { Lamp::new(DVec3::new(2.4, -2.8, 4.2), 0.7) };
-    let still = bodies.still.into_iter();
-    let still =
-        still.map(|(position, solid)| (lamp.posed(Pose { rotation: DQuat::IDENTITY, position }), solid)).collect();
-    Stage {
-        planes,
-        still,
-        objects: bodies.moving,
-        lamp,
-        // More light from all around than from the lamp: the shade of a body that turns changes mildly.
-        lamp_color: DVec3::new(0.48, 0.45, 0.40),
-        sky: [DVec3::new(0.56, 0.58, 0.62), DVec3::new(0.40, 0.39, 0.38)],
-    }
 }
 
 pub(super) fn part(form: Form, position: [f64; 3], texture: Texture) -> Part {
@@ -125,7 +86,7 @@ const WOOD: [[f64; 3]; 3] = [[0.42, 0.24, 0.11], [0.66, 0.44, 0.24], [0.24, 0.13
 const STONE: [[f64; 3]; 3] = [[0.44, 0.46, 0.48], [0.66, 0.64, 0.60], [0.26, 0.28, 0.32]];
 
 /// Three blades in three paints, 1.25 turns per unit of time, before a housing on a stand.
-fn fan(paint: &mut Paint) -> Bodies {
+pub(super) fn fan(paint: &mut Paint) -> Bodies {
     let stone = paint(Pattern::Plaster, 0.22, STONE);
     let wood = paint(Pattern::Planks, 0.10, WOOD);
     let blades = [RED, BLUE, GREEN].map(|colors| paint(Pattern::Mosaic, 0.12, colors));
@@ -148,7 +109,7 @@ fn fan(paint: &mut Paint) -> Bodies {
 }
 
 /// A ball that is let go at time 0 and turns slowly, beside a column with a ring.
-fn falling_ball(paint: &mut Paint) -> Bodies {
+pub(super) fn falling_ball(paint: &mut Paint) -> Bodies {
     let skin = paint(Pattern::Ball, 0.06, RED);
     let stone = paint(Pattern::Bricks, 0.24, STONE);
     let green = paint(Pattern::Fur, 0.14, GREEN);
@@ -162,7 +123,7 @@ fn falling_ball(paint: &mut Paint) -> Bodies {
 }
 
 /// A box on a rail that slows from 2.5 to 0.7 metres per unit of time, past a bumpy stone.
-fn slider(paint: &mut Paint) -> Bodies {
+pub(super) fn slider(paint: &mut Paint) -> Bodies {
     let rail = paint(Pattern::Planks, 0.12, WOOD);
     let tiles = paint(Pattern::Mosaic, 0.11, BLUE);
     let skin = paint(Pattern::Skin, 0.10, RED);
@@ -176,7 +137,7 @@ fn slider(paint: &mut Paint) -> Bodies {
 }
 
 /// A ball on a rod that swings by 0.6 radians either way with a period of 1.3, in a frame.
-fn pendulum(paint: &mut Paint) -> Bodies {
+pub(super) fn pendulum(paint: &mut Paint) -> Bodies {
     let wood = paint(Pattern::Planks, 0.09, WOOD);
     let skin = paint(Pattern::Ball, 0.05, GREEN);
     let steel = paint(Pattern::Plaster, 0.09, STONE);
@@ -192,7 +153,7 @@ fn pendulum(paint: &mut Paint) -> Bodies {
 }
 
 /// A lid that opens by 92 degrees, ever faster, about the upper back edge of a box.
-fn hinge(paint: &mut Paint) -> Bodies {
+pub(super) fn hinge(paint: &mut Paint) -> Bodies {
     let wood = paint(Pattern::Planks, 0.11, WOOD);
     let top = paint(Pattern::Mosaic, 0.15, GREEN);
     let tiles = paint(Pattern::Mosaic, 0.12, RED);
@@ -211,7 +172,7 @@ fn hinge(paint: &mut Paint) -> Bodies {
 }
 
 /// Three boxes, one in the other, that move apart along z at -0.45, 0.10 and 0.70 metres per unit of time.
-fn telescope(paint: &mut Paint) -> Bodies {
+pub(super) fn telescope(paint: &mut Paint) -> Bodies {
     let outer = paint(Pattern::Mosaic, 0.15, BLUE);
     let middle = paint(Pattern::Fur, 0.16, RED);
     let inner = paint(Pattern::Bricks, 0.18, GREEN);
@@ -228,7 +189,7 @@ fn telescope(paint: &mut Paint) -> Bodies {
 }
 
 /// A body with arms of different lengths that turns about a tilted axis, from 1.5 to 6.5 radians per unit of time.
-fn spinner(paint: &mut Paint) -> Bodies {
+pub(super) fn spinner(paint: &mut Paint) -> Bodies {
     let red = paint(Pattern::Skin, 0.12, RED);
     let blue = paint(Pattern::Mosaic, 0.12, BLUE);
     let green = paint(Pattern::Ball, 0.05, GREEN);
@@ -247,7 +208,7 @@ fn spinner(paint: &mut Paint) -> Bodies {
 }
 
 /// A bumpy ball that is thrown up and comes down, and a box that drifts and turns.
-fn duo(paint: &mut Paint) -> Bodies {
+pub(super) fn duo(paint: &mut Paint) -> Bodies {
     let skin = paint(Pattern::Skin, 0.10, GREEN);
     let tiles = paint(Pattern::Mosaic, 0.12, RED);
     let throw = turning(line([-0.75, -0.20, -0.55], [0.45, 0.10, 2.7], [0.0, 0.0, -4.6]), [0.2, 1.0, 0.3], 1.8, 0.0);

@@ -123,7 +123,7 @@ fn options_out_of_range_are_named() {
 fn movers_stay_in_view() {
     for world in World::ALL {
         let options = ExtrapolationOptions::of(world);
-        let stage = objects::stage(world, &mut ChaCha8Rng::seed_from_u64(0));
+        let stage = scene::stage(world, &mut ChaCha8Rng::seed_from_u64(0));
         let cameras = rig::cameras(&options, &mut ChaCha8Rng::seed_from_u64(0));
         for object in &stage.objects {
             for frame in 0..=options.frames {
@@ -145,7 +145,7 @@ fn movers_stay_in_view() {
 fn alpha_is_the_share_of_rays_that_meet_the_ball() {
     let options = ExtrapolationOptions { width: 96, height: 96, ..small(World::Duo) };
     let folder = written(&options);
-    let stage = objects::stage(options.world, &mut ChaCha8Rng::seed_from_u64(0));
+    let stage = scene::stage(options.world, &mut ChaCha8Rng::seed_from_u64(0));
     let cameras = rig::cameras(&options, &mut ChaCha8Rng::seed_from_u64(1));
     let (mut full, mut clear, mut between) = (0, 0, 0);
     for (camera, frame) in cameras.iter().filter(|camera| !camera.is_test).zip([0, 3, 6, 9]) {
@@ -206,7 +206,7 @@ fn points_are_the_priors_of_all_training_cameras() {
         let folder = written(&ExtrapolationOptions { priors: errors, ..base.clone() });
         loaded(folder.path()).points.expect("points")
     };
-    let stage = objects::stage(base.world, &mut ChaCha8Rng::seed_from_u64(0));
+    let stage = scene::stage(base.world, &mut ChaCha8Rng::seed_from_u64(0));
     let pose = stage.objects[0].motion.pose(0.0);
     let radius = stage.objects[0].solid.radius;
     let off = |points: &crate::PointCloud| {

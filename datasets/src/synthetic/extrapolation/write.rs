@@ -15,7 +15,7 @@ use super::film::{Moment, Shot, film};
 use super::points::Points;
 use super::priors::prior;
 use super::rig::{angle_x, cameras};
-use super::{ExtrapolationOptions, objects};
+use super::{ExtrapolationOptions, scene};
 use crate::error::DatasetError;
 use crate::image_io::{write_atomic, write_exr, write_png};
 
@@ -93,7 +93,7 @@ impl Part {
 /// When an option is out of its range or a file cannot be written.
 pub fn write(dir: &Path, options: &ExtrapolationOptions, progress: impl Fn(usize, usize)) -> Result<(), DatasetError> {
     check(dir, options)?;
-    let stage = objects::stage(options.world, &mut Draws::Stage.rng(options.seed));
+    let stage = scene::stage(options.world, &mut Draws::Stage.rng(options.seed));
     let cameras = cameras(options, &mut Draws::Rig.rng(options.seed));
     let moments: Vec<Moment> = (0..options.frames).map(|frame| Moment::new(&stage, options.time(frame))).collect();
     let together = (PIXELS_MAX / (options.width * options.height)).max(1);
