@@ -11,6 +11,7 @@
 //! | views of one static camera | [`static_cameras`] |
 //! | picture of a static camera without passing objects | [`background`](fn@background) |
 //! | pixels that differ from it by more than noise and shadow | [`camera_masks`](fn@camera_masks) |
+//! | pixels that differ from a background of one colour | [`foreground_masks`] |
 //! | one mask per training view, given or inferred | [`moving_masks`] |
 //! | centre of the moving object over time, and its velocity (TaylorMoDe-GS, Eq. 17) | [`centres`](fn@centres), [`guide_velocity`] |
 //! | centres of several objects | [`object_centres`] |
@@ -42,6 +43,7 @@
 //! # }
 //! ```
 
+mod backdrop;
 mod background;
 mod camera_masks;
 mod cameras;
@@ -65,6 +67,7 @@ mod tracks;
 mod trajectory;
 mod triangulate;
 
+pub use backdrop::foreground_masks;
 pub use background::{Background, background};
 pub use camera_masks::{CameraMasks, FRAMES_MIN, camera_masks};
 pub use cameras::{StaticCamera, static_cameras};

@@ -1,4 +1,4 @@
-//! The law of a sequence of poses: least squares for one law, BIC among laws.
+//! The law of a sequence of poses: least squares for one law; among laws BIC and what each foresees of later poses.
 
 use gs_burn::glam::{DMat3, DVec3};
 
@@ -13,6 +13,12 @@ pub struct Fitted {
     pub values: LawValues,
     /// Root mean square distance of the body's markers from the poses, scene units.
     pub deviation: f64,
+    /// The same at the last third of the poses, for the law fitted to the others.
+    pub foreseen: f64,
+    /// Twice the negative logarithm of the likelihood of the last third of the poses, given the law fitted to the others, up to a constant: a law
+    /// that takes the noise of early poses for motion misses later ones, and a smooth error of all poses, which BIC takes for evidence,
+    /// helps no law to foresee.
+    pub surprise: f64,
     /// The criterion by which laws are compared; lower is better.
     pub bic: f64,
 }
@@ -41,10 +47,10 @@ const RATES: usize = 48;
 /// Axes of the markers, in sizes of the body, with the centre four points that determine a pose.
 const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
 
-/// The law among `laws` with the least BIC; `None` without poses.
+/// The law among `laws` that says most of the poses with fewest numbers, and foresees their last third best; `None` without poses.
 pub fn select_law(poses: &Poses, laws: &[Law]) -> Option<Fitted> {
-    let fits = laws.iter().filter_map(|law| fit_law(poses, *law));
-    fits.min_by(|a, b| a.bic.total_cmp(&b.bic))
+    let score = |fitted: &Fitted| fitted.bic + fitted.surprise;
+    compare_laws(poses, laws).into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))
 }
 
 /// The best numbers of a law; `None` without poses, or when nothing finite fits.
@@ -64,7 +70,24 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
     let independent = 6.0 * poses.independent.max(1.0);
     let variance = sum / count + poses.noise * poses.noise;
     let bic = independent * variance.max(f64::MIN_POSITIVE).ln() + law.freedom() as f64 * independent.ln();
-    Some(Fitted { law, values, deviation: (sum / count * 3.0).sqrt(), bic })
+    let deviation = (sum / count * 3.0).sqrt();
+    Some(Fitted { law, values, deviation, foreseen: f64::INFINITY, surprise: 0.0, bic })
+}
+
+/// Every law of `laws` that fits, with what it foresees.
+pub fn compare_laws(poses: &Poses, laws: &[Law]) -> Vec<Fitted> {
+    let (early, late) = poses.poses.split_at(2 * poses.poses.len() / 3);
+    let part = |part: &[(f64, BodyPose)]| Poses { poses: part.to_vec(), ..poses.clone() };
+    let (early, late) = (part(early), part(late));
+    let tested = |fitted: Fitted| {
+        let Some(before) = fit_law(&early, fitted.law) else { return fitted };
+        let count = (3 * MARKERS.len() * late.poses.len()).max(1) as f64;
+        let variance = misfit(&late, &before.values) / count;
+        let independent = 6.0 * poses.independent * late.poses.len() as f64 / poses.poses.len() as f64;
+        let surprise = independent * (variance + poses.noise * poses.noise).max(f64::MIN_POSITIVE).ln();
+        Fitted { foreseen: (3.0 * variance).sqrt(), surprise, ..fitted }
+    };
+    laws.iter().filter_map(|law| fit_law(poses, *law)).map(tested).collect()
 }
 
 /// Sum of squared coordinates of the markers' misfits, scene units squared.
@@ -188,7 +211,9 @@ fn joined(sine: DVec3, cosine: DVec3) -> (DVec3, f64) {
 }
 
 /// Levenberg and Marquardt's method over the law's own numbers, with derivatives by differences.
-fn refine(poses: &Poses, law: Law, mut values: LawValues) -> (LawValues, f64) {
+fn refine(poses: &Poses, law: Law, values: LawValues) -> (LawValues, f64) {
+    let duration = poses.poses.iter().fold(0.0_f64, |most, (s, _)| most.max(s.abs()));
+    let mut values = law.constrained(values, duration);
     let free: Vec<usize> = law.mask().iter().enumerate().filter(|(_, on)| **on > 0.0).map(|(index, _)| index).collect();
     let mut sum = misfit(poses, &values);
     let mut damping = 1e-3;
@@ -203,6 +228,7 @@ fn refine(poses: &Poses, law: Law, mut values: LawValues) -> (LawValues, f64) {
                 let mut moved = values;
                 let h = 1e-6 * moved.0[*index].abs().max(1.0);
                 moved.0[*index] += h;
+                let moved = law.constrained(moved, duration);
                 residuals(poses, &moved).iter().zip(&base).map(|(after, before)| (after - before) / h).collect()
             })
             .collect();
@@ -211,6 +237,7 @@ fn refine(poses: &Poses, law: Law, mut values: LawValues) -> (LawValues, f64) {
         for (index, change) in free.iter().zip(&change) {
             next.0[*index] -= change;
         }
+        let next = law.constrained(next, duration);
         let after = misfit(poses, &next);
         if after < sum {
             let gain = 1.0 - after / sum;
@@ -330,6 +357,7 @@ mod tests {
                 values.set(term, vector);
             }
         }
+        values = law.constrained(values, 0.75);
         if law.has(Term::Oscillation) {
             values.set_oscillation(7.0, 1.1);
         }

@@ -2,7 +2,8 @@
 //!
 //! With `s` the time since the first frame, `o(s) = sin(W s + p) - sin(p)`, and `R(s) = Exp(w s + b s^2 / 2 + q o(s))`, a body with its centre at
 //! `c` in the first frame has its centre at `c + v s + a s^2 / 2 + u o(s) - (R(s) - 1) d`; `d` leads from the centre to the pivot of a
-//! rotation about a fixed point, which a pendulum or a hinge has. Terms that a law does not have are zero.
+//! rotation about a fixed point, which a pendulum or a hinge has. Terms that a law does not have are zero. A rotation about a pivot that speeds up
+//! does so about one axis: `b` is parallel to `w`.
 
 use gs_burn::glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -114,11 +115,30 @@ impl Law {
         mask
     }
 
-    /// Numbers that the law is free to choose: a shift of the pivot along the axis of an even rotation changes nothing.
+    /// Numbers that the law is free to choose: a shift of the pivot along the axis of a rotation changes nothing, and one axis takes two numbers
+    /// from the second of two parallel vectors.
     pub fn freedom(self) -> usize {
         let numbers: usize =
             Term::ALL.into_iter().filter(|term| self.has(*term)).map(|term| term.numbers().len()).sum();
-        numbers - usize::from(self.has(Term::Pivot))
+        numbers - usize::from(self.has(Term::Pivot)) - 2 * usize::from(self.has_one_axis())
+    }
+
+    /// Whether rotation and angular acceleration have one axis: they are about a pivot.
+    pub fn has_one_axis(self) -> bool {
+        self.has(Term::Spin) && self.has(Term::SpinUp) && self.has(Term::Pivot)
+    }
+
+    /// `values` with rotation and angular acceleration along one axis where the law asks for it. `duration` is the time over which the two are
+    /// weighed against each other.
+    pub fn constrained(self, mut values: LawValues, duration: f64) -> LawValues {
+        if self.has_one_axis() {
+            let (spin, up) = (values.vector(Term::Spin), values.vector(Term::SpinUp));
+            let sign = if spin.dot(up) < 0.0 { -1.0 } else { 1.0 };
+            let axis = (spin + up * (0.5 * sign * duration)).normalize_or_zero();
+            values.set(Term::Spin, axis * spin.dot(axis));
+            values.set(Term::SpinUp, axis * up.dot(axis));
+        }
+        values
     }
 
     /// The law in words.
@@ -236,6 +256,25 @@ mod tests {
         }
         assert_eq!(Law::ALL[0].freedom(), 0);
         assert_eq!(Law::of(&[Term::Spin, Term::Pivot]).freedom(), 5);
+        // An axis, a rate, an acceleration, and two numbers for the pivot.
+        assert_eq!(Law::of(&[Term::Spin, Term::SpinUp, Term::Pivot]).freedom(), 6);
+    }
+
+    #[test]
+    fn a_hinge_has_one_axis() {
+        let law = Law::of(&[Term::Spin, Term::SpinUp, Term::Pivot]);
+        for up in [DVec3::new(0.3, -2.0, 0.4), DVec3::new(-0.3, 2.0, -0.4), DVec3::ZERO] {
+            let mut values = LawValues::REST;
+            values.set(Term::Spin, DVec3::new(0.0, 1.0, 0.1));
+            values.set(Term::SpinUp, up);
+            let one = law.constrained(values, 0.75);
+            assert!(one.vector(Term::Spin).cross(one.vector(Term::SpinUp)).length() < 1e-12);
+            assert!(one.vector(Term::Spin).length() > 0.9 && one.vector(Term::SpinUp).dot(up) >= 0.9 * up.length());
+            assert!(law.constrained(one, 0.75).vector(Term::Spin).distance(one.vector(Term::Spin)) < 1e-12);
+        }
+        let rest = law.constrained(LawValues::REST, 0.75);
+        assert_eq!(rest, LawValues::REST);
+        assert_eq!(Law::GENERAL.constrained(LawValues([1.0; NUMBERS]), 1.0), LawValues([1.0; NUMBERS]));
     }
 
     #[test]

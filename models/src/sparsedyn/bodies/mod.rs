@@ -17,7 +17,7 @@ pub mod motion;
 pub mod rigid;
 pub mod segment;
 
-pub use fit::{Fitted, fit_law, select_law};
+pub use fit::{Fitted, compare_laws, fit_law, select_law};
 pub use law::{BodyPose, Law, LawValues, Term};
 pub use motion::{Bodies, BodyFrame};
 pub use segment::{SegmentOptions, segment};

@@ -10,6 +10,9 @@ use crate::rotation::turn;
 use crate::sparsedyn::state::State;
 use crate::sparsedyn::turning::Factors;
 
+/// Squared rotation rate that keeps a vanishing axis finite: far below any visible rotation, above the smallest `f32` after division.
+const AXIS_FLOOR: f64 = 1e-12;
+
 /// Numbers of a correction at a knot: a shift of the centre and a rotation vector.
 const CORRECTION: usize = 6;
 
@@ -100,7 +103,8 @@ impl Bodies {
         let scale = scales(self.length);
         let of = |(row, frame): (&[f64], &BodyFrame)| {
             let mask = frame.law.mask();
-            LawValues(std::array::from_fn(|k| row[k] * scale[k] * mask[k]))
+            let values = LawValues(std::array::from_fn(|k| row[k] * scale[k] * mask[k]));
+            frame.law.constrained(values, self.span[1] - self.span[0])
         };
         numbers.chunks_exact(NUMBERS).zip(&self.frames).map(of).collect()
     }
@@ -155,7 +159,8 @@ impl Bodies {
         let first = Term::Oscillation.numbers().start;
         let (rate, phase) = (numbers.clone().narrow(1, first, 1), numbers.clone().narrow(1, first + 1, 1));
         let swing = (rate * s + phase.clone()).sin() - phase.sin();
-        let law = vector(Term::Spin) * s + vector(Term::SpinUp) * (0.5 * s * s) + vector(Term::Swing) * swing.clone();
+        let (spin, up) = self.on_one_axis(vector(Term::Spin), vector(Term::SpinUp));
+        let law = spin * s + up * (0.5 * s * s) + vector(Term::Swing) * swing.clone();
         let pivot = vector(Term::Pivot);
         // `-(R - 1) d`.
         let about = Factors::of(&law).turned_by(&law, &pivot);
@@ -174,6 +179,28 @@ impl Bodies {
             sum.narrow(1, 3, 3)
         });
         Posed { law, correction, centres }
+    }
+
+    /// [`Law::constrained`] for all bodies, differentiable: `[K, 3]` rotations and angular accelerations.
+    fn on_one_axis(&self, spin: Tensor<2>, up: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
+        if !self.frames.iter().any(|frame| frame.law.has_one_axis()) {
+            return (spin, up);
+        }
+        let half = 0.5 * (self.span[1] - self.span[0]);
+        // 1 where both point the same way or one is zero, else -1; it has no gradient.
+        let sign = (spin.clone() * up.clone()).sum_dim(1).detach().sign();
+        let sign = sign.clone() + (sign.abs() - 1.0).abs();
+        let sum = spin.clone() + up.clone() * sign * half;
+        let squared = (sum.clone() * sum.clone()).sum_dim(1);
+        // A rotation rate below the square root of this, radians per unit of time, has no axis to speak of.
+        let axis = sum / (squared + AXIS_FLOOR).sqrt();
+        let along = |vector: &Tensor<2>| axis.clone() * (vector.clone() * axis.clone()).sum_dim(1);
+        let chosen = self.constant(&spin, 1, |frame| vec![f64::from(u8::from(frame.law.has_one_axis()))]);
+        let mixed = |vector: Tensor<2>| {
+            let along = along(&vector);
+            (along - vector.clone()) * chosen.clone() + vector
+        };
+        (mixed(spin), mixed(up))
     }
 
     fn constant(&self, like: &Tensor<2>, columns: usize, of: impl Fn(&BodyFrame) -> Vec<f64>) -> Tensor<2> {

@@ -1,7 +1,9 @@
-//! The Gaussians of the first frame: at the back-projected pixels of depth priors, else at the data set's points, else where photos agree.
+//! The Gaussians of the first frame: at the back-projected pixels of depth priors, else at the data set's points, else on the hull of outlines
+//! before a plain background, else where photos agree.
 
 use burn::tensor::Device;
 use gs_datasets::{PointCloud, Scene};
+use gs_multiview::{HullOptions, foreground_masks, hull};
 
 use super::cues::Cues;
 use super::evidence::may_move;
@@ -15,15 +17,11 @@ const LEAST_WEIGHT: f32 = 0.25;
 /// The state before the first step.
 pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sparsedyn) {
     let (cues, config) = (at.cues, at.config);
-    let points = prior_points(scene, cues);
+    let points = first_points(scene, cues, config.density.cap);
     let initial = match points.is_empty() {
         false => gaussians_at(&points, at.facts.extent, &config.init, config.density.cap, config.seed),
         true => {
-            // The first frame alone: at other times the photos show other states.
-            let first = cues.by_frame.first().map(Vec::as_slice).unwrap_or_default();
-            let train = first.iter().map(|index| scene.train[*index].clone()).collect();
-            let first =
-                Scene { train, held_out: Vec::new(), points: scene.points.clone(), warnings: Vec::new(), ..*scene };
+            let first = first_frame(scene, cues);
             initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed)
         }
     };
@@ -42,6 +40,34 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
     };
     let model = Sparsedyn::new(frame, &config.method.dynamics, config.seed, device);
     (initial, model)
+}
+
+/// The scene with the training views of the first frame alone: at other times photos show other states.
+fn first_frame(scene: &Scene, cues: &Cues) -> Scene {
+    let first = cues.by_frame.first().map(Vec::as_slice).unwrap_or_default();
+    let train = first.iter().map(|index| scene.train[*index].clone()).collect();
+    Scene { train, held_out: Vec::new(), points: scene.points.clone(), warnings: Vec::new(), ..*scene }
+}
+
+/// The points of the depth priors; without priors those on the visual hull of what stands before a plain background. Empty: neither is there.
+fn first_points(scene: &Scene, cues: &Cues, cap: usize) -> PointCloud {
+    let points = prior_points(scene, cues);
+    let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
+    if !points.is_empty() || has_points {
+        return points;
+    }
+    let first = first_frame(scene, cues);
+    let Some(masks) = foreground_masks(&first.train) else { return points };
+    // Outlines before a plain background are exact, so none may miss the object.
+    let options = HullOptions { points: cap, misses: Some(0), ..HullOptions::default() };
+    let hull = hull(&first, &masks, cues.start(), &options);
+    hull.notes.iter().for_each(|note| tracing::info!("{note}"));
+    tracing::info!(
+        points = hull.points.len(),
+        cameras = hull.cameras,
+        "no points in the data set: carved the outlines' hull"
+    );
+    hull.points
 }
 
 /// The pixels of all priors of the first frame in space, with the photos' colours: the dense and redundant union of the views.

@@ -135,6 +135,16 @@ fn with_laws(mut model: Sparsedyn, adam: &mut Adam, views: &[View], at: &Step) -
             independent: at.cues.times.len() as f64 / config.knot_frames,
             noise: config.noise_pixels * pixel,
         };
+        for fitted in gs_models::sparsedyn::bodies::compare_laws(&sequence, &Law::ALL) {
+            eprintln!(
+                "LAW {body} {} | dev {:.3} fore {:.3} bic {:.1} free {}",
+                fitted.law.in_words(),
+                fitted.deviation / pixel,
+                fitted.foreseen / pixel,
+                fitted.bic,
+                fitted.law.freedom()
+            );
+        }
         if let Some(fitted) = select_law(&sequence, &Law::ALL) {
             let deviation = fitted.deviation / pixel;
             tracing::info!(

@@ -1,0 +1,110 @@
+//! Objects before a plain background: sets that are rendered without surroundings, or filmed before a screen of one colour.
+
+use gs_datasets::View;
+
+/// Largest difference of a channel from the background's colour, of 255, that is still background: above rounding and the noise of a
+/// lossy file, below the shade of a bright object.
+const SAME: u8 = 6;
+
+/// Share of the pixels along the image border that must have the background's colour: an object may be cut by the border.
+const BORDER: f64 = 0.9;
+
+/// Share of the photos whose border must be plain: a few may show the object as large as the image.
+const PHOTOS: f64 = 0.8;
+
+/// One mask for each view, 255 where it differs from a background that has one colour in all views; `None` if it has not.
+///
+/// Pixels that `View::mask` ignores count as background.
+pub fn foreground_masks(views: &[View]) -> Option<Vec<Option<Vec<u8>>>> {
+    let color = background_color(views)?;
+    let plain = views.iter().filter(|view| is_plain(view, color)).count();
+    if (plain as f64) < PHOTOS * views.len() as f64 {
+        return None;
+    }
+    let mask = |view: &View| {
+        let compared = |pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
+        let differs = |pixel: usize| compared(pixel) && !is_same(view, pixel, color);
+        (0..view.width * view.height).map(|pixel| if differs(pixel) { 255 } else { 0 }).collect()
+    };
+    Some(views.iter().map(|view| Some(mask(view))).collect())
+}
+
+/// The median colour along the borders of all views.
+fn background_color(views: &[View]) -> Option<[u8; 3]> {
+    let mut channels: [Vec<u8>; 3] = Default::default();
+    for view in views {
+        for pixel in border(view) {
+            for (channel, values) in channels.iter_mut().enumerate() {
+                values.push(view.image.data[3 * pixel + channel]);
+            }
+        }
+    }
+    let mut color = [0; 3];
+    for (values, median) in channels.iter_mut().zip(&mut color) {
+        if values.is_empty() {
+            return None;
+        }
+        let middle = values.len() / 2;
+        *median = *values.select_nth_unstable(middle).1;
+    }
+    Some(color)
+}
+
+fn is_plain(view: &View, color: [u8; 3]) -> bool {
+    let (mut same, mut count) = (0_usize, 0_usize);
+    for pixel in border(view) {
+        same += usize::from(is_same(view, pixel, color));
+        count += 1;
+    }
+    same as f64 >= BORDER * count as f64
+}
+
+fn is_same(view: &View, pixel: usize, color: [u8; 3]) -> bool {
+    (0..3).all(|channel| view.image.data[3 * pixel + channel].abs_diff(color[channel]) <= SAME)
+}
+
+/// The pixels of the image's outermost rows and columns.
+fn border(view: &View) -> impl Iterator<Item = usize> {
+    let (width, height) = (view.width, view.height);
+    let rows = (0..width).flat_map(move |x| [x, height.saturating_sub(1) * width + x]);
+    let columns = (0..height).flat_map(move |y| [y * width, y * width + width.saturating_sub(1)]);
+    rows.chain(columns).filter(move |pixel| *pixel < width * height)
+}
+
+#[cfg(test)]
+mod tests {
+    use gs_datasets::{Intrinsics, RgbImage8};
+
+    use super::*;
+
+    fn view(color: impl Fn(usize, usize) -> [u8; 3]) -> View {
+        let (width, height) = (12, 8);
+        let data = (0..width * height).flat_map(|pixel| color(pixel % width, pixel / width)).collect();
+        let intrinsics = Intrinsics { fx: 10.0, fy: 10.0, cx: 6.0, cy: 4.0 };
+        View::new(glam::DMat4::IDENTITY, intrinsics, RgbImage8 { width, height, data })
+    }
+
+    fn object(x: usize, y: usize) -> bool {
+        (4..8).contains(&x) && (2..6).contains(&y)
+    }
+
+    #[test]
+    fn an_object_before_a_screen_is_told_from_it() {
+        for screen in [[255, 255, 255], [0, 0, 0], [20, 180, 30]] {
+            let views = vec![view(|x, y| if object(x, y) { [120, 90, 60] } else { screen }); 3];
+            let masks = foreground_masks(&views).expect("a plain background");
+            let mask = masks[1].as_ref().expect("a mask");
+            assert!((0..96).all(|pixel| (mask[pixel] > 0) == object(pixel % 12, pixel / 12)));
+        }
+    }
+
+    #[test]
+    fn surroundings_are_no_plain_background() {
+        let room = view(|x, y| [(x * 20) as u8, (y * 30) as u8, 90]);
+        assert!(foreground_masks(&[room.clone()]).is_none());
+        // One photo before a screen does not make a studio.
+        let plain = view(|_, _| [0, 0, 0]);
+        assert!(foreground_masks(&[plain, room.clone(), room]).is_none());
+        assert!(foreground_masks(&[]).is_none());
+    }
+}
