@@ -9,11 +9,13 @@
 //! | [`law`] | laws as sets of terms; a pose at a time |
 //! | [`fit`] | the law of a sequence of poses, and the choice among laws |
 //! | [`mod@segment`] | bodies among paths |
+//! | [`parts`] | a body divided, and parts joined that move alike |
 //! | [`motion`] | bodies as a Burn module: the laws' numbers, learned from photos |
 
 pub mod fit;
 pub mod law;
 pub mod motion;
+pub mod parts;
 pub mod rigid;
 pub mod segment;
 

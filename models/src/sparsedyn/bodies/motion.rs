@@ -81,6 +81,35 @@ impl Bodies {
         }
     }
 
+    /// These bodies with others behind them, whose laws have the numbers of `values` (scene units) and no correction yet.
+    pub fn extended(self, frames: &[BodyFrame], values: &[LawValues]) -> Self {
+        let device = self.numbers.val().device();
+        let more = Self::new(frames.to_vec(), values, self.span, (self.length, self.knots()), &device);
+        let both = |a: Param<Tensor<2>>, b: Param<Tensor<2>>| {
+            Param::from_tensor(Tensor::cat(vec![a.val(), b.val()], 0).detach())
+        };
+        Self {
+            numbers: both(self.numbers, more.numbers),
+            corrections: both(self.corrections, more.corrections),
+            frames: self.frames.iter().chain(frames).cloned().collect(),
+            ..self
+        }
+    }
+
+    /// For each entry of `of` a body that moves as the one that it names.
+    pub fn copied(self, of: &[usize]) -> Self {
+        let device = self.numbers.val().device();
+        let rows: Vec<i64> = of.iter().map(|body| *body as i64).collect();
+        let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [of.len()]), &device);
+        let picked = |a: Param<Tensor<2>>| Param::from_tensor(a.val().select(0, rows.clone()).detach());
+        Self {
+            numbers: picked(self.numbers),
+            corrections: picked(self.corrections),
+            frames: of.iter().map(|body| self.frames[*body].clone()).collect(),
+            ..self
+        }
+    }
+
     /// Number of bodies.
     pub fn len(&self) -> usize {
         self.frames.len()

@@ -151,6 +151,12 @@ pub struct BodiesConfig {
     /// Share of the steps after the warm-up at which bodies are found in the paths of the field. Early: over few frames every motion is nearly
     /// even, and bodies are then followed as the window grows; a field that is followed longer loses what swings.
     pub from: f64,
+    /// How often bodies are looked for, from the first time until all frames are seen: what begins to move late is found late. At the last
+    /// time, what rests becomes static.
+    pub examinations: usize,
+    /// Most parts into which a body is divided once all frames are seen; parts that moved alike are one body again when laws are chosen. 1: bodies stay as
+    /// they were found.
+    pub parts: usize,
     /// Share of the steps after the warm-up at which each body's law is chosen; between the two, bodies follow a smooth free motion.
     pub select: f64,
     /// Largest distance of a Gaussian's path from its body's motion, pixels of the nearest training view.
@@ -176,6 +182,8 @@ impl Default for BodiesConfig {
         Self {
             mode: BodyUse::Both,
             from: 0.08,
+            examinations: 8,
+            parts: 4,
             select: 0.7,
             tolerance_pixels: 2.0,
             tolerance_share: 0.08,
@@ -230,6 +238,8 @@ impl Section for Sections {
         check("bodies.from", bodies.from, share(bodies.from), "from 0 to 1")?;
         let select = (bodies.from..=1.0).contains(&bodies.select);
         check("bodies.select", bodies.select, select, "from bodies.from to 1")?;
+        check("bodies.examinations", bodies.examinations, (1..=1000).contains(&bodies.examinations), "from 1 to 1000")?;
+        check("bodies.parts", bodies.parts, (1..=100).contains(&bodies.parts), "from 1 to 100")?;
         check("bodies.tolerance_pixels", bodies.tolerance_pixels, positive(bodies.tolerance_pixels), "positive")?;
         let tolerance = not_negative(bodies.tolerance_share);
         check("bodies.tolerance_share", bodies.tolerance_share, tolerance, "0 or more")?;

@@ -1,6 +1,5 @@
-//! Rigid bodies: found in the paths of the field, followed by a smooth free motion, then given the simplest law that their poses bear out.
-
-use std::collections::BTreeMap;
+//! Rigid bodies: found in the paths of the field while the window grows, followed by a smooth free motion, divided and joined again where their
+//! parts move alike, then given the simplest law that their poses bear out.
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
@@ -9,6 +8,7 @@ use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
 use gs_models::sparsedyn::bodies::fit::Poses;
+use gs_models::sparsedyn::bodies::parts::{divided, joined};
 use gs_models::sparsedyn::bodies::rigid::rigid_motion;
 use gs_models::sparsedyn::bodies::{
     Bodies, BodyFrame, BodyPose, Law, LawValues, SegmentOptions, fit_law, segment, select_law,
@@ -25,38 +25,80 @@ const PATH_TIMES: usize = 12;
 /// Fewest Gaussians of a body: fewer do not determine a rotation in the noise of their positions.
 const FEWEST: usize = 12;
 
-/// The model after the events of a step: bodies are found, laws are chosen.
+/// Fewest Gaussians of a part of a body: three bodies' worth, so that photos determine its rotation.
+const FEWEST_OF_PART: usize = 3 * FEWEST;
+
+/// Largest difference of two parts' motions that is one motion, in the noise of a pose. By BIC a second free motion costs six numbers a knot, each
+/// worth the logarithm of some hundred coordinates, 4.6; the misfit that pays for it is `sqrt(2 * 4.6)` of the noise.
+const JOINED_NOISES: f64 = 3.0;
+
+/// The model after the events of a step: bodies are found and found again, divided, joined and given laws.
 pub fn simplified(model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
-    let config = &at.config.method.bodies;
-    if config.mode == BodyUse::Field || model.model != MotionModel::Rollout {
+    if at.config.method.bodies.mode == BodyUse::Field || model.model != MotionModel::Rollout {
         return model;
     }
-    let warmup = warmup_steps(at.config);
-    let physics = at.config.steps - warmup;
-    let due = |share: f64| at.step == warmup + ((share * physics as f64) as usize).max(1);
+    let events = Events::of(at);
     let mut model = model;
-    if due(config.from) {
-        model = with_bodies(model, gaussians, adam, views, at);
+    if events.examinations.contains(&at.step) {
+        let last = events.examinations.last() == Some(&at.step);
+        model = with_bodies(model, gaussians, adam, views, (at, last));
+        if last {
+            model = in_parts(model, gaussians, adam, at);
+        }
     }
-    if due(config.select) || (at.step == at.config.steps && model.frame.knots > 0) {
-        model = with_laws(model, adam, views, at);
+    if at.step == events.select || (at.step == at.config.steps && model.frame.knots > 0) {
+        model = with_laws(model, gaussians, adam, views, at);
     }
     model
 }
 
-/// Finds bodies in the paths of the field.
-fn with_bodies(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
+/// The steps at which bodies change.
+struct Events {
+    /// Ascending; at the last one all frames were seen.
+    examinations: Vec<usize>,
+    select: usize,
+}
+
+impl Events {
+    fn of(at: &Step) -> Self {
+        let config = &at.config.method.bodies;
+        let warmup = warmup_steps(at.config);
+        let physics = at.config.steps - warmup;
+        let step = |share: f64| ((share * physics as f64) as usize).max(1);
+        let select = step(config.select);
+        let first = step(config.from).min(select);
+        let last = at.cues.curriculum(at.config).long_from().clamp(first, select.saturating_sub(1).max(first));
+        let count = config.examinations.max(1);
+        let mut examinations: Vec<usize> =
+            (0..count).map(|k| warmup + first + (last - first) * k / (count - 1).max(1)).collect();
+        examinations.dedup();
+        Self { examinations, select: warmup + select }
+    }
+}
+
+/// Finds bodies in the paths of the Gaussians that the field moves. At the last examination what rests becomes static: before it, what rests may
+/// only be slow to begin.
+fn with_bodies(
+    mut model: Sparsedyn,
+    gaussians: &Gaussians,
+    adam: &mut Adam,
+    views: &[View],
+    (at, last): (&Step, bool),
+) -> Sparsedyn {
     let config = &at.config.method.bodies;
-    if model.frame.rows.is_empty() || at.cues.times.len() < 2 {
+    let free: Vec<usize> = (0..model.frame.rows.len()).filter(|i| model.frame.labels[*i] < 0).collect();
+    if free.len() < FEWEST || at.cues.times.len() < 2 {
         return model;
     }
     let first = model.first_positions(gaussians);
     let seen = seen_times(at);
-    let sampled = evenly(seen, PATH_TIMES);
-    let paths: Vec<Vec<DVec3>> = paths(&model, &first, &sampled);
-    let opacities = to_host(gaussians.opacities());
-    let weights: Vec<f64> = model.frame.rows.iter().map(|row| f64::from(opacities[*row as usize])).collect();
-    let pixel = pixel_size(views, middle(&paths[0], &weights));
+    let of_free = |all: Vec<Vec<DVec3>>| -> Vec<Vec<DVec3>> {
+        all.into_iter().map(|time| free.iter().map(|i| time[*i]).collect()).collect()
+    };
+    let all = of_free(paths(&model, &first, seen));
+    let sampled: Vec<Vec<DVec3>> = evenly(&all, PATH_TIMES);
+    let weights = weights_of(&model, gaussians, &free);
+    let pixel = pixel_size(views, middle(&all[0], &weights));
     let options = SegmentOptions {
         tolerance: config.tolerance_pixels * pixel,
         relative: config.tolerance_share,
@@ -64,48 +106,55 @@ fn with_bodies(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, vie
         fewest: FEWEST,
         share: config.share,
     };
-    let mut labels = segment(&paths, &weights, &options);
-    let count = labels.iter().flatten().max().map_or(0, |most| *most as usize + 1);
-    if count == 0 {
-        tracing::info!(step = at.step, "no rigid body was found: the field moves everything");
-        return model;
-    }
-    if config.mode == BodyUse::Bodies {
-        to_nearest(&mut labels, &paths[0]);
-    }
-    let all = self::paths(&model, &first, seen);
+    let found = segment(&sampled, &weights, &options);
     let still = at.config.method.moving.still_pixels.max(config.tolerance_pixels) * pixel;
-    let (mut frames, mut values, mut numbers) = (Vec::new(), Vec::new(), BTreeMap::new());
-    let mut resting = Vec::new();
-    for body in 0..count as u32 {
-        let members: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] == Some(body)).collect();
+    let (mut frames, mut values, mut stays) = (Vec::new(), Vec::new(), vec![true; model.frame.rows.len()]);
+    let known = model.frame.bodies.len() as i32;
+    for body in 0..found.iter().flatten().max().map_or(0, |most| *most + 1) {
+        let members: Vec<usize> = (0..free.len()).filter(|i| found[*i] == Some(body)).collect();
         if members.len() < 3 {
             continue;
         }
         let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
         if rests(&poses, still) {
-            resting.push(body);
+            members.iter().filter(|_| last).for_each(|i| stays[free[*i]] = false);
             continue;
         }
         let Some(fitted) = fit_law(&poses, Law::GENERAL) else { continue };
-        numbers.insert(body, frames.len() as i32);
+        members.iter().for_each(|i| model.frame.labels[free[*i]] = known + frames.len() as i32);
         frames.push(BodyFrame { centre: poses.first.to_array(), law: Law::GENERAL });
         values.push(fitted.values);
     }
-    model.frame.labels =
-        labels.iter().map(|label| label.and_then(|label| numbers.get(&label).copied()).unwrap_or(-1)).collect();
-    let stays: Vec<bool> = labels.iter().map(|label| !label.is_some_and(|label| resting.contains(&label))).collect();
+    if last && config.mode == BodyUse::Bodies {
+        let first = model.first_places(gaussians);
+        to_nearest(&mut model.frame.labels, &first);
+    }
     model.keep_rows(&stays);
-    model.frame.knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 3;
-    model.set_bodies(frames, &values, gaussians);
-    forget(adam);
+    if !frames.is_empty() {
+        let knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 3;
+        model.add_bodies(frames, &values, knots, gaussians);
+        forget(adam);
+    }
     tracing::info!(
         step = at.step,
         bodies = model.frame.bodies.len(),
         of_bodies = model.frame.labels.iter().filter(|label| **label >= 0).count(),
         of_field = model.frame.labels.iter().filter(|label| **label < 0).count(),
-        "rigid bodies were found"
+        "rigid bodies were looked for"
     );
+    model
+}
+
+/// Divides bodies: until laws are chosen, each part follows its own photos.
+fn in_parts(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, at: &Step) -> Sparsedyn {
+    let most = at.config.method.bodies.parts;
+    let Some(bodies) = model.bodies.take() else { return model };
+    let (labels, of) = divided(&model.first_places(gaussians), &model.frame.labels, most, FEWEST_OF_PART);
+    let bodies = bodies.copied(&of);
+    model.frame.labels = labels;
+    model.frame.bodies = bodies.frames.clone();
+    model.bodies = Some(bodies);
+    forget(adam);
     model
 }
 
@@ -118,49 +167,44 @@ fn seen_times<'a>(at: &Step<'a>) -> &'a [f64] {
     }
 }
 
-/// Gives each body the law that its poses bear out, and drops the free motion.
-fn with_laws(mut model: Sparsedyn, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
+/// Joins parts that moved alike, gives each body the law that its poses bear out, and drops the free motion.
+fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     let config = &at.config.method.bodies;
-    let Some(bodies) = &model.bodies else { return model };
-    let poses: Vec<Vec<BodyPose>> = at.cues.times.iter().map(|time| bodies.poses(*time)).collect();
-    let (mut frames, mut values) = (bodies.frames.clone(), bodies.values());
-    for (body, frame) in frames.iter_mut().enumerate() {
-        let first = DVec3::from_array(frame.centre);
-        let pixel = pixel_size(views, first);
-        let sequence = |(time, poses): (&f64, &Vec<BodyPose>)| (time - model.frame.start, poses[body]);
-        let sequence = Poses {
-            first,
-            size: 0.5 * model.frame.length,
-            poses: at.cues.times.iter().zip(&poses).map(sequence).collect(),
-            independent: at.cues.times.len() as f64 / config.knot_frames,
-            noise: config.noise_pixels * pixel,
-        };
-        for fitted in gs_models::sparsedyn::bodies::compare_laws(&sequence, &Law::ALL) {
-            eprintln!(
-                "LAW {body} {} | dev {:.3} fore {:.3} bic {:.1} free {}",
-                fitted.law.in_words(),
-                fitted.deviation / pixel,
-                fitted.foreseen / pixel,
-                fitted.bic,
-                fitted.law.freedom()
-            );
-        }
-        if let Some(fitted) = select_law(&sequence, &Law::ALL) {
-            let deviation = fitted.deviation / pixel;
-            tracing::info!(
-                step = at.step,
-                body,
-                law = fitted.law.in_words(),
-                deviation_pixels = deviation,
-                "law of a body"
-            );
-            (frame.law, values[body]) = (fitted.law, fitted.values);
-        }
+    if model.bodies.is_none() {
+        return model;
     }
+    let times = &at.cues.times;
+    let all = paths(&model, &model.first_positions(gaussians), times);
+    let everything: Vec<usize> = (0..model.frame.rows.len()).collect();
+    let weights = weights_of(&model, gaussians, &everything);
+    let pixel = pixel_size(views, middle(&all[0], &weights));
+    let labels = joined(&all, &model.frame.labels, JOINED_NOISES * config.noise_pixels * pixel);
+    let (mut frames, mut values) = (Vec::new(), Vec::new());
+    for body in 0..labels.iter().max().map_or(0, |most| *most + 1) {
+        let members: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] == body).collect();
+        let own = poses_of(&all, &members, &weights, times, 0.0);
+        let pixel = pixel_size(views, own.first);
+        let sequence =
+            Poses { independent: times.len() as f64 / config.knot_frames, noise: config.noise_pixels * pixel, ..own };
+        let fitted = select_law(&sequence, &Law::ALL).or_else(|| fit_law(&sequence, Law::GENERAL));
+        let (law, numbers) = fitted.map_or((Law::of(&[]), LawValues::REST), |fitted| (fitted.law, fitted.values));
+        tracing::info!(
+            step = at.step,
+            body,
+            gaussians = members.len(),
+            law = law.in_words(),
+            deviation_pixels = fitted.map(|fitted| fitted.deviation / pixel),
+            foreseen_pixels = fitted.map(|fitted| fitted.foreseen / pixel),
+            "law of a body"
+        );
+        frames.push(BodyFrame { centre: sequence.first.to_array(), law });
+        values.push(numbers);
+    }
+    model.frame.labels = labels;
     model.frame.knots = 0;
-    let device = bodies.numbers.val().device();
     model.frame.bodies = frames.clone();
-    model.bodies = Some(Bodies::new(frames, &values, model.frame.span, (model.frame.length, 0), &device));
+    model.bodies = (!frames.is_empty())
+        .then(|| Bodies::new(frames, &values, model.frame.span, (model.frame.length, 0), &gaussians.device()));
     forget(adam);
     model
 }
@@ -174,13 +218,18 @@ impl Sparsedyn {
         self.frame.rows = indices.iter().map(|index| self.frame.rows[*index]).collect();
     }
 
-    fn set_bodies(&mut self, frames: Vec<BodyFrame>, values: &[LawValues], gaussians: &Gaussians) {
-        self.frame.bodies = frames.clone();
-        let size = (self.frame.length, self.frame.knots);
-        self.bodies = match frames.is_empty() {
-            true => None,
-            false => Some(Bodies::new(frames, values, self.frame.span, size, &gaussians.device())),
-        };
+    fn add_bodies(&mut self, frames: Vec<BodyFrame>, values: &[LawValues], knots: usize, gaussians: &Gaussians) {
+        self.frame.knots = knots;
+        self.bodies = Some(match self.bodies.take() {
+            Some(bodies) => bodies.extended(&frames, values),
+            None => Bodies::new(frames, values, self.frame.span, (self.frame.length, knots), &gaussians.device()),
+        });
+        self.frame.bodies = self.bodies.as_ref().map(|bodies| bodies.frames.clone()).unwrap_or_default();
+    }
+
+    /// Where the moving Gaussians are in the first frame.
+    fn first_places(&self, gaussians: &Gaussians) -> Vec<DVec3> {
+        vectors(to_host(self.first_positions(gaussians)))
     }
 
     /// Each body's size and law in words.
@@ -200,10 +249,17 @@ fn forget(adam: &mut Adam) {
 
 /// The positions of the moving Gaussians at `times`.
 fn paths(model: &Sparsedyn, first: &Tensor<2>, times: &[f64]) -> Vec<Vec<DVec3>> {
-    let moved = model.moved(first, times);
-    let host = moved.into_iter().map(|moved| to_host(moved.state.positions));
-    host.map(|values| values.chunks_exact(3).map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
-        .collect()
+    model.moved(first, times).into_iter().map(|moved| vectors(to_host(moved.state.positions))).collect()
+}
+
+fn vectors(values: Vec<f32>) -> Vec<DVec3> {
+    values.chunks_exact(3).map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect()
+}
+
+/// The opacities of the moving Gaussians that `which` names.
+fn weights_of(model: &Sparsedyn, gaussians: &Gaussians, which: &[usize]) -> Vec<f64> {
+    let opacities = to_host(gaussians.opacities());
+    which.iter().map(|i| f64::from(opacities[model.frame.rows[*i] as usize])).collect()
 }
 
 /// The poses of a body at all frames.
@@ -246,19 +302,20 @@ pub fn pixel_size(views: &[View], position: DVec3) -> f64 {
     if least.is_finite() { least } else { 1.0 }
 }
 
-/// At most `count` of `times`, the first and the last among them.
-fn evenly(times: &[f64], count: usize) -> Vec<f64> {
-    if times.len() <= count {
-        return times.to_vec();
+/// At most `count` of `items`, the first and the last among them.
+fn evenly<T: Clone>(items: &[T], count: usize) -> Vec<T> {
+    if items.len() <= count {
+        return items.to_vec();
     }
-    (0..count).map(|k| times[k * (times.len() - 1) / (count - 1)]).collect()
+    (0..count).map(|k| items[k * (items.len() - 1) / (count - 1)].clone()).collect()
 }
 
 /// Gives each Gaussian without a body that of the nearest Gaussian with one.
-fn to_nearest(labels: &mut [Option<u32>], first: &[DVec3]) {
-    let known: Vec<(DVec3, u32)> = labels.iter().zip(first).filter_map(|(label, at)| Some((*at, (*label)?))).collect();
-    for (label, at) in labels.iter_mut().zip(first) {
+fn to_nearest(labels: &mut [i32], first: &[DVec3]) {
+    let known: Vec<(DVec3, i32)> =
+        labels.iter().zip(first).filter(|(label, _)| **label >= 0).map(|(label, at)| (*at, *label)).collect();
+    for (label, at) in labels.iter_mut().zip(first).filter(|(label, _)| **label < 0) {
         let nearest = known.iter().min_by(|a, b| a.0.distance_squared(*at).total_cmp(&b.0.distance_squared(*at)));
-        *label = label.or(nearest.map(|(_, body)| *body));
+        *label = nearest.map_or(-1, |(_, body)| *body);
     }
 }
