@@ -1,9 +1,12 @@
 //! Scale and shift of each view's depth, from surfaces that several views see.
 //!
 //! Known cameras and the depth of one view say where its pixels are in another view, and how deep; that view's own depth disagrees by the
-//! error of both. The fit minimises these disagreements over all pairs of views (Gauss-Newton on relative residuals). Pixels count as far
+//! error of both. First, factors of depth are tried, of all views and then of each, and the one with which the photos agree best is kept: it
+//! needs no depth of another view. The fit then minimises these disagreements over all pairs of views (Gauss-Newton on relative residuals). Pixels count as far
 //! as the photos show the same colour, and lose their weight with the disagreement (Tukey), because a surface may be hidden by another. No
 //! feature is detected. Where views say nothing, weak priors keep the scale of the cameras and no shift.
+
+use rayon::prelude::*;
 
 use super::pairs::{Anchor, DepthFit, Match, Pairs};
 use super::solve::Normal;
@@ -11,20 +14,20 @@ use crate::statistics::median;
 
 /// Common factors of depth that are tried: from 1/2 to 2, each 3 % above the one before. A reconstruction that is off by more has other
 /// faults as well.
-const FACTOR_STEPS: i32 = 23;
-const FACTOR_STEP: f64 = 1.03;
+const COMMON: Factors = Factors { step: 1.03, count: 23, evidence: 1.1 };
 
-/// Relative disagreement up to which a pixel speaks for a common factor; the scales of single views differ by a few percent.
-const AGREEING: f64 = 0.1;
+/// Factors of single views that are tried, to 16 % either way: their scales differ by a few percent.
+const OWN: Factors = Factors { step: 1.01, count: 15, evidence: 1.03 };
 
-/// A common factor is believed when it wins by this share over the factor 1: without texture all factors are about as good.
-const EVIDENCE: f64 = 1.15;
+/// A factor is tried where at least this share of the samples still fall into other photos.
+const STILL_SEEN: f64 = 0.5;
 
 /// Rounds of matching and fitting; the disagreement settles within 15.
 const ROUNDS: usize = 30;
 
-/// Disagreement up to which pixels count in the first round; each round takes 0.8 of it, down to [`TUKEY`] standard deviations.
-const FIRST_CUTOFF: f64 = 0.3;
+/// Disagreement up to which pixels count in the first round: half of the relief, because beyond it front and back of an object would
+/// match, and within these bounds. Each round takes 0.8 of it, down to [`TUKEY`] standard deviations.
+const FIRST_CUTOFF: (f64, f64) = (0.02, 0.3);
 const CUTOFF_STEP: f64 = 0.8;
 
 /// Tukey's constant: 95 % of the efficiency of least squares on Gaussian errors.
@@ -70,15 +73,18 @@ pub(super) fn align(pairs: &Pairs, scale: f64, anchors: &[Anchor]) -> Alignment 
     let usual = pairs.usual_depths();
     let first = pairs.matches(&plain(scale));
     let before = disagreement(&first);
-    let common = scale * common_factor(pairs, scale);
-    let mut fits = plain(common);
-    let mut cutoff = FIRST_CUTOFF;
+    let all: Vec<usize> = (0..count).collect();
+    let common = scale * COMMON.best(pairs, &all, scale);
+    let own = |view: usize| DepthFit { scale: common * OWN.best(pairs, &[view], common), shift: 0.0 };
+    let mut fits: Vec<DepthFit> = all.par_iter().map(|view| own(*view)).collect();
+    let first_cutoff = (0.5 * pairs.relief()).clamp(FIRST_CUTOFF.0, FIRST_CUTOFF.1);
+    let mut cutoff = first_cutoff;
     for _ in 0..ROUNDS {
         let matches = pairs.matches(&fits);
         let inside = matches.iter().filter(|m| m.agrees_in_colour() && m.residual.abs() < cutoff);
         let deviation = median(inside.map(|m| m.residual.abs()).collect()).map_or(cutoff, |median| MAD * median);
         let deviation = deviation.max(PRECISION);
-        cutoff = (CUTOFF_STEP * cutoff).max((TUKEY * deviation).min(FIRST_CUTOFF));
+        cutoff = (CUTOFF_STEP * cutoff).max((TUKEY * deviation).min(first_cutoff));
         let problem = Problem { usual: &usual, common, deviation, cutoff };
         let Some(stepped) = problem.step(&matches, anchors, &fits) else { break };
         fits = stepped;
@@ -99,18 +105,31 @@ fn disagreement(matches: &[Match]) -> Option<f64> {
     median(matches.iter().filter(|m| m.agrees_in_colour()).map(|m| m.residual.abs()).collect())
 }
 
-/// The factor of all depths with which most pixels agree in depth and colour; 1 where none is clearly better. Depth alone would favour
-/// large factors: far away, all views see nearly the same.
-fn common_factor(pairs: &Pairs, scale: f64) -> f64 {
-    let score = |factor: f64| -> f64 {
-        let fit = DepthFit { scale: factor * scale, shift: 0.0 };
-        let matches = pairs.matches(&vec![fit; pairs.views.len()]);
-        matches.iter().map(|m| m.colour_weight() * (1.0 - m.residual.abs() / AGREEING).max(0.0)).sum()
-    };
-    let factors = (-FACTOR_STEPS..=FACTOR_STEPS).map(|step| FACTOR_STEP.powi(step));
-    let scored = factors.map(|factor| (factor, score(factor)));
-    let best = scored.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((1.0, 0.0));
-    if best.1 > EVIDENCE * score(1.0) { best.0 } else { 1.0 }
+/// Powers of a step, `count` of them either way of 1.
+struct Factors {
+    step: f64,
+    count: i32,
+    /// A factor is believed when the photos agree with it this much better than with 1: without texture all are about as good.
+    evidence: f64,
+}
+
+impl Factors {
+    /// The factor of `scale` in `views` with which most photos agree; 1 where none is clearly better. The disagreement of depths would
+    /// be no guide: far away, all views see nearly the same.
+    fn best(&self, pairs: &Pairs, views: &[usize], scale: f64) -> f64 {
+        let score = |factor: f64| {
+            let fit = DepthFit { scale: factor * scale, shift: 0.0 };
+            let scores: Vec<(f64, usize)> = views.par_iter().map(|view| pairs.photo_score(*view, fit)).collect();
+            let count: usize = scores.iter().map(|(_, count)| count).sum();
+            (scores.iter().map(|(score, count)| score * *count as f64).sum::<f64>() / count.max(1) as f64, count)
+        };
+        let (usual, seen) = score(1.0);
+        let factors = (-self.count..=self.count).map(|power| self.step.powi(power));
+        let scored = factors.map(|factor| (factor, score(factor)));
+        let seen_enough = scored.filter(|(_, (_, count))| *count as f64 >= STILL_SEEN * seen as f64);
+        let best = seen_enough.map(|(factor, (score, _))| (factor, score)).max_by(|a, b| a.1.total_cmp(&b.1));
+        best.filter(|(_, score)| *score > self.evidence * usual).map_or(1.0, |(factor, _)| factor)
+    }
 }
 
 /// One round of the fit. The unknowns of view `i` are changes of its scale (2 i), a share of the common one, and of its shift (2 i + 1), a

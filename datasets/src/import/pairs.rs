@@ -72,8 +72,17 @@ impl Match {
 
     /// 1 for the same colour, down to 0 at [`COLOUR_MAX`].
     pub fn colour_weight(&self) -> f64 {
-        (1.0 - self.colour / COLOUR_MAX).max(0.0)
+        colour_weight(self.colour)
     }
+}
+
+/// Mean difference over the channels, of 255.
+fn colour_difference(a: [u8; 3], b: [u8; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(b))).sum::<f64>() / 3.0
+}
+
+fn colour_weight(difference: f64) -> f64 {
+    (1.0 - difference / COLOUR_MAX).max(0.0)
 }
 
 /// A known point in a view.
@@ -107,6 +116,38 @@ impl<'a> Pairs<'a> {
             partners.flat_map(move |to| self.samples[from].iter().filter_map(move |s| self.matched(from, *to, s, fits)))
         };
         (0..self.views.len()).into_par_iter().flat_map_iter(of).collect()
+    }
+
+    /// How far the photos agree with the depth of one view: the mean colour weight of its samples in other photos, and their number. What
+    /// falls on a transparent pixel agrees not at all. The depth of other views takes no part.
+    pub fn photo_score(&self, view: usize, fit: DepthFit) -> (f64, usize) {
+        let here = &self.views[view];
+        let (mut sum, mut count) = (0.0, 0);
+        for sample in &self.samples[view] {
+            let world = here.world(here.middle(sample.index), fit.apply(sample.depth));
+            for there in self.partners[view].iter().map(|partner| &self.views[*partner]) {
+                let point = there.camera(world);
+                let Some(index) = there.pixel(there.intrinsics.project(point)).filter(|_| point.z > 0.0) else {
+                    continue;
+                };
+                count += 1;
+                if !there.transparent[index] {
+                    sum += colour_weight(colour_difference(here.color[sample.index], there.color[index]));
+                }
+            }
+        }
+        (if count > 0 { sum / count as f64 } else { 0.0 }, count)
+    }
+
+    /// The depth relief of what the views see, a share of the depth: nine tenths of the samples of the median view are within it.
+    pub fn relief(&self) -> f64 {
+        let of = |samples: &Vec<Sample>| {
+            let mut depths: Vec<f64> = samples.iter().map(|sample| sample.depth).collect();
+            depths.sort_by(f64::total_cmp);
+            let at = |share: f64| depths.get((share * depths.len() as f64) as usize).copied();
+            Some((at(0.95)? - at(0.05)?) / at(0.5)?)
+        };
+        median(self.samples.iter().filter_map(of).collect()).unwrap_or(1.0)
     }
 
     /// The median of the predicted depth of each view's samples; 1 where it has none.
@@ -144,7 +185,6 @@ impl<'a> Pairs<'a> {
         let fitted = fits[to].apply(other);
         let direction = b.placed.rotation.transpose() * a.placed.rotation * a.intrinsics.ray(position.x, position.y);
         let slope = direction.z - fits[to].scale * gradient.dot(image_motion(b, point, direction));
-        let colour = |channel: usize| f64::from(a.color[sample.index][channel].abs_diff(b.color[index][channel]));
         Some(Match {
             from,
             to,
@@ -153,7 +193,7 @@ impl<'a> Pairs<'a> {
             z: point.z,
             slope,
             residual: (point.z - fitted) / point.z,
-            colour: (colour(0) + colour(1) + colour(2)) / 3.0,
+            colour: colour_difference(a.color[sample.index], b.color[index]),
         })
     }
 }

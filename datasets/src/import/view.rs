@@ -30,6 +30,8 @@ pub(super) struct MappedView {
     pub placed: Placed,
     /// `[height, width, 3]` the photo, encoded; transparent pixels in whatever colour they have.
     pub color: Vec<[u8; 3]>,
+    /// `[height, width]` whether nothing is there: the photo is transparent.
+    pub transparent: Vec<bool>,
     /// `[height, width]` predicted camera z in the reconstructor's unit, later in scene units; 0 where unknown or transparent.
     pub depth: Vec<f32>,
     /// `[height, width]`, at least 1; 1 where the depth is unknown.
@@ -89,6 +91,7 @@ impl MappedView {
             intrinsics: photo.intrinsics.scaled(1.0 / step.0, 1.0 / step.1),
             placed: Placed { rotation: DMat3::from_mat4(frame.c2w), centre: frame.c2w.w_axis.truncate() },
             color: Vec::with_capacity(size.0 * size.1),
+            transparent: Vec::with_capacity(size.0 * size.1),
             depth: Vec::with_capacity(size.0 * size.1),
             confidence: Vec::with_capacity(size.0 * size.1),
         };
@@ -96,6 +99,7 @@ impl MappedView {
             let (u, v) = window.to_processed((f64::from(x) + 0.5) * step.0, (f64::from(y) + 0.5) * step.1);
             let (depth, confidence) = if pixel[3] >= OPAQUE { source.at(u, v) } else { (0.0, 1.0) };
             view.color.push([pixel[0], pixel[1], pixel[2]]);
+            view.transparent.push(pixel[3] < OPAQUE);
             view.depth.push(depth);
             view.confidence.push(if depth > 0.0 { confidence } else { 1.0 });
         }
