@@ -94,3 +94,65 @@ fn fitting(name: &str, frames: &[RawFrame], first: Option<f64>) -> Vec<usize> {
     let is_camera = |frame: &RawFrame| frame.camera_id.as_deref() == Some(&whole) && frame.time == first;
     (0..frames.len()).filter(|index| is_camera(&frames[*index])).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use glam::DMat4;
+
+    use super::*;
+    use crate::lens::Lens;
+    use crate::side_files::SideFiles;
+
+    fn frame(name: &str, camera: &str, time: f64, split: SplitName) -> RawFrame {
+        RawFrame {
+            name: name.to_string(),
+            image_path: PathBuf::from(format!("{name}.png")),
+            c2w: DMat4::IDENTITY,
+            lens: Lens::default(),
+            time: Some(time),
+            camera_id: Some(camera.to_string()),
+            masks: Vec::new(),
+            exposure: None,
+            sides: SideFiles::default(),
+            split: Some(split),
+            file: PathBuf::new(),
+        }
+    }
+
+    fn frames() -> Vec<RawFrame> {
+        vec![
+            frame("train/cam00/0000", "cam00", 0.0, SplitName::Train),
+            frame("train/cam00/0001", "cam00", 0.1, SplitName::Train),
+            frame("train/cam01/0000", "cam01", 0.0, SplitName::Train),
+            frame("val/cam02/0000", "cam02", 0.0, SplitName::Validation),
+        ]
+    }
+
+    fn found(names: Option<&[&str]>, count: usize) -> Result<Vec<usize>, String> {
+        let names: Option<Vec<String>> = names.map(|names| names.iter().map(|name| name.to_string()).collect());
+        assign(names.as_deref(), count, &frames(), Path::new("set")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn views_are_named_by_path_or_camera_or_not_at_all() {
+        assert_eq!(found(None, 2), Ok(vec![0, 2]));
+        assert_eq!(found(Some(&["cam02", "cam00"]), 2), Ok(vec![3, 0]));
+        assert_eq!(found(Some(&["/data/set/train/cam00/0001.png", "cam01\\0000.png"]), 2), Ok(vec![1, 2]));
+        assert_eq!(found(Some(&["0001"]), 1), Ok(vec![1]));
+    }
+
+    #[test]
+    fn names_that_fit_none_or_several_are_refused() {
+        let refused = |names, count, expected: &str| {
+            let error = found(names, count).expect_err("refused");
+            assert!(error.contains(expected), "{error}");
+        };
+        refused(None, 3, "--views a,b,c");
+        refused(Some(&["cam00"]), 2, "one name for each");
+        refused(Some(&["0000"]), 1, "which fits train/cam00/0000");
+        refused(Some(&["cam09"]), 1, "a view of the data set");
+        refused(Some(&["cam00", "train/cam00/0000.png"]), 2, "twice");
+    }
+}

@@ -44,11 +44,13 @@ pub(super) struct Faults {
     pub cameras: f64,
     /// Depth over the scale of the cameras.
     pub factor: f64,
+    /// A view whose camera is elsewhere.
+    pub lost: Option<usize>,
 }
 
 impl Faults {
     pub fn usual() -> Self {
-        Self { scale: 0.07, shift: 0.02, noise: 0.005, outliers: 0.02, cameras: 0.01, factor: 1.0 }
+        Self { scale: 0.07, shift: 0.02, noise: 0.005, outliers: 0.02, cameras: 0.01, factor: 1.0, lost: None }
     }
 }
 
@@ -83,9 +85,10 @@ pub(super) fn fabricate(views: &[View], photos: Photos, faults: &Faults) -> Reco
         confidence: Vec::new(),
         plain: Vec::new(),
     };
-    for view in views {
+    for (index, view) in views.iter().enumerate() {
         let mut random = || 2.0 * rng.random::<f64>() - 1.0;
-        let error = DVec3::new(random(), random(), random()) * faults.cameras;
+        let error =
+            DVec3::new(random(), random(), random()) * if faults.lost == Some(index) { 1.5 } else { faults.cameras };
         let rotation = DMat3::from_quat(DQuat::from_scaled_axis(error)) * DMat3::from_mat4(view.c2w);
         let centre = view.c2w.w_axis.truncate() + spread * error;
         let (rotation, centre) = (turn.transpose() * rotation, turn.transpose() * (centre - shift) / scale);
