@@ -127,7 +127,6 @@ pub fn import(reconstruction: &Path, dataset: &Path, options: &ImportOptions) ->
     apply(&mut views, &aligned);
     let share = (options.keep, options.max_points);
     let written = target.write(&views, &assigned, &known.frames, &known.layout, share)?;
-    findings.log();
     let warnings = findings.take_warnings();
     Ok(report(&similarity, &residuals, &views, &aligned, anchors.len(), written, warnings))
 }

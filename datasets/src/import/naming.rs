@@ -102,7 +102,7 @@ mod tests {
     use glam::DMat4;
 
     use super::*;
-    use crate::lens::Lens;
+    use crate::lens::{Distortion, Lens};
     use crate::side_files::SideFiles;
 
     fn frame(name: &str, camera: &str, time: f64, split: SplitName) -> RawFrame {
@@ -110,7 +110,15 @@ mod tests {
             name: name.to_string(),
             image_path: PathBuf::from(format!("{name}.png")),
             c2w: DMat4::IDENTITY,
-            lens: Lens::default(),
+            lens: Lens {
+                focal_x: None,
+                focal_y: None,
+                cx: None,
+                cy: None,
+                width: None,
+                height: None,
+                distortion: Distortion::default(),
+            },
             time: Some(time),
             camera_id: Some(camera.to_string()),
             masks: Vec::new(),

@@ -59,7 +59,8 @@ pub(super) fn read(path: &Path, findings: &mut Findings) -> Result<Prediction, D
     let pixels = size.0 * size.1;
     let views = cameras.into_iter().enumerate().map(|(index, (rotation, centre))| {
         let range = index * pixels..(index + 1) * pixels;
-        let known = |value: &f64| if value.is_finite() && *value > 0.0 { *value as f32 } else { 0.0 };
+        // Beyond the range of f32 a value is infinite after conversion.
+        let known = |value: &f64| Some(*value as f32).filter(|z| z.is_finite() && *z > 0.0).unwrap_or(0.0);
         let depth: Vec<f32> = depth[range.clone()].iter().map(known).collect();
         let confidence = match &confidence {
             Some(all) => {

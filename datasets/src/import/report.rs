@@ -78,6 +78,12 @@ impl ImportReport {
                 self.factor
             ));
         }
+        if self.points.1 == 0 {
+            concerns.push(
+                "no pixel has a depth: the reconstruction holds none, or all of it is outside of the photos"
+                    .to_string(),
+            );
+        }
         match self.disagreement {
             None => {
                 concerns.push("no two views see the same surface, so that only the cameras gave the scale".to_string())

@@ -29,6 +29,9 @@ const SPREAD_MIN: f64 = 1e-9;
 /// Predicted and known centres whose normalised correlation is below this have no scale in common.
 const CORRELATION_MIN: f64 = 0.3;
 
+/// Determinant of a matrix of size 1 below which it leaves a turn free to double precision.
+const DETERMINANT_MIN: f64 = 1e-9;
+
 /// A camera's rotation to world and its centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placed {
@@ -152,11 +155,11 @@ fn mean_and_spread(cameras: &[Placed], weights: &[f64]) -> (DVec3, f64) {
 fn nearest_rotation(matrix: DMat3) -> Option<DMat3> {
     let determinant = matrix.determinant();
     let size = matrix.to_cols_array().iter().map(|value| value * value).sum::<f64>().sqrt();
-    if !(determinant > 1e-9 * size.powi(3)) {
+    if determinant.is_nan() || determinant <= DETERMINANT_MIN * size.powi(3) {
         return None;
     }
     let mut rotation = matrix * determinant.cbrt().recip();
-    // Each step halves the logarithm of a large singular value; 1e-9 in the determinant is at most 30 halvings away.
+    // A step halves large singular values, and turns small ones into large ones; 30 halvings lead from 1e9 to 1.
     for _ in 0..60 {
         rotation = (rotation + rotation.inverse().transpose()) * 0.5;
     }

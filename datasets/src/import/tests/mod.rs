@@ -57,10 +57,10 @@ fn errors(views: &[View], of: impl Fn(usize, usize) -> f32) -> Vec<f64> {
 /// An import into a new folder, and the errors of each view's depth there.
 fn imported(data: &TempDir, archive: &Path, options: ImportOptions) -> (TempDir, ImportReport, Vec<f64>) {
     let folder = tempfile::tempdir().expect("a folder");
-    let out = Some(folder.path().join("priors set"));
-    let report = import(archive, data.path(), &ImportOptions { out: out.clone(), ..options }).expect("an import");
+    let out = folder.path().join("priors set");
+    let report = import(archive, data.path(), &ImportOptions { out: Some(out.clone()), ..options }).expect("an import");
     println!("{report}");
-    let views: Vec<View> = first_views(loaded(&out.expect("a folder")));
+    let views: Vec<View> = first_views(loaded(&out));
     let with: Vec<View> = views.into_iter().filter(|view| view.priors.depth.is_some()).collect();
     assert!(with.iter().all(|view| view.priors.depth.as_ref().is_some_and(|depth| depth.metric)));
     let off = errors(&with, |view, pixel| with[view].priors.depth.as_ref().map_or(0.0, |depth| depth.values[pixel]));
@@ -247,4 +247,10 @@ fn priors_beside_photos_are_found_by_the_loader() {
     assert!(views.iter().all(|view| view.priors.depth.is_some() && view.priors.confidence.is_some()));
     let again = import(&archive, data.path(), &ImportOptions::default()).expect_err("priors are there");
     assert!(again.to_string().contains("has depth priors"), "{again}");
+    let mut empty = made;
+    empty.depth.fill(f32::NAN);
+    empty.save(&archive, false);
+    let options = ImportOptions { out: Some(data.path().join("empty")), ..ImportOptions::default() };
+    let report = import(&archive, data.path(), &options).expect("an import").to_string();
+    assert!(report.contains("warning: no pixel has a depth") && report.contains("0 points of 0 pixels"), "{report}");
 }

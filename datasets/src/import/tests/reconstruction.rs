@@ -62,51 +62,70 @@ pub(super) struct Reconstruction {
     size: (usize, usize),
     extrinsic: Vec<f32>,
     intrinsic: Vec<f32>,
-    depth: Vec<f32>,
+    /// Predicted camera z, `[views, height, width]`.
+    pub depth: Vec<f32>,
     confidence: Vec<f32>,
     /// Predicted depth at the photos' pixels, scene units.
     plain: Vec<Vec<f32>>,
 }
 
+/// The similarity from the reconstructor's world.
+const SCALE: f64 = 3.7;
+const SHIFT: DVec3 = DVec3::new(0.4, -2.0, 1.0);
+
 pub(super) fn fabricate(views: &[View], photos: Photos, faults: &Faults) -> Reconstruction {
-    let rng = &mut ChaCha8Rng::seed_from_u64(11);
-    let (size, resized, down) = photos.sizes();
-    let (scale, turn) = (3.7, DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -1.0).normalize(), 2.3)));
-    let shift = DVec3::new(0.4, -2.0, 1.0);
-    let first = views[0].c2w.w_axis.truncate();
-    let spread = views.iter().map(|view| view.c2w.w_axis.truncate().distance(first)).sum::<f64>() / views.len() as f64;
     let mut made = Reconstruction {
-        scale,
+        scale: SCALE,
         views: views.to_vec(),
-        size,
+        size: photos.sizes().0,
         extrinsic: Vec::new(),
         intrinsic: Vec::new(),
         depth: Vec::new(),
         confidence: Vec::new(),
         plain: Vec::new(),
     };
+    let first = views[0].c2w.w_axis.truncate();
+    let spread = views.iter().map(|view| view.c2w.w_axis.truncate().distance(first)).sum::<f64>() / views.len() as f64;
+    let rng = &mut ChaCha8Rng::seed_from_u64(11);
     for (index, view) in views.iter().enumerate() {
-        let mut random = || 2.0 * rng.random::<f64>() - 1.0;
-        let error =
-            DVec3::new(random(), random(), random()) * if faults.lost == Some(index) { 1.5 } else { faults.cameras };
+        let error = DVec3::new(either_way(rng), either_way(rng), either_way(rng));
+        made.add_camera(view, photos, if faults.lost == Some(index) { 1.5 } else { faults.cameras } * error, spread);
+        made.add_depth(view, photos, faults, rng);
+    }
+    made
+}
+
+/// -1 to 1.
+fn either_way(rng: &mut ChaCha8Rng) -> f64 {
+    2.0 * rng.random::<f64>() - 1.0
+}
+
+impl Reconstruction {
+    fn add_camera(&mut self, view: &View, photos: Photos, error: DVec3, spread: f64) {
+        let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -1.0).normalize(), 2.3));
         let rotation = DMat3::from_quat(DQuat::from_scaled_axis(error)) * DMat3::from_mat4(view.c2w);
-        let centre = view.c2w.w_axis.truncate() + spread * error;
-        let (rotation, centre) = (turn.transpose() * rotation, turn.transpose() * (centre - shift) / scale);
-        let to_camera = rotation.transpose();
+        let centre = turn.transpose() * (view.c2w.w_axis.truncate() + spread * error - SHIFT) / SCALE;
+        let to_camera = rotation.transpose() * turn;
         let moved = -(to_camera * centre);
         for (row, moved) in [0, 1, 2].into_iter().zip(moved.to_array()) {
-            made.extrinsic.extend(to_camera.row(row).to_array().map(|value| value as f32));
-            made.extrinsic.push(moved as f32);
+            self.extrinsic.extend(to_camera.row(row).to_array().map(|value| value as f32));
+            self.extrinsic.push(moved as f32);
         }
-        let ratio = (resized.0 as f64 / view.width as f64, resized.1 as f64 / view.height as f64);
-        let k = view.intrinsics.scaled(ratio.0, ratio.1);
+        let (size, resized, _) = photos.sizes();
+        let k = view.intrinsics.scaled(resized.0 as f64 / view.width as f64, resized.1 as f64 / view.height as f64);
         let middle = (0.5 * size.0 as f64, 0.5 * size.1 as f64);
-        made.intrinsic.extend([k.fx, 0.0, middle.0, 0.0, k.fy, middle.1, 0.0, 0.0, 1.0].map(|value| value as f32));
+        self.intrinsic.extend([k.fx, 0.0, middle.0, 0.0, k.fy, middle.1, 0.0, 0.0, 1.0].map(|value| value as f32));
+    }
+
+    fn add_depth(&mut self, view: &View, photos: Photos, faults: &Faults, rng: &mut ChaCha8Rng) {
+        let (size, resized, down) = photos.sizes();
+        let ratio = (resized.0 as f64 / view.width as f64, resized.1 as f64 / view.height as f64);
         let truth = view.truth.depth.as_ref().expect("true depth");
-        let mean = truth.iter().map(|z| f64::from(*z)).sum::<f64>() / truth.iter().filter(|z| **z > 0.0).count() as f64;
-        let (own_scale, own_shift) = (1.0 + faults.scale * random(), mean * faults.shift * random());
+        let known = truth.iter().filter(|z| **z > 0.0).count();
+        let mean = truth.iter().map(|z| f64::from(*z)).sum::<f64>() / known as f64;
+        let (own_scale, own_shift) = (1.0 + faults.scale * either_way(rng), mean * faults.shift * either_way(rng));
         let wrong = |z: f64| faults.factor * (z - own_shift) / own_scale;
-        made.plain.push(truth.iter().map(|z| if *z > 0.0 { wrong(f64::from(*z)) as f32 } else { 0.0 }).collect());
+        self.plain.push(truth.iter().map(|z| if *z > 0.0 { wrong(f64::from(*z)) as f32 } else { 0.0 }).collect());
         for (row, column) in (0..size.1).flat_map(|row| (0..size.0).map(move |column| (row, column))) {
             let x = (column as f64 + 0.5) / ratio.0;
             let y = (row as f64 + 0.5 - down) / ratio.1;
@@ -115,15 +134,12 @@ pub(super) fn fabricate(views: &[View], photos: Photos, faults: &Faults) -> Reco
             // Networks give the background a depth too, without confidence in it.
             let is_outlier = rng.random::<f64>() < faults.outliers;
             let z = if z <= 0.0 || is_outlier { mean * (0.5 + rng.random::<f64>()) } else { z };
-            let noise = 1.0 + faults.noise * 3.0_f64.sqrt() * (2.0 * rng.random::<f64>() - 1.0);
-            made.depth.push((wrong(z) * noise / scale) as f32);
-            made.confidence.push(if inside && !is_outlier { 5.0 + rng.random::<f32>() } else { 1.5 });
+            let noise = 1.0 + faults.noise * 3.0_f64.sqrt() * either_way(rng);
+            self.depth.push((wrong(z) * noise / SCALE) as f32);
+            self.confidence.push(if inside && !is_outlier { 5.0 + rng.random::<f32>() } else { 1.5 });
         }
     }
-    made
-}
 
-impl Reconstruction {
     /// Writes the archive, with a pickled array in it, as VGGT's demo does.
     pub fn save(&self, path: &Path, deflated: bool) {
         let (count, (width, height)) = (self.views.len(), self.size);
