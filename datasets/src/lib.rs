@@ -36,6 +36,7 @@ mod formats;
 mod frame;
 pub mod guarded;
 pub mod image_io;
+pub mod import;
 mod jpeg;
 mod lens;
 pub mod light;

@@ -1,5 +1,6 @@
 //! Arguments exactly as typed. A command with many arguments has a file of its own.
 
+mod import;
 mod render;
 mod stability;
 mod synth;
@@ -17,6 +18,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 
 use crate::pipelines::examples;
 
+pub use import::ImportArgs;
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthExtrapolationArgs};
@@ -47,6 +49,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Make a data set whose ground truth is known, or blur a sharp one
     Synth(SynthArgs),
+    /// Make priors of a calibrated data set from the output of VGGT or OmniVGGT
+    Import(ImportArgs),
     /// Report contents and mistakes of a data set
     Check(CheckArgs),
     /// Show versions, features and devices, or the contents of a scene file

@@ -14,7 +14,7 @@ use crate::error::DatasetError;
 use crate::guarded;
 
 /// The first bytes of every file.
-pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
+pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Longest header that is read, bytes. NumPy itself refuses more than 10 000.
 const HEADER_MAX: usize = 1 << 16;
