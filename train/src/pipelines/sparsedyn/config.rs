@@ -4,8 +4,8 @@ use gs_models::sparsedyn::{Ask, Integrator};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{
-    Config, ConfigError, DensityConfig, FitConfig, InitConfig, LossConfig, ModelConfig, OpacityPolicy, Section,
-    Strategy, check, not_negative, positive,
+    Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, OpacityPolicy, Section, Strategy, check,
+    not_negative, positive,
 };
 
 /// Weight of the mean opacity (paper, 4.1).
@@ -258,8 +258,6 @@ pub fn defaults() -> FitConfig<Sections> {
     let shared = Config {
         pipeline: "sparsedyn".into(),
         steps: 4000,
-        // A dense prior names every surface; what hides others is pruned.
-        init: InitConfig { opacity: 0.5, ..InitConfig::default() },
         // Few views do not determine how a colour depends on the view.
         model: ModelConfig { sh_degree: 0, ..ModelConfig::default() },
         // Opacity is weighted in the warm-up alone.
