@@ -1,5 +1,6 @@
 //! Arguments exactly as typed. A command with many arguments has a file of its own.
 
+mod extrapolate;
 mod render;
 mod stability;
 mod synth;
@@ -8,6 +9,7 @@ mod chart;
 mod sweep;
 
 pub use chart::ChartArgs;
+pub use extrapolate::ExtrapolateArgs;
 pub use sweep::SweepArgs;
 
 use std::path::PathBuf;
@@ -45,6 +47,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Write a trained scene as PLY for other viewers
     Export(ExportArgs),
+    /// Predict frames after a recording, with paths, maps, rigid parts and uncertainty
+    Extrapolate(Box<ExtrapolateArgs>),
     /// Make a data set whose ground truth is known, or blur a sharp one
     Synth(SynthArgs),
     /// Report contents and mistakes of a data set
