@@ -14,8 +14,8 @@ const DEPTH_TAILS: f64 = 0.02;
 /// Share of pixels whose speed may exceed the brightest colour.
 const SPEED_TAIL: f64 = 0.005;
 
-/// Alpha below which a pixel is drawn black.
-const ALPHA_SEEN: f32 = 0.5;
+/// Alpha below which a pixel shows nothing: it is drawn black or grey.
+pub const ALPHA_SEEN: f32 = 0.5;
 
 /// Delay between the frames of a GIF, hundredths of a second: about 12 frames a second.
 const GIF_DELAY: u16 = 8;

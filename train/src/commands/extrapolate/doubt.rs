@@ -81,9 +81,10 @@ impl Work<'_> {
             let svg = calibration.chart().svg();
             write_atomic(&self.files.at("calibration.svg"), marked_svg(&svg).as_bytes())?;
             shown.push(Shown::Chart(svg));
-            if let Some(ratio) = calibration.error_over_spread {
+            let ratios = calibration.error_over_spread.zip(calibration.median_error_over_spread);
+            if let Some((rms, median)) = ratios {
                 print(format!(
-                    "true error over spread of the ensemble: {ratio:.2} (1 is ideal, above 1 the spread is too small)"
+                    "true error over spread: median {median:.2}, root mean square {rms:.2} (1 is ideal, above 1 the spread is too small)"
                 ));
             }
         }

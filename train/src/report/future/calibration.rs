@@ -14,6 +14,7 @@ use super::studio::{Known, pose_of};
 use crate::fit::parameters::{from_host, to_host};
 use crate::fit::photos::to_tensor;
 use crate::report::charts::{Chart, Series};
+use crate::run::metrics::median;
 
 /// Groups of equal size in which spread and error are compared.
 const GROUPS: usize = 10;
@@ -23,6 +24,9 @@ const VIEWS: usize = 12;
 
 /// Opacity of a pixel below which it shows the background, whose error no spread explains.
 const SEEN: f32 = 0.5;
+
+/// Least spread and error in the chart, scene units: logarithms of zero are none.
+const LEAST: f64 = 1e-6;
 
 /// A Gaussian farther from a body's position than its radius times this is not of the body: radii are bounds of the true shape, learned
 /// Gaussians lie around its surface.
@@ -58,6 +62,8 @@ pub struct Calibration {
     pub groups: Vec<Group>,
     /// Root mean square error over root mean square spread of all pairs; 1 is ideal, above 1 the spread is too small. `None` against an image.
     pub error_over_spread: Option<f64>,
+    /// Median of each Gaussian's error over its spread: a few that are far off do not count. `None` against an image.
+    pub median_error_over_spread: Option<f64>,
 }
 
 impl Calibration {
@@ -70,28 +76,36 @@ impl Calibration {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let groups: Vec<Group> = pairs.chunks(pairs.len().div_ceil(GROUPS)).map(group).collect();
         let all = group(&pairs);
-        let ratio = (against == Against::TrueMotion && all.spread > 0.0).then_some(all.error / all.spread);
-        Some(Self { against, groups, error_over_spread: ratio })
+        let one_unit = against == Against::TrueMotion && all.spread > 0.0;
+        let ratios = pairs.iter().filter(|(spread, _)| *spread > 0.0).map(|(spread, error)| error / spread);
+        Some(Self {
+            against,
+            groups,
+            error_over_spread: one_unit.then_some(all.error / all.spread),
+            median_error_over_spread: median(ratios.collect()).filter(|_| one_unit),
+        })
     }
 
-    /// The groups as a chart, with the line on which they should lie where both have one unit.
+    /// The groups as a chart, with the line on which they should lie where both have one unit. Both axes are logarithms: spreads of what
+    /// follows a law and of what does not differ by powers of ten.
     pub fn chart(&self) -> Chart {
-        let points: Vec<(f64, f64)> = self.groups.iter().map(|group| (group.spread, group.error)).collect();
-        let most = points.iter().map(|point| point.0).fold(0.0, f64::max);
-        let mut series = vec![Series::line_and_dots("groups of Gaussians", points)];
-        let y = match self.against {
-            Against::TrueMotion => {
-                series.push(Series::line("ideal", vec![(0.0, 0.0), (most, most)]));
-                "true error, scene units"
-            }
-            Against::ImageError => "image error, 0 to 1",
+        let logarithm = |value: f64| value.max(LEAST).log10();
+        let point = |group: &Group| match self.against {
+            Against::TrueMotion => (logarithm(group.spread), logarithm(group.error)),
+            Against::ImageError => (logarithm(group.spread), group.error),
         };
-        Chart {
-            title: "Predicted spread and error".into(),
-            x: "spread of the ensemble, scene units".into(),
-            y: y.into(),
-            series,
+        let points: Vec<(f64, f64)> = self.groups.iter().map(point).collect();
+        let ends = points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], (x, _)| [a.min(*x), b.max(*x)]);
+        let (of, y) = match self.against {
+            Against::TrueMotion => ("groups of Gaussians", "log10 of true error, units"),
+            Against::ImageError => ("groups of pixels", "image error, 0 to 1"),
+        };
+        let mut series = vec![Series::line_and_dots(of, points)];
+        if self.against == Against::TrueMotion {
+            series.push(Series::line("ideal", ends.map(|end| (end, end)).to_vec()));
         }
+        let x = "log10 of the ensemble's spread, scene units";
+        Chart { title: "Predicted spread and error".into(), x: x.into(), y: y.into(), series }
     }
 }
 

@@ -19,6 +19,9 @@ const FUTURES: [&str; 2] = [Split::TEST, Split::TEST_SEEN];
 /// Times of the seen past in the chart at most: it shows the level from which the future departs.
 const SEEN_TIMES: usize = 12;
 
+/// Height below the curves as a share of their own: the legend stands there.
+const LEGEND: f64 = 0.6;
+
 /// The scores of the views of one time, dB, each the mean over views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Moment {
@@ -223,7 +226,8 @@ impl Horizon {
         series.retain(|series| !series.is_empty());
         let values = series.iter().flat_map(|series| series.points()).map(|point| point.1);
         let [least, most] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], y| [a.min(y), b.max(y)]);
-        series.push(Series::line("last time seen", vec![(self.seen_to, least), (self.seen_to, most)]));
+        let low = least - LEGEND * (most - least);
+        series.push(Series::line("last time seen", vec![(self.seen_to, low), (self.seen_to, most)]));
         let cameras = if self.split == Split::TEST { "cameras that did not train" } else { "training cameras" };
         Chart { title: format!("PSNR over time, {cameras}"), x: "time".into(), y: "PSNR, dB".into(), series }
     }

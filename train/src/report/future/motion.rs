@@ -11,7 +11,7 @@ use super::strip::Picture;
 use super::studio::{Studio, enlarged};
 use super::trajectories::SIDE;
 use crate::fit::parameters::{from_host, to_host};
-use crate::report::maps::{full_scale, full_speed, scalar_colors, vector_colors};
+use crate::report::maps::{ALPHA_SEEN, full_scale, full_speed, scalar_colors, vector_colors};
 
 /// Half the time between two orientations of a difference, as a share of the seen time: rotations of f32 then give an angular velocity to
 /// some 1e-4 radians per seen time, and motion over that time is even.
@@ -66,12 +66,15 @@ pub fn maps(studio: &Studio, scene: &dyn DynamicScene, camera: &CameraPose, time
     };
     let picture = |pixels: Vec<u8>| Picture { width: camera.width, height: camera.height, pixels };
     let vectors = |name, from, unit| {
-        let vectors = columns(from, 3);
+        let mut vectors = columns(from, 3);
+        // Where little is, the mean is that of a few faint Gaussians.
+        let faint = vectors.chunks_exact_mut(3).zip(&alpha).filter(|(_, alpha)| **alpha < ALPHA_SEEN);
+        faint.for_each(|(vector, _)| vector.fill(0.0));
         let full = full_speed(&vectors);
         Map { name, full, unit, picture: picture(vector_colors(&vectors, full)) }
     };
     let speeds = columns(0, 1);
-    let full = full_scale(speeds.clone());
+    let full = full_scale(clear(&speeds, &alpha));
     vec![
         Map { name: "speed", full, unit: "units/time", picture: picture(scalar_colors(&speeds, &alpha, full)) },
         vectors("velocity", 1, "units/time"),
@@ -89,9 +92,14 @@ pub fn map(
 ) -> Map {
     let camera = enlarged(camera, SIDE);
     let (values, alpha) = seen(studio, gaussians, &camera, from_host(values, 1, &studio.device));
-    let full = full_scale(values.clone());
+    let full = full_scale(clear(&values, &alpha));
     let pixels = scalar_colors(&values, &alpha, full);
     Map { name, full, unit, picture: Picture { width: camera.width, height: camera.height, pixels } }
+}
+
+/// The values of pixels that are not nearly transparent.
+fn clear(values: &[f32], alpha: &[f32]) -> Vec<f32> {
+    values.iter().zip(alpha).filter(|(_, alpha)| **alpha >= ALPHA_SEEN).map(|(value, _)| *value).collect()
 }
 
 /// The mean of `features` `[N, F]` over what a pixel shows, `[H * W * F]`, and the opacity of each pixel; 0 where nothing is.
