@@ -113,7 +113,7 @@ fn a_run_is_extrapolated_into_whole_files_that_repeat() {
     assert!(moments.iter().all(|m| m["held"].is_number() == (m["time"].as_f64() > json["seen"][1].as_f64())));
     let parts = json["parts"].as_array().expect("parts");
     let in_parts: u64 = parts.iter().filter_map(|part| part["gaussians"].as_u64()).sum();
-    let whole = gs_burn::ply::read_ply(&folder.join("run/scene.ply"), &common::device()).expect("a scene");
+    let whole = gs_burn::ply::read_ply(folder.join("run/scene.ply"), &common::device()).expect("a scene");
     assert_eq!(in_parts, whole.len() as u64, "each Gaussian is in one part");
     assert_eq!(count("bodies"), parts.len() + 1, "a file for each part and their list");
 
@@ -205,15 +205,19 @@ fn the_spread_of_a_rotating_body_grows_with_the_horizon() {
     let scene = future.scene();
     let rows = moving_rows(&*scene, &[0.0, 0.3, 0.75], 0.01);
     assert_eq!(rows, (10..40).collect::<Vec<u32>>());
-    let times = [0.0, 0.4, 0.75, 1.0, 1.5, 3.0];
+    // After whole turns errors of the pivot and of the axis' direction lead back to where they began: the angle's error is left, and it grows
+    // in proportion to time.
+    let turn = std::f64::consts::TAU / SPIN;
+    let times = [0.0, turn, 2.0 * turn, 4.0 * turn, 0.25];
     let spread = Spread::of(&future.members(MEMBERS).expect("members"), &times);
     let medians: Vec<f64> = spread.summary(&rows).iter().map(|at| at.median).collect();
     assert!(medians[0] < 1e-6, "all members begin where the Gaussians are: {medians:?}");
-    assert!(medians.windows(2).skip(2).all(|pair| pair[1] > pair[0]), "{medians:?}");
-    // The angle's error grows with time: from 0.75 to 3 by a factor of 4, less where the pivot's error, which does not grow, is a part of it.
-    assert!(medians[5] > 2.0 * medians[2] && medians[5] < 8.0 * medians[2], "{medians:?}");
-    // Over the seen times no more than the noise of a single pose, sqrt(3) of a coordinate's, with the factor of two at which draws are cut.
-    assert!(medians[2] < 2.0 * 3.0_f64.sqrt() * 4.0 * future.noise(), "{medians:?} for a noise of {}", future.noise());
+    for pair in medians[1..4].windows(2) {
+        // Angles of some 0.05 are bent by less than their cube.
+        assert!((pair[1] / pair[0] - 2.0).abs() < 0.1, "{medians:?}");
+    }
+    // A single pose of one independent in four has a deviation of sqrt(3) times that of a coordinate; a draw is cut at twice the expected.
+    assert!(medians[4] < 2.0 * 3.0_f64.sqrt() * 2.0 * future.noise(), "{medians:?} for a noise of {}", future.noise());
     let still = spread.summary(&(0..10).collect::<Vec<u32>>());
     assert!(still.iter().all(|at| at.rms == 0.0), "static Gaussians are in no doubt: {still:?}");
     let again = Spread::of(&future.members(MEMBERS).expect("members"), &times);

@@ -32,6 +32,9 @@ const POSE_NUMBERS: f64 = 6.0;
 /// Step of the central differences, as a share of a number or of 1: the error of the difference is then about 1e-10.
 const DIFFERENCE: f64 = 1e-5;
 
+/// Times the rounding of a coordinate that a derivative must exceed: a coordinate is the result of some ten operations.
+const ROUNDING: f64 = 100.0;
+
 /// Share of the largest eigenvalue of the scaled normal matrix below which a direction changes no pose: the offset of a pivot along its axis.
 /// Differences are exact to 1e-10, and so are eigenvalues of zero.
 const NO_EFFECT: f64 = 1e-9;
@@ -63,7 +66,8 @@ impl LawUncertainty {
         let free: Vec<usize> = (0..NUMBERS).filter(|index| law.mask()[*index] > 0.0).collect();
         let columns: Vec<Vec<f64>> = free.iter().map(|index| derivative(&values, *index, &observed)).collect();
         let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt()).collect();
-        let used: Vec<usize> = (0..free.len()).filter(|i| lengths[*i] > 0.0 && lengths[*i].is_finite()).collect();
+        let least = observed.rounding();
+        let used: Vec<usize> = (0..free.len()).filter(|i| lengths[*i] > least && lengths[*i].is_finite()).collect();
         let entry = |i: &usize, j: &usize| dot(&columns[*i], &columns[*j]) / (lengths[*i] * lengths[*j]);
         let matrix: Vec<Vec<f64>> = used.iter().map(|i| used.iter().map(|j| entry(i, j)).collect()).collect();
         let (eigenvalues, vectors) = eigen(matrix);
@@ -112,6 +116,12 @@ impl Observed {
     fn repeats(&self) -> f64 {
         let coordinates = (3 * MARKERS.len() * self.times.len().max(1)) as f64;
         coordinates / (POSE_NUMBERS * self.independent.max(1.0))
+    }
+
+    /// The length below which a derivative of all coordinates is the rounding of its differences.
+    fn rounding(&self) -> f64 {
+        let coordinates = (3 * MARKERS.len() * self.times.len()) as f64;
+        ROUNDING * f64::EPSILON * (self.first.length() + self.size) / DIFFERENCE * coordinates.sqrt()
     }
 
     /// The coordinates of the markers at all times.
@@ -266,6 +276,22 @@ mod tests {
             assert!(draw.vector(Term::Pivot).z.abs() < 0.05, "{:?}", draw.vector(Term::Pivot));
             // Five directions of six sigma together, of 552 coordinates.
             assert!(observed.change(&draw, &values) < 6.0 * observed.noise * (5.0 * observed.repeats()).sqrt());
+        }
+    }
+
+    /// Where a derivative is rounding alone, as that of a pivot along the axis, it says nothing, however often it is divided by itself.
+    #[test]
+    fn rounding_is_no_direction() {
+        let mut values = LawValues::REST;
+        values.set(Term::Spin, DVec3::new(0.0, 0.0, 6.0));
+        for size in [0.695_521_384_437_703_4, 0.5, 3e-4, 700.0] {
+            let observed = Observed { first: DVec3::ZERO, size, noise: 0.02 * size, ..observed(46) };
+            let uncertainty = LawUncertainty::of(Law::of(&[Term::Spin, Term::Pivot]), values, observed);
+            let mut normal = normals(4);
+            let draw = uncertainty.draw(&mut normal);
+            let change = draw.vector(Term::Spin) - values.vector(Term::Spin);
+            assert!(change.abs().min_element() > 1e-4 && change.length() < 0.5, "size {size}: {change}");
+            assert!(draw.vector(Term::Pivot).length() < 0.1 * size, "size {size}: {:?}", draw.vector(Term::Pivot));
         }
     }
 

@@ -10,10 +10,10 @@ use gs_models::DynamicScene;
 use serde::Serialize;
 
 use super::Work;
-use super::figures::Figures;
 use crate::commands::print;
 use crate::fit::foresight::Foresight;
 use crate::report::future::calibration::{Against, Calibration, by_images, by_true_motion};
+use crate::report::future::motion::Map;
 use crate::report::future::spread::{FEWEST, Spread, SpreadAt};
 use crate::report::future::{ONE_TIME, Shown, motion};
 use crate::run::outputs::marked_svg;
@@ -35,17 +35,16 @@ pub struct SpreadFigures {
 }
 
 impl Work<'_> {
-    /// Draws the spread at the last time and measures it.
+    /// Draws the spread at the last time and measures it; `None` without an ensemble.
     pub(super) fn doubt(
         &self,
         foresight: &dyn Foresight,
         dataset: &Path,
-        figures: &mut Figures,
         shown: &mut Vec<Shown>,
-    ) -> Result<()> {
+    ) -> Result<Option<(SpreadFigures, Map)>> {
         let count = self.args.members as usize;
         if count == 0 {
-            return Ok(());
+            return Ok(None);
         }
         if count < FEWEST {
             bail!("--members: expected 0, or at least {FEWEST} members that can differ, found {count}");
@@ -54,13 +53,13 @@ impl Work<'_> {
             Ok(members) => members,
             Err(reason) => {
                 print(format!("no uncertainty: {reason}"));
-                return Ok(());
+                return Ok(None);
             }
         };
         let times: Vec<f64> = self.span.iter().copied().chain(self.times.iter().copied()).collect();
         let spread = Spread::of(&members, &times);
         let summary = spread.summary(&self.moving);
-        let (Some(seen), Some(last)) = (summary.get(1), summary.last()) else { return Ok(()) };
+        let (Some(seen), Some(last)) = (summary.get(1), summary.last()) else { return Ok(None) };
         print(format!(
             "spread of {count} members, median over {} moving Gaussians: {:.2} pixels at {}, {:.2} at {}",
             self.moving.len(),
@@ -75,7 +74,6 @@ impl Work<'_> {
         self.write_picture("uncertainty.png", &map.picture)?;
         let caption = format!("Spread of the ensemble at {}, yellow is {:.4} {}", last.time, map.full, map.unit);
         shown.push(Shown::Picture(map.picture.clone(), caption));
-        figures.maps.push(map);
         let calibration = self.calibration(&members, dataset)?;
         if let Some(calibration) = &calibration {
             let svg = calibration.chart().svg();
@@ -88,8 +86,8 @@ impl Work<'_> {
                 ));
             }
         }
-        figures.spread = Some(SpreadFigures { members: count, noise: foresight.noise(), times: summary, calibration });
-        Ok(())
+        let figures = SpreadFigures { members: count, noise: foresight.noise(), times: summary, calibration };
+        Ok(Some((figures, map)))
     }
 
     /// The spread against the true motion, or else against the image error of held-out photos.

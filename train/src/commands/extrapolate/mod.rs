@@ -150,8 +150,11 @@ impl Work<'_> {
         }
         match foresight {
             Some(foresight) => {
-                self.doubt(foresight, dataset, &mut figures, &mut shown)?;
-                self.parts(foresight, &mut figures)?;
+                if let Some((spread, map)) = self.doubt(foresight, dataset, &mut shown)? {
+                    figures.spread = Some(spread);
+                    figures.maps.push(map);
+                }
+                figures.parts = self.parts(foresight)?;
             }
             None if self.args.bodies || self.args.members > 0 => {
                 print("this run's pipeline knows no rigid parts and no ensemble: both are left out");
@@ -161,7 +164,8 @@ impl Work<'_> {
         figures.step = self.step_note()?;
         write_atomic(&self.files.at(figures::JSON), figures.json().as_bytes())?;
         let folder = RunFolder::at(&self.args.run);
-        if folder.report().is_file() {
+        // The report is about the run as it was trained.
+        if folder.report().is_file() && self.args.step.is_none() {
             let html = match &horizon {
                 Some(horizon) => self.known.section(horizon, &shown)?,
                 None => section::without_photos(&shown)?,

@@ -7,7 +7,6 @@ use gs_datasets::image_io::write_atomic;
 use serde::Serialize;
 
 use super::Work;
-use super::figures::Figures;
 use crate::commands::print;
 use crate::fit::foresight::{Foresight, Part};
 use crate::fit::parameters::{Group, Table, gaussians, indices};
@@ -42,7 +41,7 @@ struct File<'a> {
 
 impl Work<'_> {
     /// Lists the parts and, if they are asked for, writes each.
-    pub(super) fn parts(&self, foresight: &dyn Foresight, figures: &mut Figures) -> Result<()> {
+    pub(super) fn parts(&self, foresight: &dyn Foresight) -> Result<Vec<PartFigures>> {
         let parts = foresight.parts();
         let origin = self.seen.loaded.origin;
         let described = |part: &Part| PartFigures {
@@ -52,9 +51,9 @@ impl Work<'_> {
             terms: part.terms.iter().cloned().collect(),
             centre: part.centre.map(|centre| (centre + origin).to_array()),
         };
-        figures.parts = parts.iter().map(described).collect();
+        let figures: Vec<PartFigures> = parts.iter().map(described).collect();
         if !self.args.bodies {
-            return Ok(());
+            return Ok(figures);
         }
         let json = self.files.at("bodies/bodies.json");
         let paths: Vec<_> = parts.iter().map(|part| self.files.part(&part.name)).collect();
@@ -66,8 +65,9 @@ impl Work<'_> {
             write_ply(path, &own, origin)?;
             print(format!("{}: {} Gaussians, {}", part.name, part.rows.len(), part.words));
         }
-        let file = File { program: MARK, time: self.span[0], parts: &figures.parts };
+        let file = File { program: MARK, time: self.span[0], parts: &figures };
         let text = serde_json::to_string_pretty(&file)? + "\n";
-        Ok(write_atomic(&json, text.as_bytes())?)
+        write_atomic(&json, text.as_bytes())?;
+        Ok(figures)
     }
 }

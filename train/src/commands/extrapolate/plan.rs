@@ -12,8 +12,8 @@ use crate::report::future::pose_of;
 /// Frames at most: `--frames` allows no more.
 const FRAMES_MAX: f64 = 10_000.0;
 
-/// Recordings that the future may last at most, and steps of a frame: positions of 32 bits are then still right to a thousandth of what
-/// moves in one recording.
+/// Lengths of the recording that the future may last at most: positions of 32 bits are then still right to a thousandth of the way that
+/// something goes in one recording.
 const RECORDINGS_MAX: f64 = 1000.0;
 
 /// The name of the camera that goes around.

@@ -71,7 +71,7 @@ impl RolledFuture {
         &self.scene.method
     }
 
-    /// The first positions of the moving Gaussians, and the indices among them that the field moves.
+    /// Those of the moving Gaussians that the field moves, as indices among them.
     fn of_field(&self) -> Vec<u32> {
         let labels = self.method().frame.labels.iter().enumerate();
         let has_bodies = self.method().bodies.is_some();

@@ -220,8 +220,6 @@ impl Horizon {
         let mut series = vec![
             Series::line_and_dots("predicted", line(|moment| Some(moment.psnr))),
             Series::line_and_dots("last seen state held", line(|moment| moment.held)),
-            Series::line("predicted, moving parts", line(|moment| moment.moving)),
-            Series::line("held, moving parts", line(|moment| moment.held_moving)),
         ];
         series.retain(|series| !series.is_empty());
         let values = series.iter().flat_map(|series| series.points()).map(|point| point.1);

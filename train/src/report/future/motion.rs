@@ -35,7 +35,7 @@ pub struct Map {
 pub fn angular_velocities(scene: &dyn DynamicScene, time: f64) -> Vec<DVec3> {
     let half = scene.span().map_or(1.0, |[first, last]| DIFFERENCE * (last - first)).max(f64::MIN_POSITIVE);
     let pair = scene.at_times(&[time - half, time + half]);
-    let [before, after] = [&pair[0], &pair[1]].map(|gaussians| rotations(gaussians));
+    let [before, after] = [&pair[0], &pair[1]].map(rotations);
     let between = |(before, after): (&DQuat, &DQuat)| {
         let turn = *after * before.inverse();
         // A quaternion and its negative are one rotation; the shorter one is meant.
