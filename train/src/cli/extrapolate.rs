@@ -10,24 +10,26 @@ use crate::cli::render::finite;
 
 const EXAMPLES: &str = "\
 Examples:
-  gsburn extrapolate runs/fan --to 1.5                       frames after the last that was seen, maps, paths, figures
-  gsburn extrapolate runs/fan --to 1.5 --camera orbit        from a camera that goes once around the moving objects
-  gsburn extrapolate runs/fan --to 1.5 --ply --bodies        also a PLY for each time, and one for each rigid part
-  gsburn extrapolate runs/fan --to 1.0 --step 4              integration steps of 4 frames: what that changes is said
-  gsburn extrapolate runs/fan --to 1.5 --from 0 --fps 30     past and future, 30 frames per unit of time
+  gsburn extrapolate runs/fan --to 1.5                    frames, paths, maps and figures
+  gsburn extrapolate runs/fan --to 1.5 --camera orbit     a camera that goes around what moves
+  gsburn extrapolate runs/fan --to 1.5 --ply --bodies     a PLY for each time and each rigid part
+  gsburn extrapolate runs/fan --to 1.0 --step 4           integration steps of 4 frames
+  gsburn extrapolate runs/fan --to 1.5 --from 0 --fps 30  past and future
 
 Written into the folder:
-  frames/CAMERA_0000.png ... and CAMERA.gif                  the predicted frames
-  trajectories.png                                           paths of moving Gaussians: seen in blue, future in orange to red
-  speed.png, velocity.png, angular_velocity.png              maps at --from; grey is at rest, red, green and blue are the world's axes
-  uncertainty.png                                            spread of the ensemble at --to: violet 0, yellow the largest
-  psnr_over_time.svg, strip.png                              against photos of later times, where the data set has them
-  calibration.svg                                            predicted spread against true error, where something is known of it
-  ply/, bodies/                                              with --ply and --bodies
-  extrapolate.json                                           every number, with the full scale of each map
+  frames/CAMERA_0000.png ..., CAMERA.gif  predicted frames
+  trajectories.png                        paths: seen in blue, the future from orange to red
+  speed.png, velocity.png,                maps at --from; grey is at rest, red, green and blue are
+  angular_velocity.png                    the world's axes
+  uncertainty.png                         spread of the ensemble at --to, yellow the largest
+  psnr_over_time.svg, strip.png           against photos of later times, where there are any
+  calibration.svg                         spread against true error, where the truth is known
+  ply/, bodies/                           with --ply and --bodies
+  extrapolate.json                        every number, with the full scale of each map
 
-Gain over held is the PSNR of the prediction less that of the scene as it was at the last time seen: a method that learned no motion
-has 0. The report of the run gets a section \"Future\". A time of the future may be any; a law is right as long as nothing new acts.";
+Gain over held is the PSNR of the prediction less that of the scene as it was at the last time
+seen: a method that learned no motion has 0. The run's report gets a section \"Future\", unless
+--step is given. A law holds for as long as nothing new acts, a contact for instance.";
 
 /// Arguments of `extrapolate`.
 #[derive(Debug, Args)]
