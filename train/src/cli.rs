@@ -1,5 +1,6 @@
 //! Arguments exactly as typed. A command with many arguments has a file of its own.
 
+mod extrapolate;
 mod import;
 mod render;
 mod stability;
@@ -9,6 +10,7 @@ mod chart;
 mod sweep;
 
 pub use chart::ChartArgs;
+pub use extrapolate::ExtrapolateArgs;
 pub use sweep::SweepArgs;
 
 use std::path::PathBuf;
@@ -47,6 +49,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Write a trained scene as PLY for other viewers
     Export(ExportArgs),
+    /// Predict frames after a recording, with paths, maps, rigid parts and uncertainty
+    Extrapolate(Box<ExtrapolateArgs>),
     /// Make a data set whose ground truth is known, or blur a sharp one
     Synth(SynthArgs),
     /// Make priors of a calibrated data set from the output of VGGT or OmniVGGT

@@ -31,6 +31,7 @@ fn call(command: &Command) -> Result<ExitCode> {
         Command::Eval(args) => commands::eval::run(args),
         Command::Render(args) => commands::render::run(args),
         Command::Export(args) => commands::export::run(args),
+        Command::Extrapolate(args) => commands::extrapolate::run(args),
         Command::Synth(args) => commands::synth::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Check(args) => commands::check::run(args),

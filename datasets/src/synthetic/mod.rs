@@ -9,6 +9,7 @@ pub mod deblur;
 mod demo;
 pub mod extrapolation;
 mod frames;
+mod movers;
 mod random;
 mod shapes;
 mod tracer;
@@ -16,3 +17,4 @@ mod world;
 
 pub use demo::{DemoOptions, demo_scene};
 pub use frames::{BlurFromFrames, BlurSummary, blur_from_frames};
+pub use movers::{Mover, movers};

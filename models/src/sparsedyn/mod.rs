@@ -13,6 +13,7 @@
 //! | 3.3, Eq. 9: rollout | [`rollout`], of a [`State`]; its gradient without stored activations: [`recorded`] |
 //! | the baselines of Table 1: a deformation field beside the velocity field (TRACE), rigid bases mixed by codes (FreeGave) | [`deformation`], [`codes`] |
 //! | beyond the paper: rigid bodies and their laws | [`bodies`] |
+//! | beyond the paper: how well laws and field are known | [`uncertainty`] |
 //! | rotations by a vector, smooth at zero | [`turning`] |
 
 pub mod bodies;
@@ -27,6 +28,7 @@ pub mod refinement;
 pub mod rollout;
 pub mod state;
 pub mod turning;
+pub mod uncertainty;
 
 pub use codes::{CodedField, CodedFieldConfig};
 pub use curriculum::{Curriculum, Phase, Sampled};

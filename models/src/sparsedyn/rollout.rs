@@ -42,7 +42,7 @@ pub struct RolloutOptions {
 const ON_GRID: f64 = 1e-6;
 
 /// Steps above which a rollout is refused: 1000 times the longest of the paper.
-const STEPS_MAX: f64 = 30_000.0;
+pub const STEPS_MAX: f64 = 30_000.0;
 
 /// A time by the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -99,7 +99,7 @@ pub struct ExportArgs {
 }
 
 /// A finite number.
-fn finite(text: &str) -> Result<f64, String> {
+pub(super) fn finite(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
         _ => Err("expected a finite number".into()),

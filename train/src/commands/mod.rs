@@ -6,6 +6,7 @@ pub mod check;
 pub mod demo;
 pub mod eval;
 pub mod export;
+pub mod extrapolate;
 pub mod import;
 pub mod info;
 pub mod recipes;

@@ -16,6 +16,7 @@ use gs_models::{DynamicScene, Static};
 
 use super::facts::SceneFacts;
 use super::figure::Figures;
+use super::foresight::Foresight;
 use super::initialise::{InitialGaussians, initial_gaussians};
 use super::photos::{Extra, Photo};
 use super::sampler::{Sampler, ViewOrder};
@@ -271,6 +272,16 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     /// Lines for `gsburn info`: name and value.
     fn described(&self) -> Vec<(&'static str, String)> {
         Vec::new()
+    }
+
+    /// What the method knows of the future of `gaussians`, learned from `views`; `None`: the Gaussians at any time alone.
+    fn foresight(
+        &self,
+        _gaussians: &Gaussians,
+        _views: &[View],
+        _config: &FitConfig<Self::Config>,
+    ) -> Option<Box<dyn Foresight>> {
+        None
     }
 
     /// The method's constants, which a checkpoint must hold: which rows move, a window of time.

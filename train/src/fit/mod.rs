@@ -7,6 +7,7 @@
 //! | [`trainer`] | the state and its step: forward, backward, update, density control |
 //! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
 //! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
+//! | [`foresight`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`parameters`] | Gaussians as a table |
@@ -16,6 +17,7 @@
 pub mod density;
 pub mod facts;
 pub mod figure;
+pub mod foresight;
 pub mod initialise;
 pub mod losses;
 pub mod method;

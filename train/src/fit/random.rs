@@ -23,6 +23,10 @@ pub enum Purpose {
     Prune = 6,
     /// The direction of a step of integration.
     Direction = 7,
+    /// The members of an ensemble of futures.
+    Ensemble = 8,
+    /// The Gaussians whose paths are drawn.
+    Paths = 9,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

@@ -10,7 +10,8 @@ Examples:
   gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
   gsburn train sphere --recipe taylormode/base
   gsburn render runs/my-photos --cameras path/transforms.json --out frames
-  gsburn export runs/my-photos --out scene.ply";
+  gsburn export runs/my-photos --out scene.ply
+  gsburn extrapolate runs/my-video --to 1.5         frames after the recording, of a run that moves";
 
 /// Shown below `gsburn import --help`.
 pub const IMPORT: &str = "\

@@ -9,8 +9,8 @@ use burn::tensor::Device;
 use gs_datasets::{CheckReport, LoadOptions, Scene};
 use toml::Table;
 
-use super::{EvalRequest, Evaluated, Pipeline};
-use crate::config::{Background, ConfigError, FitConfig, tables};
+use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
+use crate::config::{Background, ConfigError, FitConfig, RenderConfig, tables};
 use crate::fit::facts::SceneFacts;
 use crate::fit::method::{ChartKey, Method, Step};
 use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
@@ -18,6 +18,7 @@ use crate::fit::session::{Data, Session, Stepped};
 use crate::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
 use crate::fit::trainer::{Model, Trainer};
 use crate::report;
+use crate::report::future::{self, Known, Studio};
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::evaluate::{Evaluator, HeldOut};
 use crate::run::fingerprint::Fingerprint;
@@ -99,10 +100,27 @@ fn finish<M: Method>(
     let file = run.record(step, measured)?;
     let history = run.finish()?;
     report::write(&job.folder, &file, &history, &pictures, &config.to_toml())?;
+    report_future(job, data, trainer, config)?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }
     Ok(Ending::Finished(Box::new(file)))
+}
+
+/// Adds the future to the report, where cameras that are held out saw one.
+fn report_future<M: Method>(
+    job: &Job,
+    data: &Data<M>,
+    trainer: &Trainer<M>,
+    config: &FitConfig<M::Config>,
+) -> Result<()> {
+    let scene = trainer.method().scene(trainer.gaussians().clone());
+    let studio = Studio { facts: trainer.facts, render: config.render.clone(), device: job.device.clone() };
+    let known = Known { studio: &studio, scene: &*scene, photos: &data.scene };
+    match known.horizon(None) {
+        Some(horizon) => future::add_to_report(&job.folder, &known.section(&horizon, &[])?),
+        None => Ok(()),
+    }
 }
 
 /// Reads the data set at `path` for training and measuring.
@@ -248,21 +266,18 @@ impl<M: Method> Pipeline for Fit<M> {
 
     fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {
         let (model, config, notes) = read_model::<M>(checkpoint, device)?;
-        let Model { gaussians, method } = model;
-        Ok(LoadedScene {
-            scene: method.scene(gaussians.clone()),
-            gaussians,
-            origin: checkpoint.origin.world(),
-            facts: notes.facts(),
-            render: config.shared.render,
-            middle: method.middle(),
-            run: Some(SceneRun {
-                pipeline: M::NAME.into(),
-                dataset: checkpoint.origin.dataset.clone(),
-                step: notes.step,
-                described: method.described(),
-            }),
-        })
+        Ok(loaded(&model, config.shared.render, &notes, checkpoint))
+    }
+
+    fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen> {
+        let (model, config, notes) = read_model::<M>(checkpoint, device)?;
+        let mut photos = load::<M>(dataset, &config)?;
+        let shift = photos.origin - checkpoint.origin.world();
+        let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
+        views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
+        photos.origin -= shift;
+        let foresight = model.method.foresight(&model.gaussians, &photos.train, &config);
+        Ok(Foreseen { loaded: loaded(&model, config.shared.render, &notes, checkpoint), photos, foresight })
     }
 
     fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
@@ -299,6 +314,25 @@ impl<M: Method> Pipeline for Fit<M> {
 
     fn experiments(&self) -> &'static [&'static Experiment] {
         self.experiments
+    }
+}
+
+/// A model as a scene.
+fn loaded<M: Method>(model: &Model<M>, render: RenderConfig, notes: &Notes, checkpoint: &Checkpoint) -> LoadedScene {
+    let Model { gaussians, method } = model;
+    LoadedScene {
+        scene: method.scene(gaussians.clone()),
+        gaussians: gaussians.clone(),
+        origin: checkpoint.origin.world(),
+        facts: notes.facts(),
+        render,
+        middle: method.middle(),
+        run: Some(SceneRun {
+            pipeline: M::NAME.into(),
+            dataset: checkpoint.origin.dataset.clone(),
+            step: notes.step,
+            described: method.described(),
+        }),
     }
 }
 

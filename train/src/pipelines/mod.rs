@@ -15,10 +15,11 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use gs_datasets::CheckReport;
+use gs_datasets::{CheckReport, Scene};
 use toml::Table;
 
 use crate::config::ConfigError;
+use crate::fit::foresight::Foresight;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::evaluate::{Comparison, Measured};
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
@@ -77,6 +78,12 @@ pub trait Pipeline: Sync {
     /// One sentence saying what was wrong with the scene or the data set.
     fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated>;
 
+    /// The scene of a checkpoint with the photos of a data set, for what comes after them.
+    ///
+    /// # Errors
+    /// One sentence saying what was wrong with the scene or the data set.
+    fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen>;
+
     /// Experiments at the edge of the method, for `gsburn stability`.
     fn experiments(&self) -> &'static [&'static Experiment] {
         &[]
@@ -107,6 +114,16 @@ pub struct Evaluated {
     pub measured: Measured,
     /// Pictures, if they were requested.
     pub pictures: Vec<Comparison>,
+}
+
+/// A scene, its photos and what its method knows of its future.
+pub struct Foreseen {
+    /// The scene.
+    pub loaded: LoadedScene,
+    /// The data set; the scene's own origin is subtracted from its cameras.
+    pub photos: Scene,
+    /// The method's part; `None`: the Gaussians at any time are all that is known.
+    pub foresight: Option<Box<dyn Foresight>>,
 }
 
 /// The pipeline called `name`.

@@ -14,8 +14,8 @@ const DEPTH_TAILS: f64 = 0.02;
 /// Share of pixels whose speed may exceed the brightest colour.
 const SPEED_TAIL: f64 = 0.005;
 
-/// Alpha below which a pixel is drawn black.
-const ALPHA_SEEN: f32 = 0.5;
+/// Alpha below which a pixel shows nothing: it is drawn black or grey.
+pub const ALPHA_SEEN: f32 = 0.5;
 
 /// Delay between the frames of a GIF, hundredths of a second: about 12 frames a second.
 const GIF_DELAY: u16 = 8;
@@ -61,12 +61,35 @@ fn viridis(share: f32) -> [u8; 3] {
 /// Velocities `[H * W * 3]` in colour: mid grey is at rest; red, green and blue are the world's axes, brighter along them and
 /// darker against them.
 pub fn velocity_colors(velocity: &[f32]) -> Vec<u8> {
-    let rows = velocity.as_chunks::<3>().0;
-    let mut speeds: Vec<f32> = rows.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt()).collect();
-    speeds.sort_by(f32::total_cmp);
-    let index = ((1.0 - SPEED_TAIL) * speeds.len() as f64) as usize;
-    let full = speeds.get(index).or(speeds.last()).copied().unwrap_or(1.0).max(1e-12);
+    vector_colors(velocity, full_speed(velocity))
+}
+
+/// [`velocity_colors`] of any vectors, of which the brightest colours have the length `full`.
+pub fn vector_colors(vectors: &[f32], full: f32) -> Vec<u8> {
+    let rows = vectors.as_chunks::<3>().0;
     rows.iter().flat_map(|v| v.map(|x| (127.5 + 127.5 * (x / full).clamp(-1.0, 1.0)) as u8)).collect()
+}
+
+/// The length of the brightest colour in a map of vectors `[H * W * 3]`: few are longer.
+pub fn full_speed(vectors: &[f32]) -> f32 {
+    let lengths = vectors.as_chunks::<3>().0.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt());
+    full_scale(lengths.collect())
+}
+
+/// The value of the brightest colour in a map: few are larger.
+pub fn full_scale(mut values: Vec<f32>) -> f32 {
+    values.sort_by(f32::total_cmp);
+    let index = ((1.0 - SPEED_TAIL) * values.len() as f64) as usize;
+    values.get(index).or(values.last()).copied().unwrap_or(1.0).max(1e-12)
+}
+
+/// Values `[H * W]` in colour, violet at 0 and yellow at `full`; mid grey where alpha is low.
+pub fn scalar_colors(values: &[f32], alpha: &[f32], full: f32) -> Vec<u8> {
+    let color = |(value, alpha): (&f32, &f32)| match *alpha >= ALPHA_SEEN && value.is_finite() {
+        true => viridis(value / full),
+        false => [127; 3],
+    };
+    values.iter().zip(alpha).flat_map(color).collect()
 }
 
 /// Writes frames `[H * W * 3]` as a GIF that loops.

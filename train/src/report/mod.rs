@@ -2,6 +2,7 @@
 
 pub mod charts;
 pub mod comparison;
+pub mod future;
 pub mod html;
 mod labels;
 pub mod maps;
@@ -19,11 +20,12 @@ use crate::run::folder::{EvalFile, MetricsLine, RunFolder, TrainLine};
 use crate::run::profile::Profile;
 
 use charts::{Chart, Series};
-pub use page::{STYLE, with_comparison};
+pub use page::{COMPARISON, FUTURE, STYLE, with_section};
 use pictures::SideBySide;
 
-/// Largest comparison.html, bytes: a row of its table takes some 500 bytes, and a page with a million measurements is read by nobody.
-const COMPARISON_MAX: u64 = 64 << 20;
+/// Largest section kept beside a report, bytes: a row of a table takes some 500 bytes, and a page with a million measurements is read by
+/// nobody.
+const SECTION_MAX: u64 = 64 << 20;
 
 /// Writes renders/, plots/ and report.html of a run.
 ///
@@ -48,11 +50,12 @@ pub fn write(
         plots.push(svg);
     }
     let page = page::html(eval, &plots, &pictures, Profile::read(folder).as_ref(), config)?;
-    // A comparison that `gsburn chart` put into an earlier report is kept.
-    let page = match guarded::read_to_string(&folder.comparison(), COMPARISON_MAX) {
-        Ok(section) => with_comparison(&page, &section).unwrap_or(page),
-        Err(_) => page,
-    };
+    // Sections that later commands put into an earlier report are kept.
+    let kept = [(folder.comparison(), COMPARISON), (folder.future(), FUTURE)];
+    let page = kept.into_iter().fold(page, |page, (path, place)| {
+        let section = guarded::read_to_string(&path, SECTION_MAX).ok();
+        section.and_then(|section| with_section(&page, place, &section)).unwrap_or(page)
+    });
     Ok(write_atomic(&folder.report(), page.as_bytes())?)
 }
 

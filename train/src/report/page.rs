@@ -20,20 +20,26 @@ use crate::run::profile::Profile;
 /// The look of all pages.
 pub const STYLE: &str = include_str!("style.css");
 
-/// Markers around the comparison that `gsburn chart` puts into the page.
-const COMPARISON: [&str; 2] = ["<!-- comparison -->\n", "<!-- /comparison -->\n"];
+/// Markers around a section that a later command puts into the page.
+type Place = [&'static str; 2];
+
+/// The place of the comparison of `gsburn chart`.
+pub const COMPARISON: Place = ["<!-- comparison -->\n", "<!-- /comparison -->\n"];
+
+/// The place of the future of a run.
+pub const FUTURE: Place = ["<!-- future -->\n", "<!-- /future -->\n"];
 
 /// Beginning of the last section of the page.
 const CONFIGURATION: &str = "<section>\n<h2>Configuration</h2>\n";
 
-/// The report with `section` as its comparison, in place of an earlier one; `None` if the page has no position for it.
-pub fn with_comparison(report: &str, section: &str) -> Option<String> {
-    let (before, after) = match report.split_once(COMPARISON[0]) {
-        Some((before, rest)) => (before, rest.split_once(COMPARISON[1])?.1),
-        // A report from before comparisons existed.
+/// The report with `section` at a place, instead of what was there; `None` if the page has no position for it.
+pub fn with_section(report: &str, place: Place, section: &str) -> Option<String> {
+    let (before, after) = match report.split_once(place[0]) {
+        Some((before, rest)) => (before, rest.split_once(place[1])?.1),
+        // A report from before there was such a place.
         None => report.split_at(report.find(CONFIGURATION)?),
     };
-    Some([before, COMPARISON[0], section, COMPARISON[1], after].concat())
+    Some([before, place[0], section, place[1], after].concat())
 }
 
 /// The whole page: verdict, curves, profile, comparison, pictures, views, configuration.
@@ -64,6 +70,7 @@ pub(super) fn html(
     }
     page.push_str("</div>\n</section>\n");
     page.extend(profile.map(bars));
+    page.extend(FUTURE);
     page.extend(COMPARISON);
     show_pictures(&mut page, pictures)?;
     views_table(&mut page, &eval.last)?;
@@ -298,11 +305,11 @@ mod tests {
     #[test]
     fn a_comparison_replaces_an_earlier_one() {
         let page = ["<main>", COMPARISON[0], COMPARISON[1], "</main>"].concat();
-        let once = with_comparison(&page, "one").expect("a place");
-        let twice = with_comparison(&once, "two").expect("a place");
+        let once = with_section(&page, COMPARISON, "one").expect("a place");
+        let twice = with_section(&once, COMPARISON, "two").expect("a place");
         assert!(once.contains("one") && twice.contains("two") && !twice.contains("one"));
-        assert_eq!(with_comparison("<main></main>", "one"), None);
+        assert_eq!(with_section("<main></main>", FUTURE, "one"), None);
         let older = format!("<main>{CONFIGURATION}");
-        assert!(with_comparison(&older, "one").is_some_and(|page| page.ends_with(CONFIGURATION)));
+        assert!(with_section(&older, COMPARISON, "one").is_some_and(|page| page.ends_with(CONFIGURATION)));
     }
 }

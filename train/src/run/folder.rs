@@ -237,6 +237,11 @@ impl RunFolder {
         self.path.join("comparison.html")
     }
 
+    /// The section about the future in the report.
+    pub fn future(&self) -> PathBuf {
+        self.path.join("future.html")
+    }
+
     /// The report.
     pub fn report(&self) -> PathBuf {
         self.path.join("report.html")

@@ -11,12 +11,14 @@ use gs_models::sparsedyn::Phase;
 
 use super::config::Sections;
 use super::cues::warmup_steps;
+use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
 use super::{Config, Cues, DepthCue, Sparsedyn, Step, begin, config, discover, figures};
 use crate::config::FitConfig;
 use crate::fit::figure::Figures;
+use crate::fit::foresight::Foresight;
 use crate::fit::initialise::InitialGaussians;
 use crate::fit::method::{CAP, ChartKey, Forward, Method};
 use crate::fit::photos::Photo;
@@ -147,6 +149,10 @@ impl Method for Sparsedyn {
         let mut lines = vec![("moving", self.frame.rows.len().to_string()), ("seen", format!("{first} to {last}"))];
         lines.extend(self.body_lines().into_iter().map(|line| ("body", line)));
         lines
+    }
+
+    fn foresight(&self, gaussians: &Gaussians, views: &[View], config: &Config) -> Option<Box<dyn Foresight>> {
+        Some(Box::new(RolledFuture::new(self, gaussians, views, config)))
     }
 
     fn frame(&self) -> serde_json::Value {

@@ -10,6 +10,7 @@
 //! | beyond the paper: only what moves is integrated | [`evidence`] |
 //! | beyond the paper: rigid bodies and their laws | [`discover`] |
 //! | measuring against the truth of synthetic worlds | [`figures`] |
+//! | beyond the paper: parts, an ensemble and other steps for the future | [`future`] |
 
 pub mod begin;
 pub mod config;
@@ -19,6 +20,7 @@ pub mod evidence;
 pub mod extra;
 pub mod figures;
 pub mod forward;
+pub mod future;
 mod method;
 pub mod model;
 pub mod motion;

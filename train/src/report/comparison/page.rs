@@ -9,7 +9,7 @@ use gs_datasets::image_io::write_atomic;
 use super::{Panels, Table};
 use crate::report::html::escaped;
 use crate::report::scatter::SIZE;
-use crate::report::{STYLE, with_comparison};
+use crate::report::{COMPARISON, STYLE, with_section};
 use crate::run::folder::RunFolder;
 use crate::run::outputs::MARK;
 
@@ -71,7 +71,7 @@ pub fn add_to_report(
     }
     let report = guarded::read_to_string(&path, PAGE_MAX)?;
     let section = section(panels, table, warnings, command);
-    let Some(report) = with_comparison(&report, &section) else {
+    let Some(report) = with_section(&report, COMPARISON, &section) else {
         bail!("{}: expected a report of gsburn, found another page", path.display());
     };
     write_atomic(&folder.comparison(), section.as_bytes())?;

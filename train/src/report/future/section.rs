@@ -1,0 +1,114 @@
+//! The future as a section of a run's report.
+
+use std::fmt::Write as _;
+
+use anyhow::{Result, bail};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use gs_datasets::guarded;
+use gs_datasets::image_io::{encode_png, write_atomic};
+
+use super::Horizon;
+use super::strip::Picture;
+use super::studio::Known;
+use crate::report::html::escaped;
+use crate::report::{FUTURE, with_section};
+use crate::run::folder::RunFolder;
+use crate::run::outputs::MARK;
+
+/// Largest report, bytes: its pictures are in it.
+const PAGE_MAX: u64 = 1 << 30;
+
+/// Widest picture on the page, CSS pixels.
+const WIDEST: usize = 640;
+
+/// Something shown in the section.
+#[derive(Debug, Clone)]
+pub enum Shown {
+    /// A chart as SVG.
+    Chart(String),
+    /// A picture with its caption.
+    Picture(Picture, String),
+}
+
+impl Known<'_> {
+    /// The section: strip, PSNR over time, the means, then `more`.
+    ///
+    /// # Errors
+    /// When a picture cannot be encoded.
+    pub fn section(&self, horizon: &Horizon, more: &[Shown]) -> Result<String> {
+        let mut html = begin();
+        if let Some(strip) = self.strip(horizon, None) {
+            picture(&mut html, &strip, "Predicted frames above the photos of the same camera and times", strip.width)?;
+        }
+        writeln!(html, "<div class=\"plots\">\n<figure>{}</figure>", horizon.chart().svg())?;
+        html += "</div>\n";
+        write!(html, "{}", table(horizon))?;
+        finish(html, more)
+    }
+}
+
+/// The section of a run without photos of the future.
+///
+/// # Errors
+/// When a picture cannot be encoded.
+pub fn without_photos(more: &[Shown]) -> Result<String> {
+    finish(begin(), more)
+}
+
+fn begin() -> String {
+    format!("<!-- {MARK} -->\n<section>\n<h2>Future</h2>\n")
+}
+
+fn finish(mut html: String, more: &[Shown]) -> Result<String> {
+    html += "<div class=\"plots\">\n";
+    for one in more {
+        match one {
+            Shown::Chart(svg) => writeln!(html, "<figure>{svg}</figure>")?,
+            Shown::Picture(shown, caption) => picture(&mut html, shown, caption, shown.width.min(WIDEST))?,
+        }
+    }
+    Ok(html + "</div>\n</section>\n")
+}
+
+fn picture(html: &mut String, picture: &Picture, caption: &str, width: usize) -> Result<()> {
+    let png = encode_png("report".as_ref(), picture.width, picture.height, &picture.pixels)?;
+    let caption = escaped(caption);
+    writeln!(
+        html,
+        "<figure><img alt=\"{caption}\" width=\"{width}\" src=\"data:image/png;base64,{}\">\n<figcaption>{caption}</figcaption></figure>",
+        STANDARD.encode(&png)
+    )?;
+    Ok(())
+}
+
+fn table(horizon: &Horizon) -> String {
+    let future = &horizon.future;
+    let row = |name: &str, psnr: f64, held: f64| {
+        format!("<tr><td>{name}</td><td>{psnr:.2}</td><td>{held:.2}</td><td>{:+.2}</td></tr>\n", psnr - held)
+    };
+    let moving = future.moving.zip(future.held_moving).map(|(psnr, held)| row("moving parts", psnr, held));
+    format!(
+        "<table>\n<tr><th>PSNR of {} later views, dB</th><th>predicted</th><th>last seen state held</th><th>gain</th></tr>\n{}{}</table>\n",
+        future.views,
+        row("whole images", future.psnr, future.held),
+        moving.unwrap_or_default()
+    )
+}
+
+/// Puts a section into the report.html of a run, instead of an earlier one, and saves it beside it, so that a new report contains it too.
+///
+/// # Errors
+/// When the run has no report, or a file cannot be written.
+pub fn add_to_report(folder: &RunFolder, section: &str) -> Result<()> {
+    let path = folder.report();
+    if !path.is_file() {
+        bail!("{}: expected the report of a finished run, found none", path.display());
+    }
+    let report = guarded::read_to_string(&path, PAGE_MAX)?;
+    let Some(report) = with_section(&report, FUTURE, section) else {
+        bail!("{}: expected a report of gsburn, found another page", path.display());
+    };
+    write_atomic(&folder.future(), section.as_bytes())?;
+    Ok(write_atomic(&path, report.as_bytes())?)
+}
