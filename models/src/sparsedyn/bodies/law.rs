@@ -92,6 +92,15 @@ impl Law {
         ]
     };
 
+    /// The laws among which a body's first motion is chosen: the terms of [`Law::GENERAL`], fewest first.
+    pub const SMOOTH: [Self; 5] = [
+        Self::of(&[Term::Velocity]),
+        Self::of(&[Term::Velocity, Term::Acceleration]),
+        Self::of(&[Term::Velocity, Term::Spin]),
+        Self::of(&[Term::Velocity, Term::Acceleration, Term::Spin]),
+        Self::GENERAL,
+    ];
+
     /// Smooth motion of any kind to second order: what a body begins with.
     pub const GENERAL: Self = Self::of(&[Term::Velocity, Term::Acceleration, Term::Spin, Term::SpinUp]);
 

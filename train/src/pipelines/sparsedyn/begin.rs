@@ -6,7 +6,7 @@ use gs_datasets::{PointCloud, Scene};
 use gs_multiview::{HullOptions, foreground_masks, hull};
 
 use super::cues::Cues;
-use super::evidence::may_move;
+use super::evidence::{may_move, swept};
 use super::model::{Frame, Sparsedyn};
 use super::{Config, Step};
 use crate::fit::initialise::{InitialGaussians, gaussians_at, initial_gaussians};
@@ -26,7 +26,9 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
         }
     };
     let rows = may_move(&initial.means, &cues.evidence, config.method.moving.cameras);
-    let (centre, length) = extent_of(&initial.means, &rows);
+    let (centre, spread) = extent_of(&initial.means, &rows);
+    // A small object that moves far is learned in steps of its way, not of its size.
+    let length = spread.max(swept(&cues.evidence, centre.into()));
     let frame = Frame {
         labels: vec![-1; rows.len()],
         rows,

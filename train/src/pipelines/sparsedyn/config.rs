@@ -148,8 +148,8 @@ pub enum BodyUse {
 pub struct BodiesConfig {
     /// What moves Gaussians that may move.
     pub mode: BodyUse,
-    /// Share of the steps after the warm-up at which bodies are found in the paths of the field. Early: over few frames every motion is nearly
-    /// even, and bodies are then followed as the window grows; a field that is followed longer loses what swings.
+    /// Share of the steps after the warm-up at which bodies are first looked for in the paths of the field. Early: few frames say little of a
+    /// motion, and a body is lost in the next ones. Late: a field that is followed long loses what swings.
     pub from: f64,
     /// How often bodies are looked for, from the first time until all frames are seen: what begins to move late is found late. At the last
     /// time, what rests becomes static.
@@ -181,7 +181,7 @@ impl Default for BodiesConfig {
     fn default() -> Self {
         Self {
             mode: BodyUse::Both,
-            from: 0.08,
+            from: 0.14,
             examinations: 8,
             parts: 4,
             select: 0.7,
@@ -191,7 +191,7 @@ impl Default for BodiesConfig {
             share: 0.02,
             knot_frames: 4.0,
             noise_pixels: 0.5,
-            lr: 4e-3,
+            lr: 1e-2,
             lr_final: 2e-5,
         }
     }

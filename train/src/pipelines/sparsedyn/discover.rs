@@ -120,7 +120,8 @@ fn with_bodies(
             members.iter().filter(|_| last).for_each(|i| stays[free[*i]] = false);
             continue;
         }
-        let Some(fitted) = fit_law(&poses, Law::GENERAL) else { continue };
+        // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
+        let Some(fitted) = select_law(&poses, &Law::SMOOTH) else { continue };
         members.iter().for_each(|i| model.frame.labels[free[*i]] = known + frames.len() as i32);
         frames.push(BodyFrame { centre: poses.first.to_array(), law: Law::GENERAL });
         values.push(fitted.values);

@@ -1,6 +1,6 @@
 //! Evidence of motion: the pixels of a static camera that change over time, and the Gaussians that lie on them.
 
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use gs_datasets::View;
 
 /// Pixels by which a changing region is grown: the footprint of a Gaussian at its border.
@@ -86,6 +86,21 @@ fn grown(mask: &[bool], width: usize, height: usize) -> Vec<bool> {
 }
 
 impl CameraEvidence {
+    fn swept(&self, centre: DVec3) -> Option<f64> {
+        let depth = self.w2c.transform_point3(centre).z;
+        let pixels: Vec<DVec2> = (0..self.changes.len())
+            .filter(|pixel| self.changes[*pixel])
+            .map(|pixel| DVec2::new((pixel % self.width) as f64, (pixel / self.width) as f64))
+            .collect();
+        if depth <= 0.0 || pixels.is_empty() {
+            return None;
+        }
+        let count = pixels.len() as f64;
+        let middle = pixels.iter().sum::<DVec2>() / count;
+        let spread = pixels.iter().map(|pixel| pixel.distance_squared(middle)).sum::<f64>() / count;
+        Some(spread.sqrt() * depth / self.intrinsics.fx)
+    }
+
     /// Whether something changes where the camera shows `position` (world); `None` if it does not show it.
     pub fn changes_at(&self, position: DVec3) -> Option<bool> {
         let local = self.w2c.transform_point3(position);
@@ -96,6 +111,14 @@ impl CameraEvidence {
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < self.width as f64 && pixel.y < self.height as f64;
         inside.then(|| self.changes[pixel.y as usize * self.width + pixel.x as usize])
     }
+}
+
+/// The root mean square distance of the changing pixels from their middle, at the depth of `centre`, scene units: the median over the cameras; 0
+/// without evidence.
+pub fn swept(evidence: &[CameraEvidence], centre: DVec3) -> f64 {
+    let mut sizes: Vec<f64> = evidence.iter().filter_map(|camera| camera.swept(centre)).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// The rows of `means` that may move, ascending: those at which at least the share `cameras` of the cameras that show them see a change. All
