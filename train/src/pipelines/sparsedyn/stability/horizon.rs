@@ -86,6 +86,8 @@ struct Rolled {
     /// Share of Gaussians outside of the box by time.
     outside: Vec<(f64, f64)>,
     not_numbers: usize,
+    /// The bodies found, with their laws.
+    bodies: String,
 }
 
 fn run(lab: &Lab) -> Result<Findings> {
@@ -102,9 +104,12 @@ fn run(lab: &Lab) -> Result<Findings> {
             found.criteria.push(Criterion::at_least(what, Some(gain), GAIN_BOUND, "dB"));
             outside.extend(run.outside.iter().map(|(_, share)| 100.0 * share));
             not_numbers += run.not_numbers;
+            let [own, stopped] = [&run.scores, &run.stopped].map(|scores| means(scores)[1]);
             let last = run.outside.last().map_or(0.0, |(_, share)| 100.0 * share);
             found.notes.push(format!(
-                "{world}, {name}: {last:.2} % of the Gaussians are outside of twice the box at the end."
+                "{world}, {name}: {own:.2} dB in moving parts, {stopped:.2} dB if it stops; at the end {last:.2} % of the Gaussians are \
+                 outside of twice the box; {}.",
+                run.bodies
             ));
         }
         let gain = means(&bodies.scores)[1] - means(&field.scores)[1];
@@ -136,7 +141,11 @@ fn rolled(lab: &Lab, film: &Film, mode: &str) -> Result<Rolled> {
     let later = positions(&session, &times);
     let not_numbers = later.iter().flatten().filter(|position| !position.is_finite()).count();
     let outside = times.iter().zip(&later).map(|(time, positions)| (*time, bounds.outside(positions))).collect();
-    Ok(Rolled { scores: scored, stopped, outside, not_numbers })
+    let bodies = match session.fit.trainer.method().body_lines() {
+        none if none.is_empty() => "no body".into(),
+        lines => lines.join("; "),
+    };
+    Ok(Rolled { scores: scored, stopped, outside, not_numbers, bodies })
 }
 
 fn chart(world: &str, bodies: &Rolled, field: &Rolled) -> Chart {
@@ -152,5 +161,20 @@ fn chart(world: &str, bodies: &Rolled, field: &Rolled) -> Chart {
             Series::line_and_dots(MODES[1].0, curve(&field.scores)),
             Series::line("stops where it was last seen", curve(&bodies.stopped)),
         ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hundred positions evenly from -1 to 1 and a stray: the box goes from -1 to 1, twice of it to 2.
+    #[test]
+    fn strays_make_no_box_wide() {
+        let even = (0..100).map(|i| DVec3::splat(f64::from(i) / 49.5 - 1.0));
+        let positions: Vec<DVec3> = even.chain([DVec3::new(50.0, 0.0, 0.0)]).collect();
+        let bounds = Bounds::of(&positions);
+        assert_eq!(bounds.outside(&positions), 1.0 / 101.0, "the stray alone");
+        assert_eq!(bounds.outside(&[DVec3::new(1.9, 0.0, 0.0), DVec3::new(0.0, 2.1, 0.0)]), 0.5);
     }
 }

@@ -126,10 +126,10 @@ fn drift_chart(device: &Device) -> Chart {
     let mut contour = Vec::new();
     for w in SPEEDS {
         let drifts: Vec<(f64, f64)> =
-            STEPS_PER_UNIT.iter().map(|n| (n.recip().log2(), drift(w, n.recip(), 1.0, device).max(1e-16))).collect();
-        for (step, drift) in &drifts {
+            STEPS_PER_UNIT.iter().map(|n| (n.log2(), drift(w, n.recip(), 1.0, device).max(1e-16))).collect();
+        for (steps, drift) in &drifts {
             let class = CLASSES.iter().position(|(_, most)| drift < most).unwrap_or(CLASSES.len() - 1);
-            classes[class].push((*step, w.log2()));
+            classes[class].push((*steps, w.log2()));
         }
         let crossing = drifts.windows(2).find(|pair| pair[0].1 >= DRIFT_BOUND && pair[1].1 < DRIFT_BOUND);
         contour.extend(crossing.map(|pair| {
@@ -140,13 +140,14 @@ fn drift_chart(device: &Device) -> Chart {
     }
     let named = CLASSES.iter().zip(classes);
     let mut series: Vec<Series> = named.map(|((name, _), points)| Series::dots(name, points)).collect();
-    series.push(Series::line("1 %, measured", contour));
-    let shown = SPEEDS.map(|w| (step_rule(w, 1.0).log2(), w.log2()));
-    let shown = shown.into_iter().filter(|(step, _)| *step <= -3.0).collect();
-    series.push(Series::line("1 %, step rule", shown));
+    let rule = SPEEDS.map(|w| (-step_rule(w, 1.0).log2(), w.log2()));
+    let coarsest = STEPS_PER_UNIT[0].log2();
+    let rule = rule.into_iter().filter(|(steps, _)| *steps >= coarsest).collect();
+    series.push(Series::line("1 %, step rule", rule));
+    series.push(Series::line_and_dots("1 %, measured", contour));
     Chart {
         title: "Growth of a radius over 1 unit of time, midpoint rule".into(),
-        x: "log2 of the step".into(),
+        x: "log2 of the steps per unit of time".into(),
         y: "log2 of the angular speed, rad".into(),
         series,
     }

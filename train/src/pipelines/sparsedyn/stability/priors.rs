@@ -139,3 +139,26 @@ fn corrupted(truth: &[f32], wrong: Wrong, odd: bool, rng: &mut ChaCha8Rng) -> Ve
     };
     truth.iter().map(at).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn priors_err_as_they_are_told() {
+        let truth: Vec<f32> = (0..2000).map(|i| if i % 10 == 0 { 0.0 } else { 2.0 + i as f32 / 1000.0 }).collect();
+        let with = |wrong: Wrong, odd: bool| corrupted(&truth, wrong, odd, &mut ChaCha8Rng::seed_from_u64(3));
+        assert_eq!(with(Wrong::NONE, true), truth, "no error changes nothing");
+        let factors = |found: &[f32]| -> Vec<f32> {
+            truth.iter().zip(found).filter(|(z, _)| **z > 0.0).map(|(z, found)| found / z).collect()
+        };
+        let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
+        assert!(factors(&with(DOUBLED, false)).iter().all(|f| near(*f, 1.0)), "the first layer is the truth");
+        assert!(factors(&with(DOUBLED, true)).iter().all(|f| near(*f, 1.1)), "the second is 10 % behind");
+        let scaled = factors(&with(KINDS[1].1, false));
+        assert!(scaled.iter().all(|f| near(*f, scaled[0])) && (0.7..1.3).contains(&scaled[0]), "one scale for a photo");
+        let changed = factors(&with(KINDS[2].1, false)).iter().filter(|f| !near(**f, 1.0)).count() as f64 / 1800.0;
+        // 1800 draws at 0.3 spread by 0.011; the bound is five times that.
+        assert!((changed - 0.3).abs() < 0.055, "{changed} of the pixels are outliers");
+    }
+}
