@@ -39,7 +39,7 @@ const EVERY: usize = 3;
 /// What moves the Gaussians.
 const MODES: [(&str, &str); 2] = [("bodies", "bodies.mode=both"), ("field alone", "bodies.mode=field")];
 
-/// Size of the box that no Gaussian may leave, times that of the scene (FIELD B13: twice).
+/// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the rollout.
 const BOX: f64 = 2.0;
 
 /// Share of Gaussians at either end of each axis that do not count for the scene's box: single strays would make it wide.
@@ -48,7 +48,7 @@ const STRAYS: f64 = 0.01;
 /// Least mean gain over a scene that stops, dB: a motion that is predicted worse than none should not be predicted.
 const GAIN_BOUND: f64 = 0.0;
 
-/// Most that bodies may lose against the field alone in moving parts, dB: the scatter of single runs.
+/// Most that bodies may lose against the field alone in moving parts, dB: what is asked of seeds.
 const BODIES_BOUND: f64 = -0.3;
 
 /// The scene's box at the first frame.

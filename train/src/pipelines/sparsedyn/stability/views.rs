@@ -34,10 +34,10 @@ const DEGREES: [usize; 3] = [0, 1, 2];
 /// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the motion.
 const SEEN: f64 = 0.75;
 
-/// Most that the largest cap may lose against the best one, dB: twice the spread of seeds, about 0.3 dB.
+/// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that are asked of seeds.
 const CAP_BOUND: f64 = 0.6;
 
-/// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: the spread of seeds.
+/// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: what is asked of seeds.
 const DEGREE_BOUND: f64 = 0.3;
 
 /// Cameras up to which colours of degree 0 must do.
