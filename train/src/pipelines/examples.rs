@@ -48,6 +48,20 @@ Examples:
   gsburn stability taylormode --out runs/stability --only divergence,direction
   gsburn stability taylormode --out runs/look --quick
   gsburn stability taylormode --out runs/sensitivity --only sensitivity --data my-video
+  gsburn stability sparsedyn --out runs/future
+  gsburn stability sparsedyn --out runs/future --only integrators,reversal
+  gsburn stability sparsedyn --out runs/future --only horizon,contacts --quick
+
+Experiments of sparsedyn:
+  integrators  drift on exactly known motions, and the step that keeps it under 1 % (seconds)
+  reversal     forwards and backwards again: is the start found? (seconds)
+  horizon      four times the time that was seen: PSNR, strays, positions that are no numbers
+  views        2 to 15 cameras against the number of Gaussians and the degree of colours
+  priors       depth with noise, wrong scales, outliers, doubled, none
+  seeds        the spread of eight runs: smaller differences say nothing
+  observed     the same future after less of the recording
+  step         another integration step and frame rate after training
+  contacts     a stop, a bounce, another speed that no photo tells of
 
 Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
 shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with

@@ -33,7 +33,7 @@ pub static PIPELINES: [&dyn Pipeline; 4] = [
     &fit::Fit::<still::Still>::NEW,
     &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
-    &fit::Fit::<sparsedyn::Sparsedyn>::NEW,
+    &fit::Fit::<sparsedyn::Sparsedyn>::with_experiments(&sparsedyn::stability::EXPERIMENTS),
 ];
 
 /// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less than two

@@ -23,7 +23,7 @@ pub struct Criterion {
 impl Criterion {
     /// The value must be `bound` at most.
     pub fn at_most(what: impl Into<String>, value: Option<f64>, bound: f64, unit: &str) -> Self {
-        Self::new(what, value, format!("at most {bound}"), unit, |value| value <= bound)
+        Self::new(what, value, format!("at most {}", short(bound)), unit, |value| value <= bound)
     }
 
     /// The value must be `bound` at least.
@@ -73,6 +73,11 @@ impl Criterion {
             Some(value) => format!("{value:.3}{unit}"),
         }
     }
+}
+
+/// A bound with as few characters as it needs.
+fn short(bound: f64) -> String {
+    if bound != 0.0 && bound.abs() < 1e-3 { format!("{bound:e}") } else { bound.to_string() }
 }
 
 /// The largest of the values; `None` without values or if one is NaN.

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::Result;
 use burn::tensor::{Device, Tensor};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
+use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions};
 use gs_datasets::{LoadOptions, Scene, load};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -110,6 +111,21 @@ impl Lab {
             deblur::write(&folder, options, |_, _| {})?;
         }
         Ok(load(&folder, &LoadOptions { training_truth: true, ..LoadOptions::default() })?)
+    }
+
+    /// A synthetic world whose future is to be predicted, written once and read as training loads it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn future_world(&self, options: &ExtrapolationOptions) -> Result<Scene> {
+        let ExtrapolationOptions { world, cameras, frames, .. } = options;
+        let all = crc32fast::hash(format!("{options:?}").as_bytes());
+        let folder = self.worlds.join(format!("{world}-{cameras}x{frames}-{all:08x}"));
+        // This file is written last.
+        if !folder.join("transforms_train.json").is_file() {
+            extrapolation::write(&folder, options, |_, _| {})?;
+        }
+        Ok(load(&folder, &LoadOptions::default())?)
     }
 
     /// A data set of the user, as training loads it.

@@ -11,6 +11,7 @@
 //! | beyond the paper: rigid bodies and their laws | [`discover`] |
 //! | measuring against the truth of synthetic worlds | [`figures`] |
 //! | beyond the paper: parts, an ensemble and other steps for the future | [`future`] |
+//! | experiments at the limits of the method | [`stability`] |
 
 pub mod begin;
 pub mod config;
@@ -26,6 +27,7 @@ pub mod model;
 pub mod motion;
 pub mod order;
 pub mod scene;
+pub mod stability;
 pub mod update;
 
 pub use config::Sections;
