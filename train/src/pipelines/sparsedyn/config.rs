@@ -154,8 +154,8 @@ pub struct BodiesConfig {
     /// How often bodies are looked for, from the first time until all frames are seen: what begins to move late is found late. At the last
     /// time, what rests becomes static.
     pub examinations: usize,
-    /// Most parts into which a body is divided once all frames are seen; parts that moved alike are one body again when laws are chosen. 1: bodies stay as
-    /// they were found.
+    /// Most parts into which a body is divided once all frames are seen; parts that moved alike are one body again when laws are chosen. 1 (default): bodies stay as
+    /// they were found; more parts tell apart what was taken for one body, and follow noise where there is only one.
     pub parts: usize,
     /// Share of the steps after the warm-up at which each body's law is chosen; between the two, bodies follow a smooth free motion.
     pub select: f64,
@@ -183,7 +183,7 @@ impl Default for BodiesConfig {
             mode: BodyUse::Both,
             from: 0.14,
             examinations: 8,
-            parts: 4,
+            parts: 1,
             select: 0.7,
             tolerance_pixels: 2.0,
             tolerance_share: 0.08,
@@ -191,7 +191,7 @@ impl Default for BodiesConfig {
             share: 0.02,
             knot_frames: 4.0,
             noise_pixels: 0.5,
-            lr: 1e-2,
+            lr: 4e-3,
             lr_final: 2e-5,
         }
     }
