@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn surroundings_are_no_plain_background() {
         let room = view(|x, y| [(x * 20) as u8, (y * 30) as u8, 90]);
-        assert!(foreground_masks(&[room.clone()]).is_none());
+        assert!(foreground_masks(std::slice::from_ref(&room)).is_none());
         // One photo before a screen does not make a studio.
         let plain = view(|_, _| [0, 0, 0]);
         assert!(foreground_masks(&[plain, room.clone(), room]).is_none());

@@ -12,7 +12,7 @@
 //! | [`step`] | may frame rate and integration step change after training? |
 //! | [`contacts`] | what happens where the future has a stop, a bounce or another speed? |
 //!
-//! [`analytic`] has the known motions, [`trial`] the small worlds and their runs.
+//! `analytic` has the known motions, `trial` the small worlds and their runs.
 
 mod analytic;
 pub mod contacts;
