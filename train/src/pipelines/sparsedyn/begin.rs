@@ -2,8 +2,8 @@
 //! before a plain background, else where photos agree.
 
 use burn::tensor::Device;
-use gs_datasets::{PointCloud, Scene};
-use gs_multiview::{HullOptions, foreground_masks, hull};
+use gs_datasets::{PointCloud, Scene, View};
+use gs_multiview::{HullOptions, Pinhole, foreground_masks, hull};
 
 use super::cues::Cues;
 use super::evidence::{may_move, swept};
@@ -17,13 +17,11 @@ const LEAST_WEIGHT: f32 = 0.25;
 /// The state before the first step.
 pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sparsedyn) {
     let (cues, config) = (at.cues, at.config);
-    let points = first_points(scene, cues, config.density.cap);
+    let first = first_frame(scene, cues);
+    let points = first_points(scene, &first, cues, config.density.cap);
     let initial = match points.is_empty() {
         false => gaussians_at(&points, at.facts.extent, &config.init, config.density.cap, config.seed),
-        true => {
-            let first = first_frame(scene, cues);
-            initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed)
-        }
+        true => initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed),
     };
     let rows = may_move(&initial.means, &cues.evidence, config.method.moving.cameras);
     let (centre, spread) = extent_of(&initial.means, &rows);
@@ -48,21 +46,38 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
 fn first_frame(scene: &Scene, cues: &Cues) -> Scene {
     let first = cues.by_frame.first().map(Vec::as_slice).unwrap_or_default();
     let train = first.iter().map(|index| scene.train[*index].clone()).collect();
-    Scene { train, held_out: Vec::new(), points: scene.points.clone(), warnings: Vec::new(), ..*scene }
+    let mut first = Scene { train, held_out: Vec::new(), points: None, warnings: Vec::new(), ..*scene };
+    first.points = scene.points.clone().filter(|points| are_in_view(points, &first.train));
+    first
+}
+
+/// Whether at least one of `views` shows any of the points; says so when there are points and no view shows one.
+fn are_in_view(points: &PointCloud, views: &[View]) -> bool {
+    let cameras: Vec<Pinhole> = views.iter().map(Pinhole::new).collect();
+    let is_shown = |position: &[f32; 3]| {
+        let position = glam::Vec3::from(*position).as_dvec3();
+        cameras.iter().any(|camera| camera.sees(position).is_some())
+    };
+    let shown = points.positions.iter().any(is_shown);
+    if !shown && !points.is_empty() {
+        tracing::warn!(
+            "no photo of the first frame shows any of the data set's {} points: they are left out",
+            points.len()
+        );
+    }
+    shown
 }
 
 /// The points of the depth priors; without priors those on the visual hull of what stands before a plain background. Empty: neither is there.
-fn first_points(scene: &Scene, cues: &Cues, cap: usize) -> PointCloud {
+fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointCloud {
     let points = prior_points(scene, cues);
-    let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
-    if !points.is_empty() || has_points {
+    if !points.is_empty() || first.points.is_some() {
         return points;
     }
-    let first = first_frame(scene, cues);
     let Some(masks) = foreground_masks(&first.train) else { return points };
     // Outlines before a plain background are exact, so none may miss the object.
     let options = HullOptions { points: cap, misses: Some(0), ..HullOptions::default() };
-    let hull = hull(&first, &masks, cues.start(), &options);
+    let hull = hull(first, &masks, cues.start(), &options);
     hull.notes.iter().for_each(|note| tracing::info!("{note}"));
     tracing::info!(
         points = hull.points.len(),

@@ -141,7 +141,10 @@ impl Method for Sparsedyn {
             ),
         ];
         let single = (cues.times.len() < 2).then(|| "all photos have one time: no motion can be learned".to_string());
-        (lines, single.into_iter().collect())
+        let alone = cues.by_frame.first().is_some_and(|views| views.len() < 2).then(|| {
+            "the first frame has 1 photo, expected 2 or more: without a depth prior nothing says how far away anything is".to_string()
+        });
+        (lines, single.into_iter().chain(alone).collect())
     }
 
     fn described(&self) -> Vec<(&'static str, String)> {
