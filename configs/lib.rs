@@ -24,6 +24,7 @@ macro_rules! recipe {
 pub const RECIPES: [Recipe; 37] = [
     recipe!("sparsedyn/ablations/full-horizon"),
     recipe!("sparsedyn/ablations/no-regularisation"),
+    recipe!("sparsedyn/ablations/no-outline"),
     recipe!("sparsedyn/ablations/no-replay"),
     recipe!("sparsedyn/ablations/opacity-only"),
     recipe!("sparsedyn/ablations/replay-2"),

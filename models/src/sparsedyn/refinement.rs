@@ -1,4 +1,4 @@
-//! Regularised refinement of the first frame (Eq. 5 and 6).
+//! Regularised refinement of the first frame: Eq. 5 and 6, and outlines beyond the paper.
 
 use burn::tensor::Tensor;
 
@@ -14,4 +14,11 @@ pub fn masked_depth(rendered: Tensor<3>, prior: Tensor<3>, weights: Tensor<3>) -
     let weights = weights.detach();
     let total = weights.clone().sum().clamp_min(1.0);
     ((rendered - prior.detach()).abs() * weights).sum() / total
+}
+
+/// The mean difference of a rendered alpha `[H, W, 1]` from an outline, `[1]`. `sides` `[H, W, 1]` is 1 inside the outline, -1 outside and 0 where
+/// that is not known; it gets no gradient. An alpha from 0 to 1 differs by `1 - alpha` inside and by `alpha` outside.
+pub fn outline_misfit(alpha: Tensor<3>, sides: Tensor<3>) -> Tensor<1> {
+    let sides = sides.detach();
+    (sides.clone().clamp_min(0.0) - alpha * sides).mean()
 }

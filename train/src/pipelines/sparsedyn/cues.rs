@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use gs_datasets::{DepthSpace, Scene, View};
 use gs_models::sparsedyn::Curriculum;
+use gs_multiview::foreground_masks;
 
 use super::Config;
 use super::evidence::{CameraEvidence, changing_pixels};
@@ -25,6 +26,9 @@ pub struct Cues {
     pub interval: f64,
     /// The depth priors of the first frame, by index of the training view.
     pub depths: BTreeMap<usize, DepthPrior>,
+    /// For each view of the first frame, by index of the training view, `[H, W]`: 1 inside the outline of what stands before a plain background,
+    /// -1 before the background, 0 at the outline itself. Empty without a plain background.
+    pub outlines: BTreeMap<usize, Vec<i8>>,
     /// The pixels of each static camera at which something changes; empty if a camera moves.
     pub evidence: Vec<CameraEvidence>,
 }
@@ -51,7 +55,11 @@ impl Cues {
             true => changing_pixels(&scene.train, config.method.moving.change),
             false => Vec::new(),
         };
-        Self { times, by_frame, interval, depths, evidence }
+        let outlines = match config.method.warmup.outline > 0.0 {
+            true => outlines_of(&scene.train, first),
+            false => BTreeMap::new(),
+        };
+        Self { times, by_frame, interval, depths, outlines, evidence }
     }
 
     /// The canonical time.
@@ -111,6 +119,31 @@ pub fn frames(views: &[View]) -> (Vec<f64>, Vec<Vec<usize>>) {
     (times, by_frame)
 }
 
+/// The outlines of the views at `first`; empty without a plain background.
+fn outlines_of(views: &[View], first: &[usize]) -> BTreeMap<usize, Vec<i8>> {
+    let chosen: Vec<View> = first.iter().map(|index| views[*index].clone()).collect();
+    let Some(masks) = foreground_masks(&chosen) else { return BTreeMap::new() };
+    let of = |((index, mask), view): ((&usize, Option<Vec<u8>>), &View)| Some((*index, sides(&mask?, view.width)));
+    first.iter().zip(masks).zip(&chosen).filter_map(of).collect()
+}
+
+/// 1 where a pixel and its neighbours are marked, -1 where none is, 0 otherwise: pixels at the edge are partly covered.
+fn sides(mask: &[u8], width: usize) -> Vec<i8> {
+    let height = mask.len() / width.max(1);
+    let side = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let near = |at: usize, end: usize| at.saturating_sub(1)..=(at + 1).min(end - 1);
+        let marked = near(y, height).flat_map(|y| near(x, width).map(move |x| mask[y * width + x] > 0));
+        let (count, all) = marked.fold((0, 0), |(count, all), marked| (count + usize::from(marked), all + 1));
+        match count {
+            0 => -1,
+            _ if count == all => 1,
+            _ => 0,
+        }
+    };
+    (0..mask.len()).map(side).collect()
+}
+
 /// The depth prior of a view in scene units, taken as it is; `None` without one.
 fn prior_of(view: &View) -> Option<DepthPrior> {
     let prior = view.priors.depth.as_ref()?;
@@ -131,4 +164,23 @@ fn prior_of(view: &View) -> Option<DepthPrior> {
         }
     }
     weights.iter().any(|weight| *weight > 0.0).then_some(DepthPrior { depth, weights })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_at_the_outline_take_no_side() {
+        // A square of 3 x 3 in an image of 7 x 5: its middle is inside, pixels two away from it are outside.
+        let mask: Vec<u8> = (0..35)
+            .map(|pixel| if (2..5).contains(&(pixel % 7)) && (1..4).contains(&(pixel / 7)) { 255 } else { 0 })
+            .collect();
+        let sides = sides(&mask, 7);
+        assert_eq!(sides[2 * 7 + 3], 1);
+        assert_eq!(sides.iter().filter(|side| **side == 1).count(), 1);
+        assert!((0..5).all(|y| sides[7 * y] == -1 && sides[7 * y + 6] == -1));
+        assert_eq!(sides.iter().filter(|side| **side == -1).count(), 10);
+        assert_eq!(super::sides(&[], 0), Vec::<i8>::new());
+    }
 }

@@ -2,13 +2,13 @@
 
 use burn::tensor::{IndexingUpdateOp, Tensor};
 use gs_burn::{Extras, Gaussians, Rendering, render_with};
-use gs_models::sparsedyn::refinement::{masked_depth, opacity_sparsity};
+use gs_models::sparsedyn::refinement::{masked_depth, opacity_sparsity, outline_misfit};
 use gs_models::sparsedyn::{Ask, Recorded, Rollout, State};
 use rand::Rng;
 
 use super::config::MotionModel;
 use super::cues::warmup_steps;
-use super::extra::DepthCue;
+use super::extra::PhotoCues;
 use super::motion::{Direction, Moved};
 use super::order::weight;
 use super::{Sparsedyn, Step};
@@ -26,7 +26,7 @@ impl Sparsedyn {
     pub(super) fn compared(
         &self,
         gaussians: &Gaussians,
-        photos: &[Photo<DepthCue>],
+        photos: &[Photo<PhotoCues>],
         screens: &[Tensor<2>],
         at: &Step,
     ) -> Forward {
@@ -51,7 +51,7 @@ impl Sparsedyn {
     fn first_frame(
         &self,
         gaussians: &Gaussians,
-        photo: &Photo<DepthCue>,
+        photo: &Photo<PhotoCues>,
         screen: Option<Tensor<2>>,
         at: &Step,
     ) -> Forward {
@@ -62,6 +62,9 @@ impl Sparsedyn {
         if warmup.opacity > 0.0 && !gaussians.is_empty() {
             let factor = if at.cues.depths.is_empty() { WITHOUT_PRIORS } else { 1.0 };
             loss = loss + opacity_sparsity(gaussians.opacities()) * (factor * warmup.opacity);
+        }
+        if let Some(sides) = photo.extra.outline.clone() {
+            loss = loss + outline_misfit(rendering.alpha.clone(), sides) * warmup.outline;
         }
         if let (Some((depth, weights)), Some(rendered)) = (prior, rendering.expected_depth()) {
             let term = masked_depth(rendered, depth.clone(), weights.clone());
@@ -132,7 +135,7 @@ fn remainder(recorded: Recorded, leaves: Vec<State>, rows: Tensor<1, burn::tenso
 /// The rendering of a photo's view.
 fn drawn(
     gaussians: &Gaussians,
-    photo: &Photo<DepthCue>,
+    photo: &Photo<PhotoCues>,
     screen: Option<Tensor<2>>,
     depth: bool,
     at: &Step,

@@ -15,7 +15,7 @@ use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
-use super::{Config, Cues, DepthCue, Sparsedyn, Step, begin, config, discover, figures};
+use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, discover, figures};
 use crate::config::FitConfig;
 use crate::fit::figure::Figures;
 use crate::fit::foresight::Foresight;
@@ -28,7 +28,7 @@ impl Method for Sparsedyn {
     const NAME: &'static str = "sparsedyn";
     type Config = Sections;
     type Cues = Cues;
-    type Extra = DepthCue;
+    type Extra = PhotoCues;
 
     fn defaults() -> FitConfig<Sections> {
         config::defaults()
@@ -70,15 +70,15 @@ impl Method for Sparsedyn {
         begin::begin(scene, at, device)
     }
 
-    fn extra(view: &View, index: usize, at: &Step, device: &Device) -> DepthCue {
-        DepthCue::new(at.cues, view, index, device)
+    fn extra(view: &View, index: usize, at: &Step, device: &Device) -> PhotoCues {
+        PhotoCues::new(at.cues, view, index, device)
     }
 
     fn order(&self, views: &[View], config: &Config) -> Box<dyn ViewOrder> {
         Box::new(Progressive::new(views, config))
     }
 
-    fn forward(&self, gaussians: &Gaussians, photos: &[Photo<DepthCue>], screens: &[Tensor<2>], at: &Step) -> Forward {
+    fn forward(&self, gaussians: &Gaussians, photos: &[Photo<PhotoCues>], screens: &[Tensor<2>], at: &Step) -> Forward {
         self.compared(gaussians, photos, screens, at)
     }
 

@@ -32,7 +32,7 @@ pub mod update;
 
 pub use config::Sections;
 pub use cues::Cues;
-pub use extra::DepthCue;
+pub use extra::PhotoCues;
 pub use model::Sparsedyn;
 
 /// A whole configuration of the pipeline.
