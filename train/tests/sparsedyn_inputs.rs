@@ -88,7 +88,7 @@ fn the_schedule_is_printed_and_plotted() {
     for line in [
         "schedule: steps 1 to 8: the first frame alone",
         "schedule: steps 9 to ",
-        "a window of 1 frames that grows by 1 every ",
+        "a window of 1 frame that grows by 1 every ",
         " to 40: a frame from number ",
         "and 4 earlier ones at a weight of 0.5 together",
         "schedule: bodies are looked for ",
@@ -107,34 +107,38 @@ fn the_schedule_is_printed_and_plotted() {
     assert!(!said.contains("bodies are looked for") && !said.contains("a window of"), "{said}");
 }
 
+/// A sweep over `world` of runs of six steps, without the cap of [`KEYS`].
+fn sweep<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    let keys = KEYS.into_iter().filter(|key| !key.starts_with("density")).chain(["steps=6"]);
+    let set = keys.flat_map(|key| ["--set", key]);
+    ["sweep", "world"].into_iter().chain(set).chain(more.iter().copied()).collect()
+}
+
 #[test]
 fn a_model_is_chosen_by_validation_and_not_by_the_reported_split() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     world(folder);
-    let set: Vec<&str> =
-        KEYS[..2].iter().chain(&KEYS[3..]).chain(&["steps=6"]).flat_map(|key| ["--set", *key]).collect();
-    let sweep = |more: &[&str]| -> Vec<&str> { [&["sweep", "world", "--out", "swept"][..], &set, more].concat() };
-    let error = fails(folder, &sweep(&["--choose", "smallest", "--choose-by", "test"]));
+    let error = fails(folder, &sweep(&["--out", "swept", "--choose", "smallest", "--choose-by", "test"]));
     assert!(error.contains("not the reported one"), "{error}");
-    let error = fails(folder, &sweep(&["--choose", "smallest", "--choose-by", "nowhere"]));
+    let error = fails(folder, &sweep(&["--out", "swept", "--choose", "smallest", "--choose-by", "nowhere"]));
     assert!(error.contains("\"nowhere\"") && error.contains("validation"), "{error}");
     assert!(!folder.join("swept").exists(), "nothing was trained for a choice that cannot be made");
 
-    let said = succeeds(folder, &sweep(&["--choose", "smallest"]));
+    let said = succeeds(folder, &sweep(&["--out", "swept", "--choose", "smallest"]));
     assert!(said.contains("run 8 of 8: width-64_bands-3_cap-20000") && said.contains("chosen: width-"), "{said}");
     let table = fs::read_to_string(folder.join("swept/choice.md")).expect("a table");
     assert_eq!(table.lines().filter(|line| line.starts_with("| width-")).count(), 8, "{table}");
     assert!(table.contains("images of validation") && table.contains("| chosen"), "{table}");
-    assert!(fs::read_to_string(folder.join("swept/choice.csv")).expect("a table").contains("reported dB"));
+    assert!(table.contains("reported dB"), "{table}");
     // Finished runs are not trained again, and the choice is the same.
-    let again = succeeds(folder, &sweep(&["--choose", "smallest"]));
+    let again = succeeds(folder, &sweep(&["--out", "swept", "--choose", "smallest"]));
     assert_eq!(again.matches("finished already").count(), 8);
     assert_eq!(fs::read_to_string(folder.join("swept/choice.md")).expect("a table"), table);
 
     let around =
         ["--one-at-a-time", "--over", "dynamics.step_frames=1,2.0", "--over", "dynamics.ask=step", "--out", "star"];
-    let said = succeeds(folder, &sweep(&around)[..2].iter().chain(&set).chain(&around).copied().collect::<Vec<_>>());
+    let said = succeeds(folder, &sweep(&around));
     assert!(said.contains("step_frames-2.0: has the configuration of base; left out"), "{said}");
     assert!(said.contains("run 3 of 3: ask-step"), "{said}");
     let chart = fs::read_to_string(folder.join("star/chart.svg")).expect("a chart");
@@ -157,17 +161,18 @@ fn times_outside_0_to_1_are_learned_the_same() {
         }
     });
     let said = trains(folder, "scaled", "60", &[]);
-    assert!(said.contains("times are learned in units of 2"), "{said}");
+    assert!(said.contains("times are learned in units of 250,"), "{said}");
     let ((psnr, speed), (scaled_psnr, scaled_speed)) = (figures(folder, "plain"), figures(folder, "scaled"));
-    // The frames seen end at 23/32, not at 0.75: the unit differs by 4 %, and so does the start of the optimisation.
-    assert!((psnr - scaled_psnr).abs() < 1.0, "{psnr} and {scaled_psnr}");
-    assert!((scaled_speed * UNIT / speed).ln().abs() < 0.5, "{speed} and {scaled_speed} x {UNIT}");
+    println!("{psnr} and {scaled_psnr} dB, {speed} and {scaled_speed} units/time");
+    // Times differ by the rounding of f64; sixty steps of f32 do not make more of it than these.
+    assert!((psnr - scaled_psnr).abs() < 0.2, "{psnr} and {scaled_psnr}");
+    assert!((scaled_speed * UNIT / speed).ln().abs() < 0.1, "{speed} and {scaled_speed} x {UNIT}");
     let error = fails(folder, &["extrapolate", "scaled", "--to", "0.9", "--out", "no"]);
-    assert!(error.contains("expected a time after 2"), "{error}");
+    assert!(error.contains("expected a time after 287.5"), "{error}");
     let said = succeeds(folder, &["extrapolate", "scaled", "--to", "350", "--frames", "3", "--out", "later"]);
     assert!(said.contains("gain over held"), "{said}");
     let info = succeeds(folder, &["info", "scaled"]);
-    assert!(info.contains("100 to 2"), "{info}");
+    assert!(info.contains("100 to 287.5"), "{info}");
 }
 
 /// Frames are missing irregularly: the recording has the times that are left, and a step has the length of two median frames.
@@ -217,14 +222,15 @@ fn one_camera_and_points_that_no_photo_shows_are_told() {
     assert!(error.contains("expected a time for each frame, found none"), "{error}");
 }
 
-/// A depth prior of `size` x `size` pixels, all of one value, as NPY.
+/// A depth prior of some pixels, from `value` to twice of it, as NPY.
 fn npy(path: &Path, [height, width]: [usize; 2], value: f32) {
     let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
     let padded = format!("{header:<117}\n");
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((padded.len() as u16).to_le_bytes());
     bytes.extend(padded.bytes());
-    bytes.extend(std::iter::repeat_n(value.to_le_bytes(), height * width).flatten());
+    let count = height * width;
+    bytes.extend((0..count).flat_map(|pixel| (value * (1.0 + pixel as f32 / count as f32)).to_le_bytes()));
     fs::write(path, bytes).expect("written");
 }
 

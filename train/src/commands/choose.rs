@@ -1,7 +1,5 @@
 //! `gsburn sweep --choose`: the runs of a sweep measured on a split that is not reported, and the model that it chooses.
 
-use std::path::Path;
-
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use gs_datasets::Split;
@@ -14,8 +12,8 @@ use crate::report::comparison::{Candidate, Choice, ComparedRun, by_cpu, seconds}
 use crate::run::folder::RunFolder;
 use crate::run::scene::read_file;
 
-/// The files of a choice in the folder of a sweep.
-pub const FILES: [&str; 2] = ["choice.md", "choice.csv"];
+/// The table of a choice in the folder of a sweep.
+pub const FILE: &str = "choice.md";
 
 /// Measures that a choice does not need.
 const LEFT_OUT: [&str; 2] = ["eval.lpips=false", "eval.ms_ssim=false"];
@@ -83,9 +81,8 @@ pub fn choose(args: &SweepArgs, runs: &[ComparedRun], plan: &[(&RunFolder, &Reso
     };
     let (table, sentence) = (choice.table(), choice.sentence());
     print(format!("\n{}\n{sentence}", table.text()));
-    let path = |name: &str| Path::new(&args.out).join(name);
-    write_atomic(&path(FILES[0]), marked(&format!("{}\n{sentence}\n", table.markdown())).as_bytes())?;
-    write_atomic(&path(FILES[1]), table.csv().as_bytes())?;
-    print(format!("choice {}", path(FILES[0]).display()));
+    let path = args.out.join(FILE);
+    write_atomic(&path, marked(&format!("{}\n{sentence}\n", table.markdown())).as_bytes())?;
+    print(format!("choice {}", path.display()));
     Ok(())
 }

@@ -41,8 +41,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
     }
     // Every argument is checked here, before the first of many hours of training.
     let plan = planned(args)?;
-    let choices: &[&str] = if args.choose.is_some() { &choose::FILES } else { &[] };
-    let files = ["chart.svg", "chart.md", "chart.csv", "index.html"].iter().chain(choices);
+    let choice = args.choose.map(|_| choose::FILE);
+    let files = ["chart.svg", "chart.md", "chart.csv", "index.html"].into_iter().chain(choice);
     outputs::check(&files.map(|name| args.out.join(name)).collect::<Vec<_>>(), &[])?;
     if let (Some(_), Some((_, config, _))) = (args.choose, plan.first()) {
         choose::check_split(args, config)?;

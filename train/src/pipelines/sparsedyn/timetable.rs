@@ -1,6 +1,6 @@
 //! The schedule of a training: in lines for the terminal, as curves for a chart.
 
-use gs_datasets::Scene;
+use gs_datasets::{Scene, counted};
 use gs_models::sparsedyn::Phase;
 
 use super::Step;
@@ -44,11 +44,12 @@ pub fn lines(frame: &Frame, at: &Step) -> Vec<String> {
         && long > warmup + 1
     {
         lines.push(format!(
-            "schedule: steps {} to {}: a window of {frames} frames that grows by {} every {} steps",
+            "schedule: steps {} to {}: a window of {} that grows by {} every {}",
             warmup + 1,
             long - 1,
+            counted(frames, "frame"),
             schedule.growth,
-            schedule.interval
+            counted(schedule.interval, "step")
         ));
     }
     if long <= config.steps {
@@ -64,8 +65,8 @@ pub fn lines(frame: &Frame, at: &Step) -> Vec<String> {
     lines.extend(events(at).map(|events| {
         let (first, last) = (events.examinations.first().copied(), events.examinations.last().copied());
         format!(
-            "schedule: bodies are looked for {} times from step {} to {}, and get their laws at step {}",
-            events.examinations.len(),
+            "schedule: bodies are looked for {} from step {} to {}, and get their laws at step {}",
+            counted(events.examinations.len(), "time"),
             first.unwrap_or(0),
             last.unwrap_or(0),
             events.select
