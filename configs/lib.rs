@@ -21,7 +21,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 37] = [
+pub const RECIPES: [Recipe; 38] = [
     recipe!("sparsedyn/ablations/full-horizon"),
     recipe!("sparsedyn/ablations/no-regularisation"),
     recipe!("sparsedyn/ablations/no-outline"),

@@ -174,6 +174,7 @@ fn future(body: bool) -> RolledFuture {
     let mut values = LawValues::REST;
     values.set(Term::Spin, DVec3::new(0.0, 0.0, SPIN));
     let frame = Frame {
+        clock: Default::default(),
         rows: (10..rows as u32).collect(),
         labels: vec![if body { 0 } else { -1 }; rows - 10],
         bodies: if body { frames.clone() } else { Vec::new() },

@@ -1,6 +1,6 @@
 //! Sets in the manner of NVFi: training up to time 0.75, held-out cameras, and a future of all cameras.
 
-use gs_datasets::{LoadOptions, Scene, Split, View, load};
+use gs_datasets::{LoadOptions, Scene, SparseViews, Split, View, load};
 use serde_json::{Map, Value, json};
 
 use crate::fixtures::{Folder, ring};
@@ -34,6 +34,9 @@ fn written(nested: bool) -> Folder {
             for frame in &frames {
                 let mut frame = frame.clone();
                 frame["transform_matrix"] = ring(camera);
+                // A pose that was written several times differs in its last digits.
+                let x = frame["transform_matrix"][0][3].as_f64().expect("a number");
+                frame["transform_matrix"][0][3] = json!(x + 1e-8 * flat.len() as f64);
                 flat.push(frame);
             }
             if !frames.is_empty() {
@@ -83,5 +86,21 @@ fn both_shapes_give_training_validation_and_future() {
         assert_eq!((view.width, view.height), (8, 6));
         assert_eq!(view.image.data[..3], [200, 5, 0]);
         assert_eq!(view.image.data[3 * 7..3 * 8], [255; 3]);
+    }
+}
+
+/// The protocol of few views: three training cameras of all five, the others held out, at seen and at later times.
+#[test]
+fn both_shapes_give_the_protocol_of_few_views() {
+    for nested in [false, true] {
+        let folder = written(nested);
+        let sparse = Some(SparseViews { train: 3, validation: 2, seen: 0.75 });
+        let scene = load(folder.path(), &LoadOptions { sparse, ..LoadOptions::default() }).expect("loaded");
+        let split = |name: &str| scene.split(name).expect("a split");
+        assert_eq!((scene.train.len(), cameras(&scene.train), times(&scene.train).1), (3 * 10, 3, Some(0.75)));
+        let (validation, test, seen) = (split(Split::VALIDATION), split(Split::TEST), split(Split::TEST_SEEN));
+        assert_eq!((test.len(), cameras(test), times(test).0), (cameras(test) * 2, cameras(test), Some(10.0 / 12.0)));
+        assert!(cameras(validation) >= 1 && times(validation).1 <= Some(0.75));
+        assert_eq!((seen.len(), cameras(seen)), (3 * 2, 3));
     }
 }

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
 use clap::builder::ValueHint;
+use clap::{Args, ValueEnum};
 
 use super::DeviceArgs;
 use crate::pipelines::examples;
@@ -36,6 +36,18 @@ pub struct SweepArgs {
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub over: Vec<String>,
 
+    /// Change one value at a time: a run without any change, and one for each value of --over
+    #[arg(long)]
+    pub one_at_a_time: bool,
+
+    /// Choose a model afterwards, by a held-out split that is not the reported one; without --over, the pipeline's own small grid
+    #[arg(long, value_name = "RULE", value_enum)]
+    pub choose: Option<Rule>,
+
+    /// The split by which --choose chooses
+    #[arg(long, value_name = "NAME", default_value = "validation", requires = "choose")]
+    pub choose_by: String,
+
     /// Set one value in all runs, as in --set steps=2000 (repeatable)
     #[arg(short, long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
@@ -51,4 +63,11 @@ pub struct SweepArgs {
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
+}
+
+/// How a model is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Rule {
+    /// The smallest scene whose PSNR is within one standard error of the best
+    Smallest,
 }

@@ -3,6 +3,8 @@
 pub mod bench;
 pub mod chart;
 pub mod check;
+pub mod choose;
+mod combinations;
 pub mod demo;
 pub mod eval;
 pub mod export;

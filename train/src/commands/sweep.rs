@@ -9,27 +9,15 @@ use gs_datasets::image_io::write_atomic;
 use gs_datasets::printable;
 
 use crate::cli::SweepArgs;
-use crate::commands::{command_line, describe, device, marked, print};
+use crate::commands::combinations::{Combination, combinations};
+use crate::commands::{choose, command_line, describe, device, marked, print};
 use crate::pipelines::{Resolved, Sources, resolve, resolve_saved};
-use crate::report::comparison::{Panels, Table, enough, gather, page, stacked};
+use crate::report::comparison::{Gathered, Panels, Table, enough, gather, page, stacked};
 use crate::run::folder::{RunFolder, full_path};
 use crate::run::interrupt;
 use crate::run::outputs;
 use crate::run::resources::forget_peak_memory;
 use crate::run::watch::{Ending, Job};
-
-/// One combination.
-#[derive(Debug, Clone, PartialEq)]
-struct Combination {
-    /// Name of its folder.
-    name: String,
-    /// Its configuration file.
-    file: Option<PathBuf>,
-    /// Its recipe.
-    recipe: Option<String>,
-    /// Its values, in the words of `--set`.
-    overrides: Vec<String>,
-}
 
 /// Progress of a combination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,18 +40,13 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
         bail!("{}: expected a data set, found nothing", args.dataset.display());
     }
     // Every argument is checked here, before the first of many hours of training.
-    let plan: Vec<Planned> = combinations(args)?
-        .into_iter()
-        .map(|combination| {
-            let Combination { name, file, recipe, overrides } = combination;
-            let sources = Sources { file: file.as_deref(), recipe: recipe.as_deref(), overrides: &overrides };
-            let config = resolve(sources)?;
-            let folder = RunFolder::at(args.out.join(&name));
-            let state = state(&folder, &config, &args.dataset)?;
-            Ok((folder, config, state))
-        })
-        .collect::<Result<_>>()?;
-    outputs::check(&["chart.svg", "chart.md", "chart.csv", "index.html"].map(|name| args.out.join(name)), &[])?;
+    let plan = planned(args)?;
+    let choice = args.choose.map(|_| choose::FILE);
+    let files = ["chart.svg", "chart.md", "chart.csv", "index.html"].into_iter().chain(choice);
+    outputs::check(&files.map(|name| args.out.join(name)).collect::<Vec<_>>(), &[])?;
+    if let (Some(_), Some((_, config, _))) = (args.choose, plan.first()) {
+        choose::check_split(args, config)?;
+    }
     interrupt::watch();
     for (i, (folder, config, state)) in plan.iter().enumerate() {
         let place = format!("run {} of {}: {}", i + 1, plan.len(), folder.name());
@@ -77,7 +60,31 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
             return Ok(ExitCode::from(interrupt::exit_code()));
         }
     }
-    compare(&args.out, &plan)
+    let found = compare(&args.out, &plan)?;
+    if args.choose.is_some() {
+        let plan: Vec<(&RunFolder, &Resolved)> = plan.iter().map(|(folder, config, _)| (folder, config)).collect();
+        choose::choose(args, &found.runs, &plan, &device)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The runs of a sweep. A change that changes nothing (the recipe's own value) is left out.
+fn planned(args: &SweepArgs) -> Result<Vec<Planned>> {
+    let mut plan: Vec<Planned> = Vec::new();
+    for combination in combinations(args)? {
+        let Combination { name, file, recipe, overrides } = combination;
+        let sources = Sources { file: file.as_deref(), recipe: recipe.as_deref(), overrides: &overrides };
+        let config = resolve(sources)?;
+        let folder = RunFolder::at(args.out.join(&name));
+        let same = plan.iter().find(|(_, other, _)| other.text == config.text);
+        if let Some((other, ..)) = same.filter(|_| args.one_at_a_time) {
+            say(args, &format!("{name}: has the configuration of {}; left out", other.name()));
+            continue;
+        }
+        let state = state(&folder, &config, &args.dataset)?;
+        plan.push((folder, config, state));
+    }
+    Ok(plan)
 }
 
 /// Trains one combination; `false` when it was interrupted.
@@ -98,8 +105,8 @@ fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Resolved, state: Stat
     Ok(matches!(config.pipeline.train(&job)?, Ending::Finished(_)))
 }
 
-/// Writes chart, tables and page.
-fn compare(out: &Path, plan: &[Planned]) -> Result<ExitCode> {
+/// Writes chart, tables and page, and returns the runs.
+fn compare(out: &Path, plan: &[Planned]) -> Result<Gathered> {
     let paths: Vec<PathBuf> = plan.iter().map(|(folder, ..)| folder.path().to_path_buf()).collect();
     let found = gather(&paths)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
@@ -115,7 +122,7 @@ fn compare(out: &Path, plan: &[Planned]) -> Result<ExitCode> {
     let linked = table.linked(&found.runs);
     write_atomic(&index, page(&RunFolder::at(out).name(), &panels, &linked, &found.warnings, &command).as_bytes())?;
     print(format!("chart  {}\npage   {}", out.join("chart.svg").display(), index.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(found)
 }
 
 fn say(args: &SweepArgs, line: &str) {
@@ -142,124 +149,4 @@ fn state(folder: &RunFolder, config: &Resolved, dataset: &Path) -> Result<State>
     }
     let finished = folder.read_eval().is_ok_and(|eval| eval.last.step >= eval.steps);
     Ok(if finished { State::Finished } else { State::Begun })
-}
-
-/// Every combination of configuration files and values, the last key changing fastest.
-fn combinations(args: &SweepArgs) -> Result<Vec<Combination>> {
-    if args.configs.is_empty() && args.recipes.is_empty() && args.over.is_empty() {
-        bail!("a sweep needs something to sweep over: --over KEY=VALUE,..., --configs FILE,... or --recipes NAME,...");
-    }
-    let keys: Vec<(&str, Vec<&str>)> = args.over.iter().map(|text| parse_over(text)).collect::<Result<_>>()?;
-    let begin = |file: Option<&PathBuf>, recipe: Option<&String>, name: String| Combination {
-        name,
-        file: file.cloned(),
-        recipe: recipe.cloned(),
-        overrides: args.set.clone(),
-    };
-    let mut all: Vec<Combination> = match (args.configs.as_slice(), args.recipes.as_slice()) {
-        ([], []) => vec![begin(args.config.as_ref(), args.recipe.as_ref(), String::new())],
-        ([], recipes) => recipes.iter().map(|name| begin(None, Some(name), stem(Path::new(name)))).collect(),
-        (files, _) => files.iter().map(|file| begin(Some(file), None, stem(file))).collect(),
-    };
-    for (key, values) in &keys {
-        let short = short_name(key, &keys);
-        let with = |combination: &Combination, value: &str| {
-            let part = format!("{short}-{}", in_a_name(value));
-            let overrides = combination.overrides.iter().cloned().chain([format!("{key}={value}")]);
-            let separator = if combination.name.is_empty() { "" } else { "_" };
-            Combination {
-                name: format!("{}{separator}{part}", combination.name),
-                overrides: overrides.collect(),
-                ..combination.clone()
-            }
-        };
-        all = all.iter().flat_map(|combination| values.iter().map(|value| with(combination, value))).collect();
-    }
-    for (i, combination) in all.iter().enumerate() {
-        if all[..i].iter().any(|other| other.name == combination.name) {
-            bail!("two runs of the sweep would have the folder {}; leave out or rename one", combination.name);
-        }
-    }
-    Ok(all)
-}
-
-/// Parses `blur.samples=3,7` as the key and its values; commas inside brackets or quotes belong to a value.
-fn parse_over(text: &str) -> Result<(&str, Vec<&str>)> {
-    let Some((key, list)) = text.split_once('=') else {
-        bail!("--over {text}: expected KEY=VALUE,..., found no `=`");
-    };
-    let (mut values, mut depth, mut quoted, mut begin) = (Vec::new(), 0_i32, false, 0);
-    for (at, c) in list.char_indices() {
-        match c {
-            '"' => quoted = !quoted,
-            '[' | '{' if !quoted => depth += 1,
-            ']' | '}' if !quoted => depth -= 1,
-            ',' if !quoted && depth == 0 => {
-                values.push(list[begin..at].trim());
-                begin = at + 1;
-            }
-            _ => {}
-        }
-    }
-    values.push(list[begin..].trim());
-    if values.iter().any(|value| value.is_empty()) {
-        bail!("--over {text}: expected values between the commas, found nothing");
-    }
-    Ok((key.trim(), values))
-}
-
-/// The last component of a key, or the whole key if another one ends alike.
-fn short_name<'a>(key: &'a str, keys: &[(&str, Vec<&str>)]) -> &'a str {
-    let last = |key: &'a str| key.rsplit('.').next().unwrap_or(key);
-    let alike = keys.iter().filter(|(other, _)| other.rsplit('.').next() == Some(last(key))).count();
-    if alike > 1 { key } else { last(key) }
-}
-
-/// A value as part of a folder's name.
-fn in_a_name(value: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || c == '.' || c == '-';
-    let name: String = value.chars().map(|c| if plain(c) { c } else { ' ' }).collect();
-    name.split_whitespace().collect::<Vec<_>>().join("_")
-}
-
-fn stem(file: &Path) -> String {
-    file.file_stem().map_or_else(|| "config".into(), |stem| stem.to_string_lossy().into_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::Parser;
-
-    use super::*;
-    use crate::cli::{Cli, Command};
-
-    fn names(args: &[&str]) -> Result<Vec<String>> {
-        let line = ["gsburn", "sweep", "data", "--out", "x"].iter().chain(args);
-        let Command::Sweep(args) = Cli::try_parse_from(line).expect("valid arguments").command else {
-            unreachable!("the command is sweep")
-        };
-        Ok(combinations(&args)?.into_iter().map(|combination| combination.name).collect())
-    }
-
-    #[test]
-    fn every_combination_has_a_name() {
-        let two = names(&["--over", "blur.samples=3,7", "--over", "density.cap=5000, 10000"]).expect("valid");
-        assert_eq!(two, ["samples-3_cap-5000", "samples-3_cap-10000", "samples-7_cap-5000", "samples-7_cap-10000"]);
-        let files = names(&["--configs", "a/paper.toml,itg.toml", "--over", "seed=1,2"]).expect("valid");
-        assert_eq!(files, ["paper_seed-1", "paper_seed-2", "itg_seed-1", "itg_seed-2"]);
-        let alike = names(&["--over", "density.every=1", "--over", "checkpoint.every=2"]).expect("valid");
-        assert_eq!(alike, ["density.every-1_checkpoint.every-2"]);
-        let lists = names(&["--over", "data.background=[0,0,0],[1,1,1]"]).expect("valid");
-        assert_eq!(lists, ["background-0_0_0", "background-1_1_1"]);
-    }
-
-    #[test]
-    fn what_cannot_be_swept_is_said() {
-        let message = |args: &[&str]| names(args).expect_err("invalid").to_string();
-        assert!(message(&[]).contains("--over"));
-        assert!(message(&["--over", "steps"]).contains("no `=`"));
-        assert!(message(&["--over", "steps=1,,2"]).contains("found nothing"));
-        assert!(message(&["--over", "steps=1,1"]).contains("steps-1"));
-        assert!(message(&["--configs", "a/x.toml,b/x.toml"]).contains("folder x"));
-    }
 }

@@ -20,6 +20,7 @@ use super::foresight::Foresight;
 use super::initialise::{InitialGaussians, initial_gaussians};
 use super::photos::{Extra, Photo};
 use super::sampler::{Sampler, ViewOrder};
+use super::timetable::Timetable;
 use crate::config::{Config, FitConfig, Section};
 
 /// One step, or one measurement, with everything that a method may read in it.
@@ -269,6 +270,11 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         (Vec::new(), Vec::new())
     }
 
+    /// The schedule of the training, for a chart; `None`: nothing changes on the way.
+    fn timetable(_scene: &Scene, _at: &Step<Self>) -> Option<Timetable> {
+        None
+    }
+
     /// Lines for `gsburn info`: name and value.
     fn described(&self) -> Vec<(&'static str, String)> {
         Vec::new()
@@ -325,6 +331,11 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     /// Keys of the configuration by which charts distinguish runs.
     fn chart_keys() -> &'static [ChartKey] {
         &[CAP]
+    }
+
+    /// Keys that decide how large the model is, each with a few values: what `gsburn sweep --choose smallest` tries by default.
+    fn sizes() -> &'static [(&'static str, &'static [&'static str])] {
+        &[]
     }
 }
 

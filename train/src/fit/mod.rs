@@ -10,6 +10,7 @@
 //! | [`foresight`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
+//! | [`timetable`] | what a training does at which step, for charts |
 //! | [`parameters`] | Gaussians as a table |
 //! | [`density`] | adding, relocating and removing Gaussians |
 //! | [`snapshot`] | the state as named tensors, for checkpoints |
@@ -29,4 +30,5 @@ pub mod sampler;
 pub mod schedule;
 pub mod session;
 pub mod snapshot;
+pub mod timetable;
 pub mod trainer;

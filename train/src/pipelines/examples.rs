@@ -36,6 +36,11 @@ Examples:
   gsburn sweep cube --recipe taylormode/base \\
       --over blur.samples=3,7,15 --over density.cap=5000,10000 --out runs/cube-sweep
   gsburn sweep cube --recipes taylormode/paper,taylormode/itg,taylormode/base --set steps=2000 --out runs/methods
+  gsburn sweep fan --set pipeline=sparsedyn --one-at-a-time --over dynamics.step_frames=1,4 --over dynamics.ask=step,stage --out runs/fan-cost
+  gsburn sweep fan --set pipeline=sparsedyn --set data.train_cameras=5 --choose smallest --out runs/fan-size
+
+--choose smallest measures the runs on the validation images and chooses the smallest scene within one standard error of the best;
+choice.md says what it saves and what it costs. The reported split takes no part in the choice.
 
 One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
 chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::{Error, Result, bail};
 use burn::tensor::Device;
+use gs_datasets::image_io::write_atomic;
 use gs_datasets::{CheckReport, LoadOptions, Scene};
 use toml::Table;
 
@@ -18,7 +19,9 @@ use crate::fit::session::{Data, Session, Stepped};
 use crate::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
 use crate::fit::trainer::{Model, Trainer};
 use crate::report;
+use crate::report::charts::Chart;
 use crate::report::future::{self, Known, Studio};
+use crate::report::timetable;
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::evaluate::{Evaluator, HeldOut};
 use crate::run::fingerprint::Fingerprint;
@@ -60,6 +63,11 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     let mut session = Session::begin(&data, config, trainer, &job.device);
     let mut run = Run::begin(job, plan, session.trainer.step, held)?;
     introduce(&run, &session, job);
+    if let Some(chart) = schedule(&data, &session.at()) {
+        let path = job.folder.plots().join(format!("{}.svg", timetable::NAME));
+        write_atomic(&path, chart.svg().as_bytes())?;
+        run.say(&format!("schedule plotted in {}", path.display()));
+    }
     let evaluator = Evaluator::new(&config.eval, &job.device);
 
     while session.trainer.step < config.steps {
@@ -99,12 +107,17 @@ fn finish<M: Method>(
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
     let file = run.record(step, measured)?;
     let history = run.finish()?;
-    report::write(&job.folder, &file, &history, &pictures, &config.to_toml())?;
+    report::write(&job.folder, &file, &history, &pictures, schedule(data, &at), &config.to_toml())?;
     report_future(job, data, trainer, config)?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }
     Ok(Ending::Finished(Box::new(file)))
+}
+
+/// The chart of the schedule, if the method has one.
+fn schedule<M: Method>(data: &Data<M>, at: &Step<M>) -> Option<Chart> {
+    M::timetable(&data.scene, at).as_ref().map(timetable::chart)
 }
 
 /// Adds the future to the report, where cameras that are held out saw one.
@@ -310,6 +323,10 @@ impl<M: Method> Pipeline for Fit<M> {
         let evaluator = Evaluator::new(&config.eval, request.device);
         let (measured, pictures) = evaluator.measure(&model, &scene, &held_out, &at, kept);
         Ok(Evaluated { step, measured, pictures })
+    }
+
+    fn sizes(&self) -> &'static [(&'static str, &'static [&'static str])] {
+        M::sizes()
     }
 
     fn experiments(&self) -> &'static [&'static Experiment] {

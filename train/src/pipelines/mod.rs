@@ -84,6 +84,11 @@ pub trait Pipeline: Sync {
     /// One sentence saying what was wrong with the scene or the data set.
     fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen>;
 
+    /// Keys that decide how large the model is, each with a few values; empty: the pipeline proposes none.
+    fn sizes(&self) -> &'static [(&'static str, &'static [&'static str])] {
+        &[]
+    }
+
     /// Experiments at the edge of the method, for `gsburn stability`.
     fn experiments(&self) -> &'static [&'static Experiment] {
         &[]

@@ -19,6 +19,9 @@ const COLORS: [RGBColor; 6] = [
 /// Weight of the newest value in [`smoothed`].
 const SMOOTHING: f64 = 0.1;
 
+/// Opacity of the line of an event: what is drawn over it stays visible.
+const EVENT: f64 = 0.7;
+
 /// Points that belong together.
 #[derive(Debug, Clone, Serialize)]
 pub struct Series {
@@ -33,6 +36,19 @@ enum Style {
     Line,
     Dots,
     LineAndDots,
+    Draws,
+    Events,
+}
+
+impl Style {
+    /// Radius of its dots, pixels; `None` without dots.
+    fn radius(self) -> Option<u32> {
+        match self {
+            Self::Line | Self::Events => None,
+            Self::Dots | Self::LineAndDots => Some(4),
+            Self::Draws => Some(2),
+        }
+    }
 }
 
 impl Series {
@@ -49,6 +65,17 @@ impl Series {
     /// Points as dots joined by a line.
     pub fn line_and_dots(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, style: Style::LineAndDots }
+    }
+
+    /// Many points as small dots.
+    pub fn draws(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Draws }
+    }
+
+    /// A vertical line from `low` to `high` at each step.
+    pub fn events(name: &str, steps: &[usize], [low, high]: [f64; 2]) -> Self {
+        let points = steps.iter().flat_map(|step| [(*step as f64, low), (*step as f64, high)]).collect();
+        Self { name: name.into(), points, style: Style::Events }
     }
 
     /// Its name in the legend.
@@ -116,17 +143,24 @@ impl Chart {
         for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
             let points = finite(&series.points);
             let color = *color;
-            if series.style != Style::Dots {
+            if matches!(series.style, Style::Line | Style::LineAndDots) {
                 let drawn = chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
                 drawn
                     .label(&series.name)
                     .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
             }
-            if series.style != Style::Line {
-                let dots = points.iter().map(|point| Circle::new(*point, 4, color.filled()));
+            if series.style == Style::Events {
+                let ends = points.chunks_exact(2).map(|ends| PathElement::new(ends.to_vec(), color.mix(EVENT)));
+                let drawn = chart.draw_series(ends)?;
+                drawn
+                    .label(&series.name)
+                    .legend(move |(x, y)| PathElement::new([(x + 9, y - 6), (x + 9, y + 6)], color.mix(EVENT)));
+            }
+            if let Some(radius) = series.style.radius() {
+                let dots = points.iter().map(|point| Circle::new(*point, radius, color.filled()));
                 let drawn = chart.draw_series(dots)?;
-                if series.style == Style::Dots {
-                    drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), 4, color.filled()));
+                if series.style != Style::LineAndDots {
+                    drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), radius, color.filled()));
                 }
             }
         }

@@ -10,6 +10,7 @@ mod page;
 pub mod pictures;
 mod profile;
 pub mod scatter;
+pub mod timetable;
 
 use anyhow::Result;
 use gs_datasets::guarded;
@@ -27,7 +28,7 @@ use pictures::SideBySide;
 /// nobody.
 const SECTION_MAX: u64 = 64 << 20;
 
-/// Writes renders/, plots/ and report.html of a run.
+/// Writes renders/, plots/ and report.html of a run. `schedule` is the chart of its schedule, if it has one.
 ///
 /// # Errors
 /// When a file cannot be written; files written before are kept.
@@ -36,6 +37,7 @@ pub fn write(
     eval: &EvalFile,
     history: &[MetricsLine],
     comparisons: &[Comparison],
+    schedule: Option<Chart>,
     config: &str,
 ) -> Result<()> {
     let pictures: Vec<SideBySide> = comparisons.iter().map(SideBySide::new).collect();
@@ -44,7 +46,8 @@ pub fn write(
         write_png(&path, picture.width, picture.height, &picture.pixels)?;
     }
     let mut plots = Vec::new();
-    for (name, chart) in curves(history) {
+    let schedule = schedule.map(|chart| (timetable::NAME.to_string(), chart));
+    for (name, chart) in curves(history).into_iter().chain(schedule) {
         let svg = chart.svg();
         write_atomic(&folder.plots().join(format!("{name}.svg")), svg.as_bytes())?;
         plots.push(svg);

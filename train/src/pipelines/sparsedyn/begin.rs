@@ -5,6 +5,7 @@ use burn::tensor::Device;
 use gs_datasets::{PointCloud, Scene, View};
 use gs_multiview::{HullOptions, Pinhole, foreground_masks, hull};
 
+use super::clock::Clock;
 use super::cues::Cues;
 use super::evidence::{may_move, swept};
 use super::model::{Frame, Sparsedyn};
@@ -28,6 +29,7 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
     // A small object that moves far is learned in steps of its way, not of its size.
     let length = spread.max(swept(&cues.evidence, centre.into()));
     let frame = Frame {
+        clock: cues.clock,
         labels: vec![-1; rows.len()],
         rows,
         bodies: Vec::new(),
@@ -77,7 +79,7 @@ fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointC
     let Some(masks) = foreground_masks(&first.train) else { return points };
     // Outlines before a plain background are exact, so none may miss the object.
     let options = HullOptions { points: cap, misses: Some(0), ..HullOptions::default() };
-    let hull = hull(first, &masks, cues.start(), &options);
+    let hull = hull(first, &masks, cues.clock.outer(cues.start()), &options);
     hull.notes.iter().for_each(|note| tracing::info!("{note}"));
     tracing::info!(
         points = hull.points.len(),
@@ -122,6 +124,7 @@ fn extent_of(means: &[[f32; 3]], rows: &[u32]) -> ([f64; 3], f64) {
 /// A module for Gaussians that are known at one time alone.
 pub fn at_rest(config: &Config, device: &Device) -> Sparsedyn {
     let frame = Frame {
+        clock: Clock::default(),
         rows: Vec::new(),
         labels: Vec::new(),
         bodies: Vec::new(),

@@ -7,6 +7,7 @@ use gs_models::sparsedyn::Curriculum;
 use gs_multiview::foreground_masks;
 
 use super::Config;
+use super::clock::Clock;
 use super::evidence::{CameraEvidence, changing_pixels};
 
 /// Times closer than this share of the recording are one frame: cameras that are triggered together differ by rounding.
@@ -18,11 +19,13 @@ const HALF_CONFIDENCE: f32 = 2.0;
 /// The cues of a data set.
 #[derive(Debug)]
 pub struct Cues {
-    /// The time of each frame of the training views, ascending; the first is the canonical one.
+    /// The unit of time of the dynamics.
+    pub clock: Clock,
+    /// The time of each frame of the training views, ascending, by the clock; the first is the canonical one.
     pub times: Vec<f64>,
     /// The training views of each frame, by index.
     pub by_frame: Vec<Vec<usize>>,
-    /// Median time between frames; 1 for a single frame.
+    /// Median time between frames, by the clock; 1 for a single frame.
     pub interval: f64,
     /// The depth priors of the first frame, by index of the training view.
     pub depths: BTreeMap<usize, DepthPrior>,
@@ -45,7 +48,9 @@ pub struct DepthPrior {
 impl Cues {
     /// The cues of `scene`.
     pub fn of(scene: &Scene, config: &Config) -> Self {
-        let (times, by_frame) = frames(&scene.train);
+        let (written, by_frame) = frames(&scene.train);
+        let clock = Clock::of(&written);
+        let times: Vec<f64> = written.into_iter().map(|time| clock.inner(time)).collect();
         let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
         gaps.sort_by(f64::total_cmp);
         let interval = gaps.get(gaps.len() / 2).copied().unwrap_or(1.0);
@@ -59,10 +64,10 @@ impl Cues {
             true => outlines_of(&scene.train, first),
             false => BTreeMap::new(),
         };
-        Self { times, by_frame, interval, depths, outlines, evidence }
+        Self { clock, times, by_frame, interval, depths, outlines, evidence }
     }
 
-    /// The canonical time.
+    /// The canonical time, by the clock.
     pub fn start(&self) -> f64 {
         self.times.first().copied().unwrap_or(0.0)
     }
@@ -98,7 +103,7 @@ pub fn warmup_steps(config: &Config) -> usize {
     (config.method.warmup.share * config.steps as f64).round() as usize
 }
 
-/// The time of each frame, ascending, and the views of each by index.
+/// The time of each frame as the data set writes it, ascending, and the views of each by index.
 pub fn frames(views: &[View]) -> (Vec<f64>, Vec<Vec<usize>>) {
     let time = |index: usize| views[index].time.unwrap_or(0.0);
     let mut order: Vec<usize> = (0..views.len()).collect();

@@ -53,14 +53,15 @@ pub fn simplified(model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, view
 }
 
 /// The steps at which bodies change.
-struct Events {
+pub(super) struct Events {
     /// Ascending; at the last one all frames were seen.
-    examinations: Vec<usize>,
-    select: usize,
+    pub examinations: Vec<usize>,
+    /// The step at which each body gets its law.
+    pub select: usize,
 }
 
 impl Events {
-    fn of(at: &Step) -> Self {
+    pub fn of(at: &Step) -> Self {
         let config = &at.config.method.bodies;
         let warmup = warmup_steps(at.config);
         let physics = at.config.steps - warmup;

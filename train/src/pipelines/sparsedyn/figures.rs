@@ -27,7 +27,7 @@ fn speed(model: &Sparsedyn, gaussians: &Gaussians) -> f64 {
     let first = model.first_positions(gaussians);
     let velocities = to_host(model.velocities(&first, model.frame.start));
     let speeds = velocities.chunks_exact(3).map(|v| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt());
-    speeds.sum::<f64>() / model.frame.rows.len() as f64
+    speeds.sum::<f64>() / model.frame.rows.len() as f64 / model.frame.clock.unit
 }
 
 /// Bytes of every number that is needed to draw the scene at any time: Gaussians, field, and a row number for each moving Gaussian.

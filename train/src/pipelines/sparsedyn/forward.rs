@@ -33,7 +33,7 @@ impl Sparsedyn {
         if at.step <= warmup_steps(at.config) {
             return self.first_frame(gaussians, &photos[0], screens.first().cloned(), at);
         }
-        let times: Vec<f64> = photos.iter().map(|photo| photo.time).collect();
+        let times: Vec<f64> = photos.iter().map(|photo| self.frame.clock.inner(photo.time)).collect();
         let Scenes { scenes, remainder } = self.scenes(gaussians, &times, at);
         let mut forward = Forward { remainder, ..Forward::empty(&gaussians.device()) };
         let count = photos.len();

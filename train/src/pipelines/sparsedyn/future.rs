@@ -10,6 +10,7 @@ use gs_models::sparsedyn::rollout::STEPS_MAX;
 use gs_models::sparsedyn::uncertainty::{LawUncertainty, Observed, field_draw, field_numbers};
 use gs_models::sparsedyn::{DynamicsField, RolloutOptions, State};
 
+use super::clock::Clock;
 use super::config::MotionModel;
 use super::cues::frames;
 use super::discover::pixel_size;
@@ -41,13 +42,13 @@ const CALIBRATION: u64 = 1 << 32;
 #[derive(Debug, Clone)]
 pub struct RolledFuture {
     scene: RolledScene,
-    /// Times of the frames that were seen.
+    /// Times of the frames that were seen, by the clock.
     seen: Vec<f64>,
     /// Standard deviation of a coordinate, scene units.
     noise: f64,
     /// Frames that one independent pose takes.
     frames_per_pose: f64,
-    /// Length of a frame, in the data set's unit of time.
+    /// Length of a frame, by the clock.
     frame: f64,
     seed: u64,
 }
@@ -59,7 +60,7 @@ impl RolledFuture {
         let middle = middle(&hosted(&method.first_positions(gaussians)));
         Self {
             scene: RolledScene { gaussians: gaussians.clone(), method: method.clone() },
-            seen: frames(views).0,
+            seen: frames(views).0.into_iter().map(|time| method.frame.clock.inner(time)).collect(),
             noise: bodies.noise_pixels * pixel_size(views, middle),
             frames_per_pose: bodies.knot_frames,
             frame: method.frame.step / config.method.dynamics.step_frames,
@@ -156,7 +157,7 @@ impl Foresight for RolledFuture {
 
     fn last(&self) -> f64 {
         // One step less than a rollout refuses.
-        self.method().frame.start + (STEPS_MAX - 1.0) * self.method().options.step
+        self.method().frame.clock.outer(self.method().frame.start + (STEPS_MAX - 1.0) * self.method().options.step)
     }
 
     fn parts(&self) -> Vec<Part> {
@@ -173,7 +174,9 @@ impl Foresight for RolledFuture {
             parts.push(Part {
                 name: format!("body_{body}"),
                 words: constants.law.in_words().into(),
-                terms: terms.map(|term| (named(term), values.0[term.numbers()].to_vec())).collect(),
+                terms: terms
+                    .map(|term| (named(term), in_unit(term, &values.0[term.numbers()], &frame.clock)))
+                    .collect(),
                 centre: Some(DVec3::from_array(constants.centre)),
                 rows: labelled(body as i32),
             });
@@ -226,6 +229,18 @@ impl Foresight for RolledFuture {
         other.scene.method.options = options;
         Ok(Box::new(other))
     }
+}
+
+/// The numbers of a term in the data set's unit of time.
+fn in_unit(term: Term, numbers: &[f64], clock: &Clock) -> Vec<f64> {
+    let per = match term {
+        Term::Velocity | Term::Spin => clock.unit,
+        Term::Acceleration | Term::SpinUp => clock.unit * clock.unit,
+        // The rate; the phase has no unit of time.
+        Term::Oscillation => return numbers.iter().zip([clock.unit, 1.0]).map(|(x, per)| x / per).collect(),
+        Term::Swing | Term::Sway | Term::Pivot => 1.0,
+    };
+    numbers.iter().map(|x| x / per).collect()
 }
 
 /// The name of a term in a file.

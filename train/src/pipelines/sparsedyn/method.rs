@@ -7,15 +7,13 @@ use gs_burn::adam::Adam;
 use gs_burn::{Gaussians, NamedGradients, RowMap};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View};
 use gs_models::DynamicScene;
-use gs_models::sparsedyn::Phase;
 
 use super::config::Sections;
-use super::cues::warmup_steps;
 use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
-use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, discover, figures};
+use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, discover, figures, timetable};
 use crate::config::FitConfig;
 use crate::fit::figure::Figures;
 use crate::fit::foresight::Foresight;
@@ -23,6 +21,7 @@ use crate::fit::initialise::InitialGaussians;
 use crate::fit::method::{CAP, ChartKey, Forward, Method};
 use crate::fit::photos::Photo;
 use crate::fit::sampler::ViewOrder;
+use crate::fit::timetable::Timetable;
 
 impl Method for Sparsedyn {
     const NAME: &'static str = "sparsedyn";
@@ -99,7 +98,7 @@ impl Method for Sparsedyn {
     }
 
     fn middle(&self) -> f64 {
-        self.frame.start
+        self.frame.clock.outer(self.frame.start)
     }
 
     fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
@@ -111,35 +110,8 @@ impl Method for Sparsedyn {
     }
 
     fn introduction(&self, _scene: &Scene, at: &Step) -> (Vec<String>, Vec<String>) {
-        let (cues, config) = (at.cues, at.config);
-        let (warmup, schedule) = (warmup_steps(config), cues.curriculum(config));
-        let long = (warmup + schedule.long_from()).min(config.steps + 1);
-        let window = match schedule.phase(1) {
-            Phase::Short { frames } => format!(
-                "a window of {frames} frames that grows by {} every {} steps to step {}",
-                schedule.growth,
-                schedule.interval,
-                long - 1
-            ),
-            Phase::Long => "all frames at once".to_string(),
-        };
-        let lines = vec![
-            format!(
-                "{} frames from {} to {}; {} Gaussians may move{}",
-                cues.times.len(),
-                self.frame.span[0],
-                self.frame.span[1],
-                self.frame.rows.len(),
-                match cues.depths.len() {
-                    0 => String::new(),
-                    count => format!("; {count} depth priors of the first frame"),
-                }
-            ),
-            format!(
-                "schedule: the first frame alone to step {warmup}; {window}; then a frame from {} on, with {} earlier ones",
-                schedule.late_from, schedule.replays
-            ),
-        ];
+        let cues = at.cues;
+        let lines = timetable::lines(&self.frame, at);
         let single = (cues.times.len() < 2).then(|| "all photos have one time: no motion can be learned".to_string());
         let alone = cues.by_frame.first().is_some_and(|views| views.len() < 2).then(|| {
             "the first frame has 1 photo, expected 2 or more: without a depth prior nothing says how far away anything is".to_string()
@@ -147,8 +119,12 @@ impl Method for Sparsedyn {
         (lines, single.into_iter().chain(alone).collect())
     }
 
+    fn timetable(scene: &Scene, at: &Step) -> Option<Timetable> {
+        Some(timetable::curves(scene, at))
+    }
+
     fn described(&self) -> Vec<(&'static str, String)> {
-        let [first, last] = self.frame.span;
+        let [first, last] = self.frame.span.map(|time| self.frame.clock.outer(time));
         let mut lines = vec![("moving", self.frame.rows.len().to_string()), ("seen", format!("{first} to {last}"))];
         lines.extend(self.body_lines().into_iter().map(|line| ("body", line)));
         lines
@@ -180,12 +156,24 @@ impl Method for Sparsedyn {
     }
 
     fn chart_keys() -> &'static [ChartKey] {
-        const KEYS: [ChartKey; 4] = [
+        const KEYS: [ChartKey; 6] = [
+            ChartKey {
+                name: "bodies",
+                key: "bodies.mode",
+                words: &[("field", "field alone"), ("bodies", "bodies alone")],
+                unless: None,
+            },
             ChartKey { name: "asked", key: "dynamics.ask", words: &[], unless: None },
+            ChartKey { name: "step", key: "dynamics.step_frames", words: &[], unless: None },
             ChartKey { name: "", key: "dynamics.integrator", words: &[("*", "")], unless: None },
             ChartKey { name: "width", key: "dynamics.width", words: &[], unless: None },
             CAP,
         ];
         &KEYS
+    }
+
+    fn sizes() -> &'static [(&'static str, &'static [&'static str])] {
+        // Eight runs: half the width, a third of the bands and a count that few objects exceed, each with and without.
+        &[("dynamics.width", &["32", "64"]), ("dynamics.bands", &["1", "3"]), ("density.cap", &["1500", "20000"])]
     }
 }

@@ -5,8 +5,9 @@
 //! | 3.1 dynamics field, Runge-Kutta step, rollout (Eq. 3, 4, 9) | `gs_models::sparsedyn`; the module tree: [`model`] |
 //! | 3.1 Gaussians of the first frame from a feed-forward reconstruction | [`begin`] |
 //! | 3.2 regularised refinement (Eq. 5 to 7) | [`forward`]: warm-up |
-//! | 3.3 progressive physics learning (Eq. 8 to 10) | [`order`] (the frames of a step), [`forward`] (their weights) |
+//! | 3.3 progressive physics learning (Eq. 8 to 10) | [`order`] (the frames of a step), [`forward`] (their weights), [`timetable`] (shown) |
 //! | 4.1 the baselines, from the same prior | [`motion`] |
+//! | beyond the paper: recordings in any unit of time | [`clock`] |
 //! | beyond the paper: only what moves is integrated | [`evidence`] |
 //! | beyond the paper: rigid bodies and their laws | [`discover`] |
 //! | measuring against the truth of synthetic worlds | [`figures`] |
@@ -14,6 +15,7 @@
 //! | experiments at the limits of the method | [`stability`] |
 
 pub mod begin;
+pub mod clock;
 pub mod config;
 pub mod cues;
 pub mod discover;
@@ -28,6 +30,7 @@ pub mod motion;
 pub mod order;
 pub mod scene;
 pub mod stability;
+pub mod timetable;
 pub mod update;
 
 pub use config::Sections;

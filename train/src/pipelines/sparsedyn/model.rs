@@ -11,6 +11,7 @@ use gs_models::sparsedyn::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::clock::Clock;
 use super::config::{DynamicsConfig, MotionModel};
 use crate::fit::parameters::indices;
 
@@ -39,6 +40,9 @@ pub struct Sparsedyn {
 /// The constants of a [`Sparsedyn`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
+    /// The unit of time of all that follows, and of the field and the bodies.
+    #[serde(default)]
+    pub clock: Clock,
     /// The Gaussians that may move, ascending.
     pub rows: Vec<u32>,
     /// The body of each of them; -1: the field moves it.
@@ -53,7 +57,7 @@ pub struct Frame {
     /// First and last time that was seen.
     #[serde(with = "gs_models::bits")]
     pub span: [f64; 2],
-    /// Length of an integration step, in the data set's unit of time.
+    /// Length of an integration step.
     #[serde(with = "gs_models::bits")]
     pub step: f64,
     /// The reference point of velocities, scene units.
@@ -75,6 +79,7 @@ impl Frame {
     pub fn check(&self) -> Result<(), String> {
         let numbers = self.centre.iter().chain(&self.span).chain([&self.start, &self.step, &self.length]);
         let usable = numbers.clone().all(|x| x.is_finite()) && self.step > 0.0 && self.length > 0.0;
+        let usable = usable && self.clock.is_usable();
         let ascending = self.rows.windows(2).all(|pair| pair[0] < pair[1]);
         let labelled = self.labels.len() == self.rows.len()
             && self.labels.iter().all(|label| (-1..self.bodies.len() as i32).contains(label));

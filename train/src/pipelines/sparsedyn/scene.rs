@@ -61,7 +61,8 @@ impl DynamicScene for RolledScene {
             return times.iter().map(|_| self.gaussians.clone()).collect();
         }
         let first = self.method.first_positions(&self.gaussians);
-        self.method.moved(&first, times).iter().map(|moved| self.method.placed(&self.gaussians, moved)).collect()
+        let times: Vec<f64> = times.iter().map(|time| self.method.frame.clock.inner(*time)).collect();
+        self.method.moved(&first, &times).iter().map(|moved| self.method.placed(&self.gaussians, moved)).collect()
     }
 
     fn velocity(&self, t: f64) -> Tensor<2> {
@@ -72,10 +73,12 @@ impl DynamicScene for RolledScene {
         }
         let rows = self.method.row_tensor(&means.device());
         let first = means.select(0, rows.clone());
-        zeros.select_assign(0, rows, self.method.velocities(&first, t), IndexingUpdateOp::Add)
+        let clock = &self.method.frame.clock;
+        let velocities = self.method.velocities(&first, clock.inner(t)) / clock.unit;
+        zeros.select_assign(0, rows, velocities, IndexingUpdateOp::Add)
     }
 
     fn span(&self) -> Option<[f64; 2]> {
-        Some(self.method.frame.span)
+        Some(self.method.frame.span.map(|time| self.method.frame.clock.outer(time)))
     }
 }

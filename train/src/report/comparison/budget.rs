@@ -4,6 +4,7 @@
 //! the PSNR is that of moving parts if they were measured. Only runs that differ in their cap alone are compared.
 
 use super::ComparedRun;
+use super::choice::mean_and_error;
 use crate::fit::method::MOVING;
 use crate::run::evaluate::{Evaluation, ViewScores};
 
@@ -72,15 +73,9 @@ fn figure(cap: usize, evaluation: &Evaluation, moving: bool) -> Option<(usize, f
         true => view.regions.get(MOVING).map(|scores| scores.psnr),
         false => Some(view.scores.psnr),
     };
-    let values: Vec<f64> =
-        evaluation.measured.quality.views.iter().filter_map(of).filter(|psnr| psnr.is_finite()).collect();
-    if values.len() < 2 {
-        return None;
-    }
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    Some((cap, mean, (variance / count).sqrt()))
+    let values: Vec<f64> = evaluation.measured.quality.views.iter().filter_map(of).collect();
+    let (mean, error) = mean_and_error(&values);
+    mean.is_finite().then_some((cap, mean, error))
 }
 
 #[cfg(test)]

@@ -1,17 +1,20 @@
 //! Several runs compared: the Pareto front of accuracy against cost, as charts, table and page.
 //!
-//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `panels` and `table` choose what is shown, `page` writes
+//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `choice` the smallest sufficient model, `panels` and `table` choose what is shown, `page` writes
 //! HTML.
 
 mod budget;
+mod choice;
 mod gather;
 mod page;
 mod panels;
+mod star;
 mod table;
 #[cfg(test)]
 mod testing;
 
 pub use budget::enough;
+pub use choice::{Candidate, Choice};
 pub use gather::{Gathered, gather};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;
@@ -60,12 +63,12 @@ impl ComparedRun {
 
 /// Whether every measurement has its processor time. Then that is the cost, because other work on the machine does not change it;
 /// otherwise wall-clock time is.
-pub(crate) fn by_cpu(runs: &[ComparedRun]) -> bool {
+pub fn by_cpu(runs: &[ComparedRun]) -> bool {
     runs.iter().flat_map(ComparedRun::measurements).all(|e| e.cost.cpu_seconds.is_some())
 }
 
 /// The cost of a measurement, seconds.
-pub(crate) fn seconds(evaluation: &Evaluation, cpu: bool) -> f64 {
+pub fn seconds(evaluation: &Evaluation, cpu: bool) -> f64 {
     evaluation.cost.cpu_seconds.filter(|_| cpu).unwrap_or(evaluation.cost.seconds)
 }
 

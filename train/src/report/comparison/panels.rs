@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::star::Star;
 use super::table::differing_keys;
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::report::scatter::{COLORS, Dot, Scatter};
@@ -70,8 +71,11 @@ struct Marks {
 
 impl Marks {
     /// The colour stands for the first of [`settings`] in which the runs differ, the label for the others. If those do not
-    /// distinguish the runs, their names do.
+    /// distinguish the runs, their names do. Of runs that depart from one of them in one setting each, the colour stands for that setting.
     fn new(runs: &[ComparedRun]) -> Self {
+        if let Some(Star { colors, labels, legend }) = Star::of(runs) {
+            return Self { colors, labels, legend, note: note(runs) };
+        }
         let values = |key: &str| {
             let mut values: Vec<&str> = runs
                 .iter()

@@ -71,6 +71,11 @@ impl Table {
         Self { rows: rows.collect(), columns, links: Vec::new() }.without_empty_columns()
     }
 
+    /// A table of these columns and cells.
+    pub fn of(columns: Vec<String>, rows: Vec<Vec<String>>) -> Self {
+        Self { columns, rows, links: Vec::new() }.without_empty_columns()
+    }
+
     /// Links each run's name to its report, `name/report.html` from the folder of the page.
     pub fn linked(self, runs: &[ComparedRun]) -> Self {
         let links = runs.iter().flat_map(|run| {

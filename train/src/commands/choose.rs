@@ -1,0 +1,88 @@
+//! `gsburn sweep --choose`: the runs of a sweep measured on a split that is not reported, and the model that it chooses.
+
+use anyhow::{Result, bail};
+use burn::tensor::Device;
+use gs_datasets::Split;
+use gs_datasets::image_io::write_atomic;
+
+use crate::cli::SweepArgs;
+use crate::commands::{marked, print};
+use crate::pipelines::{EvalRequest, Resolved, resolve_changed};
+use crate::report::comparison::{Candidate, Choice, ComparedRun, by_cpu, seconds};
+use crate::run::folder::RunFolder;
+use crate::run::scene::read_file;
+
+/// The table of a choice in the folder of a sweep.
+pub const FILE: &str = "choice.md";
+
+/// Measures that a choice does not need.
+const LEFT_OUT: [&str; 2] = ["eval.lpips=false", "eval.ms_ssim=false"];
+
+/// That a split can choose: the data set has it, and figures are reported on another one.
+///
+/// # Errors
+/// One sentence.
+pub fn check_split(args: &SweepArgs, config: &Resolved) -> Result<()> {
+    let report = config.pipeline.check(&args.dataset, &config.config)?;
+    if !report.is_ok() {
+        // Training says what is wrong with the data set.
+        return Ok(());
+    }
+    let names: Vec<&str> = report.held_out.iter().map(|(name, _)| name.as_str()).collect();
+    let reported = [Split::TEST, Split::VALIDATION].into_iter().find(|name| names.contains(name));
+    let reported = reported.or(names.first().copied());
+    let (by, data) = (args.choose_by.as_str(), args.dataset.display());
+    if reported == Some(by) {
+        bail!(
+            "{data}: expected a split to choose by that is not the reported one, found only {by}; data.train_cameras and data.seen \
+             make validation and test out of cameras that film, a list of the data set does so otherwise"
+        );
+    }
+    if !names.contains(&by) {
+        let found = if names.is_empty() { "none".to_string() } else { names.join(", ") };
+        bail!("{data}: expected a held-out split {by:?} to choose by, found {found}");
+    }
+    Ok(())
+}
+
+/// Measures `runs`, whose configurations are in `plan`, on the split, chooses, prints the choice and writes its table into the folder of the sweep.
+///
+/// # Errors
+/// One sentence: a run that cannot be measured, a full disk.
+pub fn choose(args: &SweepArgs, runs: &[ComparedRun], plan: &[(&RunFolder, &Resolved)], device: &Device) -> Result<()> {
+    let cpu = by_cpu(runs);
+    let left_out = LEFT_OUT.map(String::from);
+    let mut candidates = Vec::with_capacity(runs.len());
+    for run in runs {
+        let own = plan.iter().find(|(folder, _)| folder.path() == run.folder.path());
+        let Some((_, resolved)) = own else { continue };
+        let config = resolve_changed(&resolved.config, "config.toml", &left_out)?;
+        let file = read_file(run.folder.path(), device)?;
+        let evaluated = resolved.pipeline.evaluate(&EvalRequest {
+            file: &file,
+            dataset: &args.dataset,
+            config: &config.config,
+            split: Some(&args.choose_by),
+            device,
+            pictures: false,
+        })?;
+        let measured = &run.eval.last.measured;
+        candidates.push(Candidate {
+            name: run.name.clone(),
+            scores: evaluated.measured.quality.views.iter().map(|view| view.scores.psnr).collect(),
+            reported: measured.quality.mean.psnr,
+            gaussians: measured.size.gaussians,
+            bytes: measured.size.bytes,
+            seconds: seconds(&run.eval.last, cpu),
+        });
+    }
+    let Some(choice) = Choice::smallest(candidates, &args.choose_by) else {
+        bail!("{}: expected at least 2 images in the split {} to choose by", args.dataset.display(), args.choose_by);
+    };
+    let (table, sentence) = (choice.table(), choice.sentence());
+    print(format!("\n{}\n{sentence}", table.text()));
+    let path = args.out.join(FILE);
+    write_atomic(&path, marked(&format!("{}\n{sentence}\n", table.markdown())).as_bytes())?;
+    print(format!("choice {}", path.display()));
+    Ok(())
+}
