@@ -1,5 +1,7 @@
 //! Line and scatter charts as SVG text.
 
+use plotters::coord::types::RangedCoordf64;
+use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 use serde::Serialize;
 
@@ -18,6 +20,9 @@ const COLORS: [RGBColor; 6] = [
 
 /// Weight of the newest value in [`smoothed`].
 const SMOOTHING: f64 = 0.1;
+
+/// Two axes of numbers.
+type Plane = Cartesian2d<RangedCoordf64, RangedCoordf64>;
 
 /// Opacity of the line of an event: what is drawn over it stays visible.
 const EVENT: f64 = 0.7;
@@ -141,33 +146,15 @@ impl Chart {
             .label_style(("sans-serif", 12))
             .draw()?;
         for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
-            let points = finite(&series.points);
-            let color = *color;
-            if matches!(series.style, Style::Line | Style::LineAndDots) {
-                let drawn = chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
-                drawn
-                    .label(&series.name)
-                    .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
-            }
-            if series.style == Style::Events {
-                let ends = points.chunks_exact(2).map(|ends| PathElement::new(ends.to_vec(), color.mix(EVENT)));
-                let drawn = chart.draw_series(ends)?;
-                drawn
-                    .label(&series.name)
-                    .legend(move |(x, y)| PathElement::new([(x + 9, y - 6), (x + 9, y + 6)], color.mix(EVENT)));
-            }
-            if let Some(radius) = series.style.radius() {
-                let dots = points.iter().map(|point| Circle::new(*point, radius, color.filled()));
-                let drawn = chart.draw_series(dots)?;
-                if series.style != Style::LineAndDots {
-                    drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), radius, color.filled()));
-                }
-            }
+            draw_series(&mut chart, series, *color)?;
         }
         if self.series.len() > 1 {
+            // Curves of a training end near their best, schedules begin with the first frame: these corners are free.
+            let has_events = self.series.iter().any(|series| series.style == Style::Events);
+            let corner = if has_events { SeriesLabelPosition::UpperLeft } else { SeriesLabelPosition::LowerRight };
             chart
                 .configure_series_labels()
-                .position(SeriesLabelPosition::LowerRight)
+                .position(corner)
                 .background_style(WHITE.mix(0.85))
                 .border_style(RGBColor(200, 200, 200))
                 .label_font(("sans-serif", 12))
@@ -175,6 +162,34 @@ impl Chart {
         }
         Ok(root.present()?)
     }
+}
+
+/// Draws a series with its entry in the legend.
+fn draw_series<'a, B: DrawingBackend + 'a>(
+    chart: &mut ChartContext<'a, B, Plane>,
+    series: &Series,
+    color: RGBColor,
+) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    let points = finite(&series.points);
+    if matches!(series.style, Style::Line | Style::LineAndDots) {
+        let drawn = chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
+        drawn.label(&series.name).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+    }
+    if series.style == Style::Events {
+        let ends = points.chunks_exact(2).map(|ends| PathElement::new(ends.to_vec(), color.mix(EVENT)));
+        let drawn = chart.draw_series(ends)?;
+        drawn
+            .label(&series.name)
+            .legend(move |(x, y)| PathElement::new([(x + 9, y - 6), (x + 9, y + 6)], color.mix(EVENT)));
+    }
+    if let Some(radius) = series.style.radius() {
+        let dots = points.iter().map(|point| Circle::new(*point, radius, color.filled()));
+        let drawn = chart.draw_series(dots)?;
+        if series.style != Style::LineAndDots {
+            drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), radius, color.filled()));
+        }
+    }
+    Ok(())
 }
 
 /// A running mean: it shows the trend behind the variation between photos.
