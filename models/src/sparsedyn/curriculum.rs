@@ -13,6 +13,9 @@ pub struct Curriculum {
     pub growth: usize,
     /// `M`, steps from one growth to the next, at least 1.
     pub interval: usize,
+    /// Share of the draws from a growing window that are of its newest frames, 0 to 1; 0 (the paper): all frames are drawn alike. In a long window a
+    /// new frame is else drawn so seldom that fast motion is lost.
+    pub newest: f64,
     /// `t'`, the first frame of the late horizon; 0: the late horizon holds all frames ("full-horizon").
     pub late_from: usize,
     /// `K`, frames replayed in each step of the long-horizon phase.
@@ -20,6 +23,12 @@ pub struct Curriculum {
     /// `lambda_early`, the weight of the replays' mean loss.
     pub replay_weight: f64,
 }
+
+/// Newest frames of a window, as many as the paper's window grows by.
+const NEWEST_FRAMES: usize = 4;
+
+/// Fineness of the share of newest frames.
+const FINENESS: usize = 1000;
 
 /// The phase of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +73,11 @@ impl Curriculum {
     /// distributed.
     pub fn frames(&self, n: usize, mut draw: impl FnMut(usize) -> usize) -> Vec<Sampled> {
         match self.phase(n) {
-            Phase::Short { frames } => vec![Sampled { frame: draw(frames), weight: 1.0 }],
+            Phase::Short { frames } => {
+                let of_newest = self.newest > 0.0 && (draw(FINENESS) as f64) < self.newest * FINENESS as f64;
+                let first = if of_newest { frames.saturating_sub(NEWEST_FRAMES) } else { 0 };
+                vec![Sampled { frame: first + draw(frames - first), weight: 1.0 }]
+            }
             Phase::Long => {
                 let late = self.late_from.min(self.last_frame);
                 let first = Sampled { frame: late + draw(self.last_frame - late + 1), weight: 1.0 };
@@ -81,8 +94,15 @@ impl Curriculum {
 mod tests {
     use super::*;
 
-    const PAPER: Curriculum =
-        Curriculum { last_frame: 45, growth: 4, interval: 500, late_from: 35, replays: 4, replay_weight: 0.5 };
+    const PAPER: Curriculum = Curriculum {
+        last_frame: 45,
+        growth: 4,
+        interval: 500,
+        newest: 0.0,
+        late_from: 35,
+        replays: 4,
+        replay_weight: 0.5,
+    };
 
     #[test]
     fn the_window_grows_as_in_equation_8() {
@@ -115,6 +135,24 @@ mod tests {
             sampled.iter().for_each(|one| seen[one.frame] = true);
         }
         assert!(seen.iter().all(|seen| *seen), "every frame is drawn");
+    }
+
+    #[test]
+    fn the_newest_frames_have_their_share_of_the_draws() {
+        let mut state = 1_u64;
+        let mut draw = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) as usize) % below
+        };
+        let half = Curriculum { newest: 0.5, ..PAPER };
+        // A window of 40 frames: half of the draws are of the last four, and a tenth of the other half.
+        let drawn: Vec<usize> = (0..4000).map(|_| half.frames(5000, &mut draw)[0].frame).collect();
+        assert!(drawn.iter().all(|frame| *frame < 40));
+        let newest = drawn.iter().filter(|frame| **frame >= 36).count();
+        // 0.55 of 4000 draws; their standard deviation is 31, five of which are 157.
+        assert!((2200 - 157..=2200 + 157).contains(&newest), "{newest}");
+        let all = Curriculum { newest: 1.0, ..PAPER };
+        assert!((1..500).all(|n| all.frames(n, &mut draw)[0].frame < 4), "a window of four frames");
     }
 
     #[test]
