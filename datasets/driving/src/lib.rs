@@ -2,7 +2,7 @@
 //!
 //! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts) or, with the feature `argoverse`, of Argoverse 2 Sensor, and
 //! decodes a [`Sweep`] or an image when it is asked for. [`snippets`] cuts a log into the pieces that are reconstructed together,
-//! [`colors`] gives points the colours of the images, and [`synthetic`] writes streets with exact truth in PandaSet's own layout.
+//! [`colors`] gives points the colours of the images, [`check`] reports what is there, and [`synthetic`] writes streets with exact truth in PandaSet's own layout.
 //!
 //! Neighbours: `gs-datasets` has the errors, the photos and the caches ([`DrivingLog`] is a [`FrameSource`](gs_datasets::FrameSource)).
 //! The crate knows no tensors. Nothing in a file can run code: see the whitelisted reader in `pickle/`.
@@ -23,7 +23,9 @@
 //! ```
 
 mod boxes;
+mod check;
 mod description;
+mod draw;
 mod error;
 mod gzip;
 mod log;
@@ -36,6 +38,7 @@ mod sweep;
 pub mod synthetic;
 
 pub use boxes::FLOW_INTERVAL;
+pub use check::{DrivingReport, check};
 pub use description::{Camera, Frame, Shot};
 pub use log::{DrivingLog, LogFormat};
 pub use options::{CameraUse, LogOptions};

@@ -11,3 +11,6 @@ pub(crate) mod machine;
 pub(crate) mod table;
 pub(crate) mod value;
 pub(crate) mod write;
+
+#[cfg(test)]
+mod tests;
