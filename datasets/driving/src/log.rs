@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DVec3};
 use gs_datasets::{DatasetError, FrameDescription, FrameSource, RgbImage8, Split, View, printable, read_photo};
 
+use crate::argoverse;
 use crate::description::{Camera, Description, Frame, Shot};
 use crate::options::LogOptions;
 use crate::pandaset;
@@ -15,7 +16,7 @@ use crate::sweep::{Cuboid, Sweep};
 pub enum LogFormat {
     /// A sequence of PandaSet, or synthetic streets in its layout.
     PandaSet,
-    /// A log of Argoverse 2 Sensor; read with the feature `argoverse`.
+    /// A log of Argoverse 2 Sensor.
     Argoverse,
 }
 
@@ -32,7 +33,7 @@ impl LogFormat {
     pub fn of(folder: &Path) -> Option<Self> {
         if pandaset::names::is_sequence(folder) {
             Some(Self::PandaSet)
-        } else if folder.join("city_SE3_egovehicle.feather").is_file() {
+        } else if folder.join(argoverse::poses::EGO).is_file() {
             Some(Self::Argoverse)
         } else {
             None
@@ -67,7 +68,7 @@ impl DrivingLog {
         let format = LogFormat::of(path).ok_or_else(|| unknown(path))?;
         let description = match format {
             LogFormat::PandaSet => pandaset::describe::describe(path, options)?,
-            LogFormat::Argoverse => argoverse_description(path, options)?,
+            LogFormat::Argoverse => argoverse::describe::describe(path, options)?,
         };
         for warning in &description.warnings {
             tracing::warn!("{}", printable(warning));
@@ -195,7 +196,7 @@ impl DrivingLog {
         let (this, next) = (&self.frames()[frame], self.frames().get(frame + 1));
         match self.format {
             LogFormat::PandaSet => pandaset::sweep::read(&self.path, this, next, self.origin()),
-            LogFormat::Argoverse => argoverse_sweep(&self.path, this, next, self.origin()),
+            LogFormat::Argoverse => argoverse::sweep::read(&self.path, this, next),
         }
     }
 
@@ -212,7 +213,7 @@ impl DrivingLog {
             LogFormat::PandaSet => {
                 Ok(pandaset::cuboids::read(&self.path, &this.name, self.origin())?.unwrap_or_default())
             }
-            LogFormat::Argoverse => argoverse_cuboids(&self.path, this, self.origin()),
+            LogFormat::Argoverse => argoverse::sweep::cuboids(&self.path, this),
         }
     }
 }
@@ -255,24 +256,4 @@ fn unknown(path: &Path) -> DatasetError {
             .to_string(),
         found: found.to_string(),
     }
-}
-
-fn without_argoverse(path: &Path) -> DatasetError {
-    DatasetError::Unsupported {
-        path: path.to_path_buf(),
-        what: "a log of Argoverse 2".to_string(),
-        expected: "a build with the feature `argoverse`, or a log of PandaSet".to_string(),
-    }
-}
-
-fn argoverse_description(path: &Path, _options: &LogOptions) -> Result<Description, DatasetError> {
-    Err(without_argoverse(path))
-}
-
-fn argoverse_sweep(path: &Path, _this: &Frame, _next: Option<&Frame>, _origin: DVec3) -> Result<Sweep, DatasetError> {
-    Err(without_argoverse(path))
-}
-
-fn argoverse_cuboids(path: &Path, _this: &Frame, _origin: DVec3) -> Result<Vec<Cuboid>, DatasetError> {
-    Err(without_argoverse(path))
 }
