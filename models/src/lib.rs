@@ -27,6 +27,7 @@ struct Readme;
 
 pub mod bits;
 pub mod depth_prior;
+pub mod flux4d;
 pub mod light;
 pub mod mlp;
 pub mod pixels;

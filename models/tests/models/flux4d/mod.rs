@@ -1,0 +1,3 @@
+//! Flux4D, part by part.
+
+mod unet;
