@@ -14,6 +14,7 @@
 
 pub mod fit;
 pub mod law;
+mod least_squares;
 pub mod motion;
 pub mod parts;
 pub mod rigid;
