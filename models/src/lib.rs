@@ -27,9 +27,11 @@ struct Readme;
 
 pub mod bits;
 pub mod depth_prior;
+pub mod flux4d;
 pub mod light;
 pub mod mlp;
 pub mod pixels;
+mod random;
 pub mod rotation;
 pub mod scene;
 pub mod sh_bands;
