@@ -10,7 +10,7 @@ pub const COORDINATE_MAX: f32 = 1e5;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum FluxError {
     /// Fewer rows than the computation needs.
-    #[error("{what} needs at least {needed} points, {found} were given")]
+    #[error("the number of points for {what} is {found}; {needed} or more is expected")]
     TooFew {
         /// The computation.
         what: &'static str,

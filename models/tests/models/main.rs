@@ -5,6 +5,7 @@
 #![recursion_limit = "256"]
 
 mod depth_prior;
+mod flux4d;
 mod light;
 mod mlp;
 mod rotation;
