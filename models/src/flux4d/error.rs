@@ -63,6 +63,12 @@ pub enum FluxError {
         /// The last number of the list.
         last: usize,
     },
+    /// An edit names an actor that an earlier edit removed.
+    #[error("the edit names actor {actor}, which an earlier edit removed")]
+    Removed {
+        /// The number in the script.
+        actor: usize,
+    },
     /// An edit names an actor of a scene without actors.
     #[error("the edit names actor {actor}, the scene has no actors")]
     NoActors {

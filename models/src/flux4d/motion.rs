@@ -13,8 +13,23 @@ pub const DEGREE_MAX: usize = 3;
 
 /// The motion of degree `l`; constant velocity is 0, constant acceleration 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "usize", into = "usize")]
 pub struct PolynomialMotion {
     degree: usize,
+}
+
+impl TryFrom<usize> for PolynomialMotion {
+    type Error = FluxError;
+
+    fn try_from(degree: usize) -> Result<Self, FluxError> {
+        Self::new(degree)
+    }
+}
+
+impl From<PolynomialMotion> for usize {
+    fn from(motion: PolynomialMotion) -> Self {
+        motion.degree
+    }
 }
 
 impl PolynomialMotion {

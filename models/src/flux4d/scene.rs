@@ -5,7 +5,7 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
-use gs_burn::Gaussians;
+use gs_burn::{Gaussians, MovingSample};
 
 use super::error::{FluxError, check_length, check_range};
 use super::motion::PolynomialMotion;
@@ -93,6 +93,15 @@ impl FluxScene {
         let own = Tensor::from_data(own, (&means.device(), means.dtype()));
         let shift = self.motion.displacement(self.velocity.val(), own, self.in_window(t));
         means.narrow(0, self.resting(), self.moving()) + shift
+    }
+
+    /// The moving rows, and their means and orientations at each of `times` (seconds), for
+    /// [`render_exposure`](gs_burn::render_exposure()), which draws the resting rows once for all of them.
+    pub fn samples(&self, times: &[f64]) -> (Vec<u32>, Vec<MovingSample>) {
+        let rows = (self.resting() as u32..self.gaussians.len() as u32).collect();
+        let quats = self.gaussians.quats.val().narrow(0, self.resting(), self.moving());
+        let sample = |t: &f64| MovingSample { means: self.moving_means(*t), quats: quats.clone() };
+        (rows, times.iter().map(sample).collect())
     }
 
     /// Velocities of the moving rows at time `t` (seconds), `[M, 3]`, metres per second.

@@ -25,7 +25,7 @@ pub struct Edited {
 /// Applies `script` to `scene`, whose `actors` were found in it.
 ///
 /// # Errors
-/// When an edit names an actor that is not there or has a number out of range; the scene is then left alone.
+/// When an edit names an actor that is not there or no longer there, or has a number out of range; the scene is then left alone.
 pub fn apply_edits(scene: &FluxScene, actors: &[Actor], script: &EditScript) -> Result<Edited, FluxError> {
     let mut draft = Draft::read(scene, actors);
     script.edits.iter().try_for_each(|edit| draft.apply(edit))?;
@@ -82,8 +82,8 @@ impl Draft {
     fn apply(&mut self, edit: &Edit) -> Result<(), FluxError> {
         match *edit {
             Edit::Remove { actor } => {
-                let kept: Vec<usize> = (0..self.from.len()).filter(|row| self.actor[*row] != Some(actor)).collect();
                 self.check_actor(actor)?;
+                let kept: Vec<usize> = (0..self.from.len()).filter(|row| self.actor[*row] != Some(actor)).collect();
                 self.keep(&kept);
             }
             Edit::Move { actor, offset, turn } => {
@@ -111,6 +111,7 @@ impl Draft {
         match self.centres.len() {
             0 => Err(FluxError::NoActors { actor }),
             count if actor >= count => Err(FluxError::NoActor { actor, last: count - 1 }),
+            _ if !self.actor.contains(&Some(actor)) => Err(FluxError::Removed { actor }),
             _ => Ok(()),
         }
     }

@@ -125,6 +125,10 @@ fn an_edit_that_cannot_be_made_is_told() {
         told(Edit::Insert { actor: 0, offset: [0.0, f64::INFINITY, 0.0], turn: 0.0 }).starts_with("an edit's offset")
     );
     assert!(told(Edit::Recolor { actor: 0, color: [2.0, 0.0, 0.0], share: 1.0 }).starts_with("an edit's colour is 2"));
+    let gone =
+        EditScript { edits: vec![Edit::Remove { actor: 1 }, Edit::Move { actor: 1, offset: [0.0; 3], turn: 0.0 }] };
+    let told = apply_edits(&scene, &found(&scene), &gone).unwrap_err().to_string();
+    assert_eq!(told, "the edit names actor 1, which an earlier edit removed");
     let none = apply_edits(&scene, &[], &EditScript { edits: vec![Edit::Remove { actor: 0 }] });
     assert_eq!(none.unwrap_err().to_string(), "the edit names actor 0, the scene has no actors");
 }

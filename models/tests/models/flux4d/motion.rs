@@ -70,4 +70,7 @@ fn a_degree_above_three_is_refused() {
         PolynomialMotion::new(4).unwrap_err().to_string(),
         "the degree of the velocity is 4; 0 to 3 is expected"
     );
+    let motion: PolynomialMotion = serde_json::from_str("1").expect("a degree");
+    assert_eq!((motion.degree(), motion.columns()), (1, 6));
+    assert!(serde_json::from_str::<PolynomialMotion>("4").is_err());
 }

@@ -1,10 +1,11 @@
 //! The reconstructed scene.
 
-use gs_burn::Gaussians;
+use gs_burn::glam::DMat4;
+use gs_burn::{Camera, ExposureOptions, Gaussians, Intrinsics, RenderOptions, render, render_exposure};
 use gs_models::DynamicScene;
 use gs_models::flux4d::{FluxScene, PolynomialMotion};
 use gs_tests::devices::{Place, everywhere, reference};
-use gs_tests::tolerance::{assert_near, values};
+use gs_tests::tolerance::{FORWARD_F32, assert_near, values};
 
 use crate::gaussians;
 use gs_tests::scenes::Random;
@@ -59,6 +60,25 @@ fn velocity_is_the_derivative_of_the_means() {
     let slope = (scene.at(11.3 + h).means.val() - scene.at(11.3 - h).means.val()) / (2.0 * h);
     // Own times are `f32`; they cancel. The path is a quadratic, so the difference is exact but for rounding over h.
     assert_near("velocity", &values(&scene.velocity(11.3)), &values(&slope), 1e-10);
+}
+
+/// Three instants drawn with the resting rows once are the mean of three renderings.
+#[test]
+fn resting_rows_are_drawn_once_for_all_times() {
+    for place in everywhere() {
+        let (_, mut scene) = scene(place, 0.2);
+        let forward = place.tensor(&[0.0, 0.0, 5.0], [1, 3]);
+        scene.gaussians.means = scene.gaussians.means.map(|means| means + forward.clone());
+        let intrinsics = Intrinsics { fx: 40.0, fy: 40.0, cx: 24.0, cy: 16.0 };
+        let camera = Camera::from_c2w(DMat4::IDENTITY, intrinsics, 48, 32, &place.device);
+        let times = [10.0, 11.0, 12.0];
+        let (rows, samples) = scene.samples(&times);
+        let together = render_exposure(&scene.gaussians, &rows, &samples, &camera, &ExposureOptions::default(), None);
+        let one = |t: &f64| render(&scene.at(*t), &camera, &RenderOptions::default()).color;
+        let mean = times.iter().map(one).reduce(|a, b| a + b).expect("three") / 3.0;
+        assert!(values(&mean).iter().any(|x| *x > 0.1), "{}: nothing is in view", place.name);
+        assert_near(&place.name, &values(&together.color), &values(&mean), FORWARD_F32);
+    }
 }
 
 #[test]
