@@ -4,7 +4,7 @@
 //!
 //! | Paper | Here |
 //! |---|---|
-//! | A.2, initialization | [`lift`], of the raw [`channels`]; neighbours by [`nearest`]; sky and random points by [`far`] |
+//! | A.2, initialization | [`lift`](mod@lift), of the raw [`channels`]; neighbours by [`nearest`]; sky and random points by [`far`] |
 //! | A.2, rendering: activations and the clamp of scales | [`activate`](mod@activate) |
 //! | A.1, Eq. 2: polynomial motion | [`motion`] |
 //! | A.1, Eq. 1: velocity reweighting; main paper, Eq. 3 to 5 | [`losses`], with [`similarity`]; of a whole snippet, Algorithm 1: [`snippet`] |
