@@ -1,7 +1,8 @@
 //! Raw channels to Gaussians (A.2): softplus and clamp for scales, sigmoid for opacity and colour, unit quaternions.
 //!
-//! A [`Gaussians`] holds logarithms of scales, logits of opacities and coefficients of spherical harmonics. The opacity's sigmoid is
-//! its own; the activated scale and colour are written in its terms. Colours do not depend on the direction of view.
+//! A [`Gaussians`] holds logarithms of scales, logits of opacities and coefficients of spherical harmonics. The
+//! opacity's sigmoid is its own; the activated scale and colour are written in its terms. Colours do not depend on the
+//! direction of view.
 
 use burn::tensor::{Tensor, TensorData, assert_shape};
 use gs_burn::{Gaussians, profile};
@@ -10,7 +11,8 @@ use super::channels::{CHANNELS, COLOR, OPACITY, POSITION, QUATERNION, SCALE, SCA
 
 /// The zeroth real spherical harmonic, `1 / (2 sqrt(pi))`.
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
-/// Added to the squared norm of a quaternion: zero has a derivative, and no norm above 1e-3 changes by more than a millionth.
+/// Added to the squared norm of a quaternion: zero has a derivative, and no norm above 1e-3 changes by more than a
+/// millionth.
 const QUAT_FLOOR: f64 = 1e-12;
 
 /// Largest scales, metres.

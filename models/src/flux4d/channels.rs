@@ -16,5 +16,6 @@ pub const OPACITY: Range<usize> = 10..11;
 pub const COLOR: Range<usize> = 11..14;
 /// The paper's clamp of scales, metres.
 pub const SCALE_MAX: f64 = 1.0;
-/// Smallest scale, metres. Coincident points have none, and the logarithm needs one; a LiDAR is twenty times less exact.
+/// Smallest scale, metres. Coincident points have none, and the logarithm needs one; a LiDAR is twenty times less
+/// exact.
 pub const SCALE_MIN: f64 = 1e-3;

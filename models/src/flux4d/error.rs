@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-/// Largest magnitude of a coordinate, metres. `f32` has steps of 8 mm at this distance, about the noise of a LiDAR; a log is centred
-/// before it comes here and is a few kilometres long.
+/// Largest magnitude of a coordinate, metres. `f32` has steps of 8 mm at this distance, about the noise of a LiDAR; a
+/// log is centred before it comes here and is a few kilometres long.
 pub const COORDINATE_MAX: f32 = 1e5;
 
 /// Input that the model cannot use.

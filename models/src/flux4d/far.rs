@@ -92,8 +92,8 @@ impl Default for FarConfig {
     }
 }
 
-/// Far points around `bounds`: those of the ball first, then those of the sky, whose upper half is towards larger z. The same for a seed
-/// whatever the thread count.
+/// Far points around `bounds`: those of the ball first, then those of the sky, whose upper half is towards larger z.
+/// The same for a seed whatever the thread count.
 ///
 /// # Errors
 /// When a radius is not between 0 and 1000 lengths, or the box has no length.

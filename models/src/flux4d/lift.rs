@@ -8,8 +8,9 @@
 //! | opacity | logit of 0.5 |
 //! | colour | logit of the colour |
 //!
-//! A point that no image shows has the mean colour of those of its three nearest neighbours that have one, and mid grey where none
-//! has. Far points ([`far`](super::far)) follow the points; they have the time 0.5 and neighbours among themselves.
+//! A point that no image shows has the mean colour of those of its three nearest neighbours that have one, and mid grey
+//! where none has. Far points ([`far`](super::far)) follow the points; they have the time 0.5 and neighbours among
+//! themselves.
 
 use std::f64::consts::TAU;
 
@@ -31,8 +32,8 @@ const NEIGHBOURS: usize = 3;
 const BELOW_CLAMP: f64 = 0.99;
 /// Half a step of an 8-bit image: colours 0 and 1 have no finite logit.
 const COLOR_MARGIN: f32 = 0.5 / 255.0;
-/// Largest scale of the sky in distances between its points: Gaussians so wide overlap their second neighbours, so a wider one
-/// shows nothing more.
+/// Largest scale of the sky in distances between its points: Gaussians so wide overlap their second neighbours, so a
+/// wider one shows nothing more.
 const SKY_SPACINGS: f64 = 2.0;
 
 /// First orientations.
@@ -42,7 +43,8 @@ pub enum Rotations {
     /// Uniform over all rotations, as in the paper.
     #[default]
     Random,
-    /// None. The first Gaussians are isotropic, so the image is the same and the network's input has four channels less of noise.
+    /// None. The first Gaussians are isotropic, so the image is the same and the network's input has four channels less
+    /// of noise.
     Identity,
 }
 
@@ -56,8 +58,8 @@ pub struct LiftConfig {
     pub rotations: Rotations,
     /// Largest scale of points, metres.
     pub scale_max: f64,
-    /// Largest scale of the sky, metres. Without it, twice the distance between its points and at least `scale_max`: with the paper's
-    /// 1 m the sky is dots with gaps in between.
+    /// Largest scale of the sky, metres. Without it, twice the distance between its points and at least `scale_max`:
+    /// with the paper's 1 m the sky is dots with gaps in between.
     pub sky_scale_max: Option<f64>,
     /// Sky and random points.
     pub far: FarConfig,

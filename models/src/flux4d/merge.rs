@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::error::{FluxError, check_length, check_points, check_range};
 
-/// Edges of the ladder's voxels, metres; each step keeps about a half to a third of the points of a street. Below the first a LiDAR's own
-/// noise (2 cm) decides which voxel a point is in; a Gaussian of the last is as wide as the largest scale, 1 m.
+/// Edges of the ladder's voxels, metres; each step keeps about a half to a third of the points of a street. Below the
+/// first a LiDAR's own noise (2 cm) decides which voxel a point is in; a Gaussian of the last is as wide as the largest
+/// scale, 1 m.
 pub const LADDER: [f32; 6] = [0.03, 0.06, 0.12, 0.25, 0.5, 1.0];
 
 /// Points with what is known of them.
@@ -24,8 +25,8 @@ pub struct TimedPoints {
 pub struct MergeConfig {
     /// The largest number of points that is wanted.
     pub budget: usize,
-    /// The window is cut into this many equal times, 1 to 4096, and points of different times stay apart: merging two times of a
-    /// moving object would erase its motion. The number of input sweeps is right.
+    /// The window is cut into this many equal times, 1 to 4096, and points of different times stay apart: merging two
+    /// times of a moving object would erase its motion. The number of input sweeps is right.
     pub times: usize,
 }
 
@@ -53,8 +54,8 @@ pub fn merge_to_budget(points: &TimedPoints, config: &MergeConfig) -> Result<Mer
     Ok(merged)
 }
 
-/// Points of one voxel (edge in metres) and one of `times` equal parts of the window become one: mean position, mean time, mean of the
-/// known colours. The result is in the order of the first point of each.
+/// Points of one voxel (edge in metres) and one of `times` equal parts of the window become one: mean position, mean
+/// time, mean of the known colours. The result is in the order of the first point of each.
 ///
 /// # Errors
 /// When lengths differ, a coordinate or time is not usable, or `voxel` or `times` is out of range.

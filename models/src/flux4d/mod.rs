@@ -1,13 +1,16 @@
 //! Flux4D: moving Gaussians of a driving log in seconds, by a network that learns without labels.
 //!
-//! The paper is "Flux4D: Flow-based Unsupervised 4D Reconstruction"; sections and equations are those of its supplement.
+//! The paper is "Flux4D: Flow-based Unsupervised 4D Reconstruction"; sections and equations are those of its
+//! supplement.
 //!
 //! | Paper | Here |
 //! |---|---|
-//! | A.2, initialization | [`lift`](mod@lift), of the raw [`channels`]; neighbours by [`nearest`]; sky and random points by [`far`] |
+//! | A.2, initialization | [`lift`](mod@lift), of the raw [`channels`]; neighbours by [`nearest`] |
+//! | A.2, sky; main paper, random points in a sphere | [`far`] |
 //! | A.2, rendering: activations and the clamp of scales | [`activate`](mod@activate) |
 //! | A.1, Eq. 2: polynomial motion | [`motion`] |
-//! | A.1, Eq. 1: velocity reweighting; main paper, Eq. 3 to 5 | [`losses`], with [`similarity`]; of a whole snippet, Algorithm 1: [`snippet`] |
+//! | A.1, Eq. 1: velocity reweighting; main paper, Eq. 3 to 5 | [`losses`], with [`similarity`] |
+//! | Algorithm 1: the loss of a whole snippet | [`snippet`] |
 //! | A.2, Algorithm 2: iterative refinement | [`refinement`] |
 //! | Algorithm 3: moving objects; D.5, edits | [`actors`] |
 //! | D.1: scene flow | [`flow_metrics`], and the baseline [`fast_nsf`] |

@@ -1,7 +1,7 @@
 //! Polynomial motion, Eq. 2: `p(t') = p(t_i) + sum_j v_j (t'^(j+1) - t_i^(j+1)) / (j + 1)`, j = 0 to l.
 //!
-//! Its derivative by `t'` is the velocity `sum_j v_j t'^j`. Times are 0 to 1 over the window and beyond 1 for future frames, so
-//! `v_j` is in metres per window for every j; [`PolynomialMotion::per_second`] converts.
+//! Its derivative by `t'` is the velocity `sum_j v_j t'^j`. Times are 0 to 1 over the window and beyond 1 for future
+//! frames, so `v_j` is in metres per window for every j; [`PolynomialMotion::per_second`] converts.
 
 use burn::tensor::{Tensor, TensorData, assert_shape};
 use serde::{Deserialize, Serialize};
@@ -52,8 +52,9 @@ impl PolynomialMotion {
         3 * (self.degree + 1)
     }
 
-    /// Displacements `[N, 3]`, metres, from each row's own time `times` `[N]` to the time `t`, by `velocity` `[N, 3 (l + 1)]`, metres
-    /// per window. Zero exactly where a row's own time is `t` in the tensor's float type. Differentiable by all tensors.
+    /// Displacements `[N, 3]`, metres, from each row's own time `times` `[N]` to the time `t`, by `velocity` `[N, 3 (l
+    /// + 1)]`, metres per window. Zero exactly where a row's own time is `t` in the tensor's float type. Differentiable
+    /// by all tensors.
     ///
     /// # Panics
     /// When shapes disagree.

@@ -1,9 +1,9 @@
 //! The nearest neighbours of points among themselves, exact, by a balanced k-d tree.
 //!
-//! A node is the median of its points along their widest axis; the left half lies before it in memory, the right half after it.
-//! The tree is a permutation of the points and one axis a point. Points are split by rank, not by value, so coincident points
-//! neither deepen the tree nor stop it. A grid of one cell size would not do for LiDAR, whose density falls by four orders of magnitude
-//! from the sensor to the horizon.
+//! A node is the median of its points along their widest axis; the left half lies before it in memory, the right half
+//! after it. The tree is a permutation of the points and one axis a point. Points are split by rank, not by value, so
+//! coincident points neither deepen the tree nor stop it. A grid of one cell size would not do for LiDAR, whose density
+//! falls by four orders of magnitude from the sensor to the horizon.
 
 use rayon::prelude::*;
 
@@ -33,8 +33,8 @@ impl NearestPoints {
         Self { points, rows, axes }
     }
 
-    /// For each point, in the order given to [`new`](Self::new), its `K` nearest others, nearest first. Missing neighbours (fewer
-    /// than `K + 1` points) have an infinite distance and row 0.
+    /// For each point, in the order given to [`new`](Self::new), its `K` nearest others, nearest first. Missing
+    /// neighbours (fewer than `K + 1` points) have an infinite distance and row 0.
     pub fn all<const K: usize>(&self) -> Vec<[Neighbour; K]> {
         // In the order of the tree, so that consecutive searches visit the same nodes.
         let found: Vec<[Neighbour; K]> = (0..self.points.len())

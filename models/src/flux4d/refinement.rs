@@ -1,16 +1,19 @@
-//! Iterative refinement, Algorithm 2: pass 0 corrects the lifted Gaussians, later passes read the gradient of the loss as well.
+//! Iterative refinement, Algorithm 2: pass 0 corrects the lifted Gaussians, later passes read the gradient of the loss
+//! as well.
 //!
-//! `G_0 = G_init + f(G_init, T)`, `G_j = G_(j-1) + r(G_(j-1), T, dL/dG_(j-1))`; the velocity is `f`'s. Departures from the text:
+//! `G_0 = G_init + f(G_init, T)`, `G_j = G_(j-1) + r(G_(j-1), T, dL/dG_(j-1))`; the velocity is `f`'s. Departures from
+//! the text:
 //!
 //! - The closing sum of A.2 starts at j = 1 and would drop `f`; Algorithm 2 adds all residuals, and so does this.
 //! - State and gradient are detached when they enter a pass, so each pass has a graph of its own.
-//! - The gradient that is fed back may be of other views than the supervision ([`Objective`]): at inference only the input
+//! - The gradient that is fed back may be of other views than the supervision ([`Objective`]): at inference only the
+//!   input
 //!   views exist, and a network that reads the gradient of its own targets learns to copy them.
 //!
-//! The inner gradient is taken on leaves that hold the values of `G_j` and `V`. The outer one follows from the surrogate
-//! `<G_j, dL_j/dG_j> + <V, dL_j/dV>`, whose gradient by the networks' parameters is that of `L_j`. Surrogates of later passes are
-//! handed out as they come and may be differentiated at once; that of pass 0 is handed out last, when the gradients of all losses
-//! by the velocity are known. At most two passes' graphs are alive.
+//! The inner gradient is taken on leaves that hold the values of `G_j` and `V`. The outer one follows from the
+//! surrogate `<G_j, dL_j/dG_j> + <V, dL_j/dV>`, whose gradient by the networks' parameters is that of `L_j`. Surrogates
+//! of later passes are handed out as they come and may be differentiated at once; that of pass 0 is handed out last,
+//! when the gradients of all losses by the velocity are known. At most two passes' graphs are alive.
 
 use burn::tensor::{Tensor, assert_shape};
 use gs_burn::profile;
@@ -28,8 +31,8 @@ const GRADIENT_FLOOR: f64 = 1e-20;
 
 /// Residuals from Gaussians.
 pub trait Network {
-    /// Residuals `[N, 14]`, and velocities `[N, 3 (l + 1)]` (metres per window) from a network that predicts them, of `features`
-    /// `[N, 14]`, or `[N, 28]` with the gradient, and `times` `[N, 1]`.
+    /// Residuals `[N, 14]`, and velocities `[N, 3 (l + 1)]` (metres per window) from a network that predicts them, of
+    /// `features` `[N, 14]`, or `[N, 28]` with the gradient, and `times` `[N, 1]`.
     fn forward(&self, features: Tensor<2>, times: Tensor<2>) -> (Tensor<2>, Option<Tensor<2>>);
 }
 
@@ -80,7 +83,8 @@ pub struct Refined {
     pub raw: Tensor<2>,
     /// `[N, 3 (l + 1)]`, metres per window.
     pub velocity: Tensor<2>,
-    /// The loss that was computed after each pass: in training all of it, at inference that of the input views, without the last pass.
+    /// The loss that was computed after each pass: in training all of it, at inference that of the input views, without
+    /// the last pass.
     pub losses: Vec<f64>,
 }
 
@@ -104,12 +108,13 @@ impl<F: Network, R: Network> Refinement<'_, F, R> {
         self.run(raw, times, objective, None)
     }
 
-    /// The same for training: `surrogate` receives one scalar `[1]` for each pass, later passes first, whose gradient by the
-    /// networks' parameters is that of the pass's loss; their sum is that of all losses. The networks live on an autodiff device.
+    /// The same for training: `surrogate` receives one scalar `[1]` for each pass, later passes first, whose gradient
+    /// by the networks' parameters is that of the pass's loss; their sum is that of all losses. The networks live on an
+    /// autodiff device.
     ///
     /// # Errors
-    /// When the settings are out of range or a loss or gradient is not finite; pass 0's surrogate is not handed out then, and no
-    /// gradient of the snippet should be used.
+    /// When the settings are out of range or a loss or gradient is not finite; pass 0's surrogate is not handed out
+    /// then, and no gradient of the snippet should be used.
     pub fn train(
         &self,
         raw: Tensor<2>,

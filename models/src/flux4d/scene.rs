@@ -1,7 +1,7 @@
 //! The reconstructed scene: Gaussians of which some carry a velocity, as a [`DynamicScene`] in seconds.
 //!
-//! Static by evidence: a row whose speed stays below a threshold carries none. Resting rows come first and are the same tensors at
-//! all times; only moving rows are computed for a time.
+//! Static by evidence: a row whose speed stays below a threshold carries none. Resting rows come first and are the same
+//! tensors at all times; only moving rows are computed for a time.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
@@ -11,8 +11,8 @@ use super::error::{FluxError, check_length, check_range};
 use super::motion::PolynomialMotion;
 use crate::scene::DynamicScene;
 
-/// Slowest speed that counts as motion, metres per second: half the speed below which the bucketed metrics call a point static
-/// (0.04 m a frame). In half a window of 1 s it is 10 cm.
+/// Slowest speed that counts as motion, metres per second: half the speed below which the bucketed metrics call a point
+/// static (0.04 m a frame). In half a window of 1 s it is 10 cm.
 pub const REST_SPEED: f64 = 0.2;
 /// Times of the window at which the speed is looked at. A cubic's speed between them differs little from theirs.
 const LOOKS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -39,9 +39,9 @@ pub struct FluxScene {
 }
 
 impl FluxScene {
-    /// Parts `gaussians` (each row at its own time of `times`, 0 to 1) into resting and moving ones: those move whose speed
-    /// reaches `rest_speed` (metres per second) at some time of the `window` (seconds). `velocity` is `[N, 3 (l + 1)]`, metres per
-    /// window. The result is outside autodiff.
+    /// Parts `gaussians` (each row at its own time of `times`, 0 to 1) into resting and moving ones: those move whose
+    /// speed reaches `rest_speed` (metres per second) at some time of the `window` (seconds). `velocity` is `[N, 3 (l +
+    /// 1)]`, metres per window. The result is outside autodiff.
     ///
     /// # Errors
     /// When there is not one time for each row, the window has no length, or a velocity is not finite.

@@ -1,7 +1,8 @@
 //! Structural similarity pixel by pixel, for weights that differ between pixels (Eq. 1).
 //!
-//! The fused operation [`l1_ssim`](gs_burn::ops::ssim::l1_ssim) returns means alone. Here the window is a banded matrix and the
-//! blurs are matrix products over bands of rows and columns, so the cost grows with the number of pixels and not with its power 3/2.
+//! The fused operation [`l1_ssim`](gs_burn::ops::ssim::l1_ssim) returns means alone. Here the window is a banded matrix
+//! and the blurs are matrix products over bands of rows and columns, so the cost grows with the number of pixels and
+//! not with its power 3/2.
 
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::constants::{SSIM_C1, SSIM_C2, SSIM_SHIFT, SSIM_SIGMA, SSIM_WINDOW};
@@ -11,8 +12,8 @@ const BAND: usize = 64;
 /// Pixels the window reaches to each side.
 const REACH: usize = SSIM_WINDOW / 2;
 
-/// The similarity (Wang et al. 2004) of each pixel and channel of two images `[H, W, C]` in 0..1, with zeros beyond the border, as
-/// [`l1_ssim`](gs_burn::ops::ssim::l1_ssim) takes the mean of. Differentiable.
+/// The similarity (Wang et al. 2004) of each pixel and channel of two images `[H, W, C]` in 0..1, with zeros beyond the
+/// border, as [`l1_ssim`](gs_burn::ops::ssim::l1_ssim) takes the mean of. Differentiable.
 ///
 /// # Panics
 /// When shapes disagree.

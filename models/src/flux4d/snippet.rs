@@ -1,4 +1,5 @@
-//! The loss of one snippet: every view rendered at its time, compared, and averaged (Algorithm 1 with all terms of the paper).
+//! The loss of one snippet: every view rendered at its time, compared, and averaged (Algorithm 1 with all terms of the
+//! paper).
 
 use burn::tensor::{Tensor, assert_shape};
 use gs_burn::{Camera, Extras, Gaussians, RenderOptions, Rendering, render_with};
@@ -44,7 +45,8 @@ impl SnippetFrame {
         Gaussians::from_tensors(moved, quats.val(), log_scales.val(), opacity_logits.val(), sh.val())
     }
 
-    /// The rendering of one view, with depth, and with the image velocity `[H, W, 2]` (pixels per frame) as features if `velocities`.
+    /// The rendering of one view, with depth, and with the image velocity `[H, W, 2]` (pixels per frame) as features if
+    /// `velocities`.
     pub fn render(&self, raw: Tensor<2>, velocity: Tensor<2>, view: (&Camera, f64), velocities: bool) -> Rendering {
         let (camera, t) = view;
         let gaussians = self.at(raw, velocity.clone(), t);

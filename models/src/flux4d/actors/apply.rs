@@ -25,7 +25,8 @@ pub struct Edited {
 /// Applies `script` to `scene`, whose `actors` were found in it.
 ///
 /// # Errors
-/// When an edit names an actor that is not there or no longer there, or has a number out of range; the scene is then left alone.
+/// When an edit names an actor that is not there or no longer there, or has a number out of range; the scene is then
+/// left alone.
 pub fn apply_edits(scene: &FluxScene, actors: &[Actor], script: &EditScript) -> Result<Edited, FluxError> {
     let mut draft = Draft::read(scene, actors);
     script.edits.iter().try_for_each(|edit| draft.apply(edit))?;

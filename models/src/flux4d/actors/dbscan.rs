@@ -1,9 +1,10 @@
 //! DBSCAN (Ester et al. 1996) on a grid, deterministic.
 //!
-//! Cells have the edge `eps / sqrt 3`, so two points of a cell are neighbours, and neighbours of a point lie at most two cells away.
-//! Cells are keys of 21 bits an axis, sorted; the five cells of a column are consecutive. Core points of a cell belong to one
-//! cluster; cells are joined where a pair of their core points is near. A border point goes to the lowest of its clusters, and
-//! clusters are numbered by their first core point, so the labels depend on the order of the points and on nothing else.
+//! Cells have the edge `eps / sqrt 3`, so two points of a cell are neighbours, and neighbours of a point lie at most
+//! two cells away. Cells are keys of 21 bits an axis, sorted; the five cells of a column are consecutive. Core points
+//! of a cell belong to one cluster; cells are joined where a pair of their core points is near. A border point goes to
+//! the lowest of its clusters, and clusters are numbered by their first core point, so the labels depend on the order
+//! of the points and on nothing else.
 
 use rayon::prelude::*;
 
@@ -16,11 +17,12 @@ const CELLS: i64 = 1 << BITS;
 /// `ceil(sqrt 3)`: a neighbour is at most this many cells away.
 const REACH: i64 = 2;
 
-/// The cluster of each point, numbered from 0; `None` for noise. `eps` in the points' unit; a core point has at least `min_points`
-/// points within `eps`, itself included.
+/// The cluster of each point, numbered from 0; `None` for noise. `eps` in the points' unit; a core point has at least
+/// `min_points` points within `eps`, itself included.
 ///
 /// # Errors
-/// When a coordinate is not usable, `eps` or `min_points` is out of range, or the points spread over more than two million cells.
+/// When a coordinate is not usable, `eps` or `min_points` is out of range, or the points spread over more than two
+/// million cells.
 pub fn dbscan(points: &[[f32; 3]], eps: f64, min_points: usize) -> Result<Vec<Option<u32>>, FluxError> {
     check_points(points)?;
     check_range("the radius of the clustering", eps, [1e-6, 1e6], "a positive length")?;

@@ -12,8 +12,8 @@
 //! turn = 90.0               # degrees about the vertical through the actor's centre
 //! ```
 //!
-//! Edits apply in their order, each to the actor as the edits before it left it. Inserted actors are numbered after the others, in
-//! order. A turn also turns the path: the velocity turns with the body.
+//! Edits apply in their order, each to the actor as the edits before it left it. Inserted actors are numbered after the
+//! others, in order. A turn also turns the path: the velocity turns with the body.
 
 use serde::{Deserialize, Serialize};
 

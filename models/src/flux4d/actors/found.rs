@@ -1,7 +1,8 @@
 //! Actors of a scene: clusters of its fast rows.
 //!
-//! Algorithm 3 clusters `G.means`, in which each point of an object is where it was at its own time, so that a fast object is smeared
-//! over its path, and it clusters all rows. Here the moving rows alone are clustered, and all are brought to one time first.
+//! Algorithm 3 clusters `G.means`, in which each point of an object is where it was at its own time, so that a fast
+//! object is smeared over its path, and it clusters all rows. Here the moving rows alone are clustered, and all are
+//! brought to one time first.
 
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
@@ -14,8 +15,8 @@ use crate::flux4d::scene::FluxScene;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ActorConfig {
-    /// Slowest speed of an actor's Gaussians, metres per second. The paper's 5 has no unit; in metres per second it would leave
-    /// pedestrians out, so this is the limit between static and dynamic of the flow labels, 0.05 m a frame.
+    /// Slowest speed of an actor's Gaussians, metres per second. The paper's 5 has no unit; in metres per second it
+    /// would leave pedestrians out, so this is the limit between static and dynamic of the flow labels, 0.05 m a frame.
     pub speed: f64,
     /// Radius of the clustering, metres (Algorithm 3).
     pub eps: f64,
@@ -64,7 +65,8 @@ pub struct Actor {
     pub track: Vec<TrackPoint>,
 }
 
-/// The actors of `scene`, clustered at the time `t` and followed over `times`, all in seconds; in the order of their first rows.
+/// The actors of `scene`, clustered at the time `t` and followed over `times`, all in seconds; in the order of their
+/// first rows.
 ///
 /// # Errors
 /// When a setting is out of range or a moved Gaussian has no usable position.

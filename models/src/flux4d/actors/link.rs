@@ -29,8 +29,8 @@ pub struct Tracks {
     pub count: usize,
 }
 
-/// Links the actors of consecutive snippets. Each one's track is carried to the next snippet's first time at constant velocity from
-/// its nearest point in time; pairs are taken in the order of their distance, each actor once.
+/// Links the actors of consecutive snippets. Each one's track is carried to the next snippet's first time at constant
+/// velocity from its nearest point in time; pairs are taken in the order of their distance, each actor once.
 pub fn link_actors(snippets: &[Vec<Actor>], config: &LinkConfig) -> Tracks {
     let mut tracks = Tracks { numbers: Vec::new(), count: 0 };
     for (index, actors) in snippets.iter().enumerate() {

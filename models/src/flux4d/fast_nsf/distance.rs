@@ -22,8 +22,8 @@ pub struct DistanceGrid {
 }
 
 impl DistanceGrid {
-    /// The grid around both clouds, padded by a cell, of distances to `target`. Cells have the edge `cell` (metres), or the smallest edge
-    /// for which there are at most `most_cells`.
+    /// The grid around both clouds, padded by a cell, of distances to `target`. Cells have the edge `cell` (metres), or
+    /// the smallest edge for which there are at most `most_cells`.
     ///
     /// # Errors
     /// When there is no point, a coordinate is not usable, or a setting is out of range.
@@ -53,8 +53,8 @@ impl DistanceGrid {
         self.cell
     }
 
-    /// Distance at a world position, metres, and its gradient; trilinear between cells. Beyond the border the border's value counts, and
-    /// the gradient across it is zero.
+    /// Distance at a world position, metres, and its gradient; trilinear between cells. Beyond the border the border's
+    /// value counts, and the gradient across it is zero.
     pub fn sample(&self, at: [f64; 3]) -> (f64, [f64; 3]) {
         let (mut base, mut part, mut inside) = ([0; 3], [0.0; 3], [1.0; 3]);
         for axis in 0..3 {

@@ -1,8 +1,9 @@
-//! The fit of one pair of sweeps: a network from position to flow, descending on the distance of the moved points to the second sweep.
+//! The fit of one pair of sweeps: a network from position to flow, descending on the distance of the moved points to
+//! the second sweep.
 //!
-//! As in FastNSF: eight hidden layers of 128 units with ReLU, Adam at 8e-3, at most 5,000 iterations, an early end, the best flow kept.
-//! Ours: the grid is capped in memory; the last layer starts at zero, so the search starts at rest; positions enter in units of 20 m;
-//! a fit on a share of the points is possible, and the flow is then evaluated on all.
+//! As in FastNSF: eight hidden layers of 128 units with ReLU, Adam at 8e-3, at most 5,000 iterations, an early end, the
+//! best flow kept. Ours: the grid is capped in memory; the last layer starts at zero, so the search starts at rest;
+//! positions enter in units of 20 m; a fit on a share of the points is possible, and the flow is then evaluated on all.
 
 use burn::module::Module;
 use burn::tensor::{DType, Device, Tensor, TensorData};
@@ -70,7 +71,8 @@ pub struct FlowFit {
     pub cell: f64,
 }
 
-/// The flow of `source` towards `target`, both in one frame of axes (world, or after compensation of the ego motion), metres.
+/// The flow of `source` towards `target`, both in one frame of axes (world, or after compensation of the ego motion),
+/// metres.
 ///
 /// # Errors
 /// When a sweep is empty, a coordinate is not usable, or a setting is out of range.

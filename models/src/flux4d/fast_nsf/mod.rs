@@ -1,5 +1,5 @@
-//! Scene flow by optimisation alone: a network per pair of sweeps, fitted to the distance transform of the second (in the manner of
-//! Fast Neural Scene Flow, Li et al. 2023). The baseline that a feed-forward model is compared with.
+//! Scene flow by optimisation alone: a network per pair of sweeps, fitted to the distance transform of the second (in
+//! the manner of Fast Neural Scene Flow, Li et al. 2023). The baseline that a feed-forward model is compared with.
 //!
 //! | part | file |
 //! |---|---|

@@ -1,8 +1,9 @@
 //! Bucketed normalised EPE (Khatri et al. 2024, "I Can't Believe It's Not Scene Flow!").
 //!
-//! Points are sorted by class and true speed over all frames. The first bucket, below 0.04 m a frame, is static; its error is the
-//! EPE in metres. A dynamic bucket's error is its EPE over its mean speed: 1 is the error of predicting no motion. A class's
-//! dynamic error is the mean of its buckets that have points; the last line is the plain mean over classes.
+//! Points are sorted by class and true speed over all frames. The first bucket, below 0.04 m a frame, is static; its
+//! error is the EPE in metres. A dynamic bucket's error is its EPE over its mean speed: 1 is the error of predicting no
+//! motion. A class's dynamic error is the mean of its buckets that have points; the last line is the plain mean over
+//! classes.
 
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! Scene-flow metrics, with every variant that is in use under a name of its own.
 //!
-//! A flow is the displacement of a point in one LiDAR period, **metres per frame of 0.1 s**, in world axes, so the motion of the
-//! recording car is not in it.
+//! A flow is the displacement of a point in one LiDAR period, **metres per frame of 0.1 s**, in world axes, so the
+//! motion of the recording car is not in it.
 //!
 //! | metric | file |
 //! |---|---|

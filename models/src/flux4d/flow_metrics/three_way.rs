@@ -1,7 +1,7 @@
 //! Three-way EPE: resting background (BS), resting foreground (FS), moving foreground (FD), and their mean.
 //!
-//! Flux4D's printed EPE-3way is not the mean of its printed columns; a mean of frames that leave a missing group out is not either.
-//! Both are given: over all points, and frame by frame.
+//! Flux4D's printed EPE-3way is not the mean of its printed columns; a mean of frames that leave a missing group out is
+//! not either. Both are given: over all points, and frame by frame.
 
 use serde::Serialize;
 

@@ -6,8 +6,8 @@ use gs_models::flux4d::{FluxScene, PolynomialMotion};
 use gs_tests::devices::{Place, reference};
 use gs_tests::scenes::Random;
 
-/// 60 points a box of 1 m, one going along y at 10 m/s, one along -x at 2 m/s, and 100 at rest. Points are where their object
-/// was at their own time. The window is one second from 5 s on.
+/// 60 points a box of 1 m, one going along y at 10 m/s, one along -x at 2 m/s, and 100 at rest. Points are where their
+/// object was at their own time. The window is one second from 5 s on.
 pub(super) fn street(place: &Place) -> FluxScene {
     let mut random = Random::new(3);
     let (mut means, mut velocity, mut times) = (Vec::new(), Vec::new(), Vec::new());
@@ -54,7 +54,8 @@ fn moving_boxes_are_found_with_box_speed_and_track() {
     assert_eq!(actors.iter().map(|actor| actor.rows.len()).collect::<Vec<_>>(), [60, 60]);
     let [fast, slow] = [&actors[0], &actors[1]];
     assert!((fast.speed - 10.0).abs() < 1e-9 && (slow.speed - 2.0).abs() < 1e-9);
-    // 60 uniform points reach to within 1/60 of each side on average; a tenth is six times that. Means scatter by 0.29 / sqrt(60).
+    // 60 uniform points reach to within 1/60 of each side on average; a tenth is six times that. Means scatter by 0.29
+    // / sqrt(60).
     assert!(
         near(fast.bounds.centre, [0.0, 5.0, 0.5], 0.1) && near(fast.bounds.size, [0.95; 3], 0.1),
         "{:?}",

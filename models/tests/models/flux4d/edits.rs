@@ -20,8 +20,10 @@ fn mean(scene: &FluxScene, rows: &[u32], t: f64) -> [f64; 3] {
 #[test]
 fn a_script_is_toml() {
     let script: EditScript = toml::from_str(
-        "[[edits]]\ndo = \"remove\"\nactor = 1\n[[edits]]\ndo = \"insert\"\nactor = 0\noffset = [0.0, 3.5, 0.0]\nturn = 90.0\n\
-         [[edits]]\ndo = \"recolor\"\nactor = 0\ncolor = [1.0, 0.0, 0.0]\nshare = 0.5\n[[edits]]\ndo = \"move\"\nactor = 2\n",
+        "[[edits]]\ndo = \"remove\"\nactor = 1\n[[edits]]\ndo = \"insert\"\nactor = 0\noffset = [0.0, 3.5, 0.0]\n\
+         turn = 90.0\n\
+         [[edits]]\ndo = \"recolor\"\nactor = 0\ncolor = [1.0, 0.0, 0.0]\nshare = 0.5\n\
+         [[edits]]\ndo = \"move\"\nactor = 2\n",
     )
     .expect("a script");
     assert_eq!(script.edits[0], Edit::Remove { actor: 1 });

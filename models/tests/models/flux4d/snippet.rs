@@ -73,8 +73,9 @@ fn cosine_and_ratio(a: &[f64], b: &[f64]) -> (f64, f64) {
     (dot(a, b) / (dot(a, a) * dot(b, b)).sqrt(), (dot(b, b) / dot(a, a)).sqrt())
 }
 
-/// Sampling 4 x as finely in both directions leaves integrals over the image as they are. What changes: the renderer's own blur of 0.3
-/// square pixels, a tenth of the variance of these Gaussians at the small size. A sum over pixels would give 16.
+/// Sampling 4 x as finely in both directions leaves integrals over the image as they are. What changes: the renderer's
+/// own blur of 0.3 square pixels, a tenth of the variance of these Gaussians at the small size. A sum over pixels would
+/// give 16.
 #[test]
 fn the_gradient_does_not_depend_on_the_size_of_the_image() {
     let place = reference();
