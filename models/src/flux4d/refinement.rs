@@ -7,13 +7,12 @@
 //! - The closing sum of A.2 starts at j = 1 and would drop `f`; Algorithm 2 adds all residuals, and so does this.
 //! - State and gradient are detached when they enter a pass, so each pass has a graph of its own.
 //! - The gradient that is fed back may be of other views than the supervision ([`Objective`]): at inference only the
-//!   input
-//!   views exist, and a network that reads the gradient of its own targets learns to copy them.
+//!   input views exist, and a network that reads the gradient of its own targets learns to copy them.
 //!
 //! The inner gradient is taken on leaves that hold the values of `G_j` and `V`. The outer one follows from the
 //! surrogate `<G_j, dL_j/dG_j> + <V, dL_j/dV>`, whose gradient by the networks' parameters is that of `L_j`. Surrogates
 //! of later passes are handed out as they come and may be differentiated at once; that of pass 0 is handed out last,
-//! when the gradients of all losses by the velocity are known. At most two passes' graphs are alive.
+//! when the gradients of all losses by the velocity are known. At most two passes' graphs are then alive.
 
 use burn::tensor::{Tensor, assert_shape};
 use gs_burn::profile;
