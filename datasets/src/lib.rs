@@ -47,6 +47,7 @@ mod mask;
 mod names;
 mod options;
 mod order;
+mod photo;
 mod pixels;
 mod plural;
 mod ply;
@@ -75,6 +76,7 @@ pub use names::some_names;
 pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SparseViews, SplitUse,
 };
+pub use photo::{photo_size, read_photo};
 pub use plural::{agree, counted};
 pub use printable::printable;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};

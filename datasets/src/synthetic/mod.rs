@@ -18,3 +18,4 @@ mod world;
 pub use demo::{DemoOptions, demo_scene};
 pub use frames::{BlurFromFrames, BlurSummary, blur_from_frames};
 pub use movers::{Mover, movers};
+pub use tracer::texture::noise;

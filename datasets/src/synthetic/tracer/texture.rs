@@ -140,7 +140,7 @@ fn smooth(low: f64, high: f64, value: f64) -> f64 {
 }
 
 /// Random numbers on the corners of a unit grid, interpolated smoothly: 0 to 1, mostly around 0.5.
-pub(in crate::synthetic) fn noise(p: DVec3, salt: u32) -> f64 {
+pub fn noise(p: DVec3, salt: u32) -> f64 {
     let cell = p.floor();
     let f = p - cell;
     let f = f * f * (3.0 - 2.0 * f);

@@ -1,0 +1,101 @@
+//! Frames, cameras and images of a log.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec3};
+use gs_datasets::{DatasetError, counted, photo_size, some_names};
+
+use super::poses::{Calibrated, Track, cameras};
+use crate::description::{Camera, Description, Frame, Shot};
+use crate::options::LogOptions;
+
+/// Farthest an image may be from its sweep, nanoseconds. Cameras take 20 images a second, so the nearest is within half of that.
+const PAIR_MAX: u64 = 50_000_000;
+
+/// Cameras that see the ego vehicle, and the rows at the bottom of their full images that show it.
+const EGO_ROWS: [(&str, usize); 3] = [("ring_front_center", 250), ("ring_rear_left", 250), ("ring_rear_right", 250)];
+
+/// Folders of a log.
+pub(crate) const LIDAR: &str = "sensors/lidar";
+const CAMERAS: &str = "sensors/cameras";
+
+/// Seconds of a time stamp.
+pub(crate) fn seconds(nanoseconds: i64) -> f64 {
+    nanoseconds as f64 * 1e-9
+}
+
+/// Files of a folder by the time stamps that name them.
+fn stamped(folder: &Path, end: &str) -> BTreeMap<i64, PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
+    let stamp = |entry: std::fs::DirEntry| {
+        let name = entry.file_name().into_string().ok()?;
+        Some((name.strip_suffix(end)?.parse().ok()?, entry.path()))
+    };
+    entries.filter_map(stamp).collect()
+}
+
+/// Describes the log in a folder.
+pub(crate) fn describe(log: &Path, options: &LogOptions) -> Result<Description, DatasetError> {
+    let track = Track::read(log)?;
+    let sweeps = stamped(&log.join(LIDAR), ".feather");
+    let Some((first, _)) = sweeps.first_key_value() else {
+        return Err(DatasetError::NoFrames { path: log.join(LIDAR), found: "no sweep".to_string() });
+    };
+    let origin = track.at(log, *first)?.w_axis.truncate();
+    let mut silent = Vec::new();
+    let mut filmed = Vec::new();
+    for calibrated in cameras(log)?.into_iter().filter(|camera| options.cameras.takes(&camera.name)) {
+        let images = stamped(&log.join(CAMERAS).join(&calibrated.name), ".jpg");
+        match images.first_key_value() {
+            Some((_, image)) => filmed.push((camera(&calibrated, image, options)?, calibrated.pose, images)),
+            None => silent.push(calibrated.name),
+        }
+    }
+    let (mut frames, mut shots) = (Vec::new(), Vec::new());
+    for stamp in sweeps.keys() {
+        let ego = centred(track.at(log, *stamp)?, origin);
+        frames.push(Frame { name: stamp.to_string(), time: seconds(*stamp), has_sweep: true, ego });
+        let nearest = |images: &BTreeMap<i64, PathBuf>| {
+            let near = images.range(..=*stamp).next_back().into_iter().chain(images.range(stamp..).next());
+            let near = near.min_by_key(|entry| entry.0.abs_diff(*stamp))?;
+            (near.0.abs_diff(*stamp) <= PAIR_MAX).then(|| (*near.0, near.1.clone()))
+        };
+        let mut row = Vec::new();
+        for (_, pose, images) in &filmed {
+            row.push(match nearest(images) {
+                Some((time, image)) => {
+                    let c2w = centred(track.at(log, time)? * *pose, origin);
+                    Some(Shot { time: seconds(time), c2w, image: Some(image) })
+                }
+                None => None,
+            });
+        }
+        shots.push(row);
+    }
+    let mut warnings = Vec::new();
+    if !silent.is_empty() {
+        let names: Vec<&str> = silent.iter().map(String::as_str).collect();
+        warnings.push(format!("{} without an image: {}", counted(names.len(), "camera"), some_names(&names)));
+    }
+    let name = log.file_name().map_or_else(|| "log".to_string(), |name| name.to_string_lossy().into_owned());
+    Ok(Description { name, origin, frames, cameras: filmed.into_iter().map(|f| f.0).collect(), shots, warnings })
+}
+
+fn centred(mut pose: DMat4, origin: DVec3) -> DMat4 {
+    pose.w_axis -= origin.extend(0.0);
+    pose
+}
+
+fn camera(calibrated: &Calibrated, image: &Path, options: &LogOptions) -> Result<Camera, DatasetError> {
+    let [(width, height), _] = photo_size(image, options.max_width)?;
+    let (x, y) = (width as f64 / calibrated.size.0, height as f64 / calibrated.size.1);
+    let hidden = EGO_ROWS.iter().find(|(name, _)| *name == calibrated.name).map_or(0, |(_, rows)| *rows);
+    Ok(Camera {
+        name: calibrated.name.clone(),
+        width,
+        height,
+        intrinsics: calibrated.intrinsics.scaled(x, y),
+        ego_rows: (hidden as f64 * y).ceil() as usize,
+    })
+}

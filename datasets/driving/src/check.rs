@@ -1,0 +1,268 @@
+//! [`check`]: a report on the contents and mistakes of a driving log, also of one that does not open.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use gs_datasets::{DatasetError, FrameSource, agree, counted, printable};
+use rayon::prelude::*;
+
+use crate::draw;
+use crate::log::{DrivingLog, LogFormat};
+use crate::options::LogOptions;
+use crate::project::project;
+use crate::sweep::Sweep;
+
+/// Contents and mistakes of a driving log. `Display` prints it whole, one sentence a line.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DrivingReport {
+    /// The folder.
+    pub path: PathBuf,
+    /// The layout; `None` if none was recognised.
+    pub format: Option<LogFormat>,
+    /// Contents, in sentences.
+    pub facts: Vec<String>,
+    /// What was left out or looks wrong, in sentences.
+    pub warnings: Vec<String>,
+    /// Mistakes that keep the log from being used, in sentences.
+    pub errors: Vec<String>,
+}
+
+impl DrivingReport {
+    /// Whether the log can be used.
+    pub fn is_ok(&self) -> bool {
+        self.errors.is_empty()
+    }
+}
+
+impl fmt::Display for DrivingReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.format.map_or("not recognised", LogFormat::name);
+        writeln!(f, "{}: {name}", printable(&self.path.to_string_lossy()))?;
+        for (label, sentences) in [("", &self.facts), ("warning: ", &self.warnings), ("error: ", &self.errors)] {
+            for sentence in sentences {
+                writeln!(f, "  {label}{sentence}")?;
+            }
+        }
+        match (self.errors.len(), self.warnings.len()) {
+            (0, 0) => write!(f, "Good to load."),
+            (0, count) => write!(f, "Good to load, with {}.", counted(count, "warning")),
+            (count, _) => write!(f, "Cannot be loaded: {}.", counted(count, "error")),
+        }
+    }
+}
+
+/// Facts about one sweep.
+struct SweepNote {
+    points: usize,
+    left_out: usize,
+    /// Share of points in any image of the frame; `None` without images.
+    seen: Option<f64>,
+    /// Points of each of the first sensors.
+    by_sensor: [usize; 2],
+    /// First and last time of a point, seconds after the time of the frame.
+    span: Option<(f64, f64)>,
+    objects: Option<usize>,
+}
+
+/// Examines a log: reads every sweep and decodes every image. With `pictures`, the sweep of the middle frame is drawn into the images of
+/// that frame, coloured by depth, and each is written there as `CAMERA-FRAME.png`; edges of colour and edges of depth agree if times and
+/// calibration are right. At most one sweep and one image a thread are held at a time.
+pub fn check(path: &Path, options: &LogOptions, pictures: Option<&Path>) -> DrivingReport {
+    let mut report =
+        DrivingReport { path: path.to_path_buf(), format: LogFormat::of(path), ..DrivingReport::default() };
+    let log = match DrivingLog::open(path, options) {
+        Ok(log) => log,
+        Err(error) => {
+            report.errors.push(error.to_string());
+            return report;
+        }
+    };
+    report.warnings.extend(log.warnings().iter().map(|warning| printable(warning).into_owned()));
+    describe_frames(&log, &mut report);
+    describe_cameras(&log, &mut report);
+    describe_sweeps(&log, &mut report);
+    let broken: Vec<String> = (0..FrameSource::frames(&log).len())
+        .into_par_iter()
+        .filter_map(|index| log.decode(index).err().map(|error| error.to_string()))
+        .collect();
+    report.errors.extend(broken);
+    if let Some(folder) = pictures
+        && let Err(error) = draw_middle(&log, folder, &mut report)
+    {
+        report.errors.push(error.to_string());
+    }
+    report
+}
+
+fn describe_frames(log: &DrivingLog, report: &mut DrivingReport) {
+    let frames = log.frames();
+    let span = frames.last().map_or(0.0, |last| last.time - frames[0].time);
+    let way: f64 = frames.windows(2).map(|pair| pair[1].ego.w_axis.distance(pair[0].ego.w_axis)).sum();
+    let interval = match frames.len() {
+        1 => String::new(),
+        count => format!(", one every {:.0} ms", 1e3 * span / (count - 1) as f64),
+    };
+    report.facts.push(format!(
+        "{} over {span:.1} s{interval}; the ego vehicle drives {way:.1} m.",
+        counted(frames.len(), "frame")
+    ));
+    if log.origin().length() > 0.0 {
+        report
+            .facts
+            .push(format!("Positions are moved by {:.1} m, to the ego vehicle at the first frame.", -log.origin()));
+    }
+}
+
+fn describe_cameras(log: &DrivingLog, report: &mut DrivingReport) {
+    if log.cameras().is_empty() {
+        report.warnings.push("no camera has an image; points have no colours".to_string());
+    }
+    for (index, camera) in log.cameras().iter().enumerate() {
+        let frames = 0..log.frames().len();
+        let skews: Vec<f64> = frames
+            .filter(|frame| log.view_index(*frame, index).is_some())
+            .filter_map(|frame| Some(1e3 * (log.shot(frame, index)?.time - log.frames()[frame].time)))
+            .collect();
+        let (low, high) = bounds(&skews);
+        report.facts.push(format!(
+            "{}: {} of {} x {} pixels, focal length {:.0}, taken {low:.1} to {high:.1} ms after the time of the sweep.",
+            camera.name,
+            counted(skews.len(), "image"),
+            camera.width,
+            camera.height,
+            camera.intrinsics.fx
+        ));
+        const SKEW_MAX: f64 = 100.0;
+        if low.abs().max(high.abs()) > SKEW_MAX {
+            report
+                .warnings
+                .push(format!("{} and the sweeps differ by more than {SKEW_MAX} ms, one turn of a LiDAR", camera.name));
+        }
+    }
+}
+
+fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
+    let with: Vec<usize> = (0..log.frames().len()).filter(|frame| log.frames()[*frame].has_sweep).collect();
+    let notes: Vec<Result<SweepNote, DatasetError>> =
+        with.par_iter().map(|frame| log.sweep(*frame).map(|sweep| note(log, *frame, &sweep))).collect();
+    let mut good = Vec::new();
+    for note in notes {
+        match note {
+            Ok(note) => good.push(note),
+            Err(error) => report.errors.push(error.to_string()),
+        }
+    }
+    let points: Vec<f64> = good.iter().map(|note| note.points as f64).collect();
+    let (low, high) = bounds(&points);
+    let sensors = [0, 1].map(|sensor| good.iter().map(|note| note.by_sensor[sensor]).sum::<usize>());
+    let share = sensors[1] as f64 / (sensors[0] + sensors[1]).max(1) as f64;
+    report.facts.push(format!(
+        "{} of {low:.0} to {high:.0} points; {:.0} % are of the second LiDAR.",
+        counted(good.len(), "sweep"),
+        100.0 * share
+    ));
+    let spans: Vec<(f64, f64)> = good.iter().filter_map(|note| note.span).collect();
+    if !spans.is_empty() {
+        let (first, last) = (
+            bounds(&spans.iter().map(|s| s.0).collect::<Vec<_>>()).0,
+            bounds(&spans.iter().map(|s| s.1).collect::<Vec<_>>()).1,
+        );
+        report.facts.push(format!(
+            "Points are taken {:.0} to {:.0} ms after the time of their sweep.",
+            1e3 * first,
+            1e3 * last
+        ));
+    }
+    let objects: Vec<f64> = good.iter().filter_map(|note| note.objects.map(|count| count as f64)).collect();
+    report.facts.push(match objects.is_empty() {
+        true => "No sweep is labelled.".to_string(),
+        false => format!(
+            "{} labelled, with {:.0} to {:.0} objects.",
+            counted(objects.len(), "sweep"),
+            bounds(&objects).0,
+            bounds(&objects).1
+        ),
+    });
+    let left_out: usize = good.iter().map(|note| note.left_out).sum();
+    if left_out > 0 {
+        report.warnings.push(format!("{} not finite or too far away and left out", subject(left_out, "point")));
+    }
+    let empty = good.iter().filter(|note| note.points == 0).count();
+    if empty > 0 {
+        report.warnings.push(format!("{} without a point", subject(empty, "sweep")));
+    }
+    let seen: Vec<f64> = good.iter().filter_map(|note| note.seen).collect();
+    if !seen.is_empty() {
+        let (low, high) = bounds(&seen);
+        report.facts.push(format!(
+            "{:.0} to {:.0} % of the points of a sweep are in an image of its frame.",
+            100.0 * low,
+            100.0 * high
+        ));
+        if high == 0.0 {
+            report
+                .errors
+                .push("no LiDAR point falls into any image: the calibration or the poses are wrong".to_string());
+        }
+    }
+}
+
+fn subject(count: usize, noun: &str) -> String {
+    format!("{} {}", counted(count, noun), agree(count, "is", "are"))
+}
+
+fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {
+    let views: Vec<_> = (0..log.cameras().len())
+        .filter(|camera| log.view_index(frame, *camera).is_some())
+        .filter_map(|camera| Some((&log.cameras()[camera], log.camera_pose(frame, camera)?.inverse())))
+        .collect();
+    let is_seen = |point: &&[f32; 3]| views.iter().any(|(camera, w2c)| project(camera, w2c, **point).is_some());
+    let seen = sweep.points.iter().filter(is_seen).count() as f64 / sweep.len().max(1) as f64;
+    let time = log.frames()[frame].time;
+    let span = sweep.times.iter().fold(None, |span: Option<(f64, f64)>, t| {
+        let after = t - time;
+        Some(span.map_or((after, after), |(low, high)| (low.min(after), high.max(after))))
+    });
+    SweepNote {
+        points: sweep.len(),
+        left_out: sweep.left_out,
+        seen: (!views.is_empty()).then_some(seen),
+        by_sensor: [0, 1].map(|sensor| sweep.sensor.iter().filter(|s| **s == sensor).count()),
+        span,
+        objects: sweep.labels.as_ref().map(|labels| labels.tracks.len()),
+    }
+}
+
+/// Least and greatest value; zeros of an empty list.
+fn bounds(values: &[f64]) -> (f64, f64) {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if values.is_empty() { (0.0, 0.0) } else { (low, high) }
+}
+
+fn draw_middle(log: &DrivingLog, folder: &Path, report: &mut DrivingReport) -> Result<(), DatasetError> {
+    let complete: Vec<usize> = (0..log.frames().len())
+        .filter(|frame| log.frames()[*frame].has_sweep)
+        .filter(|frame| (0..log.cameras().len()).any(|camera| log.view_index(*frame, camera).is_some()))
+        .collect();
+    let Some(frame) = complete.get(complete.len() / 2) else {
+        report.warnings.push("no frame has a sweep and an image; nothing is drawn".to_string());
+        return Ok(());
+    };
+    let sweep = log.sweep(*frame)?;
+    let mut drawn = 0;
+    for camera in 0..log.cameras().len() {
+        if log.view_index(*frame, camera).is_some() {
+            let file = format!("{}-{}.png", log.cameras()[camera].name, log.frames()[*frame].name);
+            draw::overlay(log, *frame, camera, &sweep, &folder.join(file))?;
+            drawn += 1;
+        }
+    }
+    report.facts.push(format!(
+        "The sweep of frame {} is drawn into {} in {}.",
+        log.frames()[*frame].name,
+        counted(drawn, "image"),
+        printable(&folder.to_string_lossy())
+    ));
+    Ok(())
+}

@@ -1,0 +1,59 @@
+//! What a reader says about a log before any sweep or image is decoded.
+
+use std::path::PathBuf;
+
+use glam::{DMat4, DVec3};
+use gs_datasets::Intrinsics;
+
+/// A frame: one sweep of the LiDAR and one image of each camera, as far as they are there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// The name of the frame's files: "45" of `45.jpg` in PandaSet, the time stamp of the sweep in Argoverse 2.
+    pub name: String,
+    /// Unix seconds of the sweep. PandaSet: its end. Argoverse 2: its begin.
+    pub time: f64,
+    /// Whether there is a sweep.
+    pub has_sweep: bool,
+    /// Ego vehicle to centred world.
+    pub ego: DMat4,
+}
+
+/// A camera of the rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// As the data set names it.
+    pub name: String,
+    /// Width of the images as they are decoded, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// At that size; the lens is a pinhole.
+    pub intrinsics: Intrinsics,
+    /// Rows at the bottom in which the camera sees the ego vehicle itself; 0 for most.
+    pub ego_rows: usize,
+}
+
+/// One image before it is decoded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shot {
+    /// Unix seconds.
+    pub time: f64,
+    /// Camera to centred world, OpenCV axes (x right, y down, z forward).
+    pub c2w: DMat4,
+    /// The file; `None` where the pose is known and the image is missing.
+    pub image: Option<PathBuf>,
+}
+
+/// A log, described.
+#[derive(Debug)]
+pub(crate) struct Description {
+    pub name: String,
+    /// Subtracted from all positions of the files, metres.
+    pub origin: DVec3,
+    pub frames: Vec<Frame>,
+    pub cameras: Vec<Camera>,
+    /// `[frames][cameras]`.
+    pub shots: Vec<Vec<Option<Shot>>>,
+    /// What was left out, in sentences.
+    pub warnings: Vec<String>,
+}

@@ -1,0 +1,99 @@
+//! Names and types of the columns of a Feather file.
+
+use super::flat::Flat;
+
+/// How the values of a column are laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Bytes, signed.
+    Int(usize, bool),
+    F16,
+    F32,
+    F64,
+    Bool,
+    /// Offsets of four bytes and the bytes of all strings; binary data likewise.
+    Text,
+    /// No buffer.
+    Null,
+}
+
+impl Kind {
+    /// Buffers of such a column in a record batch: the first marks missing values.
+    pub fn buffers(self) -> usize {
+        match self {
+            Self::Null => 0,
+            Self::Text => 3,
+            _ => 2,
+        }
+    }
+
+    /// Bytes of `rows` values; `None` where it does not depend on the rows alone.
+    pub fn bytes(self, rows: usize) -> Option<usize> {
+        match self {
+            Self::Int(bytes, _) => rows.checked_mul(bytes),
+            Self::F16 => rows.checked_mul(2),
+            Self::F32 => rows.checked_mul(4),
+            Self::F64 => rows.checked_mul(8),
+            Self::Bool => Some(rows.div_ceil(8)),
+            Self::Text | Self::Null => None,
+        }
+    }
+}
+
+/// A column.
+#[derive(Debug, Clone)]
+pub(crate) struct Field<'a> {
+    pub name: &'a str,
+    pub kind: Kind,
+}
+
+/// Most columns of a file; those of Argoverse 2 have at most 13.
+const FIELDS_MAX: usize = 1024;
+
+/// The columns of a schema, or what is wrong with it.
+pub(crate) fn fields<'a>(schema: &Flat<'a>) -> Result<Vec<Field<'a>>, String> {
+    if schema.i16(0) != 0 {
+        return Err("big-endian numbers".to_string());
+    }
+    let list = schema.vector(1).filter(|list| list.count <= FIELDS_MAX).ok_or("no list of columns")?;
+    (0..list.count)
+        .map(|index| {
+            let field = list.table(index).ok_or("a column beyond the end")?;
+            let name = field.text(0).ok_or("a column without a name")?;
+            if field.table(4).is_some() {
+                return Err(format!("column {name:?} with a dictionary"));
+            }
+            let kind = kind(&field).ok_or_else(|| format!("column {name:?} of the type {}", field.u8(2)))?;
+            Ok(Field { name, kind })
+        })
+        .collect()
+}
+
+fn kind(field: &Flat<'_>) -> Option<Kind> {
+    // The numbers of the union `Type` in Arrow's Schema.fbs.
+    match field.u8(2) {
+        1 => Some(Kind::Null),
+        2 => {
+            let bits = field.table(3)?;
+            let bytes = match bits.i32(0) {
+                8 => 1,
+                16 => 2,
+                32 => 4,
+                64 => 8,
+                _ => return None,
+            };
+            Some(Kind::Int(bytes, bits.u8(1) != 0))
+        }
+        3 => match field.table(3)?.i16(0) {
+            0 => Some(Kind::F16),
+            1 => Some(Kind::F32),
+            2 => Some(Kind::F64),
+            _ => None,
+        },
+        4 | 5 => Some(Kind::Text),
+        6 => Some(Kind::Bool),
+        // Time stamps are integers of eight bytes.
+        10 => Some(Kind::Int(8, true)),
+        _ => None,
+    }
+}

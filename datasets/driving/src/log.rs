@@ -1,0 +1,259 @@
+//! [`DrivingLog`]: a log that is described first and decoded when asked.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec3};
+use gs_datasets::{DatasetError, FrameDescription, FrameSource, RgbImage8, Split, View, printable, read_photo};
+
+use crate::argoverse;
+use crate::description::{Camera, Description, Frame, Shot};
+use crate::options::LogOptions;
+use crate::pandaset;
+use crate::sweep::{Cuboid, Sweep};
+
+/// The layouts that are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LogFormat {
+    /// A sequence of PandaSet, or synthetic streets in its layout.
+    PandaSet,
+    /// A log of Argoverse 2 Sensor.
+    Argoverse,
+}
+
+impl LogFormat {
+    /// For messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PandaSet => "PandaSet",
+            Self::Argoverse => "Argoverse 2 Sensor",
+        }
+    }
+
+    /// The layout of a folder; `None` where it is no driving log.
+    pub fn of(folder: &Path) -> Option<Self> {
+        if pandaset::names::is_sequence(folder) {
+            Some(Self::PandaSet)
+        } else if folder.join(argoverse::poses::EGO).is_file() {
+            Some(Self::Argoverse)
+        } else {
+            None
+        }
+    }
+}
+
+/// A driving log. It holds descriptions and no pixel or point: less than 1 KB for each frame and camera. A sweep or image belongs to who
+/// asked for it; [`LogCache`](gs_datasets::LogCache) keeps images under a bound in bytes, since a log is a [`FrameSource`].
+///
+/// Positions are in the world of the data set with [`origin`](DrivingLog::origin) subtracted in f64, so that f32 keeps millimetres. The
+/// axes are the data set's: z is up. Camera axes are OpenCV's, poses are camera to world.
+#[derive(Debug)]
+pub struct DrivingLog {
+    path: PathBuf,
+    format: LogFormat,
+    description: Description,
+    options: LogOptions,
+    views: Vec<FrameDescription>,
+    /// Frame and camera of each entry of `views`.
+    places: Vec<(usize, usize)>,
+    /// `[frames][cameras]`: the place in `views`.
+    index: Vec<Vec<Option<usize>>>,
+}
+
+impl DrivingLog {
+    /// Describes the log in a folder.
+    ///
+    /// # Errors
+    /// One sentence: no known layout, a description that is missing or broken, times that do not ascend, no frame.
+    pub fn open(path: &Path, options: &LogOptions) -> Result<Self, DatasetError> {
+        let format = LogFormat::of(path).ok_or_else(|| unknown(path))?;
+        let description = match format {
+            LogFormat::PandaSet => pandaset::describe::describe(path, options)?,
+            LogFormat::Argoverse => argoverse::describe::describe(path, options)?,
+        };
+        for warning in &description.warnings {
+            tracing::warn!("{}", printable(warning));
+        }
+        Ok(Self::of(path, format, description, options))
+    }
+
+    fn of(path: &Path, format: LogFormat, description: Description, options: &LogOptions) -> Self {
+        let (mut views, mut places) = (Vec::new(), Vec::new());
+        let mut index = vec![vec![None; description.cameras.len()]; description.frames.len()];
+        for (f, (frame, shots)) in description.frames.iter().zip(&description.shots).enumerate() {
+            for (c, (camera, shot)) in description.cameras.iter().zip(shots).enumerate() {
+                let Some(Shot { time, c2w, image: Some(image) }) = shot else { continue };
+                index[f][c] = Some(views.len());
+                places.push((f, c));
+                views.push(FrameDescription {
+                    name: format!("{}/{}", camera.name, frame.name),
+                    split: Split::TRAIN.to_string(),
+                    time: Some(*time),
+                    camera_id: Some(camera.name.clone()),
+                    c2w: *c2w,
+                    size: Some((camera.width, camera.height)),
+                    intrinsics: Some(camera.intrinsics),
+                    image_path: image.clone(),
+                    exposure: None,
+                });
+            }
+        }
+        Self { path: path.to_path_buf(), format, description, options: options.clone(), views, places, index }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The layout.
+    pub fn format(&self) -> LogFormat {
+        self.format
+    }
+
+    /// The log's name: that of its folder, "002" in PandaSet.
+    pub fn name(&self) -> &str {
+        &self.description.name
+    }
+
+    /// The position in the data set's world that is (0, 0, 0) here: that of the ego vehicle at the first frame, metres.
+    pub fn origin(&self) -> DVec3 {
+        self.description.origin
+    }
+
+    /// The frames, times ascending.
+    pub fn frames(&self) -> &[Frame] {
+        &self.description.frames
+    }
+
+    /// The cameras.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.description.cameras
+    }
+
+    /// What was left out, in sentences.
+    pub fn warnings(&self) -> &[String] {
+        &self.description.warnings
+    }
+
+    /// The image of a frame and camera before it is decoded; `None` where neither image nor pose is there.
+    ///
+    /// # Panics
+    /// When there is no such frame or camera.
+    pub fn shot(&self, frame: usize, camera: usize) -> Option<&Shot> {
+        self.description.shots[frame][camera].as_ref()
+    }
+
+    /// Camera to centred world, OpenCV axes, at the time of the image.
+    ///
+    /// # Panics
+    /// When there is no such frame or camera.
+    pub fn camera_pose(&self, frame: usize, camera: usize) -> Option<DMat4> {
+        self.shot(frame, camera).map(|shot| shot.c2w)
+    }
+
+    /// The place of an image in the list of the [`FrameSource`], for caches; `None` where it is missing.
+    ///
+    /// # Panics
+    /// When there is no such frame or camera.
+    pub fn view_index(&self, frame: usize, camera: usize) -> Option<usize> {
+        self.index[frame][camera]
+    }
+
+    /// Decodes an image.
+    ///
+    /// # Errors
+    /// When it is missing, broken, or of another size than the first image of its camera.
+    ///
+    /// # Panics
+    /// When there is no such frame or camera.
+    pub fn image(&self, frame: usize, camera: usize) -> Result<RgbImage8, DatasetError> {
+        let described = &self.cameras()[camera];
+        let Some(Shot { image: Some(path), .. }) = self.shot(frame, camera) else {
+            let path = self.path.join(&described.name).join(&self.frames()[frame].name);
+            let source = std::io::Error::from(std::io::ErrorKind::NotFound);
+            return Err(DatasetError::Io { path, action: "read", source });
+        };
+        let image = read_photo(path, self.options.max_width)?;
+        if (image.width, image.height) != (described.width, described.height) {
+            return Err(DatasetError::Malformed {
+                path: path.clone(),
+                location: "the image".to_string(),
+                expected: format!("{} x {} pixels, as the first of the camera", described.width, described.height),
+                found: format!("{} x {}", image.width, image.height),
+            });
+        }
+        Ok(image)
+    }
+
+    /// Reads a sweep with its labels.
+    ///
+    /// # Errors
+    /// When its file is missing or broken.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn sweep(&self, frame: usize) -> Result<Sweep, DatasetError> {
+        let (this, next) = (&self.frames()[frame], self.frames().get(frame + 1));
+        match self.format {
+            LogFormat::PandaSet => pandaset::sweep::read(&self.path, this, next, self.origin()),
+            LogFormat::Argoverse => argoverse::sweep::read(&self.path, this, next),
+        }
+    }
+
+    /// The labelled boxes of a frame; none where the log has none. PandaSet has two for an object that both LiDARs see.
+    ///
+    /// # Errors
+    /// When their file is broken.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn cuboids(&self, frame: usize) -> Result<Vec<Cuboid>, DatasetError> {
+        let this = &self.frames()[frame];
+        match self.format {
+            LogFormat::PandaSet => {
+                Ok(pandaset::cuboids::read(&self.path, &this.name, self.origin())?.unwrap_or_default())
+            }
+            LogFormat::Argoverse => argoverse::sweep::cuboids(&self.path, this),
+        }
+    }
+}
+
+impl FrameSource for DrivingLog {
+    fn frames(&self) -> &[FrameDescription] {
+        &self.views
+    }
+
+    fn decode(&self, index: usize) -> Result<View, DatasetError> {
+        let (frame, camera) = self.places[index];
+        let described = &self.views[index];
+        let image = self.image(frame, camera)?;
+        let hidden = self.cameras()[camera].ego_rows.min(image.height);
+        let seen = image.width * (image.height - hidden);
+        let mask =
+            (hidden > 0).then(|| (0..image.width * image.height).map(|i| if i < seen { 255 } else { 0 }).collect());
+        Ok(View {
+            name: described.name.clone(),
+            image_path: described.image_path.clone(),
+            time: described.time,
+            camera_id: described.camera_id.clone(),
+            mask,
+            ..View::new(described.c2w, self.cameras()[camera].intrinsics, image)
+        })
+    }
+}
+
+fn unknown(path: &Path) -> DatasetError {
+    let found = if !path.exists() {
+        "nothing there"
+    } else if path.is_dir() {
+        "a folder with neither"
+    } else {
+        "no folder"
+    };
+    DatasetError::UnknownFormat {
+        path: path.to_path_buf(),
+        expected: "a driving log: PandaSet (lidar/timestamps.json) or Argoverse 2 (city_SE3_egovehicle.feather)"
+            .to_string(),
+        found: found.to_string(),
+    }
+}

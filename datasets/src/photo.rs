@@ -1,0 +1,31 @@
+//! Single photos for readers of other kinds of logs: [`read_photo`], [`photo_size`].
+
+use std::path::Path;
+
+use crate::error::DatasetError;
+use crate::frame::RgbImage8;
+use crate::pixels::{self, Behind};
+use crate::resample::resample;
+use crate::resize::target_size;
+
+/// Decodes a PNG or JPEG file and downscales it by area to `max_width` pixels where it is wider. Transparent pixels are composited on
+/// black.
+///
+/// # Errors
+/// When the file is missing, cut short, no PNG or JPEG, or larger than memory for one photo may be.
+pub fn read_photo(path: &Path, max_width: Option<usize>) -> Result<RgbImage8, DatasetError> {
+    let photo = pixels::open(path, Behind { color: [0.0; 3], is_light: false })?;
+    let (width, height) = target_size(photo.size(), max_width);
+    let (data, _) = resample(photo, &[], None, (width, height));
+    Ok(RgbImage8 { width, height, data })
+}
+
+/// Width and height that [`read_photo`] gives, pixels, from the header of the file; and its full width and height.
+///
+/// # Errors
+/// When the file is missing or its header cannot be read.
+pub fn photo_size(path: &Path, max_width: Option<usize>) -> Result<[(usize, usize); 2], DatasetError> {
+    let (width, height) = pixels::size_of(path)?;
+    let full = (width as usize, height as usize);
+    Ok([target_size(full, max_width), full])
+}
