@@ -18,14 +18,16 @@ pub mod exposure;
 pub mod intersect;
 pub mod projection;
 pub mod rasterize;
+pub mod segments;
 pub mod sh;
+pub mod sparse_conv;
 pub mod ssim;
 
 pub(crate) mod columns;
 mod gradient;
 mod pixels;
 
-use burn::tensor::Tensor;
+use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 /// Panics unless both tensors hold the same float type; kernels never convert.
 fn assert_same_dtype<const D1: usize, const D2: usize>(name: &str, tensor: &Tensor<D1>, of: &str, like: &Tensor<D2>) {
@@ -35,4 +37,10 @@ fn assert_same_dtype<const D1: usize, const D2: usize>(name: &str, tensor: &Tens
         like.dtype(),
         tensor.dtype()
     );
+}
+
+/// Whole numbers from the host, without gradient tracking.
+fn index_tensor(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
+    let len = values.len();
+    Tensor::from_data(TensorData::new(values, [len]), (device, DType::I32)).inner()
 }

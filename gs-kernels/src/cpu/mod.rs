@@ -16,8 +16,10 @@ pub mod parallel;
 pub mod projection;
 pub mod rasterize;
 pub mod real;
+pub mod segments;
 pub mod sh;
 pub mod sort;
+pub mod sparse_conv;
 pub mod ssim;
 pub mod wide;
 

@@ -1,0 +1,114 @@
+//! The product for narrow rows: sixteen columns of six output rows stay in registers while the input rows are read through the pairs.
+//!
+//! With few channels, copying rows into a buffer and adding products to the result takes longer than the product itself.
+
+use super::pairs::{PairLists, Pairs};
+use super::rows::Channels;
+use crate::cpu::Real;
+use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::parallel::zeros;
+use crate::cpu::real::LaneTask;
+
+/// Output rows at a time: six vectors of sixteen lanes are twelve registers of AVX2, which has sixteen.
+const ROWS: usize = 6;
+
+/// Weights as `[K, C_out / 16, C_in, 16]`, zeros beyond `C_out`.
+pub(super) fn packed<F: Real>(weights: &[F], Channels { input, output }: Channels) -> Vec<F> {
+    let (offsets, strips) = (weights.len() / (input * output), output.div_ceil(LANES));
+    let mut packed = zeros(offsets * strips * input * LANES);
+    for (at, row) in packed.chunks_exact_mut(LANES).enumerate() {
+        let (k, strip, c) = (at / input / strips, at / input % strips, at % input);
+        let columns = strip * LANES..((strip + 1) * LANES).min(output);
+        row[..columns.len()].copy_from_slice(&weights[(k * input + c) * output..][columns]);
+    }
+    packed
+}
+
+/// The rows of one block; `weight(k)` is the index of the weights of offset `k`.
+pub(super) fn block<F: Real>(
+    input: &[F],
+    packed: &[F],
+    lists: &PairLists,
+    block: usize,
+    weight: impl Fn(usize) -> usize,
+    channels: Channels,
+    out: &mut [F],
+) {
+    let wide = channels.output.next_multiple_of(LANES);
+    if wide == channels.output {
+        return F::with_lanes(Block { input, packed, lists, block, weight, inner: channels.input, wide, out });
+    }
+    let rows = out.len() / channels.output;
+    let mut padded = zeros(rows * wide);
+    F::with_lanes(Block { input, packed, lists, block, weight, inner: channels.input, wide, out: &mut padded });
+    for (to, from) in out.chunks_exact_mut(channels.output).zip(padded.chunks_exact(wide)) {
+        to.copy_from_slice(&from[..channels.output]);
+    }
+}
+
+struct Block<'a, F, W> {
+    input: &'a [F],
+    packed: &'a [F],
+    lists: &'a PairLists,
+    block: usize,
+    weight: W,
+    /// Columns of the input.
+    inner: usize,
+    /// Columns of `out`.
+    wide: usize,
+    out: &'a mut [F],
+}
+
+impl<F: Real, W: Fn(usize) -> usize> LaneTask<F> for Block<'_, F, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Real = F>>(self) {
+        let Self { input, packed, lists, block, weight, inner, wide, out } = self;
+        for k in lists.order() {
+            let weights = &packed[weight(k) * inner * wide..][..inner * wide];
+            let Pairs { from, to } = lists.pairs(block, k);
+            let (mut from, mut to) = (from.chunks_exact(ROWS), to.chunks_exact(ROWS));
+            for (from, to) in from.by_ref().zip(to.by_ref()) {
+                tile::<L, ROWS>(input, weights, [inner, wide], from, to, out);
+            }
+            for (from, to) in from.remainder().chunks(1).zip(to.remainder().chunks(1)) {
+                tile::<L, 1>(input, weights, [inner, wide], from, to, out);
+            }
+        }
+    }
+}
+
+/// Adds the products of `R` input rows to `R` distinct output rows.
+#[inline(always)]
+fn tile<L: Lanes, const R: usize>(
+    input: &[L::Real],
+    weights: &[L::Real],
+    [inner, wide]: [usize; 2],
+    from: &[u32],
+    to: &[u16],
+    out: &mut [L::Real],
+) {
+    let rows: [&[L::Real]; R] = std::array::from_fn(|r| &input[from[r] as usize * inner..][..inner]);
+    for (strip, weights) in weights.chunks_exact(inner * LANES).enumerate() {
+        let at: [usize; R] = std::array::from_fn(|r| usize::from(to[r]) * wide + strip * LANES);
+        let mut sums: [L; R] = std::array::from_fn(|r| L::load(lanes(out, at[r])));
+        for (c, w) in weights.chunks_exact(LANES).enumerate() {
+            let w = L::load(lanes(w, 0));
+            for r in 0..R {
+                // SAFETY: `weights` has `inner` vectors, so `c` is below `inner`, the length of every row.
+                let x = unsafe { *rows[r].get_unchecked(c) };
+                sums[r] = L::splat(x).mul_add(w, sums[r]);
+            }
+        }
+        for r in 0..R {
+            sums[r].store((&mut out[at[r]..at[r] + LANES]).try_into().expect("sixteen numbers"));
+        }
+    }
+}
+
+/// Sixteen numbers from `at`.
+#[inline(always)]
+fn lanes<F>(row: &[F], at: usize) -> &[F; LANES] {
+    row[at..at + LANES].try_into().expect("sixteen numbers")
+}
