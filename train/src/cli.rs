@@ -23,7 +23,7 @@ use crate::pipelines::examples;
 pub use import::ImportArgs;
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
-pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthExtrapolationArgs};
+pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
 
 /// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.
 #[derive(Debug, Parser)]
@@ -203,6 +203,10 @@ pub struct CheckArgs {
     /// Configuration for reading it
     #[command(flatten)]
     pub config: ConfigArgs,
+
+    /// Draw the LiDAR of a driving log into its images, in this folder
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub pictures: Option<PathBuf>,
 }
 
 /// Arguments of `info`.

@@ -22,6 +22,8 @@ pub enum Synth {
     Deblur(SynthDeblurArgs),
     /// Moving objects or a room filmed by static cameras, whose future is to be predicted, with depth priors of the first frame
     Extrapolation(SynthExtrapolationArgs),
+    /// Driving logs of streets with moving cars, cyclists and people: cameras, LiDAR and exact truth, in PandaSet's layout
+    Driving(SynthDrivingArgs),
     /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
     BlurFromFrames(BlurFromFramesArgs),
 }
@@ -152,6 +154,58 @@ fn one_of<T: Copy + Send + Sync + 'static>(
     let values = all.iter().map(|value| PossibleValue::new(name(*value)).help(in_words(*value)));
     let named = move |text: String| all.iter().copied().find(|value| name(*value) == text);
     PossibleValuesParser::new(values).map(move |text| named(text).expect("clap accepts no other"))
+}
+
+/// Arguments of `synth driving`.
+#[derive(Debug, Args)]
+pub struct SynthDrivingArgs {
+    /// Folder to write; with --logs above 1 each log has a folder inside, 000 and on
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Logs to write; each is another street
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
+    pub logs: u32,
+
+    /// Frames of each log, ten a second
+    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=300), value_name = "N")]
+    pub frames: u32,
+
+    /// Cameras, in the order front, front left, front right, left, right, back
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=6), value_name = "N")]
+    pub cameras: u32,
+
+    /// Image size, pixels
+    #[arg(long, default_value = "320x180", value_name = "WxH")]
+    pub size: String,
+
+    /// Beams of the LiDAR
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=128), value_name = "N")]
+    pub beams: u32,
+
+    /// Directions in one turn of the LiDAR
+    #[arg(long, default_value_t = 900, value_parser = clap::value_parser!(u32).range(36..=3600), value_name = "N")]
+    pub columns: u32,
+
+    /// Vehicles, cyclists and people that move
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(0..=60), value_name = "N")]
+    pub movers: u32,
+
+    /// Standard deviation of the LiDAR's ranges, metres
+    #[arg(long, default_value_t = 0.02, value_name = "M")]
+    pub range_noise: f64,
+
+    /// How much later images are taken than their times and poses say, seconds
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_name = "S")]
+    pub camera_delay: f64,
+
+    /// Standard deviation of the positions of camera poses, metres, and of their angles in hundredths of a radian
+    #[arg(long, default_value_t = 0.0, value_name = "M")]
+    pub pose_noise: f64,
+
+    /// Seed of the first log; the next one has the next seed
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub seed: u64,
 }
 
 /// Arguments of `synth blur-from-frames`.

@@ -7,9 +7,10 @@ use anyhow::{Context, Result, bail};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults};
 use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions, PriorErrors};
 use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
+use gs_driving::synthetic::StreetOptions;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthExtrapolationArgs};
+use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
 use crate::commands::print;
 
 /// Makes the data set.
@@ -20,6 +21,7 @@ pub fn run(args: &SynthArgs) -> Result<ExitCode> {
     match &args.what {
         Synth::Deblur(args) => deblur_world(args),
         Synth::Extrapolation(args) => extrapolation_world(args),
+        Synth::Driving(args) => driving_logs(args),
         Synth::BlurFromFrames(args) => blur(args),
     }
 }
@@ -97,6 +99,37 @@ fn extrapolation_world(args: &SynthExtrapolationArgs) -> Result<ExitCode> {
         options.frames,
         options.training_frames()
     ));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
+    vacant(&args.out)?;
+    let (width, height) = parse_size(&args.size)?;
+    let options = StreetOptions {
+        frames: args.frames as usize,
+        cameras: args.cameras as usize,
+        width,
+        height,
+        beams: args.beams as usize,
+        columns: args.columns as usize,
+        movers: args.movers as usize,
+        range_noise: args.range_noise,
+        camera_delay: args.camera_delay,
+        pose_noise: args.pose_noise,
+        ..StreetOptions::default()
+    };
+    let bar = bar();
+    for log in 0..args.logs {
+        let folder = if args.logs == 1 { args.out.clone() } else { args.out.join(format!("{log:03}")) };
+        let options = StreetOptions { seed: args.seed.wrapping_add(u64::from(log)), ..options.clone() };
+        gs_driving::synthetic::write(&folder, &options, |done, total| {
+            bar.set_length(total as u64 * u64::from(args.logs));
+            bar.set_position(done as u64 + total as u64 * u64::from(log));
+        })?;
+    }
+    bar.finish_and_clear();
+    let frames = format!("{} frames of {} cameras and a LiDAR", args.frames, args.cameras);
+    print(format!("{}: {}, {frames} each", args.out.display(), gs_datasets::counted(args.logs as usize, "log")));
     Ok(ExitCode::SUCCESS)
 }
 

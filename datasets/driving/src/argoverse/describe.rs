@@ -13,8 +13,9 @@ use crate::options::LogOptions;
 /// Farthest an image may be from its sweep, nanoseconds. Cameras take 20 images a second, so the nearest is within half of that.
 const PAIR_MAX: u64 = 50_000_000;
 
-/// Cameras that see the ego vehicle, and the rows at the bottom of their full images that show it.
-const EGO_ROWS: [(&str, usize); 3] = [("ring_front_center", 250), ("ring_rear_left", 250), ("ring_rear_right", 250)];
+/// Cameras that see the ego vehicle, the rows at the bottom that show it, and the rows of their images.
+const EGO_ROWS: [(&str, usize, usize); 3] =
+    [("ring_front_center", 250, 2048), ("ring_rear_left", 250, 1550), ("ring_rear_right", 250, 1550)];
 
 /// Folders of a log.
 pub(crate) const LIDAR: &str = "sensors/lidar";
@@ -90,12 +91,12 @@ fn centred(mut pose: DMat4, origin: DVec3) -> DMat4 {
 fn camera(calibrated: &Calibrated, image: &Path, options: &LogOptions) -> Result<Camera, DatasetError> {
     let [(width, height), _] = photo_size(image, options.max_width)?;
     let (x, y) = (width as f64 / calibrated.size.0, height as f64 / calibrated.size.1);
-    let hidden = EGO_ROWS.iter().find(|(name, _)| *name == calibrated.name).map_or(0, |(_, rows)| *rows);
+    let seen = EGO_ROWS.iter().find(|(name, ..)| *name == calibrated.name);
     Ok(Camera {
         name: calibrated.name.clone(),
         width,
         height,
         intrinsics: calibrated.intrinsics.scaled(x, y),
-        ego_rows: (hidden as f64 * y).ceil() as usize,
+        ego_rows: seen.map_or(0, |(_, rows, of)| (rows * height).div_ceil(*of)),
     })
 }

@@ -87,3 +87,49 @@ pub(crate) fn cuboids(log: &Path, frame: &Frame) -> Result<Vec<Cuboid>, DatasetE
         })
         .collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::options::LogOptions;
+
+    /// The flow labels of the sample were made by the data set's own program from the same boxes.
+    #[test]
+    #[ignore = "needs GS_ARGOVERSE"]
+    fn flow_agrees_with_the_labels_of_the_sample() {
+        let log = PathBuf::from(std::env::var_os("GS_ARGOVERSE").expect("a folder"));
+        let described = super::super::describe::describe(&log, &LogOptions::default()).expect("described");
+        let (this, next) = (&described.frames[0], &described.frames[1]);
+        let sweep = read(&log, this, Some(next)).expect("a sweep");
+        let file = Feather::open(&log.join("flow_labels.feather")).expect("labels");
+        let axis = |name: &str| file.numbers(name).expect("a column");
+        let [x, y, z] = [axis("flow_tx_m"), axis("flow_ty_m"), axis("flow_tz_m")];
+        let flow = sweep.labels.as_ref().map(|labels| &labels.flow).expect("labels");
+        let (mut moving, mut off) = (0, Vec::new());
+        for (i, point) in sweep.points.iter().enumerate() {
+            let world = DVec3::from_array(point.map(f64::from));
+            let ego = this.ego.inverse().transform_point3(world);
+            // The label is from the ego vehicle's axes at the first sweep to those at the second.
+            let later = next.ego.transform_point3(ego + DVec3::new(x[i], y[i], z[i]));
+            let label = later - world;
+            let Some(found) = flow[i] else { continue };
+            moving += usize::from(label.length() > 0.05);
+            let interval = next.time - this.time;
+            let found = DVec3::from_array(found.map(f64::from)) * interval / boxes::FLOW_INTERVAL;
+            off.push(found.distance(label));
+        }
+        off.sort_by(f64::total_cmp);
+        let at = |share: f64| off[(share * (off.len() - 1) as f64) as usize];
+        println!(
+            "{moving} moving; off by {:.4} m at 50 %, {:.4} at 95 %, {:.4} at 99 %, {:.4} at 99.9 %",
+            at(0.5),
+            at(0.95),
+            at(0.99),
+            at(0.999)
+        );
+        // Labels are from f32 and f16 positions; boxes here keep the heading alone, and their margin is applied on all four sides.
+        assert!(moving > 1000 && at(0.5) < 0.005 && at(0.99) < 0.05, "{moving} moving, {} and {} m", at(0.5), at(0.99));
+    }
+}

@@ -11,8 +11,8 @@ pub(crate) enum Kind {
     F32,
     F64,
     Bool,
-    /// Offsets of four bytes and the bytes of all strings; binary data likewise.
-    Text,
+    /// Offsets of so many bytes and the bytes of all strings; binary data likewise.
+    Text(usize),
     /// No buffer.
     Null,
 }
@@ -22,7 +22,7 @@ impl Kind {
     pub fn buffers(self) -> usize {
         match self {
             Self::Null => 0,
-            Self::Text => 3,
+            Self::Text(_) => 3,
             _ => 2,
         }
     }
@@ -35,7 +35,7 @@ impl Kind {
             Self::F32 => rows.checked_mul(4),
             Self::F64 => rows.checked_mul(8),
             Self::Bool => Some(rows.div_ceil(8)),
-            Self::Text | Self::Null => None,
+            Self::Text(_) | Self::Null => None,
         }
     }
 }
@@ -90,7 +90,8 @@ fn kind(field: &Flat<'_>) -> Option<Kind> {
             2 => Some(Kind::F64),
             _ => None,
         },
-        4 | 5 => Some(Kind::Text),
+        4 | 5 => Some(Kind::Text(4)),
+        19 | 20 => Some(Kind::Text(8)),
         6 => Some(Kind::Bool),
         // Time stamps are integers of eight bytes.
         10 => Some(Kind::Int(8, true)),

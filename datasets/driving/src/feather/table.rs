@@ -83,12 +83,13 @@ impl Feather {
     pub fn texts(&self, name: &str) -> Result<Vec<String>, DatasetError> {
         let mut all = Vec::new();
         self.column(name, |kind, batch, first| {
-            if kind != Kind::Text {
-                return Err("a column of another type".to_string());
-            }
+            let Kind::Text(size) = kind else { return Err("a column of another type".to_string()) };
             let (offsets, data) = (batch.buffer(first + 1)?, batch.buffer(first + 2)?);
             for row in 0..batch.rows {
-                let at = |index: usize| array(&offsets, 4 * index).map(|b| u32::from_le_bytes(b) as usize);
+                let at = |index: usize| match size {
+                    4 => array(&offsets, 4 * index).map(|b| u32::from_le_bytes(b) as usize),
+                    _ => array(&offsets, 8 * index).and_then(|b| usize::try_from(u64::from_le_bytes(b)).ok()),
+                };
                 let range = at(row).zip(at(row + 1)).and_then(|(start, end)| data.get(start..end));
                 let text = range.and_then(|bytes| std::str::from_utf8(bytes).ok()).ok_or("a string beyond the end")?;
                 all.push(text.to_string());

@@ -1,0 +1,120 @@
+//! Small sound logs with one damaged file: nothing panics, the work is bounded, and no control character is said.
+//!
+//! Each layout gets [`SHORT`] cases with all other tests. The long run is asked for:
+//!
+//! ```text
+//! GS_FUZZ_CASES=100000 cargo test --release -p gs-driving --test fuzz -- --ignored
+//! ```
+
+#[path = "../../../tests/fuzz/bounded.rs"]
+mod bounded;
+#[path = "../../../../tests/src/mutate.rs"]
+mod mutate;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use gs_driving::synthetic::{StreetOptions, truth_image, write};
+use gs_driving::{LogOptions, check};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestCaseError, TestRunner};
+
+use crate::bounded::bounded;
+use crate::mutate::damaged;
+
+/// Cases for each layout with all other tests.
+const SHORT: u32 = 96;
+
+/// Cases for each layout when no number is given.
+const LONG: u32 = 20_000;
+
+fn files(folder: &Path, all: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() { files(&path, all) } else { all.push(path) }
+    }
+}
+
+fn street(folder: &Path, compressed: bool) {
+    let options = StreetOptions {
+        frames: 2,
+        cameras: 1,
+        width: 16,
+        height: 16,
+        beams: 3,
+        columns: 36,
+        subpixels: 1,
+        movers: 2,
+        compressed,
+        ..StreetOptions::default()
+    };
+    write(folder, &options, |_, _| {}).expect("written");
+}
+
+fn argoverse(folder: &Path) {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/argoverse");
+    let mut all = Vec::new();
+    files(&source, &mut all);
+    for path in all {
+        let target = folder.join(path.strip_prefix(&source).expect("below"));
+        fs::create_dir_all(target.parent().expect("a parent")).expect("a folder");
+        fs::copy(&path, target).expect("copied");
+    }
+}
+
+/// Damages each file of a log in turn.
+fn fuzz(folder: &Path, cases: u32) {
+    let mut all = Vec::new();
+    files(folder, &mut all);
+    all.sort();
+    let whole: Vec<Vec<u8>> = all.iter().map(|path| fs::read(path).expect("read")).collect();
+    assert!(check(folder, &LogOptions::default(), None).is_ok(), "the seed itself is sound");
+    let step = (any::<u8>(), any::<u32>(), any::<u64>());
+    let strategy = (0..all.len(), proptest::collection::vec(step, 1..6));
+    let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
+    let outcome = runner.run(&strategy, |(file, steps)| {
+        fs::write(&all[file], damaged(&whole[file], &steps)).expect("written");
+        let kept = std::panic::catch_unwind(|| bounded(|| examine(folder)));
+        fs::write(&all[file], &whole[file]).expect("written");
+        kept.map_err(|panic| {
+            let text = panic.downcast_ref::<String>().cloned().unwrap_or_else(|| "a panic".to_string());
+            TestCaseError::fail(format!("{}: {text}", all[file].display()))
+        })
+    });
+    if let Err(error) = outcome {
+        panic!("{error}");
+    }
+}
+
+fn examine(folder: &Path) {
+    let report = check(folder, &LogOptions::default(), None);
+    let mut said = [report.facts, report.warnings, report.errors].concat();
+    if let Err(error) = truth_image(folder, "front_camera", "00") {
+        said.push(error.to_string());
+    }
+    let raw = said.iter().find(|text| text.chars().any(|c| c.is_control() || c == '\u{202e}'));
+    assert_eq!(raw, None, "a control character is said");
+}
+
+fn both(cases: u32) {
+    for layout in 0..3 {
+        let folder = tempfile::tempdir().expect("a folder");
+        match layout {
+            0 => street(folder.path(), false),
+            1 => street(folder.path(), true),
+            _ => argoverse(folder.path()),
+        }
+        fuzz(folder.path(), cases);
+    }
+}
+
+#[test]
+fn damaged_logs() {
+    both(SHORT);
+}
+
+#[test]
+#[ignore = "as long as wanted: GS_FUZZ_CASES cases for each layout"]
+fn damaged_logs_for_long() {
+    both(std::env::var("GS_FUZZ_CASES").map_or(LONG, |text| text.parse().expect("GS_FUZZ_CASES is a number")));
+}

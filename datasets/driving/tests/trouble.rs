@@ -1,0 +1,151 @@
+//! Logs with mistakes: one sentence each.
+
+use std::fs;
+use std::path::Path;
+
+use gs_driving::synthetic::{StreetOptions, write};
+use gs_driving::{DrivingLog, LogOptions, SnippetKind, check, colors, snippets};
+use serde_json::{Value, json};
+
+fn made(frames: usize) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = StreetOptions {
+        frames,
+        cameras: 1,
+        width: 32,
+        height: 24,
+        beams: 8,
+        columns: 72,
+        subpixels: 1,
+        movers: 4,
+        compressed: false,
+        truth_images: false,
+        ..StreetOptions::default()
+    };
+    write(folder.path(), &options, |_, _| {}).expect("written");
+    folder
+}
+
+fn edit(path: &Path, change: impl FnOnce(&mut Value)) {
+    let mut value: Value = serde_json::from_str(&fs::read_to_string(path).expect("read")).expect("JSON");
+    change(&mut value);
+    fs::write(path, value.to_string()).expect("written");
+}
+
+fn error(folder: &Path) -> String {
+    DrivingLog::open(folder, &LogOptions::default()).expect_err("a mistake").to_string()
+}
+
+#[test]
+fn times_out_of_order() {
+    for file in ["lidar/timestamps.json", "camera/front_camera/timestamps.json"] {
+        let folder = made(3);
+        edit(&folder.path().join(file), |times| times[2] = times[0].clone());
+        let error = error(folder.path());
+        assert!(error.contains(file) && error.contains("entry 2: expected a time after"), "{error}");
+    }
+}
+
+#[test]
+fn lists_that_are_too_short() {
+    for file in ["lidar/timestamps.json", "lidar/poses.json"] {
+        let folder = made(3);
+        edit(&folder.path().join(file), |list| drop(list.as_array_mut().expect("a list").pop()));
+        let error = error(folder.path());
+        assert!(error.contains(file) && error.contains("found 2 entr"), "{error}");
+    }
+    let folder = made(2);
+    edit(&folder.path().join("camera/front_camera/poses.json"), |list| *list = json!([]));
+    assert!(error(folder.path()).contains("found 2 times and 0 poses"), "{}", error(folder.path()));
+}
+
+#[test]
+fn poses_and_intrinsics_without_meaning() {
+    let folder = made(1);
+    edit(&folder.path().join("lidar/poses.json"), |list| list[0]["heading"]["w"] = json!(7.0));
+    assert!(error(folder.path()).contains("expected a heading of length 1"));
+    let folder = made(1);
+    edit(&folder.path().join("camera/front_camera/intrinsics.json"), |k| k["fx"] = json!(0.0));
+    assert!(error(folder.path()).contains("focal lengths above 0"));
+}
+
+#[test]
+fn missing_sensors() {
+    // Without a camera points have no colours; without a sweep the frame is one of the camera alone.
+    let folder = made(2);
+    fs::remove_dir_all(folder.path().join("camera")).expect("removed");
+    let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
+    let sweep = log.sweep(0).expect("a sweep");
+    assert!(log.cameras().is_empty() && colors(&log, 0, &sweep).expect("none").iter().all(Option::is_none));
+    let folder = made(3);
+    fs::remove_file(folder.path().join("lidar/01.pkl")).expect("removed");
+    let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
+    assert_eq!(log.frames().iter().map(|frame| frame.has_sweep).collect::<Vec<_>>(), [true, false, true]);
+    assert!(log.warnings().iter().any(|text| text.contains("without a sweep")), "{:?}", log.warnings());
+    assert!(log.sweep(1).expect_err("no sweep").to_string().contains("01.pkl"));
+    fs::remove_dir_all(folder.path().join("lidar")).expect("removed");
+    assert!(error(folder.path()).contains("expected a driving log"));
+}
+
+#[test]
+fn a_log_of_one_frame() {
+    let folder = made(1);
+    let report = check(folder.path(), &LogOptions::default(), None);
+    assert!(report.is_ok() && report.to_string().contains("1 frame over 0.0 s"), "{report}");
+    let list = snippets(1, SnippetKind::Interpolation);
+    assert_eq!((list.len(), &list[0].inputs[..], list[0].targets.len()), (1, &[0][..], 0));
+}
+
+#[test]
+fn points_at_infinity_are_left_out() {
+    let folder = made(1);
+    let path = folder.path().join("lidar/00.pkl");
+    let before = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").sweep(0).expect("a sweep");
+    let mut bytes = fs::read(&path).expect("read");
+    // The block of floats begins with the column x, whose first three values are replaced.
+    let length = (5 * 8 * before.len() as u32).to_le_bytes();
+    let start = bytes.windows(5).position(|w| w[0] == b'B' && w[1..] == length).expect("the block") + 5;
+    for (row, value) in [f64::INFINITY, f64::NAN, 1e9].into_iter().enumerate() {
+        bytes[start + 8 * row..start + 8 * row + 8].copy_from_slice(&value.to_le_bytes());
+    }
+    fs::write(&path, bytes).expect("written");
+    let after = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").sweep(0).expect("a sweep");
+    assert_eq!((after.len(), after.left_out), (before.len() - 3, 3));
+    assert_eq!(after.points[..], before.points[3..]);
+    let (old, new) = (before.labels.expect("labels"), after.labels.expect("labels"));
+    assert_eq!(
+        (&old.semantic[3..], &old.flow[3..]),
+        (&new.semantic[..], &new.flow[..]),
+        "labels stay with their points"
+    );
+    assert!(check(folder.path(), &LogOptions::default(), None).to_string().contains("3 points are not finite"));
+}
+
+#[test]
+fn a_calibration_that_shows_no_point() {
+    let folder = made(2);
+    edit(&folder.path().join("camera/front_camera/poses.json"), |list| {
+        for pose in list.as_array_mut().expect("a list") {
+            pose["position"]["z"] = json!(5000.0);
+            // Looking up.
+            pose["heading"] = json!({ "w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0 });
+        }
+    });
+    let report = check(folder.path(), &LogOptions::default(), None);
+    assert!(!report.is_ok() && report.to_string().contains("no LiDAR point falls into any image"), "{report}");
+}
+
+#[test]
+fn every_cut_of_a_sweep_is_one_sentence() {
+    let folder = made(1);
+    let path = folder.path().join("lidar/00.pkl");
+    let whole = fs::read(&path).expect("read");
+    let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
+    // Every byte of the head and of the tail, where the structure is, and every 499th of the numbers.
+    let cuts = (0..whole.len()).filter(|cut| *cut < 400 || *cut + 500 > whole.len() || cut % 499 == 0);
+    for cut in cuts {
+        fs::write(&path, &whole[..cut]).expect("written");
+        let error = log.sweep(0).expect_err("cut").to_string();
+        assert!(error.contains("00.pkl") && !error.contains('\n'), "{cut}: {error}");
+    }
+}
