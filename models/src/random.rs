@@ -13,11 +13,12 @@ impl SplitMix64 {
     /// Stream `index` of `seed`, for work that is split over threads.
     pub(crate) fn stream(seed: u64, index: u64) -> Self {
         // The seed is mixed first: seeds that differ by one would otherwise share all but one of their streams.
-        let mixed = Self(seed).next();
-        Self(Self(mixed ^ index).next())
+        let mixed = Self(seed).bits();
+        Self(Self(mixed ^ index).bits())
     }
 
-    fn next(&mut self) -> u64 {
+    /// 64 random bits.
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -27,6 +28,6 @@ impl SplitMix64 {
 
     /// In 0..1.
     pub(crate) fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }

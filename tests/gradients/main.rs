@@ -7,5 +7,6 @@ mod projection;
 mod rasterize;
 mod render;
 mod sh;
+mod sparse_conv;
 mod ssim;
 mod toy_fit;

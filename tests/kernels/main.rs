@@ -12,4 +12,5 @@ mod rasterize;
 mod render;
 mod reproducible;
 mod sh;
+mod sparse_conv;
 mod ssim;

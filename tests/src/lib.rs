@@ -12,4 +12,5 @@ pub mod finite_differences;
 pub mod fit;
 pub mod mutate;
 pub mod scenes;
+pub mod sparse;
 pub mod tolerance;

@@ -8,6 +8,7 @@
 //! | A.2, initialization | [`lift`](mod@lift), of the raw [`channels`]; neighbours by [`nearest`] |
 //! | A.2, sky; main paper, random points in a sphere | [`far`] |
 //! | A.2, rendering: activations and the clamp of scales | [`activate`](mod@activate) |
+//! | A.2, Fig. A1: the sparse 3D UNet | [`unet`] |
 //! | A.1, Eq. 2: polynomial motion | [`motion`] |
 //! | A.1, Eq. 1: velocity reweighting; main paper, Eq. 3 to 5 | [`losses`], with [`similarity`] |
 //! | Algorithm 1: the loss of a whole snippet | [`snippet`] |
@@ -33,6 +34,7 @@ pub mod refinement;
 pub mod scene;
 pub mod similarity;
 pub mod snippet;
+pub mod unet;
 
 pub use activate::{ScaleLimits, activate, activate_within};
 pub use error::FluxError;

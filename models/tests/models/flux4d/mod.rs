@@ -1,4 +1,4 @@
-//! Flux4D without its network: lift, motion, losses, refinement, scene, actors, flow.
+//! Flux4D, part by part: UNet, lift, motion, losses, refinement, scene, actors, flow.
 
 mod activate;
 mod actors;
@@ -14,6 +14,7 @@ mod nearest;
 mod refinement;
 mod scene;
 mod snippet;
+mod unet;
 
 use gs_tests::scenes::Random;
 
