@@ -1,4 +1,5 @@
-//! Flux4D: a tiny training learns, is resumed to the bit, skips what cannot be used, and reconstructs a log it has not seen.
+//! Flux4D: a tiny training learns, is resumed to the bit, skips what cannot be used, and reconstructs a log it has
+//! not seen.
 #![recursion_limit = "256"]
 
 use std::fs;
@@ -51,8 +52,8 @@ fn failure(job: &Job) -> String {
 }
 
 /// Forty steps make the held-out frames of a street that was
-/// never trained on clearer than the lifted points do. The points begin at opacity 0.5, so a network that learns anything at all gains
-/// more than 0.3 dB; the bound is under half of what forty steps gave when this was written.
+/// never trained on clearer than the lifted points do. The points begin at opacity 0.5, so a network that learns
+/// anything at all gains more than 0.3 dB; the bound is under half of what forty steps gave when this was written.
 #[test]
 fn a_short_training_beats_the_lifted_points_of_an_unseen_street() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -73,7 +74,8 @@ fn a_short_training_beats_the_lifted_points_of_an_unseen_street() {
     reconstructs(&data.join("002"), &job, temporary.path());
 }
 
-/// The trained network on the street that was held out: images, actors, Gaussians, figures; nothing of the user is written over.
+/// The trained network on the street that was held out: images, actors, Gaussians, figures; nothing of the user is
+/// written over.
 fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     let checkpoint = Checkpoint::load(&job.folder.checkpoint(40)).expect("loads");
     let (out, device) = (folder.join("out"), common::device());
@@ -166,8 +168,8 @@ fn bad_input_is_one_sentence() {
     assert!(!folder.join("run").join("config.toml").exists(), "nothing is half-written");
 }
 
-/// A street whose images are black and one whose sweeps are missing contribute nothing: their snippets are skipped and counted, the
-/// others train on.
+/// A street whose images are black and one whose sweeps are missing contribute nothing: their snippets are skipped
+/// and counted, the others train on.
 #[test]
 fn what_cannot_be_used_is_skipped_and_counted() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -40,8 +40,8 @@ pub struct ReconstructArgs {
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true, value_parser = finite, value_name = "T,...")]
     pub times: Vec<f64>,
 
-    /// Move the cameras, metres
-    #[arg(long, default_value = "0,0,0", allow_hyphen_values = true, value_parser = shift, value_name = "FORWARD,LEFT,UP")]
+    /// Move the cameras forward, left and up, metres
+    #[arg(long, default_value = "0,0,0", allow_hyphen_values = true, value_parser = shift, value_name = "F,L,U")]
     pub shift: Shift,
 
     /// Gaussians slower than this carry no motion, metres per second

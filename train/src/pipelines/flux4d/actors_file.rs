@@ -56,7 +56,8 @@ struct OfTime {
 }
 
 impl ActorList {
-    /// Adds a snippet's actors; `to_world` leads from its axes to the world, `begin` is the time of the log's first frame.
+    /// Adds a snippet's actors; `to_world` leads from its axes to the world, `begin` is the time of the log's first
+    /// frame.
     pub fn add(&mut self, name: &str, mut actors: Vec<Actor>, to_world: &DMat4, begin: f64) {
         let moved = |point: [f64; 3]| to_world.transform_point3(DVec3::from_array(point)).to_array();
         let turned = |vector: [f64; 3]| to_world.transform_vector3(DVec3::from_array(vector)).to_array();

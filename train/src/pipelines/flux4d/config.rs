@@ -40,7 +40,8 @@ pub enum CameraChoice {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LogsConfig {
-    /// Frames of a snippet. Of the first 11, every second is an input and the others are targets; those after them are the future.
+    /// Frames of a snippet. Of the first 11, every second is an input and the others are targets; those after them
+    /// are the future.
     pub frames: usize,
     /// Frames from the begin of one snippet to that of the next.
     pub every: usize,
@@ -48,7 +49,8 @@ pub struct LogsConfig {
     pub camera: CameraChoice,
     /// Wider images are downscaled to this width, pixels; 0 keeps the full size.
     pub max_width: usize,
-    /// Names of the logs that are held out; with none, one log in eight, the last ones by name, and at least one of several.
+    /// Names of the logs that are held out; with none, one log in eight, the last ones by name, and at least one of
+    /// several.
     pub validation: Vec<String>,
     /// Snippets of each held-out log that are measured, spread evenly; 0: all.
     pub validation_snippets: usize,

@@ -1,7 +1,7 @@
 //! Scene flow of a snippet against the labels of its LiDAR points.
 //!
-//! Evaluated are the points of the input sweeps that an input image shows and whose flow is known. A point has the flow of the
-//! nearest Gaussian of its own sweep.
+//! Evaluated are the points of the input sweeps that an input image shows and whose flow is known. A point has the
+//! flow of the nearest Gaussian of its own sweep.
 
 use anyhow::Result;
 use gs_driving::{DrivingLog, FLOW_INTERVAL, ObjectClass, project};

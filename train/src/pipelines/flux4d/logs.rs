@@ -39,7 +39,8 @@ impl Logs {
     /// Describes the logs at `path`: one log, or a folder of logs. No sweep or image is decoded.
     ///
     /// # Errors
-    /// One sentence: no log, a log that cannot be read, a log without cameras or with too few frames, a name that no log has.
+    /// One sentence: no log, a log that cannot be read, a log without cameras or with too few frames, a name that no
+    /// log has.
     pub fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
         let found = find(path)?;
         let logs: Vec<DrivingLog> = found.iter().map(|path| open(path, config)).collect::<Result<_>>()?;

@@ -5,7 +5,7 @@
 //! | file | idea |
 //! |---|---|
 //! | [`config`] | the sections and their ranges |
-//! | [`logs`], [`prepare`](mod@prepare), [`feed`] | logs of a folder; a snippet on the host; snippets ahead of the training |
+//! | [`logs`], [`prepare`](mod@prepare), [`feed`] | the logs of a folder; a snippet on the host; those to come |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
 //! | [`trainer`], [`train`](mod@train), [`saved`] | a step; the run; checkpoints |
 //! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`] | the network applied; held-out figures |

@@ -8,7 +8,8 @@ use super::prepare::{HostView, inverse, sweep};
 
 /// Slowest motion that counts, metres in 0.1 s: the limit between static and dynamic of the flow labels.
 pub const MOVING: f32 = 0.05;
-/// Pixels around a moving LiDAR point that count as moving: about the distance between neighbouring points of a car at 20 m.
+/// Pixels around a moving LiDAR point that count as moving: about the distance between neighbouring points of a car
+/// at 20 m.
 const AROUND: usize = 2;
 
 /// `[height, width]`: 255 where the image of a view moves; `None` where nothing does or nothing is known.

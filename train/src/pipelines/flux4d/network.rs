@@ -1,14 +1,14 @@
 //! The networks `f` and `r`: a sparse UNet for the scene's rows and a small network for far ones.
 //!
 //! Sky and random points stay out of the convolutions: each would be alone in its voxel at all levels, twenty times the
-//! scene's work, and nine tenths of the rows of every batch norm. Their residual is a function of their own features and
-//! their gradient; they have no velocity.
+//! scene's work, and nine tenths of the rows of every batch norm. Their residual is a function of their own features
+//! and their gradient; they have no velocity.
 //!
-//! Inputs and outputs have units: positions are divided by 25 m, residuals and velocities multiplied by a unit a channel.
-//! The paper names none. Without them the head's first steps move Gaussians by metres.
+//! Inputs and outputs have units: positions are divided by 25 m, residuals and velocities multiplied by a unit a
+//! channel. The paper names none. Without them the head's first steps move Gaussians by metres.
 //!
-//! Batch norm takes the statistics of the snippet at hand, in training and later: a snippet has thousands of voxels, and
-//! running statistics of other logs would not be its own. So the networks always run on a device with autodiff.
+//! Batch norm takes the statistics of the snippet at hand, in training and later: a snippet has thousands of voxels,
+//! and running statistics of other logs would not be its own. So the networks always run on a device with autodiff.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -20,14 +20,13 @@ use gs_models::mlp::{Mlp, MlpConfig};
 use super::config::FluxConfig;
 use super::sample::Sample;
 
-/// Levels of the voxel pyramid: those of SparseResUNet42.
-pub const LEVELS: usize = 5;
-
 /// Factors of the 14 channels as the network reads them: positions over 25 m, scales, opacities and colours about 1.
 const INPUT: [f32; CHANNELS] = [0.04, 0.04, 0.04, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
-/// Features beyond this are cut: a point beyond 100 m is far and nothing else, and a gradient of four times the usual is large.
+/// Features beyond this are cut: a point beyond 100 m is far and nothing else, and a gradient of four times the usual
+/// is large.
 const INPUT_MAX: f64 = 4.0;
-/// Residuals of the 14 channels for an output of 1: 0.1 m of position, a tenth of a turn, one step of the other raw channels.
+/// Residuals of the 14 channels for an output of 1: 0.1 m of position, a tenth of a turn, one step of the other raw
+/// channels.
 const OUTPUT: [f32; CHANNELS] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 /// Velocity for an output of 1, metres per window: a person walks at 1.5 m/s, a car drives at 10.
 const VELOCITY: f32 = 5.0;

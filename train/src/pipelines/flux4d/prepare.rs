@@ -1,7 +1,7 @@
 //! A snippet on the host: sweeps and images are decoded, points are coloured, thinned and lifted.
 //!
-//! Positions are relative to the ego vehicle at the middle input frame, and the x axis is the horizontal direction of its first
-//! camera, so that a network sees every street from the same place in the same direction. z stays up.
+//! Positions are relative to the ego vehicle at the middle input frame, and the x axis is the horizontal direction of
+//! its first camera, so that a network sees every street from the same place in the same direction. z stays up.
 
 use anyhow::{Result, anyhow, bail};
 use glam::{DMat4, DVec3};

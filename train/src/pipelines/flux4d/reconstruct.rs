@@ -82,7 +82,8 @@ struct Work<'a> {
     actors: ActorList,
 }
 
-/// Reconstructs a snippet or a whole log and writes images, actors, Gaussians and figures. Returns lines for the terminal.
+/// Reconstructs a snippet or a whole log and writes images, actors, Gaussians and figures. Returns lines for the
+/// terminal.
 ///
 /// # Errors
 /// One sentence: a bad log, edit script or folder.

@@ -8,8 +8,11 @@ use gs_models::flux4d::unet::VoxelPyramid;
 use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, SnippetFrame, TargetView};
 
 use super::config::FluxConfig;
-use super::network::LEVELS;
+
 use super::prepare::{HostSnippet, HostView};
+
+/// Levels of the voxel pyramid: those of SparseResUNet42.
+const LEVELS: usize = 5;
 
 /// A snippet on the device, without images.
 #[derive(Debug, Clone)]

@@ -55,8 +55,8 @@ impl Trainer {
         self.network.as_ref().expect("between steps")
     }
 
-    /// One step over some snippets; `say` is told why one was skipped. A skipped one contributes zeros to the mean of the
-    /// gradients; a step without any changes nothing.
+    /// One step over some snippets; `say` is told why one was skipped. A skipped one contributes zeros to the mean of
+    /// the gradients; a step without any changes nothing.
     pub fn step(
         &mut self,
         snippets: &[(Place, Prepared)],

@@ -4,7 +4,8 @@ use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DMat4, DVec3};
 use gs_burn::{Gaussians, exact_matmul};
 
-/// The Gaussians turned into the world's axes, and the position that is still to be added. Colours do not depend on the direction.
+/// The Gaussians turned into the world's axes, and the position that is still to be added. Colours do not depend on
+/// the direction.
 pub fn in_world(gaussians: &Gaussians, to_world: &DMat4, origin: DVec3) -> (Gaussians, DVec3) {
     let device = gaussians.device();
     let table = |values: Vec<f64>, shape: [usize; 2]| {
