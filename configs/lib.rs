@@ -21,7 +21,14 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 38] = [
+pub const RECIPES: [Recipe; 45] = [
+    recipe!("flux4d/ablations/constant-velocity"),
+    recipe!("flux4d/ablations/no-refinement"),
+    recipe!("flux4d/ablations/no-reweighting"),
+    recipe!("flux4d/ablations/no-velocity-loss"),
+    recipe!("flux4d/ablations/raw-feedback"),
+    recipe!("flux4d/base"),
+    recipe!("flux4d/paper"),
     recipe!("sparsedyn/ablations/full-horizon"),
     recipe!("sparsedyn/ablations/no-regularisation"),
     recipe!("sparsedyn/ablations/no-outline"),

@@ -31,6 +31,7 @@ pub mod flux4d;
 pub mod light;
 pub mod mlp;
 pub mod pixels;
+mod random;
 pub mod rotation;
 pub mod scene;
 pub mod sh_bands;

@@ -7,6 +7,8 @@ use burn::tensor::activation::{relu, silu};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use gs_burn::profile;
 
+use crate::random::SplitMix64;
+
 /// The function between two layers.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
 pub enum Activation {
@@ -42,7 +44,7 @@ impl MlpConfig {
         let Self { sizes, activation, zero_last, seed } = self;
         assert!(sizes.len() >= 2, "a network has an input and an output, sizes are {sizes:?}");
         assert!(sizes.iter().all(|size| *size > 0), "no layer may be empty, sizes are {sizes:?}");
-        let mut random = SplitMix64(*seed);
+        let mut random = SplitMix64::new(*seed);
         let layers = sizes.len() - 1;
         let layer = |layer: usize| {
             let (rows, columns) = (sizes[layer], sizes[layer + 1]);
@@ -112,23 +114,4 @@ impl Mlp {
 /// `[1, out]`.
 fn bias(layer: &Linear) -> Tensor<2> {
     layer.bias.as_ref().expect("MlpConfig gives every layer a bias").val().unsqueeze()
-}
-
-/// Steele, Lea and Flood 2014: no state outside, the same numbers on every machine.
-pub(crate) struct SplitMix64(pub(crate) u64);
-
-impl SplitMix64 {
-    /// In 0..1.
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// 64 random bits.
-    pub(crate) fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
 }

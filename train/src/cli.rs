@@ -2,6 +2,7 @@
 
 mod extrapolate;
 mod import;
+mod reconstruct;
 mod render;
 mod stability;
 mod synth;
@@ -21,6 +22,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 use crate::pipelines::examples;
 
 pub use import::ImportArgs;
+pub use reconstruct::ReconstructArgs;
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
@@ -45,6 +47,8 @@ pub enum Command {
     Train(TrainArgs),
     /// Measure a trained scene on held-out photos
     Eval(EvalArgs),
+    /// Turn a driving log into moving Gaussians with a trained network: images at any time, actors, scene flow
+    Reconstruct(ReconstructArgs),
     /// Render a scene along the cameras of a transforms.json
     Render(RenderArgs),
     /// Write a trained scene as PLY for other viewers

@@ -29,6 +29,7 @@ fn call(command: &Command) -> Result<ExitCode> {
     match command {
         Command::Train(args) => commands::train::run(args),
         Command::Eval(args) => commands::eval::run(args),
+        Command::Reconstruct(args) => commands::reconstruct::run(args),
         Command::Render(args) => commands::render::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Extrapolate(args) => commands::extrapolate::run(args),

@@ -54,6 +54,8 @@ impl fmt::Display for CheckReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.format {
             Some(format) => writeln!(f, "{}: {format}", shown(&self.path))?,
+            // What another reader recognised.
+            None if self.errors.is_empty() => writeln!(f, "{}:", shown(&self.path))?,
             None => writeln!(f, "{}: not recognised", shown(&self.path))?,
         }
         for (label, sentences) in [("", &self.facts), ("warning: ", &self.warnings), ("error: ", &self.errors)] {

@@ -12,6 +12,7 @@ pub mod extrapolate;
 pub mod import;
 pub mod info;
 pub mod recipes;
+pub mod reconstruct;
 pub mod render;
 pub mod stability;
 pub mod sweep;

@@ -181,7 +181,11 @@ impl<S: Section> FitConfig<S> {
     }
 }
 
-fn typed<T: DeserializeOwned>(table: Table, origin: &str) -> Result<T, ConfigError> {
+/// The values of a table as a type; `origin` names the table in errors.
+///
+/// # Errors
+/// A key that does not exist, or a value of the wrong type.
+pub fn typed<T: DeserializeOwned>(table: Table, origin: &str) -> Result<T, ConfigError> {
     let wrong = |error: toml::de::Error| ConfigError::Type { origin: origin.into(), found: tables::one_line(&error) };
     Value::Table(table).try_into().map_err(wrong)
 }

@@ -42,13 +42,21 @@ impl Default for CheckpointConfig {
 }
 
 impl EvalConfig {
-    pub(super) fn validate(&self) -> Result<(), ConfigError> {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first value outside its range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
         check("eval.images", self.images, self.images <= 1000, "at most 1000")
     }
 }
 
 impl CheckpointConfig {
-    pub(super) fn validate(&self) -> Result<(), ConfigError> {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first value outside its range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
         check("checkpoint.keep", self.keep, self.keep >= 1, "at least 1")
     }
 }

@@ -27,6 +27,10 @@ pub enum Purpose {
     Ensemble = 8,
     /// The Gaussians whose paths are drawn.
     Paths = 9,
+    /// The order of the snippets in an epoch.
+    Snippets = 10,
+    /// The images that a snippet is compared with in a step.
+    Supervision = 11,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

@@ -71,3 +71,20 @@ Experiments of sparsedyn:
 Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
 shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with
 143; what was finished before is kept.";
+
+/// Shown below `gsburn reconstruct --help`.
+pub const RECONSTRUCT: &str = "\
+Examples:
+  gsburn synth driving --logs 4 --frames 22 --out streets
+  gsburn train streets --recipe flux4d/base --out runs/streets
+  gsburn reconstruct streets/003 --model runs/streets --out out        one snippet: frames between the inputs, actors, PLY
+  gsburn reconstruct pandaset/002 --model runs/streets --full --out whole
+  gsburn reconstruct streets/003 --model runs/streets --future 5 --times 0.25,0.55 --shift 0,2,1 --out moved
+  gsburn reconstruct streets/003 --model runs/streets --edit edits.toml --out edited
+
+Edits name actors by their numbers in actors.json:
+  [[edits]]
+  do = \"move\"                # or remove, insert, recolor
+  actor = 0
+  offset = [0.0, 3.0, 0.0]   # metres: forward, left, up of the vehicle
+  turn = 90.0                # degrees";

@@ -6,6 +6,7 @@
 pub mod brightness;
 pub mod examples;
 pub mod fit;
+pub mod flux4d;
 pub mod resolve;
 pub mod sparsedyn;
 pub mod still;
@@ -29,11 +30,12 @@ use crate::stability::Experiment;
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.
-pub static PIPELINES: [&dyn Pipeline; 4] = [
+pub static PIPELINES: [&dyn Pipeline; 5] = [
     &fit::Fit::<still::Still>::NEW,
     &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
     &fit::Fit::<sparsedyn::Sparsedyn>::with_experiments(&sparsedyn::stability::EXPERIMENTS),
+    &flux4d::Flux4d,
 ];
 
 /// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less than two
@@ -89,6 +91,18 @@ pub trait Pipeline: Sync {
         &[]
     }
 
+    /// Applies the network of a checkpoint to a recording that it has not seen; returns lines for the terminal.
+    ///
+    /// # Errors
+    /// One sentence saying what was wrong with the recording, or that the pipeline has no network.
+    fn reconstruct(&self, checkpoint: &Checkpoint, _request: &Reconstruction) -> Result<Vec<String>> {
+        bail!(
+            "{}: expected a network that reconstructs logs, found a scene of the pipeline {}",
+            checkpoint.path.display(),
+            self.name()
+        )
+    }
+
     /// Experiments at the edge of the method, for `gsburn stability`.
     fn experiments(&self) -> &'static [&'static Experiment] {
         &[]
@@ -109,6 +123,30 @@ pub struct EvalRequest<'a> {
     pub device: &'a Device,
     /// Whether pictures of all views are returned.
     pub pictures: bool,
+}
+
+/// A request for a reconstruction without training.
+pub struct Reconstruction<'a> {
+    /// The recording.
+    pub log: &'a Path,
+    /// Folder for the results.
+    pub out: &'a Path,
+    /// The first frame.
+    pub start: usize,
+    /// Whether all of the recording is reconstructed, by snippets that overlap.
+    pub full: bool,
+    /// Frames after the last input that are predicted.
+    pub future: usize,
+    /// Further times that are rendered, seconds from the begin of the first snippet.
+    pub times: &'a [f64],
+    /// How far the cameras are moved: forward, left, up, metres.
+    pub shift: [f64; 3],
+    /// Gaussians slower than this at all times carry no motion, metres per second; `None`: the method's own threshold.
+    pub rest_speed: Option<f64>,
+    /// A script of edits.
+    pub edit: Option<&'a Path>,
+    /// The compute device.
+    pub device: &'a Device,
 }
 
 /// A measured scene.

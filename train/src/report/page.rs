@@ -223,6 +223,15 @@ fn progress_table(page: &mut String, eval: &EvalFile) -> Result<()> {
     Ok(())
 }
 
+/// The names of the panels.
+fn headline(pictures: &[SideBySide]) -> String {
+    let more = pictures.iter().map(|picture| &picture.more).max_by_key(|more| more.len());
+    let more: String = more.into_iter().flatten().map(|name| format!(", {name}")).collect();
+    let has_blurry = pictures.iter().any(|picture| picture.panels > 3 + picture.more.len());
+    let first = if has_blurry { "Blurry photo, sharp truth, rendering, error" } else { "Photo, rendering, error" };
+    first.to_string() + &more
+}
+
 fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
     if pictures.is_empty() {
         return Ok(());
@@ -231,11 +240,7 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
         page,
         "<section>\n<h2>{}</h2>\n<p>The error is the mean over channels, from black (0) to pale yellow \
          ({ERROR_FULL_SCALE} of the full range and above); slate where the photo is masked.</p>\n",
-        if pictures.iter().any(|picture| picture.panels > 3) {
-            "Blurry photo, sharp truth, rendering, error"
-        } else {
-            "Photo, rendering, error"
-        }
+        headline(pictures)
     )?;
     for picture in pictures {
         let mut png = Vec::new();

@@ -33,10 +33,13 @@ pub struct SideBySide {
     pub panels: usize,
     /// `[height, width, 3]`.
     pub pixels: Vec<u8>,
+    /// Names of the panels after the error.
+    pub more: Vec<&'static str>,
 }
 
 impl SideBySide {
-    /// Blurry photo (if known and the compared one is sharp), photo, rendering and error, from left to right.
+    /// Blurry photo (if known and the compared one is sharp), photo, rendering, error and what there is beside these, from left to
+    /// right.
     pub fn new(comparison: &Comparison) -> Self {
         let [height, panel, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));
@@ -47,8 +50,9 @@ impl SideBySide {
             heat.iter_mut().zip(ignored).filter(|(_, ignored)| *ignored).for_each(|(color, _)| *color = IGNORED);
         }
         let blurry = comparison.blurry.as_ref().map(|blurry| image_bytes(blurry.clone()));
+        let more = comparison.more.iter().map(|(_, picture)| image_bytes(picture.clone()));
         let panels: Vec<Vec<u8>> =
-            blurry.into_iter().chain([to_bytes(&truth), to_bytes(&image), heat.into_flattened()]).collect();
+            blurry.into_iter().chain([to_bytes(&truth), to_bytes(&image), heat.into_flattened()]).chain(more).collect();
         let width = panels.len() * panel + (panels.len() - 1) * GAP;
         let mut pixels = vec![255u8; 3 * width * height];
         for (index, bytes) in panels.iter().enumerate() {
@@ -57,7 +61,8 @@ impl SideBySide {
                 pixels[start..start + 3 * panel].copy_from_slice(line);
             }
         }
-        Self { name: comparison.name.clone(), psnr: comparison.psnr, width, height, panels: panels.len(), pixels }
+        let more = comparison.more.iter().map(|(name, _)| *name).collect();
+        Self { name: comparison.name.clone(), psnr: comparison.psnr, width, height, panels: panels.len(), pixels, more }
     }
 }
 

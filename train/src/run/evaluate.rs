@@ -136,6 +136,8 @@ pub struct Comparison {
     pub blurry: Option<Tensor<3>>,
     /// The rendering's PSNR, dB.
     pub psnr: f64,
+    /// Pictures beside these, `[H, W, 3]`, with their names.
+    pub more: Vec<(&'static str, Tensor<3>)>,
 }
 
 /// Views of one split with the regions that are scored separately.
@@ -272,12 +274,20 @@ impl Evaluator {
 
     fn comparison(&self, view: &View, photo: Photo<()>, image: Tensor<3>, psnr: f64) -> Comparison {
         let blurry = view.truth.blurry.as_ref().map(|blurry| to_tensor(view, &blurry.data, 3, &self.device));
-        Comparison { name: view.name.clone(), truth: photo.image, image, mask: photo.mask, blurry, psnr }
+        Comparison {
+            name: view.name.clone(),
+            truth: photo.image,
+            image,
+            mask: photo.mask,
+            blurry,
+            psnr,
+            more: Vec::new(),
+        }
     }
 
     /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels are black in
     /// both images for the measures over neighbourhoods.
-    fn scores(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
+    pub fn scores(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
         let share = counts.as_ref().map_or(1.0, |counts| f64::from(counts.clone().mean().into_scalar::<f32>()));
         if share == 0.0 {
             return None;
@@ -304,7 +314,8 @@ impl Evaluator {
         Some(Scores { ms_ssim: None, ..self.scores(image, photo.image.clone(), Some(counts))? })
     }
 
-    fn summary(&self, views: Vec<ViewScores>, compared: &str) -> Quality {
+    /// The mean over views, their regions, and why a measure is missing; `compared` says with what they were compared.
+    pub fn summary(&self, views: Vec<ViewScores>, compared: &str) -> Quality {
         let mean = mean(views.iter().map(|view| &view.scores)).unwrap_or_default();
         let mut names: Vec<&String> = views.iter().flat_map(|view| view.regions.keys()).collect();
         names.sort();

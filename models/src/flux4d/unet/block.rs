@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use gs_burn::ops::sparse_conv::KernelMap;
 
 use super::conv::{ConvNorm, SparseConvConfig, normalised};
-use crate::mlp::SplitMix64;
+use crate::random::SplitMix64;
 
 /// Offsets of a kernel of edge 3.
 pub(super) const SAME: usize = 27;

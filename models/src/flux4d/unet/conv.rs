@@ -6,7 +6,7 @@ use burn::nn::{BatchNorm, BatchNormConfig};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use gs_burn::ops::sparse_conv::{KernelMap, sparse_conv};
 
-use crate::mlp::SplitMix64;
+use crate::random::SplitMix64;
 
 /// Configuration of a [`SparseConv`].
 #[derive(Config, Debug)]
@@ -35,7 +35,7 @@ impl SparseConvConfig {
         assert!(input * output * offsets > 0, "no size of a convolution may be 0, found {self:?}");
         let fan = if transposed { output } else { input };
         let bound = 1.0 / ((fan * offsets) as f64).sqrt();
-        let mut random = SplitMix64(seed);
+        let mut random = SplitMix64::new(seed);
         let draw = |_| (bound * (2.0 * random.unit() - 1.0)) as f32;
         let values: Vec<f32> = (0..offsets * input * output).map(draw).collect();
         let weight = Tensor::from_data(TensorData::new(values, [offsets, input, output]), (device, DType::F32));

@@ -18,7 +18,7 @@ use gs_burn::profile;
 use super::block::{ResidualBlock, SAME};
 use super::conv::{ConvNorm, SparseConvConfig};
 use super::pyramid::VoxelPyramid;
-use crate::mlp::SplitMix64;
+use crate::random::SplitMix64;
 use crate::{Mlp, MlpConfig};
 
 /// Offsets of a kernel of edge 2.
@@ -80,7 +80,7 @@ impl SparseUnetConfig {
         let sides = [encoder.len(), decoder.len()];
         assert!(sides[0] == sides[1], "encoder and decoder must have as many levels, they have {sides:?}");
         assert!(*blocks > 0, "a level has at least one residual block");
-        let mut build = Builder { blocks: *blocks, slope: *slope, seeds: SplitMix64(self.seed), device };
+        let mut build = Builder { blocks: *blocks, slope: *slope, seeds: SplitMix64::new(self.seed), device };
         let stem_width = self.scaled(self.stem);
         let stem = vec![build.conv([*input, stem_width], SAME, false), build.conv([stem_width; 2], SAME, false)];
         let mut skips = vec![stem_width];

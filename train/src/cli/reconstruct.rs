@@ -1,0 +1,78 @@
+//! Arguments of `reconstruct`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::ValueHint;
+
+use crate::cli::DeviceArgs;
+use crate::pipelines::examples;
+
+/// Arguments of `reconstruct`.
+#[derive(Debug, Args)]
+#[command(after_help = examples::RECONSTRUCT)]
+pub struct ReconstructArgs {
+    /// The driving log: a folder of PandaSet or Argoverse 2
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub log: PathBuf,
+
+    /// The network: a run folder or a checkpoint (.safetensors)
+    #[arg(long, value_name = "RUN", value_hint = ValueHint::AnyPath)]
+    pub model: PathBuf,
+
+    /// Folder for images, actors, Gaussians and figures
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// First frame of the snippet
+    #[arg(long, default_value_t = 0, value_name = "FRAME")]
+    pub start: usize,
+
+    /// The whole log by snippets that overlap, instead of one snippet
+    #[arg(long, conflicts_with_all = ["start", "future"])]
+    pub full: bool,
+
+    /// Frames after the inputs to predict
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=100), value_name = "N")]
+    pub future: u8,
+
+    /// Also render these times, seconds from the begin of the snippet
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true, value_parser = finite, value_name = "T,...")]
+    pub times: Vec<f64>,
+
+    /// Move the cameras forward, left and up, metres
+    #[arg(long, default_value = "0,0,0", allow_hyphen_values = true, value_parser = shift, value_name = "F,L,U")]
+    pub shift: Shift,
+
+    /// Gaussians slower than this carry no motion, metres per second
+    #[arg(long = "static", value_parser = not_negative, value_name = "SPEED")]
+    pub rest_speed: Option<f64>,
+
+    /// Remove, insert, move or recolour actors by this script (TOML)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub edit: Option<PathBuf>,
+
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+/// Forward, left, up, metres.
+#[derive(Debug, Clone, Copy)]
+pub struct Shift(pub [f64; 3]);
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "expected a finite number".to_string())
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a number of at least 0".to_string())
+}
+
+fn shift(text: &str) -> Result<Shift, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| finite(part.trim()).ok()).collect();
+    match numbers.as_deref() {
+        Some(&[forward, left, up]) => Ok(Shift([forward, left, up])),
+        _ => Err("expected three numbers, as in 0,1.5,0.5".to_string()),
+    }
+}

@@ -1,0 +1,37 @@
+//! `gsburn reconstruct`.
+
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+
+use crate::cli::ReconstructArgs;
+use crate::commands::{device, print};
+use crate::pipelines::{Reconstruction, of_checkpoint};
+use crate::run::scene::{SceneFile, read_file};
+
+/// Applies a trained network to a driving log.
+///
+/// # Errors
+/// One sentence saying what was wrong with the network, the log or the folder.
+pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
+    let device = device(&args.device)?;
+    let SceneFile::Checkpoint(checkpoint) = read_file(&args.model, &device)? else {
+        bail!("{}: expected a run or a checkpoint of a network, found a PLY file", args.model.display());
+    };
+    let request = Reconstruction {
+        log: &args.log,
+        out: &args.out,
+        start: args.start,
+        full: args.full,
+        future: usize::from(args.future),
+        times: &args.times,
+        shift: args.shift.0,
+        rest_speed: args.rest_speed,
+        edit: args.edit.as_deref(),
+        device: &device,
+    };
+    for line in of_checkpoint(&checkpoint)?.reconstruct(&checkpoint, &request)? {
+        print(line);
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,370 @@
+//! The configuration of Flux4D: the shared sections of any run, and those of a network over many logs.
+
+use gs_models::flux4d::{Feedback, LossConfig, RefinementConfig};
+use serde::{Deserialize, Serialize};
+use toml::Table;
+
+use super::NAME;
+use crate::config::{CheckpointConfig, ConfigError, EvalConfig, check, not_negative, positive, typed};
+
+/// The sections of a network that is trained on driving logs.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sections {
+    /// The driving logs and their snippets.
+    pub logs: LogsConfig,
+    /// Points to first Gaussians.
+    pub lift: LiftSection,
+    /// The sparse 3D UNet and the motion that it predicts.
+    pub unet: UnetConfig,
+    /// Passes of the network over one snippet.
+    pub refinement: RefinementSection,
+    /// What a snippet is compared with, and the weights of the loss.
+    pub supervision: SupervisionConfig,
+    /// The optimiser of the network.
+    pub learning: LearningConfig,
+}
+
+/// Cameras of a log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CameraChoice {
+    /// The one that looks ahead, as in the paper.
+    #[default]
+    Front,
+    /// All of the log.
+    All,
+}
+
+/// The driving logs and their snippets.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LogsConfig {
+    /// Frames of a snippet. Of the first 11, every second is an input and the others are targets; those after them
+    /// are the future.
+    pub frames: usize,
+    /// Frames from the begin of one snippet to that of the next.
+    pub every: usize,
+    /// The cameras.
+    pub camera: CameraChoice,
+    /// Wider images are downscaled to this width, pixels; 0 keeps the full size.
+    pub max_width: usize,
+    /// Names of the logs that are held out; with none, one log in eight, the last ones by name, and at least one of
+    /// several.
+    pub validation: Vec<String>,
+    /// Snippets of each held-out log that are measured, spread evenly; 0: all.
+    pub validation_snippets: usize,
+    /// Memory for snippets that were read, MB; those beyond are read again.
+    pub cache_mb: usize,
+}
+
+/// First orientations of Gaussians.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RotationChoice {
+    /// Random, as in the paper: four channels of noise in the network's input.
+    Random,
+    /// None; the first Gaussians are isotropic, so their image is the same.
+    #[default]
+    Identity,
+}
+
+/// Points to first Gaussians.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LiftSection {
+    /// LiDAR points of a snippet at most; beyond them, the points of a voxel in one sweep are merged. 0: no limit.
+    pub points: usize,
+    /// Whether points that no input image shows are left out.
+    pub in_view: bool,
+    /// Points on the sky's half sphere.
+    pub sky_points: usize,
+    /// Random points in a ball around the scene.
+    pub random_points: usize,
+    /// Largest scale of a Gaussian that is not sky, metres.
+    pub scale_max: f64,
+    /// First orientations.
+    pub rotations: RotationChoice,
+}
+
+/// The sparse 3D UNet and the motion that it predicts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UnetConfig {
+    /// Edge of the finest voxels, metres.
+    pub voxel: f64,
+    /// Multiplier of all widths (32 to 256 channels).
+    pub width: f64,
+    /// Degree of the polynomial of velocity: 0 is constant velocity, 1 constant acceleration; up to 3.
+    pub degree: usize,
+}
+
+/// The gradient as the next pass reads it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FeedbackChoice {
+    /// As it is; channels differ by orders of magnitude.
+    Raw,
+    /// Each channel over its largest magnitude.
+    Largest,
+    /// Each channel over its root mean square.
+    #[default]
+    RootMeanSquare,
+}
+
+/// Passes of the network over one snippet.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefinementSection {
+    /// Passes, the base network's included; 1: no refinement.
+    pub passes: usize,
+    /// The gradient as the next pass reads it.
+    pub feedback: FeedbackChoice,
+}
+
+/// What a snippet is compared with, and the weights of the loss.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SupervisionConfig {
+    /// Input images of a step; the gradient over these is fed back.
+    pub input_views: usize,
+    /// Images between the inputs of a step; 0: the inputs alone.
+    pub target_views: usize,
+    /// Share of 1 - SSIM in the photometric loss; the rest is L1.
+    pub dssim: f64,
+    /// Weight of the LiDAR's depth, one over metres; 0: none.
+    pub depth: f64,
+    /// Weight of the mean speed ("as static as possible"), windows per metre; 0: none.
+    pub velocity: f64,
+    /// Largest image velocity of the reweighting, pixels per frame; 0: no reweighting.
+    pub reweight_clip: f64,
+}
+
+/// The optimiser of the network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LearningConfig {
+    /// Adam's rate after the warm-up.
+    pub rate: f64,
+    /// Rate of the last step; in between the rate falls exponentially.
+    pub last_rate: f64,
+    /// Steps in which the rate rises from 0.
+    pub warm_up: usize,
+    /// Snippets whose gradients are averaged in a step.
+    pub accumulate: usize,
+}
+
+impl Default for LogsConfig {
+    fn default() -> Self {
+        Self {
+            frames: 11,
+            every: 6,
+            camera: CameraChoice::Front,
+            max_width: 320,
+            validation: Vec::new(),
+            validation_snippets: 2,
+            cache_mb: 512,
+        }
+    }
+}
+
+impl Default for LiftSection {
+    fn default() -> Self {
+        Self {
+            points: 20_000,
+            in_view: true,
+            sky_points: 2000,
+            random_points: 0,
+            scale_max: 1.0,
+            rotations: RotationChoice::Identity,
+        }
+    }
+}
+
+impl Default for UnetConfig {
+    fn default() -> Self {
+        Self { voxel: 0.4, width: 0.25, degree: 1 }
+    }
+}
+
+impl Default for RefinementSection {
+    fn default() -> Self {
+        Self { passes: 3, feedback: FeedbackChoice::RootMeanSquare }
+    }
+}
+
+impl Default for SupervisionConfig {
+    fn default() -> Self {
+        let LossConfig { dssim, depth, velocity, reweight_clip } = LossConfig::default();
+        Self { input_views: 2, target_views: 2, dssim, depth, velocity, reweight_clip }
+    }
+}
+
+impl Default for LearningConfig {
+    fn default() -> Self {
+        Self { rate: 2e-3, last_rate: 2e-4, warm_up: 20, accumulate: 1 }
+    }
+}
+
+/// Sections that any run has.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Shared {
+    pipeline: String,
+    seed: u64,
+    steps: usize,
+    eval: EvalConfig,
+    checkpoint: CheckpointConfig,
+}
+
+impl Default for Shared {
+    fn default() -> Self {
+        let checkpoint = CheckpointConfig { every: 100, ..CheckpointConfig::default() };
+        // MS-SSIM takes seconds a view on a CPU, as long as the network.
+        let eval = EvalConfig { ms_ssim: false, ..EvalConfig::default() };
+        Self { pipeline: NAME.into(), seed: 42, steps: 600, eval, checkpoint }
+    }
+}
+
+/// The whole configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FluxConfig {
+    /// The seed of all random draws.
+    pub seed: u64,
+    /// Optimisation steps.
+    pub steps: usize,
+    /// When and how the network is measured.
+    pub eval: EvalConfig,
+    /// When the state is saved.
+    pub checkpoint: CheckpointConfig,
+    /// The pipeline's own sections.
+    pub own: Sections,
+}
+
+impl Default for FluxConfig {
+    fn default() -> Self {
+        Self::of(Shared::default(), Sections::default())
+    }
+}
+
+impl FluxConfig {
+    fn of(shared: Shared, own: Sections) -> Self {
+        let Shared { seed, steps, eval, checkpoint, .. } = shared;
+        Self { seed, steps, eval, checkpoint, own }
+    }
+
+    fn shared(&self) -> Shared {
+        let (eval, checkpoint) = (self.eval.clone(), self.checkpoint.clone());
+        Shared { pipeline: NAME.into(), seed: self.seed, steps: self.steps, eval, checkpoint }
+    }
+
+    /// Reads a table, which may omit keys; `origin` names it in errors.
+    ///
+    /// # Errors
+    /// A key that does not exist, a value of the wrong type, a value outside its range.
+    pub fn from_table(table: &Table, origin: &str) -> Result<Self, ConfigError> {
+        let keys = Table::try_from(Sections::default()).expect("sections are tables");
+        // Not by `serde(flatten)`: its buffer loses the key that a type error is about.
+        let (own, shared): (Table, Table) = table.clone().into_iter().partition(|(key, _)| keys.contains_key(key));
+        let config = Self::of(typed(shared, origin)?, typed(own, origin)?);
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Every key with its value.
+    pub fn to_table(&self) -> Table {
+        let mut table = Table::try_from(self.shared()).expect("a configuration is TOML");
+        table.extend(Table::try_from(&self.own).expect("sections are tables"));
+        table
+    }
+
+    /// Every key with its value as TOML text, in the order of the sections.
+    pub fn to_toml(&self) -> String {
+        let shared = toml::to_string_pretty(&self.shared()).expect("a configuration is TOML");
+        let own = toml::to_string_pretty(&self.own).expect("a configuration is TOML");
+        format!("{shared}\n{own}")
+    }
+
+    /// The weights of the loss.
+    pub fn loss(&self) -> LossConfig {
+        let SupervisionConfig { dssim, depth, velocity, reweight_clip, .. } = self.own.supervision;
+        LossConfig { dssim, depth, velocity, reweight_clip }
+    }
+
+    /// The settings of the refinement.
+    pub fn refinement(&self) -> RefinementConfig {
+        let RefinementSection { passes, feedback } = self.own.refinement;
+        let feedback = match feedback {
+            FeedbackChoice::Raw => Feedback::Raw,
+            FeedbackChoice::Largest => Feedback::Largest,
+            FeedbackChoice::RootMeanSquare => Feedback::RootMeanSquare,
+        };
+        RefinementConfig { passes, feedback }
+    }
+
+    fn validate(&self) -> Result<(), ConfigError> {
+        check("steps", self.steps, self.steps >= 1, "at least 1")?;
+        self.eval.validate()?;
+        self.checkpoint.validate()?;
+        self.own.logs.validate()?;
+        self.own.lift.validate()?;
+        self.own.unet.validate()?;
+        let passes = self.own.refinement.passes;
+        check("refinement.passes", passes, (1..=20).contains(&passes), "1 to 20")?;
+        self.own.supervision.validate()?;
+        self.own.learning.validate()
+    }
+}
+
+impl LogsConfig {
+    fn validate(&self) -> Result<(), ConfigError> {
+        check("logs.frames", self.frames, (3..=300).contains(&self.frames), "3 to 300")?;
+        check("logs.every", self.every, self.every >= 1, "at least 1")?;
+        let width = self.max_width;
+        check("logs.max_width", width, width == 0 || width >= 16, "0 or at least 16")
+    }
+}
+
+impl LiftSection {
+    fn validate(&self) -> Result<(), ConfigError> {
+        // The maps of the convolutions number rows by 32 bits.
+        const MOST: usize = 100_000_000;
+        check("lift.points", self.points, self.points <= MOST, "at most 100000000")?;
+        check("lift.sky_points", self.sky_points, self.sky_points <= MOST, "at most 100000000")?;
+        check("lift.random_points", self.random_points, self.random_points <= MOST, "at most 100000000")?;
+        let scale = self.scale_max;
+        check("lift.scale_max", scale, (0.01..=1e6).contains(&scale), "0.01 to 1000000")
+    }
+}
+
+impl UnetConfig {
+    fn validate(&self) -> Result<(), ConfigError> {
+        check("unet.voxel", self.voxel, (0.01..=100.0).contains(&self.voxel), "0.01 to 100")?;
+        check("unet.width", self.width, (0.01..=4.0).contains(&self.width), "0.01 to 4")?;
+        check("unet.degree", self.degree, self.degree <= 3, "0 to 3")
+    }
+}
+
+impl SupervisionConfig {
+    fn validate(&self) -> Result<(), ConfigError> {
+        check("supervision.input_views", self.input_views, self.input_views >= 1, "at least 1")?;
+        check("supervision.dssim", self.dssim, (0.0..=1.0).contains(&self.dssim), "0 to 1")?;
+        check("supervision.depth", self.depth, not_negative(self.depth), "0 or more")?;
+        check("supervision.velocity", self.velocity, not_negative(self.velocity), "0 or more")?;
+        check("supervision.reweight_clip", self.reweight_clip, not_negative(self.reweight_clip), "0 or more")
+    }
+}
+
+impl LearningConfig {
+    fn validate(&self) -> Result<(), ConfigError> {
+        check("learning.rate", self.rate, positive(self.rate), "above 0")?;
+        check("learning.last_rate", self.last_rate, positive(self.last_rate), "above 0")?;
+        check("learning.accumulate", self.accumulate, self.accumulate >= 1, "at least 1")
+    }
+
+    /// The rate of `step`, counted from 1, of `steps`.
+    pub fn at(&self, step: usize, steps: usize) -> f64 {
+        let rise = (step as f64 / self.warm_up.max(1) as f64).min(1.0);
+        rise * crate::fit::schedule::exponential(self.rate, self.last_rate, step, steps)
+    }
+}

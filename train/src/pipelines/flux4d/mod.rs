@@ -1,0 +1,132 @@
+//! Flux4D: a network that turns a driving log into moving Gaussians, trained on many logs without labels.
+//!
+//! It fits no scene, so it is a [`Pipeline`] of its own around a loop over snippets.
+//!
+//! | file | idea |
+//! |---|---|
+//! | [`config`] | the sections and their ranges |
+//! | [`logs`], [`prepare`](mod@prepare), [`feed`] | the logs of a folder; a snippet on the host; those to come |
+//! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
+//! | [`trainer`], [`train`](mod@train), [`saved`] | a step; the run; checkpoints |
+//! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`] | the network applied; held-out figures |
+//! | [`reconstruct`](mod@reconstruct), [`actors_file`], [`world`] | a log to images, actors and Gaussians |
+
+pub mod actors_file;
+pub mod config;
+pub mod evaluate;
+pub mod feed;
+pub mod flow;
+pub mod infer;
+pub mod logs;
+pub mod moving;
+pub mod network;
+pub mod prepare;
+pub mod reconstruct;
+pub mod sample;
+pub mod saved;
+pub mod train;
+pub mod trainer;
+pub mod world;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use burn::tensor::Device;
+use gs_datasets::{CheckReport, counted};
+use toml::Table;
+
+use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction};
+use crate::config::ConfigError;
+use crate::run::checkpoint::Checkpoint;
+use crate::run::scene::{LoadedScene, SceneFile};
+use crate::run::watch::{Ending, Job};
+use config::FluxConfig;
+use evaluate::{Split, measure};
+use logs::Logs;
+use saved::read_network;
+
+/// The pipeline's name.
+pub const NAME: &str = "flux4d";
+
+/// The pipeline.
+pub struct Flux4d;
+
+impl Pipeline for Flux4d {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn defaults(&self) -> Table {
+        FluxConfig::default().to_table()
+    }
+
+    fn validate(&self, config: &Table, origin: &str) -> Result<String, ConfigError> {
+        Ok(FluxConfig::from_table(config, origin)?.to_toml())
+    }
+
+    fn check(&self, dataset: &Path, config: &Table) -> Result<CheckReport> {
+        let config = FluxConfig::from_table(config, "configuration")?;
+        let mut report = CheckReport { path: dataset.to_path_buf(), ..CheckReport::default() };
+        match Logs::open(dataset, &config.own.logs) {
+            Err(error) => report.errors.push(format!("{error:#}")),
+            Ok(logs) => {
+                report.train = logs.train.len();
+                report.held_out = vec![(logs.split.to_string(), logs.held_out.len())];
+                for log in &logs.logs {
+                    let (frames, cameras) =
+                        (counted(log.frames().len(), "frame"), counted(log.cameras().len(), "camera"));
+                    report.facts.push(format!("log {} ({}): {frames}, {cameras}", log.name(), log.format().name()));
+                    report.warnings.extend(log.warnings().iter().cloned());
+                }
+                let (train, held) = (counted(logs.train.len(), "snippet"), counted(logs.held_out.len(), "snippet"));
+                report.facts.push(format!("{train} to train on, {held} of the split {}", logs.split));
+            }
+        }
+        Ok(report)
+    }
+
+    fn train(&self, job: &Job) -> Result<Ending> {
+        train::train(job, &FluxConfig::from_table(&job.config, "configuration")?)
+    }
+
+    fn open(&self, checkpoint: &Checkpoint, _device: &Device) -> Result<LoadedScene> {
+        bail!("{}: {NO_SCENE}", checkpoint.path.display())
+    }
+
+    fn foresee(&self, checkpoint: &Checkpoint, _dataset: &Path, _device: &Device) -> Result<Foreseen> {
+        bail!("{}: {NO_SCENE}", checkpoint.path.display())
+    }
+
+    fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
+        let SceneFile::Checkpoint(checkpoint) = request.file else {
+            bail!("expected a run or a checkpoint of the pipeline {NAME}, found a PLY file, which is no network");
+        };
+        let saved = read_network(checkpoint, request.device)?;
+        let config = FluxConfig::from_table(request.config, "configuration")?;
+        let asked = (&config.own.unet, config.own.refinement.passes > 1);
+        if asked != (&saved.config.own.unet, saved.config.own.refinement.passes > 1) {
+            bail!("{}: the keys of [unet] and refinement are those of the network", checkpoint.path.display());
+        }
+        let logs = Arc::new(Logs::open(request.dataset, &config.own.logs)?);
+        let name = request.split.unwrap_or(logs.split);
+        let places = match name {
+            "train" => &logs.train,
+            name if name == logs.split => &logs.held_out,
+            other => bail!("{}: expected a split from train, validation; found {other:?}", request.dataset.display()),
+        };
+        let pictures = if request.pictures { usize::MAX } else { 0 };
+        let split = Split { logs: &logs, places, name, pictures };
+        let found = measure(&saved.network, &split, &config, request.device)?;
+        Ok(Evaluated { step: saved.step, measured: found.measured, pictures: found.pictures })
+    }
+
+    fn reconstruct(&self, checkpoint: &Checkpoint, request: &Reconstruction) -> Result<Vec<String>> {
+        let saved = read_network(checkpoint, request.device)?;
+        reconstruct::reconstruct(&saved, request)
+    }
+}
+
+/// Why a checkpoint cannot be shown.
+const NO_SCENE: &str =
+    "expected a scene, found a network; `gsburn reconstruct LOG --model RUN` makes a scene of a log with it";

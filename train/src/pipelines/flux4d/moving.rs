@@ -1,0 +1,56 @@
+//! Which pixels of an image move, by the truth of a synthetic log or by labelled LiDAR points.
+
+use anyhow::Result;
+use gs_driving::synthetic::{TruthImage, truth_image};
+use gs_driving::{DrivingLog, project};
+
+use super::prepare::{HostView, inverse, sweep};
+
+/// Slowest motion that counts, metres in 0.1 s: the limit between static and dynamic of the flow labels.
+pub const MOVING: f32 = 0.05;
+/// Pixels around a moving LiDAR point that count as moving: about the distance between neighbouring points of a car
+/// at 20 m.
+const AROUND: usize = 2;
+
+/// `[height, width]`: 255 where the image of a view moves; `None` where nothing does or nothing is known.
+///
+/// # Errors
+/// When a file of the truth or the sweep is broken.
+pub fn mask(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Result<Option<Vec<u8>>> {
+    let (camera, frame) = (&log.cameras()[view.camera].name, &log.frames()[view.frame].name);
+    let mask = match truth_image(log.path(), camera, frame)? {
+        Some(truth) => of_truth(&truth, view),
+        None => of_points(log, view, from_world)?,
+    };
+    Ok(mask.contains(&255).then_some(mask))
+}
+
+fn of_truth(truth: &TruthImage, view: &HostView) -> Vec<u8> {
+    let (width, height) = (view.image.width, view.image.height);
+    let moves = |index: usize| {
+        // The image may have been downscaled.
+        let (x, y) = (index % width * truth.width / width, index / width * truth.height / height);
+        let place = y.min(truth.height - 1) * truth.width + x;
+        let squared: f32 = truth.flow.iter().map(|axis| axis[place] * axis[place]).sum();
+        squared >= MOVING * MOVING
+    };
+    (0..width * height).map(|index| if moves(index) { 255 } else { 0 }).collect()
+}
+
+fn of_points(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Result<Vec<u8>> {
+    let (width, height) = (view.image.width, view.image.height);
+    let mut mask = vec![0; width * height];
+    let sweep = sweep(log, view.frame, from_world)?;
+    let Some(labels) = &sweep.labels else { return Ok(mask) };
+    let (camera, w2c) = (&log.cameras()[view.camera], inverse(view.c2w));
+    for (point, flow) in sweep.points.iter().zip(&labels.flow) {
+        let moves = flow.is_some_and(|flow| flow.iter().map(|x| x * x).sum::<f32>() >= MOVING * MOVING);
+        let Some((pixel, _)) = project(camera, &w2c, *point).filter(|_| moves) else { continue };
+        let (x, y) = (pixel.x as usize, pixel.y as usize);
+        for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
+            let columns = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);
+            mask[row * width..][columns].fill(255);
+        }
+    }
+    Ok(mask)
+}

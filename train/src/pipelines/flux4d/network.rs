@@ -1,0 +1,123 @@
+//! The networks `f` and `r`: a sparse UNet for the scene's rows and a small network for far ones.
+//!
+//! Sky and random points stay out of the convolutions: each would be alone in its voxel at all levels, twenty times the
+//! scene's work, and nine tenths of the rows of every batch norm. Their residual is a function of their own features
+//! and their gradient; they have no velocity.
+//!
+//! Inputs and outputs have units: positions are divided by 25 m, residuals and velocities multiplied by a unit a
+//! channel. The paper names none. Without them the head's first steps move Gaussians by metres.
+//!
+//! Batch norm takes the statistics of the snippet at hand, in training and later: a snippet has thousands of voxels,
+//! and running statistics of other logs would not be its own. So the networks always run on a device with autodiff.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, TensorData};
+use gs_models::flux4d::channels::CHANNELS;
+use gs_models::flux4d::unet::{SparseUnet, SparseUnetConfig, VoxelPyramid};
+use gs_models::flux4d::{Network, Refinement};
+use gs_models::mlp::{Mlp, MlpConfig};
+
+use super::config::FluxConfig;
+use super::sample::Sample;
+
+/// Factors of the 14 channels as the network reads them: positions over 25 m, scales, opacities and colours about 1.
+const INPUT: [f32; CHANNELS] = [0.04, 0.04, 0.04, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
+/// Features beyond this are cut: a point beyond 100 m is far and nothing else, and a gradient of four times the usual
+/// is large.
+const INPUT_MAX: f64 = 4.0;
+/// Residuals of the 14 channels for an output of 1: 0.1 m of position, a tenth of a turn, one step of the other raw
+/// channels.
+const OUTPUT: [f32; CHANNELS] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+/// Velocity for an output of 1, metres per window: a person walks at 1.5 m/s, a car drives at 10.
+const VELOCITY: f32 = 5.0;
+/// Hidden width of the network of far rows.
+const FAR_WIDTH: usize = 16;
+
+/// One of the two networks.
+#[derive(Module, Debug)]
+pub struct Pass {
+    /// For rows of the scene.
+    pub unet: SparseUnet,
+    /// For far rows.
+    pub far: Mlp,
+}
+
+/// The base network and the refinement network.
+#[derive(Module, Debug)]
+pub struct FluxNetwork {
+    /// `f`: 15 features to 14 residuals and the velocity.
+    pub first: Pass,
+    /// `r`: 29 features to 14 residuals; none without refinement.
+    pub next: Option<Pass>,
+}
+
+impl FluxNetwork {
+    /// The networks before training, which change nothing.
+    pub fn new(config: &FluxConfig, device: &Device) -> Self {
+        let velocities = 3 * (config.own.unet.degree + 1);
+        let pass = |input: usize, output: usize, seed: u64| {
+            let unet = SparseUnetConfig::new(input, output).with_width(config.own.unet.width).with_seed(seed);
+            let far = MlpConfig::new(vec![input, FAR_WIDTH, CHANNELS]).with_zero_last(true).with_seed(seed ^ 1);
+            Pass { unet: unet.init(device), far: far.init(device) }
+        };
+        let (f, r) = (config.seed.wrapping_mul(4), config.seed.wrapping_mul(4).wrapping_add(2));
+        Self {
+            first: pass(CHANNELS + 1, CHANNELS + velocities, f),
+            next: (config.own.refinement.passes > 1).then(|| pass(2 * CHANNELS + 1, CHANNELS, r)),
+        }
+    }
+
+    /// The networks bound to a snippet, for `run`.
+    pub fn bound<T>(
+        &self,
+        sample: &Sample,
+        config: &FluxConfig,
+        run: impl FnOnce(Refinement<Bound<'_>, Bound<'_>>) -> T,
+    ) -> T {
+        let velocities = sample.frame.motion.columns();
+        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far: sample.lifted.far, velocities };
+        let first = bind(&self.first, velocities);
+        // With one pass `r` is never called.
+        let next = bind(self.next.as_ref().unwrap_or(&self.first), 0);
+        run(Refinement { first: &first, next: &next, config: config.refinement() })
+    }
+}
+
+/// A network with the voxels of a snippet.
+#[derive(Debug, Clone, Copy)]
+pub struct Bound<'a> {
+    pass: &'a Pass,
+    pyramid: &'a VoxelPyramid,
+    far: usize,
+    /// Columns of the velocity; 0 for `r`.
+    velocities: usize,
+}
+
+impl Network for Bound<'_> {
+    fn forward(&self, features: Tensor<2>, times: Tensor<2>) -> (Tensor<2>, Option<Tensor<2>>) {
+        let device = features.device();
+        let [rows, columns] = features.dims();
+        let near = rows - self.far;
+        let factors: Vec<f32> = INPUT.into_iter().chain(std::iter::repeat_n(1.0, columns - CHANNELS)).collect();
+        let features = (features * row(factors, &device)).clamp(-INPUT_MAX, INPUT_MAX);
+        let features = Tensor::cat(vec![features, times - 0.5], 1).autodiff();
+        let mut output = self.pass.unet.forward(features.clone().narrow(0, 0, near), self.pyramid);
+        if self.far > 0 {
+            let far = self.pass.far.forward(features.narrow(0, near, self.far));
+            let far = match self.velocities {
+                0 => far,
+                columns => Tensor::cat(vec![far, Tensor::zeros([self.far, columns], &output.device())], 1),
+            };
+            output = Tensor::cat(vec![output, far], 0);
+        }
+        let residual = output.clone().narrow(1, 0, CHANNELS) * row(OUTPUT.to_vec(), &device);
+        let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities) * VELOCITY);
+        (residual, velocity)
+    }
+}
+
+/// One row of numbers.
+fn row(values: Vec<f32>, device: &Device) -> Tensor<2> {
+    let columns = values.len();
+    Tensor::from_data(TensorData::new(values, [1, columns]), device)
+}

@@ -1,0 +1,104 @@
+//! A snippet on the compute device: first Gaussians, voxels, and the images it is compared with.
+
+use anyhow::{Result, anyhow};
+use burn::tensor::{Device, Tensor, TensorData};
+use gs_burn::{Camera, Intrinsics};
+use gs_driving::DrivingLog;
+use gs_models::flux4d::unet::VoxelPyramid;
+use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, SnippetFrame, TargetView};
+
+use super::config::FluxConfig;
+
+use super::prepare::{HostSnippet, HostView};
+
+/// Levels of the voxel pyramid: those of SparseResUNet42.
+const LEVELS: usize = 5;
+
+/// A snippet on the device, without images.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// The first Gaussians.
+    pub lifted: Lifted,
+    /// Voxels of the rows that are not far, built once for all passes.
+    pub pyramid: VoxelPyramid,
+    /// What no network changes.
+    pub frame: SnippetFrame,
+}
+
+impl Sample {
+    /// Sends a snippet to `device` (without autodiff) and builds its voxels and kernel maps.
+    ///
+    /// # Errors
+    /// A sentence when a point is too far for the voxels.
+    pub fn new(host: &HostSnippet, config: &FluxConfig, device: &Device) -> Result<Self> {
+        let lifted = host.rows.to_device(device);
+        let _stage = gs_burn::profile::stage("kernel maps");
+        let points = host.near_points();
+        let pyramid = VoxelPyramid::of(&points, config.own.unet.voxel as f32, LEVELS, device)
+            .map_err(|error| anyhow!("snippet {}: {error}", host.name))?;
+        let motion = PolynomialMotion::new(config.own.unet.degree)?;
+        let frame = SnippetFrame {
+            times: lifted.times.clone(),
+            far: lifted.far,
+            limits: lifted.limits,
+            motion,
+            frame: host.interval / (host.window[1] - host.window[0]),
+        };
+        Ok(Self { lifted, pyramid, frame })
+    }
+
+    /// No velocities, `[N, 3 (l + 1)]`.
+    pub fn at_rest(&self) -> Tensor<2> {
+        let rows = self.lifted.raw.dims()[0];
+        Tensor::zeros([rows, self.frame.motion.columns()], &self.lifted.raw.device())
+    }
+}
+
+/// The camera of a view.
+pub fn camera(log: &DrivingLog, view: &HostView, device: &Device) -> Camera {
+    let k = &log.cameras()[view.camera].intrinsics;
+    let intrinsics = Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy };
+    Camera::from_c2w(view.c2w, intrinsics, view.image.width, view.image.height, device)
+}
+
+/// The image of a view, `[H, W, 3]`, 0 to 1.
+pub fn photo(view: &HostView, device: &Device) -> Tensor<3> {
+    let floats: Vec<f32> = view.image.data.iter().map(|byte| f32::from(*byte) / 255.0).collect();
+    Tensor::from_data(TensorData::new(floats, [view.image.height, view.image.width, 3]), device)
+}
+
+/// A view on the device.
+pub fn target(log: &DrivingLog, view: &HostView, device: &Device) -> TargetView {
+    let shape = [view.image.height, view.image.width, 1];
+    let has_depth = view.depth.iter().any(|depth| *depth > 0.0);
+    TargetView {
+        camera: camera(log, view, device),
+        time: view.time,
+        photo: photo(view, device),
+        depth: has_depth.then(|| Tensor::from_data(TensorData::new(view.depth.clone(), shape), device)),
+    }
+}
+
+/// The losses of a step: the input views are fed back, the targets are held out.
+pub struct Supervision<'a> {
+    /// What no network changes.
+    pub frame: &'a SnippetFrame,
+    /// Input views, at least one.
+    pub inputs: Vec<TargetView>,
+    /// Views between them; none at inference.
+    pub targets: Vec<TargetView>,
+    /// Weights.
+    pub loss: LossConfig,
+}
+
+impl Objective for Supervision<'_> {
+    fn feedback(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1> {
+        self.frame.loss(raw, velocity, &self.inputs, &self.loss)
+    }
+
+    fn held_out(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Option<Tensor<1>> {
+        // The mean speed is in the loss of the inputs already.
+        let loss = LossConfig { velocity: 0.0, ..self.loss };
+        (!self.targets.is_empty()).then(|| self.frame.loss(raw, velocity, &self.targets, &loss))
+    }
+}

@@ -1,0 +1,158 @@
+//! One optimisation step: the passes of a snippet with their own backwards, gradients added up, Adam.
+
+use anyhow::Result;
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use gs_burn::NamedGradients;
+use gs_burn::adam::{Adam, AdamRate};
+use gs_models::flux4d::FluxError;
+use rand::seq::index;
+use rand_chacha::ChaCha8Rng;
+
+use super::config::FluxConfig;
+use super::feed::Prepared;
+use super::logs::{Logs, Place};
+use super::network::FluxNetwork;
+use super::prepare::{HostSnippet, HostView};
+use super::sample::{Sample, Supervision, target};
+use crate::fit::random::{Purpose, stream};
+
+/// A network in training.
+#[derive(Debug)]
+pub struct Trainer {
+    /// Outside autodiff; `None` within a step alone.
+    network: Option<FluxNetwork>,
+    /// The optimiser.
+    pub adam: Adam,
+    /// Steps taken.
+    pub step: usize,
+    /// Snippets that could not be used and contributed zeros.
+    pub skipped: usize,
+}
+
+/// What a step tells its observers.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StepReport {
+    /// Mean loss after the last pass over the snippets used; not finite where none was.
+    pub loss: f32,
+    /// Gaussians of the last snippet.
+    pub gaussians: usize,
+    /// Finest voxels of the last snippet.
+    pub voxels: usize,
+}
+
+/// Why a snippet contributed nothing.
+type Unusable = String;
+
+impl Trainer {
+    /// A training before its first step.
+    pub fn new(network: FluxNetwork) -> Self {
+        Self { network: Some(network), adam: Adam::new(), step: 0, skipped: 0 }
+    }
+
+    /// The network, outside autodiff.
+    pub fn network(&self) -> &FluxNetwork {
+        self.network.as_ref().expect("between steps")
+    }
+
+    /// One step over some snippets; `say` is told why one was skipped. A skipped one contributes zeros to the mean of
+    /// the gradients; a step without any changes nothing.
+    pub fn step(
+        &mut self,
+        snippets: &[(Place, Prepared)],
+        (logs, config, device): (&Logs, &FluxConfig, &Device),
+        say: &mut dyn FnMut(&str),
+    ) -> StepReport {
+        let tracked = self.network().clone().train();
+        let (mut sum, mut losses) = (None::<NamedGradients>, Vec::new());
+        let mut report = StepReport { loss: f32::NAN, ..StepReport::default() };
+        for (number, (place, prepared)) in snippets.iter().enumerate() {
+            let draw = (self.step * config.own.learning.accumulate + number) as u64;
+            let mut random = stream(config.seed, Purpose::Supervision, draw);
+            let used = prepared.clone().and_then(|host| {
+                let sample = Sample::new(&host, config, device).map_err(|error| format!("{error:#}"))?;
+                (report.gaussians, report.voxels) = (sample.lifted.raw.dims()[0], sample.pyramid.voxels(0));
+                let supervision = supervised(&host, &sample, (logs, place, config), &mut random, device)?;
+                gradients(&tracked, &sample, &supervision, config).map_err(|error| format!("{}: {error}", host.name))
+            });
+            match used {
+                Ok((found, loss)) => {
+                    losses.push(loss);
+                    match &mut sum {
+                        Some(sum) => sum.add(found),
+                        None => sum = Some(found),
+                    }
+                }
+                Err(reason) => {
+                    self.skipped += 1;
+                    say(&format!("a snippet of step {} was skipped: {reason}", self.step + 1));
+                }
+            }
+        }
+        drop(tracked);
+        self.step += 1;
+        if let Some(sum) = sum {
+            report.loss = (losses.iter().sum::<f64>() / losses.len() as f64) as f32;
+            self.update(sum, snippets.len(), config);
+        }
+        report
+    }
+
+    fn update(&mut self, sum: NamedGradients, count: usize, config: &FluxConfig) {
+        let mut mean = NamedGradients::default();
+        for (path, table) in sum.iter() {
+            mean.insert(path, table.clone() / count as f64);
+        }
+        drop(sum);
+        let rate = AdamRate { eps: ADAM_EPS, ..AdamRate::new(config.own.learning.at(self.step, config.steps)) };
+        let network = self.network.take().expect("between steps");
+        self.network = Some(self.adam.step(network, mean, |_| Some(rate)));
+    }
+}
+
+/// Adam's epsilon, Burn's and PyTorch's default: gradients of a network are not as tiny as those of single Gaussians.
+const ADAM_EPS: f64 = 1e-8;
+
+/// The gradients of one snippet and its loss after the last pass.
+fn gradients(
+    tracked: &FluxNetwork,
+    sample: &Sample,
+    supervision: &Supervision,
+    config: &FluxConfig,
+) -> Result<(NamedGradients, f64), FluxError> {
+    let mut sum = NamedGradients::default();
+    let mut surrogate = |scalar: Tensor<1>| {
+        let mut graph = scalar.backward();
+        sum.add(NamedGradients::take(tracked, &mut graph));
+    };
+    let (raw, times) = (sample.lifted.raw.clone(), sample.lifted.times.clone());
+    let refined =
+        tracked.bound(sample, config, |refinement| refinement.train(raw, times, supervision, &mut surrogate))?;
+    let passes = refined.losses.len();
+    if !sum.all_finite() {
+        return Err(FluxError::NotFinite { what: "the gradient of the network", pass: passes.saturating_sub(1) });
+    }
+    Ok((sum, refined.losses.last().copied().unwrap_or(f64::NAN)))
+}
+
+/// The views of a step, drawn at random.
+fn supervised<'a>(
+    host: &HostSnippet,
+    sample: &'a Sample,
+    (logs, place, config): (&Logs, &Place, &FluxConfig),
+    random: &mut ChaCha8Rng,
+    device: &Device,
+) -> Result<Supervision<'a>, Unusable> {
+    let log = &logs.logs[place.log];
+    let mut drawn = |views: &[HostView], count: usize| {
+        let mut places = index::sample(random, views.len(), count.min(views.len())).into_vec();
+        places.sort_unstable();
+        places.into_iter().map(|place| target(log, &views[place], device)).collect::<Vec<_>>()
+    };
+    let (inputs, targets) = (config.own.supervision.input_views, config.own.supervision.target_views);
+    let (inputs, found) = (drawn(&host.inputs, inputs), drawn(&host.targets, targets));
+    if targets > 0 && found.is_empty() {
+        return Err(format!("snippet {}: expected a target image that shows something, found none", host.name));
+    }
+    Ok(Supervision { frame: &sample.frame, inputs, targets: found, loss: config.loss() })
+}
