@@ -1,6 +1,7 @@
-//! The product for narrow rows: sixteen columns of six output rows stay in registers while the input rows are read through the pairs.
+//! The product of a block: sixteen columns of six output rows stay in registers while the input rows are read through the pairs.
 //!
-//! With few channels, copying rows into a buffer and adding products to the result takes longer than the product itself.
+//! Left aside: gathered rows, a matrix product, and a sum into the output. With 32 columns copying takes longer than the product, and with 96
+//! the rate was two thirds of this one (BENCHMARKS.md).
 
 use super::pairs::{PairLists, Pairs};
 use super::rows::Channels;
@@ -68,42 +69,46 @@ impl<F: Real, W: Fn(usize) -> usize> LaneTask<F> for Block<'_, F, W> {
         for k in lists.order() {
             let weights = &packed[weight(k) * inner * wide..][..inner * wide];
             let Pairs { from, to } = lists.pairs(block, k);
-            let (mut from, mut to) = (from.chunks_exact(ROWS), to.chunks_exact(ROWS));
-            for (from, to) in from.by_ref().zip(to.by_ref()) {
-                tile::<L, ROWS>(input, weights, [inner, wide], from, to, out);
-            }
-            for (from, to) in from.remainder().chunks(1).zip(to.remainder().chunks(1)) {
-                tile::<L, 1>(input, weights, [inner, wide], from, to, out);
+            // The weights of sixteen columns stay in the first-level cache while all rows pass.
+            for (strip, weights) in weights.chunks_exact(inner * LANES).enumerate() {
+                let first = strip * LANES;
+                let (mut from, mut to) = (from.chunks_exact(ROWS), to.chunks_exact(ROWS));
+                for (from, to) in from.by_ref().zip(to.by_ref()) {
+                    tile::<L, ROWS>(input, weights, [inner, wide], first, from, to, out);
+                }
+                for (from, to) in from.remainder().chunks(1).zip(to.remainder().chunks(1)) {
+                    tile::<L, 1>(input, weights, [inner, wide], first, from, to, out);
+                }
             }
         }
     }
 }
 
-/// Adds the products of `R` input rows to `R` distinct output rows.
+/// Adds the products of `R` input rows to sixteen columns, from `first`, of `R` distinct output rows.
 #[inline(always)]
 fn tile<L: Lanes, const R: usize>(
     input: &[L::Real],
     weights: &[L::Real],
     [inner, wide]: [usize; 2],
+    first: usize,
     from: &[u32],
     to: &[u16],
     out: &mut [L::Real],
 ) {
     let rows: [&[L::Real]; R] = std::array::from_fn(|r| &input[from[r] as usize * inner..][..inner]);
-    for (strip, weights) in weights.chunks_exact(inner * LANES).enumerate() {
-        let at: [usize; R] = std::array::from_fn(|r| usize::from(to[r]) * wide + strip * LANES);
-        let mut sums: [L; R] = std::array::from_fn(|r| L::load(lanes(out, at[r])));
-        for (c, w) in weights.chunks_exact(LANES).enumerate() {
-            let w = L::load(lanes(w, 0));
-            for r in 0..R {
-                // SAFETY: `weights` has `inner` vectors, so `c` is below `inner`, the length of every row.
-                let x = unsafe { *rows[r].get_unchecked(c) };
-                sums[r] = L::splat(x).mul_add(w, sums[r]);
-            }
-        }
+    assert_eq!(weights.len(), inner * LANES, "the weights of sixteen columns");
+    let at: [usize; R] = std::array::from_fn(|r| usize::from(to[r]) * wide + first);
+    let mut sums: [L; R] = std::array::from_fn(|r| L::load(lanes(out, at[r])));
+    for (c, w) in weights.chunks_exact(LANES).enumerate() {
+        let w = L::load(lanes(w, 0));
         for r in 0..R {
-            sums[r].store((&mut out[at[r]..at[r] + LANES]).try_into().expect("sixteen numbers"));
+            // SAFETY: `weights` has `inner` vectors, so `c` is below `inner`, the length of every row.
+            let x = unsafe { *rows[r].get_unchecked(c) };
+            sums[r] = L::splat(x).mul_add(w, sums[r]);
         }
+    }
+    for r in 0..R {
+        sums[r].store((&mut out[at[r]..at[r] + LANES]).try_into().expect("sixteen numbers"));
     }
 }
 

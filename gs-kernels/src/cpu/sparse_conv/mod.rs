@@ -10,7 +10,7 @@
 //! | `table.rs` | the neighbour of each output row at each offset, by merging sorted keys |
 //! | `pairs.rs` | the same neighbours as lists of pairs by block and offset |
 //! | `rows.rs` | forward, and backward by the input |
-//! | `direct.rs` | the product for narrow rows, read through the lists |
+//! | `direct.rs` | the product of a block of rows, read through the lists |
 //! | `weights.rs` | backward by the weights |
 
 mod direct;

@@ -1,4 +1,4 @@
-//! Forward, and backward by the input: block by block of output rows, offset by offset, gather, product, one sum a row.
+//! Forward, and backward by the input: block by block of output rows, offset by offset.
 //!
 //! A block is one task and writes its rows alone. Offsets are added in a fixed order, so results are equal to the bit for any number of
 //! threads.
@@ -6,12 +6,9 @@
 use rayon::prelude::*;
 
 use super::direct;
-use super::pairs::{PairLists, Pairs};
+use super::pairs::PairLists;
 use crate::cpu::Real;
 use crate::cpu::parallel::zeros;
-
-/// Widest output row that is computed without buffers; above, a matrix product of gathered rows is faster.
-const WIDEST_DIRECT: usize = 64;
 
 /// Columns of the input and the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,93 +35,10 @@ pub fn forward<F: Real>(input: &[F], weights: &[F], lists: &PairLists, flip: boo
         return output;
     }
     let weight = |k: usize| if flip { lists.offsets - 1 - k } else { k };
+    let packed = direct::packed(weights, channels);
     let tasks = output.par_chunks_mut(lists.block * wide_out).enumerate();
-    if wide_out <= WIDEST_DIRECT {
-        let packed = direct::packed(weights, channels);
-        tasks.for_each(|(block, out)| direct::block(input, &packed, lists, block, weight, channels, out));
-    } else {
-        let size = wide_in * wide_out;
-        tasks.for_each_init(Vec::new, |buffer, (block, out)| {
-            for k in lists.order() {
-                let product = Product { weights: &weights[weight(k) * size..][..size], channels };
-                product.add(input, lists, block, k, buffer, out);
-            }
-        });
-    }
+    tasks.for_each(|(block, out)| direct::block(input, &packed, lists, block, weight, channels, out));
     output
-}
-
-/// The weights of one offset.
-struct Product<'a, F> {
-    weights: &'a [F],
-    channels: Channels,
-}
-
-impl<F: Real> Product<'_, F> {
-    /// Adds one offset to the rows of a block.
-    fn add(&self, input: &[F], lists: &PairLists, block: usize, k: usize, buffer: &mut Vec<F>, out: &mut [F]) {
-        let Channels { input: wide_in, output: wide_out } = self.channels;
-        let Pairs { from, to } = lists.pairs(block, k);
-        if lists.is_identity(k) {
-            // Each row meets itself, and this offset is the first: neither gather nor sum.
-            let rows = &input[block * lists.block * wide_in..][..to.len() * wide_in];
-            return multiply(rows, [wide_in, 1], self.weights, out, [to.len(), wide_in, wide_out], false);
-        }
-        buffer.resize(lists.block * (wide_in + wide_out), F::ZERO);
-        let (gathered, products) = buffer.split_at_mut(lists.block * wide_in);
-        gather(input, from.iter().map(|row| *row as usize), wide_in, gathered);
-        multiply(gathered, [wide_in, 1], self.weights, products, [to.len(), wide_in, wide_out], false);
-        for (&row, product) in to.iter().zip(products.chunks_exact(wide_out)) {
-            let sums = &mut out[usize::from(row) * wide_out..][..wide_out];
-            sums.iter_mut().zip(product).for_each(|(sum, x)| *sum += *x);
-        }
-    }
-}
-
-/// Copies rows one after the other.
-pub(super) fn gather<F: Copy>(input: &[F], rows: impl Iterator<Item = usize>, wide: usize, gathered: &mut [F]) {
-    for (row, to) in rows.zip(gathered.chunks_exact_mut(wide)) {
-        to.copy_from_slice(&input[row * wide..][..wide]);
-    }
-}
-
-/// `out [m, n] = a [m, k] b [k, n]`, or with `add` added to it, on this thread. `strides` are those of `a` by row and column.
-pub(super) fn multiply<F: Real>(
-    a: &[F],
-    strides: [usize; 2],
-    b: &[F],
-    out: &mut [F],
-    [m, k, n]: [usize; 3],
-    add: bool,
-) {
-    assert!(a.len() >= m * k && b.len() >= k * n && out.len() >= m * n, "product of [{m}, {k}] by [{k}, {n}]");
-    let fits = m * k == 0 || (m - 1) * strides[0] + (k - 1) * strides[1] < a.len();
-    assert!(fits, "strides {strides:?} of [{m}, {k}]");
-    let (n_step, [row, column]) = (n as isize, strides.map(|s| s as isize));
-    // SAFETY: the assertions above keep every access inside the slices, and `out` is borrowed for writing.
-    unsafe {
-        gemm::gemm(
-            m,
-            n,
-            k,
-            out.as_mut_ptr(),
-            1,
-            n_step,
-            add,
-            a.as_ptr(),
-            column,
-            row,
-            b.as_ptr(),
-            1,
-            n_step,
-            F::ONE,
-            F::ONE,
-            false,
-            false,
-            false,
-            gemm::Parallelism::None,
-        );
-    }
 }
 
 /// `[K, C_out, C_in]` from `[K, C_in, C_out]`.

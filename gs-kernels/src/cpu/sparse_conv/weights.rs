@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::pairs::{PairLists, Pairs};
-use super::rows::{Channels, gather, multiply};
+use super::rows::Channels;
 use crate::cpu::Real;
 use crate::cpu::parallel::zeros;
 
@@ -104,5 +104,44 @@ impl<F: Real> Sum<'_, F> {
             multiply(rows, [1, wide_in], v_rows, self.sums, [wide_in, self.pairs, wide_out], true);
             self.pairs = 0;
         }
+    }
+}
+
+/// Copies rows one after the other.
+fn gather<F: Copy>(input: &[F], rows: impl Iterator<Item = usize>, wide: usize, gathered: &mut [F]) {
+    for (row, to) in rows.zip(gathered.chunks_exact_mut(wide)) {
+        to.copy_from_slice(&input[row * wide..][..wide]);
+    }
+}
+
+/// `out [m, n] = a [m, k] b [k, n]`, or with `add` added to it, on this thread. `strides` are those of `a` by row and column.
+fn multiply<F: Real>(a: &[F], strides: [usize; 2], b: &[F], out: &mut [F], [m, k, n]: [usize; 3], add: bool) {
+    assert!(a.len() >= m * k && b.len() >= k * n && out.len() >= m * n, "product of [{m}, {k}] by [{k}, {n}]");
+    let fits = m * k == 0 || (m - 1) * strides[0] + (k - 1) * strides[1] < a.len();
+    assert!(fits, "strides {strides:?} of [{m}, {k}]");
+    let (n_step, [row, column]) = (n as isize, strides.map(|s| s as isize));
+    // SAFETY: the assertions above keep every access inside the slices, and `out` is borrowed for writing.
+    unsafe {
+        gemm::gemm(
+            m,
+            n,
+            k,
+            out.as_mut_ptr(),
+            1,
+            n_step,
+            add,
+            a.as_ptr(),
+            column,
+            row,
+            b.as_ptr(),
+            1,
+            n_step,
+            F::ONE,
+            F::ONE,
+            false,
+            false,
+            false,
+            gemm::Parallelism::None,
+        );
     }
 }

