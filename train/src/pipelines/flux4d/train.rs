@@ -80,7 +80,7 @@ fn finish(mut run: Run, job: &Job, trainer: &Trainer, logs: &Arc<Logs>, config: 
     }
     let file = run.record(trainer.step, measured)?;
     let history = run.finish()?;
-    report::write(&job.folder, &file, &history, &pictures, &config.to_toml())?;
+    report::write(&job.folder, &file, &history, &pictures, None, &config.to_toml())?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }
