@@ -76,7 +76,7 @@ pub use names::some_names;
 pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SparseViews, SplitUse,
 };
-pub use photo::{photo_size, read_photo};
+pub use photo::{ExrChannels, photo_size, read_exr, read_photo};
 pub use plural::{agree, counted};
 pub use printable::printable;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};

@@ -1,10 +1,12 @@
-//! Single photos for readers of other kinds of logs: [`read_photo`], [`photo_size`].
+//! Single photos and maps for readers of other kinds of logs: [`read_photo`], [`photo_size`], [`read_exr`].
 
 use std::path::Path;
 
 use crate::error::DatasetError;
 use crate::frame::RgbImage8;
+use crate::guarded;
 use crate::pixels::{self, Behind};
+use crate::priors::{exr, map::Map};
 use crate::resample::resample;
 use crate::resize::target_size;
 
@@ -28,4 +30,25 @@ pub fn photo_size(path: &Path, max_width: Option<usize>) -> Result<[(usize, usiz
     let (width, height) = pixels::size_of(path)?;
     let full = (width as usize, height as usize);
     Ok([target_size(full, max_width), full])
+}
+
+/// Channels of an OpenEXR file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExrChannels {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `[height, width, channels]`, in the order in which the channels were asked for.
+    pub values: Vec<f32>,
+}
+
+/// Reads channels of an OpenEXR file by their names, without regard to case and to the names of layers before the last dot.
+///
+/// # Errors
+/// When the file is missing or broken, asks for more memory than its length can fill, or lacks a channel.
+pub fn read_exr(path: &Path, channels: &[&str]) -> Result<ExrChannels, DatasetError> {
+    let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
+    let Map { width, height, values, .. } = exr::parse(path, &bytes, &[channels])?;
+    Ok(ExrChannels { width, height, values })
 }

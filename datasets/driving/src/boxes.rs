@@ -12,8 +12,8 @@ const MARGIN: f64 = 0.1;
 /// The interval of flow, seconds.
 pub const FLOW_INTERVAL: f64 = 0.1;
 
-/// Labels of points from the boxes of their frame and of the next one, which is `interval` seconds later. Points outside of all boxes are
-/// background that does not move. In the smallest of several boxes, since a rider is inside of the box of the bicycle's lane.
+/// Labels of points from the boxes of their frame and of the next one, which is `interval` seconds later. A point outside of all boxes is
+/// background that does not move; a point in several boxes belongs to the smallest.
 pub(crate) fn labels(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next: Option<(&[Cuboid], f64)>) -> Labels {
     let mut order: Vec<&Cuboid> = boxes.iter().collect();
     order.sort_by(|a, b| a.size.element_product().total_cmp(&b.size.element_product()));

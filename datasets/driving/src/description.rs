@@ -14,7 +14,7 @@ pub struct Frame {
     pub time: f64,
     /// Whether there is a sweep.
     pub has_sweep: bool,
-    /// Ego vehicle to centred world.
+    /// Ego vehicle to centred world. PandaSet: x to the right, y ahead. Argoverse 2: x ahead, y to the left. z is up in both.
     pub ego: DMat4,
 }
 

@@ -1,7 +1,8 @@
 //! Driving logs: cameras and LiDAR on a moving vehicle.
 //!
-//! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts) or of Argoverse 2 Sensor, and decodes a [`Sweep`] or an image when it is asked for. [`snippets`] cuts a log into the pieces that are reconstructed together,
-//! [`colors`] gives points the colours of the images, [`check`] reports what is there, and [`synthetic`] writes streets with exact truth in PandaSet's own layout.
+//! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts) or of Argoverse 2 Sensor, and decodes a [`Sweep`] or an image
+//! when it is asked for. [`snippets`] cuts a log into the pieces that are reconstructed together, [`colors`] gives points the colours of
+//! the images, [`check`] reports what is there, and [`synthetic`] writes streets with exact truth in PandaSet's own layout.
 //!
 //! Neighbours: `gs-datasets` has the errors, the photos and the caches ([`DrivingLog`] is a [`FrameSource`](gs_datasets::FrameSource)).
 //! The crate knows no tensors. Nothing in a file can run code: see the whitelisted reader in `pickle/`; `feather/` reads Arrow's files.

@@ -28,7 +28,7 @@ pub(super) const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
 
 /// Reads the first group of channels in `groups` that the file has, ignoring case and the names of layers before the
 /// last dot; a file with one channel only may call it anything when one is wanted. All groups have the same length.
-pub(super) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map<f32>, DatasetError> {
+pub(crate) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map<f32>, DatasetError> {
     let wrong = |expected: &str, found: String| DatasetError::malformed(path, "OpenEXR", expected, found);
     // The decoder asserts where a damaged file contradicts itself (a tile of another resolution level, for one). Nothing
     // outlives the call, so that a panic in it leaves nothing half done.

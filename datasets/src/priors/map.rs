@@ -2,7 +2,7 @@
 
 /// `[height, width, channels]` values, row by row from the top left. No side is 0.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Map<T> {
+pub(crate) struct Map<T> {
     pub width: usize,
     pub height: usize,
     pub channels: usize,

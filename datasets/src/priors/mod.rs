@@ -15,8 +15,8 @@
 
 pub(crate) mod attach;
 mod depth;
-mod exr;
-mod map;
+pub(crate) mod exr;
+pub(crate) mod map;
 pub(crate) mod npy;
 pub(crate) mod sources;
 pub(crate) mod summary;

@@ -4,7 +4,7 @@
 //! [`table`] looks at these pairs and never evaluates one. A string or a buffer is a slice of the file, so the memory is bounded by the
 //! file's length and by [`machine::OPCODES_MAX`].
 //!
-//! Read are protocols 2 to 5 as pandas 0.25 to 3 write them. Written is protocol 3 in the layout of PandaSet.
+//! Read are protocols 3 to 5 as pandas 0.25 to 3 write them. Written is protocol 3 in the layout of PandaSet.
 
 pub(crate) mod array;
 pub(crate) mod machine;

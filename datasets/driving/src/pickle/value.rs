@@ -35,7 +35,7 @@ pub(crate) enum Global {
 }
 
 /// Module, name and meaning; modules moved between versions of pandas and NumPy.
-const GLOBALS: [(&str, &str, Global); 20] = [
+const GLOBALS: [(&str, &str, Global); 18] = [
     ("pandas.core.frame", "DataFrame", Global::DataFrame),
     ("pandas", "DataFrame", Global::DataFrame),
     ("pandas.core.internals.managers", "BlockManager", Global::BlockManager),
@@ -49,13 +49,11 @@ const GLOBALS: [(&str, &str, Global); 20] = [
     ("numpy._core.multiarray", "_reconstruct", Global::Reconstruct),
     ("numpy", "ndarray", Global::NdArray),
     ("numpy", "dtype", Global::Dtype),
-    ("numpy.dtypes", "dtype", Global::Dtype),
     ("builtins", "slice", Global::Slice),
     ("__builtin__", "slice", Global::Slice),
     ("pandas._libs.internals", "_unpickle_block", Global::UnpickleBlock),
     ("numpy.core.numeric", "_frombuffer", Global::FromBuffer),
     ("numpy._core.numeric", "_frombuffer", Global::FromBuffer),
-    ("numpy.core", "_frombuffer", Global::FromBuffer),
 ];
 
 impl Global {

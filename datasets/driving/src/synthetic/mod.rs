@@ -19,7 +19,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `truth/points/NN.pkl.gz` | a table with one row a LiDAR point: `flow.x`, `flow.y`, `flow.z` (metres in the next 0.1 s, world), `instance`, `class`, `semantic` |
-//! | `truth/images/CAMERA/NN.exr` | channels `Z` (camera z in metres, 0 for sky), `flow.x`, `flow.y`, `flow.z` (world), `instance` |
+//! | `truth/images/CAMERA/NN.exr` | channels `Z` (camera z in metres, 0 for sky), `VX`, `VY`, `VZ` (flow in metres in the next 0.1 s, world), `ID` (object) |
 //! | `truth/actors.json` | every vehicle and person: number, track, label, size, and position, heading and speed at each frame |
 //!
 //! A point's flow is from its own time on, and a pixel's from the time of its image. [`truth_image`] reads a file of the second kind.

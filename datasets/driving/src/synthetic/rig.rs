@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat4, DVec3};
 use gs_datasets::Intrinsics;
 
 use super::options::StreetOptions;
@@ -72,9 +72,9 @@ impl Rig<'_> {
         let yaw = CAMERA_YAWS[camera].to_radians();
         let forward = DVec3::new(-yaw.sin(), yaw.cos(), 0.0);
         let right = DVec3::new(forward.y, -forward.x, 0.0);
-        let axes = DMat3::from_cols(right, -DVec3::Z, forward);
         let place = LIDAR + CAMERA_RADIUS * forward - CAMERA_BELOW * DVec3::Z;
-        self.ego(time) * DMat4::from_mat3(axes).with_translation(place)
+        let columns = [right, -DVec3::Z, forward].map(|axis| axis.extend(0.0));
+        self.ego(time) * DMat4::from_cols(columns[0], columns[1], columns[2], place.extend(1.0))
     }
 
     /// Intrinsics of all cameras.
@@ -98,17 +98,5 @@ impl Rig<'_> {
         let count = self.options.beams;
         let step = (BEAMS.1 - BEAMS.0) / (count.max(2) - 1) as f64;
         (0..count).map(|i| if count == 1 { -0.05 } else { BEAMS.1 - step * i as f64 }).collect()
-    }
-}
-
-/// A small addition that [`DMat4`] lacks.
-trait WithTranslation {
-    fn with_translation(self, translation: DVec3) -> Self;
-}
-
-impl WithTranslation for DMat4 {
-    fn with_translation(mut self, translation: DVec3) -> Self {
-        self.w_axis = translation.extend(1.0);
-        self
     }
 }

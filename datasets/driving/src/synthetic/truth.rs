@@ -2,16 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
-use gs_datasets::guarded::{self, IMAGE_MAX};
 use gs_datasets::image_io::encode_exr;
-use gs_datasets::{DatasetError, printable};
+use gs_datasets::{DatasetError, ExrChannels, read_exr};
 
-use crate::error::malformed;
 use crate::pandaset::names::TRUTH_IMAGES;
 
-/// Names of the channels.
-const CHANNELS: [&str; 5] = ["Z", "flow.x", "flow.y", "flow.z", "instance"];
+/// Names of the channels: camera z, the three of flow, the object.
+const CHANNELS: [&str; 5] = ["Z", "VX", "VY", "VZ", "ID"];
 
 /// Exact values of the pixels of an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,30 +52,13 @@ pub fn truth_image(log: &Path, camera: &str, frame: &str) -> Result<Option<Truth
     if !path.exists() {
         return Ok(None);
     }
-    let bytes = guarded::read(&path, IMAGE_MAX)?;
-    let wrong =
-        |found: String| malformed(&path, "the image", "channels of 32-bit floats", printable(&found).into_owned());
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(std::io::Cursor::new(&bytes));
-    let layer = image.map_err(|error| wrong(error.to_string()))?.layer_data;
-    let channel = |name: &str| -> Result<Vec<f32>, DatasetError> {
-        let found = layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
-        match found.map(|channel| &channel.sample_data) {
-            Some(FlatSamples::F32(values)) => Ok(values.clone()),
-            _ => Err(malformed(&path, "the image", format!("a channel {name} of 32-bit floats"), "none")),
-        }
-    };
+    let ExrChannels { width, height, values } = read_exr(&path, &CHANNELS)?;
+    let channel = |index: usize| values.iter().skip(index).step_by(CHANNELS.len()).copied();
     Ok(Some(TruthImage {
-        width: layer.size.width(),
-        height: layer.size.height(),
-        depth: channel(CHANNELS[0])?,
-        flow: [channel(CHANNELS[1])?, channel(CHANNELS[2])?, channel(CHANNELS[3])?],
-        instance: channel(CHANNELS[4])?.into_iter().map(|number| number as u32).collect(),
+        width,
+        height,
+        depth: channel(0).collect(),
+        flow: [channel(1).collect(), channel(2).collect(), channel(3).collect()],
+        instance: channel(4).map(|number| number as u32).collect(),
     }))
 }
