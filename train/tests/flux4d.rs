@@ -140,7 +140,7 @@ fn a_stop_saves() {
     let shown = of_checkpoint(&saved).expect("known").open(&saved, &common::device()).map(|_| ());
     assert!(format!("{:#}", shown.expect_err("no scene")).contains("gsburn reconstruct"));
     // Trained further on other logs, it says so.
-    (job.resume, job.stop_at, job.dataset) = (true, None, data.join("000"));
+    (job.resume, job.stop_at, job.dataset) = (true, None, data.join("001"));
     assert!(failure(&job).contains("expected the"), "{}", failure(&job));
 }
 
