@@ -187,3 +187,16 @@ fn what_cannot_be_used_is_skipped_and_counted() {
     assert_eq!(eval.skipped_steps, 4);
     assert!(eval.last.mean().psnr.is_finite());
 }
+
+/// A weight so large that the loss is infinite: every step is skipped, and the network stays what it was.
+#[test]
+fn a_step_that_is_not_finite_changes_nothing() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let data = streets(temporary.path(), 2);
+    let keys = ["refinement.passes=1", "supervision.depth=3e38"];
+    let job = job(&data, &temporary.path().join("run"), 2, &keys);
+    let eval = common::finish(&job);
+    assert_eq!(eval.skipped_steps, 2);
+    // An untrained network changes no Gaussian.
+    assert!(eval.last.figure("gain").is_some_and(|gain| gain.abs() < 1e-3));
+}
