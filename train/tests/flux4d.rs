@@ -51,9 +51,9 @@ fn failure(job: &Job) -> String {
     format!("{:#}", common::train(job).map(|_| ()).expect_err("refused"))
 }
 
-/// Forty steps make the held-out frames of a street that was
-/// never trained on clearer than the lifted points do. The points begin at opacity 0.5, so a network that learns
-/// anything at all gains more than 0.3 dB; the bound is under half of what forty steps gave when this was written.
+/// Forty steps make the held-out frames of a street that was never trained on clearer than the lifted points do. The
+/// points begin half transparent over a black background, so a network that learned nothing but more opacity gains more
+/// than the bound of 0.3 dB; one that learned nothing gains 0.
 #[test]
 fn a_short_training_beats_the_lifted_points_of_an_unseen_street() {
     let temporary = tempfile::tempdir().expect("a folder");
