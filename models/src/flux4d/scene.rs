@@ -89,6 +89,9 @@ impl FluxScene {
     /// Means of the moving rows at time `t` (seconds), `[M, 3]`.
     pub fn moving_means(&self, t: f64) -> Tensor<2> {
         let means = self.gaussians.means.val();
+        if self.moving() == 0 {
+            return take(means, &[]);
+        }
         let own = TensorData::new(self.times.clone(), [self.moving()]);
         let own = Tensor::from_data(own, (&means.device(), means.dtype()));
         let shift = self.motion.displacement(self.velocity.val(), own, self.in_window(t));
@@ -98,8 +101,8 @@ impl FluxScene {
     /// The moving rows, and their means and orientations at each of `times` (seconds), for
     /// [`render_exposure`](gs_burn::render_exposure()), which draws the resting rows once for all of them.
     pub fn samples(&self, times: &[f64]) -> (Vec<u32>, Vec<MovingSample>) {
-        let rows = (self.resting() as u32..self.gaussians.len() as u32).collect();
-        let quats = self.gaussians.quats.val().narrow(0, self.resting(), self.moving());
+        let rows: Vec<u32> = (self.resting() as u32..self.gaussians.len() as u32).collect();
+        let quats = take(self.gaussians.quats.val(), &rows);
         let sample = |t: &f64| MovingSample { means: self.moving_means(*t), quats: quats.clone() };
         (rows, times.iter().map(sample).collect())
     }
@@ -116,8 +119,12 @@ impl DynamicScene for FluxScene {
         if self.moving() == 0 {
             return self.gaussians.clone();
         }
-        let resting = self.gaussians.means.val().narrow(0, 0, self.resting());
-        let means = Tensor::cat(vec![resting, self.moving_means(t)], 0);
+        let moved = self.moving_means(t);
+        // A tensor without rows cannot be cut off.
+        let means = match self.resting() {
+            0 => moved,
+            count => Tensor::cat(vec![self.gaussians.means.val().narrow(0, 0, count), moved], 0),
+        };
         let Gaussians { quats, log_scales, opacity_logits, sh, .. } = self.gaussians.clone();
         Gaussians::from_tensors(means, quats.val(), log_scales.val(), opacity_logits.val(), sh.val())
     }
@@ -127,7 +134,10 @@ impl DynamicScene for FluxScene {
         if self.moving() == 0 {
             return means.zeros_like();
         }
-        Tensor::cat(vec![means.narrow(0, 0, self.resting()).zeros_like(), self.moving_velocity(t)], 0)
+        match self.resting() {
+            0 => self.moving_velocity(t),
+            count => Tensor::cat(vec![means.narrow(0, 0, count).zeros_like(), self.moving_velocity(t)], 0),
+        }
     }
 
     fn span(&self) -> Option<[f64; 2]> {

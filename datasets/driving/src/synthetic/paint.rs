@@ -2,6 +2,8 @@
 
 use glam::{DVec2, DVec3};
 use gs_datasets::synthetic::noise;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 
 /// How a part is painted.
 #[derive(Debug, Clone, Copy)]
@@ -126,4 +128,19 @@ impl Ground {
             Self::Soil => DVec3::new(0.12, 0.17, 0.07) * (coarse + 0.6 * detail(3.0, salt ^ 1)),
         }
     }
+}
+
+/// The paint of a vehicle.
+pub(super) fn vehicle_color(rng: &mut ChaCha8Rng) -> DVec3 {
+    let colors = [
+        [0.7, 0.7, 0.7],
+        [0.03, 0.03, 0.035],
+        [0.25, 0.26, 0.28],
+        [0.5, 0.04, 0.03],
+        [0.03, 0.09, 0.35],
+        [0.04, 0.25, 0.12],
+        [0.65, 0.42, 0.03],
+        [0.45, 0.45, 0.42],
+    ];
+    DVec3::from(colors[rng.random_range(0..colors.len())])
 }

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::body::{self, Body};
 use super::options::StreetOptions;
-use super::paint::{CURB, HOUSES, LANE, SIDE};
+use super::paint::{CURB, HOUSES, LANE, SIDE, vehicle_color};
 use super::path::{Change, Path, Stand};
 use super::traffic;
 
@@ -141,19 +141,4 @@ fn wall_color(rng: &mut ChaCha8Rng) -> DVec3 {
         [0.3, 0.35, 0.3],
     ];
     DVec3::from(colors[rng.random_range(0..colors.len())]) * rng.random_range(0.75..1.25)
-}
-
-/// The paint of a vehicle.
-pub(super) fn vehicle_color(rng: &mut ChaCha8Rng) -> DVec3 {
-    let colors = [
-        [0.7, 0.7, 0.7],
-        [0.03, 0.03, 0.035],
-        [0.25, 0.26, 0.28],
-        [0.5, 0.04, 0.03],
-        [0.03, 0.09, 0.35],
-        [0.04, 0.25, 0.12],
-        [0.65, 0.42, 0.03],
-        [0.45, 0.45, 0.42],
-    ];
-    DVec3::from(colors[rng.random_range(0..colors.len())])
 }

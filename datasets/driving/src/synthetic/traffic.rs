@@ -7,9 +7,8 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::body::{self, Body};
-use super::paint::{CURB, LANE, SIDE};
+use super::paint::{CURB, LANE, SIDE, vehicle_color};
 use super::path::{Change, Path, Stand, Turn};
-use super::street::vehicle_color;
 
 /// Bodies on their paths. Later ones of a kind stand farther back, so that they keep their distance.
 pub(super) fn movers(count: usize, crossing: f64, ego: &Path, rng: &mut ChaCha8Rng) -> Vec<(Body, Path)> {

@@ -55,7 +55,8 @@ impl Draft {
         let host = |data: TensorData| data.iter::<f64>().collect::<Vec<f64>>();
         let table = |tensor: Tensor<2>| {
             let columns = tensor.dims()[1];
-            let values = host(tensor.inner().narrow(0, first, count).to_data());
+            let moving: Vec<u32> = (first as u32..(first + count) as u32).collect();
+            let values = host(take(tensor.inner(), &moving).to_data());
             values.chunks(columns.max(1)).map(<[f64]>::to_vec).collect::<Vec<_>>()
         };
         let sh = scene.gaussians.sh.val();
@@ -181,8 +182,13 @@ impl Draft {
         let options = (old.device(), old.means.dtype());
         let joined = |kept: Tensor<2>, values: Vec<f64>| {
             let columns = kept.dims()[1];
-            let still = kept.narrow(0, 0, resting as usize);
-            Tensor::cat(vec![still, table(values, [count, columns], &options)], 0)
+            let resting: Vec<u32> = (0..resting).collect();
+            let still = take(kept, &resting);
+            match (resting.len(), count) {
+                (_, 0) => still,
+                (0, _) => table(values, [count, columns], &options),
+                _ => Tensor::cat(vec![still, table(values, [count, columns], &options)], 0),
+            }
         };
         let sh = old.sh.val();
         let [total, terms, _] = sh.dims();

@@ -202,7 +202,7 @@ impl Default for SupervisionConfig {
 
 impl Default for LearningConfig {
     fn default() -> Self {
-        Self { rate: 2e-3, last_rate: 2e-4, warm_up: 20, accumulate: 1 }
+        Self { rate: 4e-3, last_rate: 2e-4, warm_up: 10, accumulate: 1 }
     }
 }
 
@@ -222,7 +222,7 @@ impl Default for Shared {
         let checkpoint = CheckpointConfig { every: 100, ..CheckpointConfig::default() };
         // MS-SSIM takes seconds a view on a CPU, as long as the network.
         let eval = EvalConfig { ms_ssim: false, ..EvalConfig::default() };
-        Self { pipeline: NAME.into(), seed: 42, steps: 600, eval, checkpoint }
+        Self { pipeline: NAME.into(), seed: 42, steps: 300, eval, checkpoint }
     }
 }
 
