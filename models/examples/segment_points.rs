@@ -15,7 +15,9 @@ const CLASSES: usize = 3;
 
 /// A cloud of points and the class of each: 0 ground, 1 wall, 2 ball.
 pub struct Cloud {
+    /// Positions, metres.
     pub points: Vec<[f32; 3]>,
+    /// The class of each point.
     pub classes: Vec<i32>,
 }
 
