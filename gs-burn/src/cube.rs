@@ -2,6 +2,8 @@
 //! Everything computes in `f32`. Only the number of intersections, and the rows from which an exposure's lists are made, leave the
 //! device.
 
+mod sparse_conv;
+
 use burn::backend::Backend;
 use burn::backend::tensor::IntTensor;
 use burn::tensor::{DType, Shape};

@@ -1,7 +1,8 @@
 //! Learns to tell ground, walls and balls apart in clouds of points, by their shape alone.
 //!
-//! `cargo run --release -p gs-models --example segment_points [device]` prints loss and accuracy. The network sees which voxels hold points, and
-//! nothing of where they are: clouds are lifted and moved at random, and every point has the same feature.
+//! `cargo run --release -p gs-models --example segment_points [device]` prints loss and accuracy. The network sees
+//! which voxels hold points, and nothing of where they are: clouds are lifted and moved at random, and every point
+//! has the same feature.
 
 use burn::module::Module;
 use burn::nn::loss::CrossEntropyLossConfig;
@@ -40,8 +41,8 @@ pub fn config() -> SparseUnetConfig {
     config.with_blocks(1).with_seed(1)
 }
 
-/// Trains on a new cloud each step. The running statistics of the batch norms follow a tenth a step, so fewer than a hundred steps are answered
-/// worse than they were learned.
+/// Trains on a new cloud each step. The running statistics of the batch norms follow a tenth a step, so fewer than a
+/// hundred steps are answered worse than they were learned.
 pub fn train(
     steps: u64,
     device: &Device,
@@ -75,7 +76,8 @@ fn scores(
     Ok(network.forward(Tensor::ones([cloud.points.len(), 1], device), &pyramid))
 }
 
-/// Share of points with the right class in clouds that were not trained on, by the running statistics of the batch norms.
+/// Share of points with the right class in clouds that were not trained on, by the running statistics of the batch
+/// norms.
 pub fn accuracy(network: &SparseUnet, device: &Device) -> Result<f64, Box<dyn std::error::Error>> {
     let network = network.clone().valid();
     let (mut right, mut all) = (0, 0);

@@ -1,8 +1,10 @@
-//! Useful GFLOP/s of sparse convolution beside those of a large square matrix product; `cargo bench -p gs-tests --bench sparse_conv`.
+//! Useful GFLOP/s of sparse convolution beside those of a large square matrix product; `cargo bench -p gs-tests
+//! --bench sparse_conv`.
 //!
-//! The voxels are those of a street that a LiDAR saw. A pair of rows counts `2 C_in C_out` operations; gathering and adding count nothing, so
-//! the rate is that of the work asked for. Figures are processor time of all threads (`GS_BENCH_CLOCK=wall`: time that passes), the best of some
-//! runs, and the square product is measured between the convolutions, so that their ratio holds on a machine that is not idle.
+//! The voxels are those of a street that a LiDAR saw. A pair of rows counts `2 C_in C_out` operations; gathering and
+//! adding count nothing, so the rate is that of the work asked for. Figures are processor time of all threads
+//! (`GS_BENCH_CLOCK=wall`: time that passes), the best of some runs, and the square product is measured between the
+//! convolutions, so that their ratio holds on a machine that is not idle.
 #![recursion_limit = "256"]
 
 use std::hint::black_box;
@@ -155,7 +157,8 @@ impl Random {
     }
 }
 
-/// What 64 beams see of a street from six positions, 10 m apart: ground with a slope, facades with bays, parked cars, and trees.
+/// What 64 beams see of a street from six positions, 10 m apart: ground with a slope, facades with bays, parked cars,
+/// and trees.
 fn street() -> Vec<[f32; 3]> {
     let mut random = Random(7);
     let mut points = Vec::new();

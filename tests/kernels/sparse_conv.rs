@@ -12,7 +12,8 @@ use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, GRADIENT_F32, GRADIENT_F64, 
 
 const WIDTHS: [[usize; 2]; 4] = [[3, 16], [17, 33], [5, 80], [80, 5]];
 
-/// A bound for sums of up to `27 * 80` products of numbers in -1..1, whose magnitude is about 15: rounding grows with it.
+/// A bound for sums of up to `27 * 80` products of numbers in -1..1, whose magnitude is about 15: rounding grows with
+/// it.
 fn bound(place: &Place) -> f64 {
     if place.is_double() { FORWARD_F64 } else { FORWARD_F32 }
 }
@@ -101,7 +102,8 @@ fn strided_and_transposed_are_the_dense_ones() {
     }
 }
 
-/// `<S x, y> = <x, S^T y>`: the matrix of the transposed map with transposed weights is the transpose of the strided one's.
+/// `<S x, y> = <x, S^T y>`: the matrix of the transposed map with transposed weights is the transpose of the strided
+/// one's.
 #[test]
 fn transposed_is_the_transpose_of_strided() {
     for place in doubles() {
@@ -176,7 +178,8 @@ fn one_two_or_seven_threads_give_the_same_bits() {
     }
 }
 
-/// The same voxels in another order give the same rows: each row is a sum over its own neighbours in the order of offsets.
+/// The same voxels in another order give the same rows: each row is a sum over its own neighbours in the order of
+/// offsets.
 #[test]
 fn the_order_of_voxels_is_free() {
     let sorted = surface(2);

@@ -1,7 +1,8 @@
-//! Rows and the segments that they are in, such as points and their voxels: means of rows by segment, and each segment's row back.
+//! Rows and the segments that they are in, such as points and their voxels: means of rows by segment, and each
+//! segment's row back.
 //!
-//! The gradient of Burn's `select` adds rows in one thread a column on a GPU. Here the backward of each operation is the forward of the other,
-//! with one write a row, so results are equal to the bit from run to run.
+//! The gradient of Burn's `select` adds rows in one thread a column on a GPU. Here the backward of each operation is
+//! the forward of the other, with one write a row, so results are equal to the bit from run to run.
 
 mod lists;
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Sparse convolution: features of the voxels that exist, on an integer grid; see [`gs_kernels::cpu::sparse_conv`].
 //!
-//! A [`KernelMap`] lists which input row meets which output row at each offset of the kernel. It is built once for a set of voxels and shared by
-//! all convolutions between the same voxels. [`sparse_conv`] multiplies and sums along it. Both directions gather and write each row once, so
-//! results are equal to the bit from run to run and for any number of threads.
+//! A [`KernelMap`] lists which input row meets which output row at each offset of the kernel. It is built once for a
+//! set of voxels and shared by all convolutions between the same voxels. [`sparse_conv`] multiplies and sums along
+//! it. Both directions gather and write each row once, so results are equal to the bit from run to run and for any
+//! number of threads.
 
 mod map;
 mod reference;
@@ -26,13 +27,14 @@ pub use gs_kernels::cpu::sparse_conv::{
 pub use map::{KernelMap, PairMap, PairSide};
 pub use reference::sparse_conv_reference;
 
-/// `output[o] = sum over k of input[i(o, k)] weights[k]`, where `i(o, k)` is the input row that `map` lists for output row `o` at offset `k`.
+/// `output[o] = sum over k of input[i(o, k)] weights[k]`, where `i(o, k)` is the input row that `map` lists for
+/// output row `o` at offset `k`.
 ///
 /// - `input` `[V_in, C_in]`: one row a voxel
 /// - `weights` `[K, C_in, C_out]`: a matrix for each offset, in the order of [`KernelMap`]
 ///
-/// Returns `[V_out, C_out]`. There is no bias. Differentiable with respect to `input` and `weights`. On a CPU the backward pass needs memory of
-/// the inputs and up to 16 copies of the weights.
+/// Returns `[V_out, C_out]`. There is no bias. Differentiable with respect to `input` and `weights`. On a CPU the
+/// backward pass needs memory of the inputs and up to 16 copies of the weights.
 ///
 /// # Panics
 /// When shapes or float types disagree.
@@ -42,6 +44,9 @@ pub fn sparse_conv(input: Tensor<2>, weights: Tensor<3>, map: &KernelMap) -> Ten
     let tables =
         KernelTables { forward: map.forward_table().into_dispatch(), backward: map.backward_table().into_dispatch() };
     let pairs = map.pairs().clone();
+    // Features of a plain device meet weights that are learned.
+    let tracked = input.is_autodiff() || weights.is_autodiff();
+    let (input, weights) = if tracked { (input.autodiff(), weights.autodiff()) } else { (input, weights) };
     Tensor::from_dispatch(Dispatch::sparse_conv(input.into_dispatch(), weights.into_dispatch(), tables, pairs))
 }
 
@@ -89,8 +94,8 @@ pub trait SparseConvKernels: Backend {
         side: &PairSide,
     ) -> FloatTensor<Self>;
 
-    /// Gradient with respect to the input, `[V_in, C_in]`, from `v_output` `[V_out, C_out]`; `table` and `side` are those of the reverse
-    /// direction.
+    /// Gradient with respect to the input, `[V_in, C_in]`, from `v_output` `[V_out, C_out]`; `table` and `side` are
+    /// those of the reverse direction.
     fn sparse_conv_backward_input(
         v_output: FloatTensor<Self>,
         weights: FloatTensor<Self>,

@@ -58,7 +58,8 @@ impl SegmentLists {
     }
 }
 
-/// Sum of the rows of each segment in list order, `[V, C]` from `input` `[N, C]`; with `mean` the sum over the count, 0 for an empty segment.
+/// Sum of the rows of each segment in list order, `[V, C]` from `input` `[N, C]`; with `mean` the sum over the count,
+/// 0 for an empty segment.
 ///
 /// # Panics
 /// When the slice disagrees in length.

@@ -21,6 +21,8 @@ pub mod rasterize;
 pub(crate) mod reduce;
 pub(crate) mod rows;
 pub mod scan;
+pub mod segments;
 pub mod sh;
 pub mod sort;
+pub mod sparse_conv;
 pub mod ssim;

@@ -20,7 +20,8 @@ pub struct Segments {
 }
 
 impl Segments {
-    /// Segments from the index of each row's segment, `[N]`, each below `count`. Sums of a segment follow the order of rows.
+    /// Segments from the index of each row's segment, `[N]`, each below `count`. Sums of a segment follow the order
+    /// of rows.
     ///
     /// # Errors
     /// When an index is not below `count`.
@@ -29,8 +30,8 @@ impl Segments {
         Ok(Self::upload(SegmentLists::new(of_row, count, 0..rows)?, device))
     }
 
-    /// [`Segments::new`] whose sums follow `order`, a permutation of the rows: sums that do not depend on the order of the rows need an order that
-    /// does not either.
+    /// [`Segments::new`] whose sums follow `order`, a permutation of the rows: sums that do not depend on the order
+    /// of the rows need an order that does not either.
     ///
     /// # Errors
     /// When an index is not below `count`.

@@ -25,15 +25,18 @@ pub struct PairMap {
     pub backward: PairSide,
 }
 
-/// For each output voxel and each offset of a kernel, the input voxel there; built once on the host for a set of voxels. A clone shares it.
+/// For each output voxel and each offset of a kernel, the input voxel there; built once on the host for a set of
+/// voxels. A clone shares it.
 ///
-/// Coordinates are `[batch, x, y, z]` in voxels. `batch` is 0 to 1023, and voxels of different batches never meet. x, y and z are within
-/// [`COORDINATE_LIMIT`](super::COORDINATE_LIMIT). No two rows may have the same coordinates. Their order is free, and the rows of the tensors follow it.
+/// Coordinates are `[batch, x, y, z]` in voxels. `batch` is 0 to 1023, and voxels of different batches never meet. x,
+/// y and z are within [`COORDINATE_LIMIT`](super::COORDINATE_LIMIT). No two rows may have the same coordinates. Their
+/// order is free, and the rows of the tensors follow it.
 ///
-/// The offsets of an odd kernel are `-r..=r` on each axis with x fastest, those of an even one `0..n` with z fastest, as in TorchSparse.
+/// The offsets of an odd kernel are `-r..=r` on each axis with x fastest, those of an even one `0..n` with z fastest,
+/// as in TorchSparse.
 ///
-/// Memory: 6 bytes a pair on the host (a voxel on a surface has about 11 pairs of 27), twice that for a strided map. On a GPU 4 bytes for
-/// each output voxel and offset in addition: 108 MB for a million voxels of a kernel of edge 3.
+/// Memory: 6 bytes a pair on the host (a voxel on a surface has about 11 pairs of 27), twice that for a strided map.
+/// On a GPU 4 bytes for each output voxel and offset in addition: 108 MB for a million voxels of a kernel of edge 3.
 #[derive(Clone, Debug)]
 pub struct KernelMap {
     pairs: Arc<PairMap>,
@@ -59,8 +62,9 @@ impl KernelMap {
         Ok(Self { pairs: Arc::new(pairs), forward: table.clone(), backward: table })
     }
 
-    /// The coordinates of the coarser voxels `floor(c / stride)`, ascending, and the map to them: an output voxel `o` reads the input voxels at
-    /// `o * stride` plus the kernel's offsets. With `kernel == stride` each input voxel has one output voxel and one offset.
+    /// The coordinates of the coarser voxels `floor(c / stride)`, ascending, and the map to them: an output voxel `o`
+    /// reads the input voxels at `o * stride` plus the kernel's offsets. With `kernel == stride` each input voxel has
+    /// one output voxel and one offset.
     ///
     /// # Errors
     /// When a coordinate is out of range or occurs twice, or kernel or stride are 0 or above 15.
@@ -78,7 +82,8 @@ impl KernelMap {
         Ok((coarse, Self { pairs: Arc::new(pairs), forward, backward }))
     }
 
-    /// The map with input and output exchanged, for transposed convolution back to the voxels that a strided one came from. Nothing is copied.
+    /// The map with input and output exchanged, for transposed convolution back to the voxels that a strided one came
+    /// from. Nothing is copied.
     pub fn transposed(&self) -> Self {
         let PairMap { forward, backward } = &*self.pairs;
         let pairs = PairMap { forward: backward.clone(), backward: forward.clone() };

@@ -4,7 +4,8 @@ use burn::tensor::{Int, Tensor, TensorData};
 
 use super::KernelMap;
 
-/// Reference of [`sparse_conv`](super::sparse_conv): the same arguments, result and gradients, one matrix product for each offset.
+/// Reference of [`sparse_conv`](super::sparse_conv): the same arguments, result and gradients, one matrix product for
+/// each offset.
 ///
 /// # Panics
 /// When shapes or float types disagree.

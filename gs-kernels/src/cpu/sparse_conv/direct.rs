@@ -1,7 +1,8 @@
-//! The product of a block: sixteen columns of six output rows stay in registers while the input rows are read through the pairs.
+//! The product of a block: sixteen columns of six output rows stay in registers while the input rows are read through
+//! the pairs.
 //!
-//! Left aside: gathered rows, a matrix product, and a sum into the output. With 32 columns copying takes longer than the product, and with 96
-//! the rate was two thirds of this one (BENCHMARKS.md).
+//! Left aside: gathered rows, a matrix product, and a sum into the output. With 32 columns copying takes longer than
+//! the product, and with 96 the rate was two thirds of this one (BENCHMARKS.md).
 
 use super::pairs::{PairLists, Pairs};
 use super::rows::Channels;

@@ -1,7 +1,7 @@
 //! Voxel coordinates as 64-bit keys: 10 bits of batch, then 18 bits each of x, y and z.
 //!
-//! Keys sort by batch, x, y, z. The key of a neighbour is the key plus a constant, because a margin keeps every axis from
-//! overflowing into the next.
+//! Keys sort by batch, x, y, z. The key of a neighbour is the key plus a constant, because a margin keeps every axis
+//! from overflowing into the next.
 
 use rayon::prelude::*;
 
@@ -14,8 +14,8 @@ const AXIS_BITS: u32 = 18;
 /// Added to a coordinate, so that it is not negative.
 const HALF: i32 = 1 << (AXIS_BITS - 1);
 
-/// Largest magnitude of a coordinate, voxels: the range of 18 bits less a margin for the reach of a kernel and the rounding of a stride,
-/// each below [`LARGEST_KERNEL`].
+/// Largest magnitude of a coordinate, voxels: the range of 18 bits less a margin for the reach of a kernel and the
+/// rounding of a stride, each below [`LARGEST_KERNEL`].
 pub const COORDINATE_LIMIT: i32 = HALF - 2 * LARGEST_KERNEL as i32 - 2;
 
 /// Largest edge of a kernel, and largest stride.

@@ -1,7 +1,8 @@
 //! Sparse convolution of rows of features on an integer grid.
 //!
-//! `Y[o] = sum over k of X[i(o, k)] W_k`, where `i(o, k)` is the row at the coordinates of `o` plus offset `k`, if there is one.
-//! `dX[i] = sum over k of dY[o(i, k)] W_k^T` is the same sum over the reverse lists, and `dW_k = sum over pairs of X[i]^T dY[o]`.
+//! `Y[o] = sum over k of X[i(o, k)] W_k`, where `i(o, k)` is the row at the coordinates of `o` plus offset `k`, if
+//! there is one. `dX[i] = sum over k of dY[o(i, k)] W_k^T` is the same sum over the reverse lists, and `dW_k = sum
+//! over pairs of X[i]^T dY[o]`.
 //!
 //! | file | content |
 //! |---|---|

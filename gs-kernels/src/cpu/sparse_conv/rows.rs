@@ -1,7 +1,7 @@
 //! Forward, and backward by the input: block by block of output rows, offset by offset.
 //!
-//! A block is one task and writes its rows alone. Offsets are added in a fixed order, so results are equal to the bit for any number of
-//! threads.
+//! A block is one task and writes its rows alone. Offsets are added in a fixed order, so results are equal to the bit
+//! for any number of threads.
 
 use rayon::prelude::*;
 
@@ -19,8 +19,8 @@ pub struct Channels {
     pub output: usize,
 }
 
-/// `[outputs, C_out]` from `input` `[inputs, C_in]` and `weights` `[K, C_in, C_out]`; with `flip`, offset `k` takes the weights of offset
-/// `K - 1 - k`.
+/// `[outputs, C_out]` from `input` `[inputs, C_in]` and `weights` `[K, C_in, C_out]`; with `flip`, offset `k` takes
+/// the weights of offset `K - 1 - k`.
 ///
 /// The backward by the input is this function with [`transposed_weights`] and the lists of the reversed table.
 ///

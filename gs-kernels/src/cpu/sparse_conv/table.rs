@@ -1,8 +1,9 @@
 //! The table of neighbours: for each output row and each offset of the kernel, the input row there or -1.
 //!
-//! Offsets of an odd kernel are `-r..=r` on each axis with x fastest, those of an even kernel `0..n` with z fastest, as in other sparse
-//! libraries, so that their weights can be loaded. Keys sort with z fastest: the offsets of one column `(x, y)` are
-//! consecutive keys, and as the output's keys ascend, so do the places where columns begin. One pass over both lists finds a column.
+//! Offsets of an odd kernel are `-r..=r` on each axis with x fastest, those of an even kernel `0..n` with z fastest,
+//! as in other sparse libraries, so that their weights can be loaded. Keys sort with z fastest: the offsets of one
+//! column `(x, y)` are consecutive keys, and as the output's keys ascend, so do the places where columns begin. One
+//! pass over both lists finds a column.
 
 use rayon::prelude::*;
 
@@ -58,8 +59,8 @@ pub fn submanifold(coordinates: &[[i32; 4]], kernel: usize) -> Result<Neighbours
     Ok(search(&sites, &sites, 1, kernel))
 }
 
-/// Neighbours of coarser voxels: the output's voxels are the distinct `floor(c / stride)` in ascending order, and output voxel `o` reads
-/// the input voxels at `o * stride` plus the kernel's offsets.
+/// Neighbours of coarser voxels: the output's voxels are the distinct `floor(c / stride)` in ascending order, and
+/// output voxel `o` reads the input voxels at `o * stride` plus the kernel's offsets.
 ///
 /// Returns the output's coordinates too.
 ///

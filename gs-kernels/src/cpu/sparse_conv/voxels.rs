@@ -11,8 +11,8 @@ pub struct Voxels {
     pub coordinates: Vec<[i32; 4]>,
     /// `[N]`: the voxel of each point.
     pub of_point: Vec<u32>,
-    /// `[N]`: points by voxel, then by their own x, y, z. Sums in this order do not depend on the order of the points, but for points at
-    /// one place, which follow their index.
+    /// `[N]`: points by voxel, then by their own x, y, z. Sums in this order do not depend on the order of the
+    /// points, but for points at one place, which follow their index.
     pub order: Vec<u32>,
 }
 

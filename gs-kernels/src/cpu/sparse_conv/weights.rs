@@ -1,4 +1,5 @@
-//! Backward by the weights: `dW_k = sum over pairs of X[i]^T dY[o]`, by fixed groups of blocks and then a fixed tree over the groups.
+//! Backward by the weights: `dW_k = sum over pairs of X[i]^T dY[o]`, by fixed groups of blocks and then a fixed tree
+//! over the groups.
 
 use rayon::prelude::*;
 
@@ -14,7 +15,8 @@ const FEWEST_BLOCKS: usize = 4;
 /// Pairs of one product: the gathered rows stay in the second-level cache.
 const PAIRS: usize = 1024;
 
-/// `[K, C_in, C_out]` from `input` `[inputs, C_in]` and `v_output` `[outputs, C_out]`; `flip` as in [`forward`](super::forward).
+/// `[K, C_in, C_out]` from `input` `[inputs, C_in]` and `v_output` `[outputs, C_out]`; `flip` as in
+/// [`forward`](super::forward).
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -114,7 +116,8 @@ fn gather<F: Copy>(input: &[F], rows: impl Iterator<Item = usize>, wide: usize, 
     }
 }
 
-/// `out [m, n] = a [m, k] b [k, n]`, or with `add` added to it, on this thread. `strides` are those of `a` by row and column.
+/// `out [m, n] = a [m, k] b [k, n]`, or with `add` added to it, on this thread. `strides` are those of `a` by row and
+/// column.
 fn multiply<F: Real>(a: &[F], strides: [usize; 2], b: &[F], out: &mut [F], [m, k, n]: [usize; 3], add: bool) {
     assert!(a.len() >= m * k && b.len() >= k * n && out.len() >= m * n, "product of [{m}, {k}] by [{k}, {n}]");
     let fits = m * k == 0 || (m - 1) * strides[0] + (k - 1) * strides[1] < a.len();

@@ -26,7 +26,8 @@ pub struct SparseConvConfig {
 }
 
 impl SparseConvConfig {
-    /// The convolution before training: weights uniform in `+-1 / sqrt(C_in K)`, or `+-1 / sqrt(C_out K)` if transposed.
+    /// The convolution before training: weights uniform in `+-1 / sqrt(C_in K)`, or `+-1 / sqrt(C_out K)` if
+    /// transposed.
     ///
     /// # Panics
     /// When a size is 0.

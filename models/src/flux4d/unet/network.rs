@@ -34,7 +34,8 @@ pub struct SparseUnetConfig {
     pub input: usize,
     /// Columns of the result for each point.
     pub output: usize,
-    /// Multiplies every width of the levels; the result is rounded to a multiple of 8, at least 8. Work and parameters grow with its square.
+    /// Multiplies every width of the levels; the result is rounded to a multiple of 8, at least 8. Work and
+    /// parameters grow with its square.
     #[config(default = 1.0)]
     pub width: f64,
     /// Width of the stem, before the multiplier.
@@ -66,10 +67,12 @@ impl SparseUnetConfig {
         self.encoder.len() + 1
     }
 
-    /// The network before training: weights of convolutions as in [`SparseConvConfig::init`], those of the head as in [`MlpConfig::init`].
+    /// The network before training: weights of convolutions as in [`SparseConvConfig::init`], those of the head as in
+    /// [`MlpConfig::init`].
     ///
     /// # Panics
-    /// When a width or the number of blocks is 0, the multiplier is not positive, or encoder and decoder differ in length.
+    /// When a width or the number of blocks is 0, the multiplier is not positive, or encoder and decoder differ in
+    /// length.
     pub fn init(&self, device: &Device) -> SparseUnet {
         let Self { input, output, encoder, decoder, blocks, slope, .. } = self;
         assert!(
@@ -150,7 +153,8 @@ pub struct Decoder {
 
 /// A UNet on the voxels of points, and a linear layer for each point.
 ///
-/// One training step on a million points in 350,000 voxels takes 3.8 GB on a CPU at width 1, and 1.2 GB at a quarter of it.
+/// One training step on a million points in 350,000 voxels takes 3.8 GB on a CPU at width 1, and 1.2 GB at a quarter
+/// of it.
 ///
 /// All points of a voxel get the same row from the voxels, so the head takes the point's own features beside it.
 #[derive(Module, Debug)]
@@ -171,7 +175,9 @@ pub struct SparseUnet {
 impl SparseUnet {
     /// `[N, input]` features of points to `[N, output]`. Differentiable with respect to the features and all weights.
     ///
-    /// A voxel takes the mean of its points. Without points there is nothing to differentiate: the result is `[0, output]`, outside the graph. In training (on a device with gradients) batch norm takes the statistics of the voxels of this call.
+    /// A voxel takes the mean of its points. Without points there is nothing to differentiate: the result is `[0,
+    /// output]`, outside the graph. In training (on a device with gradients) batch norm takes the statistics of the
+    /// voxels of this call.
     ///
     /// # Panics
     /// When the features are not those of the pyramid's points, or the pyramid has not one level more than the encoder.

@@ -11,7 +11,8 @@ const STEP: usize = 2;
 
 /// The voxels of a cloud of points at each level, and the kernel maps within and between levels.
 ///
-/// It is built once on the host for a cloud and used by every layer and every pass. It does not depend on the order of the points.
+/// It is built once on the host for a cloud and used by every layer and every pass. It does not depend on the order
+/// of the points.
 #[derive(Clone, Debug)]
 pub struct VoxelPyramid {
     points: Segments,
@@ -20,7 +21,8 @@ pub struct VoxelPyramid {
 }
 
 impl VoxelPyramid {
-    /// The pyramid of `points` `[N]`, metres, with `levels` levels: voxels of edge `voxel` metres at level 0, twice that at level 1, and so on.
+    /// The pyramid of `points` `[N]`, metres, with `levels` levels: voxels of edge `voxel` metres at level 0, twice
+    /// that at level 1, and so on.
     ///
     /// A [`SparseUnet`](super::SparseUnet) needs [`SparseUnetConfig::levels`](super::SparseUnetConfig::levels) of them.
     ///

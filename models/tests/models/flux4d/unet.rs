@@ -96,8 +96,8 @@ fn gradients_are_the_central_differences() {
     }
 }
 
-/// Devices agree in training and with running statistics. Single precision passes ten batch norms, each of which divides by a deviation of
-/// about a tenth: four digits are left of seven.
+/// Devices agree in training and with running statistics. Single precision passes ten batch norms, each of which
+/// divides by a deviation of about a tenth: four digits are left of seven.
 #[test]
 fn every_device_gives_the_same() {
     let (cloud, at) = (points(150), features(150));
@@ -117,7 +117,8 @@ fn every_device_gives_the_same() {
     }
 }
 
-/// Points in another order give the same numbers in that order, to the bit: voxels are sorted, and a voxel adds its points by their place.
+/// Points in another order give the same numbers in that order, to the bit: voxels are sorted, and a voxel adds its
+/// points by their place.
 #[test]
 fn the_order_of_points_is_free() {
     let mut cloud = points(151);
