@@ -15,7 +15,7 @@ pub const NEAR: f64 = 0.5;
 /// ego vehicle are outside.
 pub fn project(camera: &Camera, w2c: &DMat4, point: [f32; 3]) -> Option<(DVec2, f64)> {
     let local = w2c.transform_point3(DVec3::from_array(point.map(f64::from)));
-    if !(local.z >= NEAR) {
+    if local.z.is_nan() || local.z < NEAR {
         return None;
     }
     let pixel = camera.intrinsics.project(local);

@@ -52,7 +52,7 @@ impl Feather {
 
     /// A column of numbers.
     pub fn numbers(&self, name: &str) -> Result<Vec<f64>, DatasetError> {
-        self.values(name, |kind, bytes, row| number(kind, bytes, row))
+        self.values(name, number)
     }
 
     /// A column of integers, exact to 64 bits.

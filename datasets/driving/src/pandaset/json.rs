@@ -62,7 +62,8 @@ pub(crate) fn poses(path: &Path) -> Result<Vec<DMat4>, DatasetError> {
             if !(position.is_finite() && position.abs().max_element() <= POSITION_MAX) {
                 return wrong("a position in metres", position.to_string());
             }
-            if !((heading.length() - 1.0).abs() <= NORM_SLACK) {
+            let off = (heading.length() - 1.0).abs();
+            if off.is_nan() || off > NORM_SLACK {
                 return wrong("a heading of length 1", format!("a length of {}", heading.length()));
             }
             Ok(DMat4::from_rotation_translation(heading.normalize(), position))

@@ -19,8 +19,11 @@ fn sample() -> Vec<u8> {
     ])
 }
 
+/// Columns `x`, `y`, `d`, and the number of texts.
+type Columns = (Vec<f64>, Vec<f64>, Vec<f64>, usize);
+
 /// All columns as the reader finds them.
-fn read(bytes: &[u8]) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>, usize), PickleError> {
+fn read(bytes: &[u8]) -> Result<Columns, PickleError> {
     let tree = parse(bytes)?;
     let table = Table::of(&tree)?;
     let texts = table.texts("label")?;

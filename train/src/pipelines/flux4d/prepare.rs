@@ -227,9 +227,10 @@ fn window(log: &DrivingLog, snippet: &Snippet, sweeps: &[Sweep], inputs: &[HostV
     let times = frames.chain(inputs.iter().map(|view| view.seconds));
     let times = times.chain(sweeps.iter().flat_map(|sweep| sweep.times.iter().copied()));
     let (low, high) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(t), high.max(t)));
-    if !(high - low >= WINDOW_MIN) {
+    let length = high - low;
+    if length.is_nan() || length < WINDOW_MIN {
         let path = log.path().display();
-        bail!("{path}: expected input frames over at least {WINDOW_MIN} s, found {} s", high - low);
+        bail!("{path}: expected input frames over at least {WINDOW_MIN} s, found {length} s");
     }
     Ok([low, high])
 }

@@ -242,7 +242,7 @@ impl Work<'_> {
         Ok(image)
     }
 
-    fn write(&mut self, path: &PathBuf, view: &HostView, pixels: &[u8]) -> Result<()> {
+    fn write(&mut self, path: &Path, view: &HostView, pixels: &[u8]) -> Result<()> {
         let png = encode_png(path, view.image.width, view.image.height, pixels)?;
         write_atomic(path, &marked_png(&png))?;
         self.images += 1;

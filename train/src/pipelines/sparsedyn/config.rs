@@ -116,7 +116,7 @@ pub struct CurriculumConfig {
 
 impl Default for CurriculumConfig {
     fn default() -> Self {
-        Self { growth: 1, interval: 0, short: 0.5, newest: 0.0, late: 35.0 / 45.0, replays: 4, replay_weight: 0.5 }
+        Self { growth: 1, interval: 0, short: 0.5, newest: 0.5, late: 35.0 / 45.0, replays: 4, replay_weight: 0.5 }
     }
 }
 
