@@ -1,7 +1,7 @@
 //! `gsburn reconstruct`: a log, a network, and out come images at any time, actors and Gaussians.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail};
