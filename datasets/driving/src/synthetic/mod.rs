@@ -1,6 +1,6 @@
 //! Streets with exact truth, ray traced and written in the layout of PandaSet.
 //!
-//! [`write`] makes one log: a vehicle with up to six cameras and a spinning LiDAR drives along a street with buildings, trees, parked
+//! [`write()`] makes one log: a vehicle with up to six cameras and a spinning LiDAR drives along a street with buildings, trees, parked
 //! vehicles and moving ones: some brake, some turn at the crossing, cyclists ride and people walk. Each seed is another street with other
 //! traffic. Nothing here is shared with the rasterizer that learns from these logs.
 //!
