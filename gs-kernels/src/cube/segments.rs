@@ -1,6 +1,9 @@
 //! Sums of rows by segment, and the rows of segments; one unit for each value of the result. The twin of
 //! [`crate::cpu::segments`].
 
+// A choice at compile time and one of the running kernel cannot be one condition.
+#![allow(clippy::collapsible_if)]
+
 use cubecl::prelude::*;
 
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
@@ -29,7 +32,7 @@ fn reduce_kernel(
         }
         if comptime!(mean) {
             if end > first {
-                sum = sum * (1.0f32 / f32::cast_from(end - first));
+                sum *= 1.0f32 / f32::cast_from(end - first);
             }
         }
         output[index as usize] = sum;
@@ -52,7 +55,7 @@ fn take_kernel(
         let segment = of_row[(index / channels) as usize] as usize;
         let mut value = input[segment * channels as usize + (index % channels) as usize];
         if comptime!(mean) {
-            value = value * (1.0f32 / f32::cast_from(starts[segment + 1] - starts[segment]));
+            value *= 1.0f32 / f32::cast_from(starts[segment + 1] - starts[segment]);
         }
         output[index as usize] = value;
     }

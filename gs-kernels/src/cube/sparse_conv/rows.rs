@@ -1,5 +1,8 @@
 //! Forward, and backward by the input: a cube computes 64 rows and 32 columns, a unit 4 rows and 2 columns.
 
+// Kernels have no `div_ceil`.
+#![allow(clippy::manual_div_ceil)]
+
 use cubecl::prelude::*;
 
 use super::{ROWS, Table, check};

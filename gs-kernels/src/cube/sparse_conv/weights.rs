@@ -1,6 +1,9 @@
 //! Backward by the weights: a cube sums a part of the rows for one offset and 32 by 32 weights, a unit 2 by 2 of
 //! them; then the parts are added in order.
 
+// Kernels have no `div_ceil`.
+#![allow(clippy::manual_div_ceil)]
+
 use cubecl::prelude::*;
 
 use super::{Table, check};
