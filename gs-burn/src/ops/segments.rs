@@ -100,11 +100,11 @@ pub trait SegmentKernels: Backend {
 
 impl<B: SegmentKernels> SegmentOps for B {
     fn segment_mean(input: FloatTensor<B>, tables: SegmentTables<B>, lists: Arc<SegmentLists>) -> FloatTensor<B> {
-        B::segment_reduce(input, tables, &lists, true)
+        Operation::Mean.forward(input, tables, &lists)
     }
 
     fn take_rows(input: FloatTensor<B>, tables: SegmentTables<B>, lists: Arc<SegmentLists>) -> FloatTensor<B> {
-        B::segment_take(input, tables, &lists, false)
+        Operation::Take.forward(input, tables, &lists)
     }
 }
 
@@ -138,40 +138,75 @@ impl<B: HostBackend> SegmentKernels for B {
     }
 }
 
+/// The two operations; the backward of each is the forward of the other.
+#[derive(Clone, Copy, Debug)]
+enum Operation {
+    Mean,
+    Take,
+}
+
+impl Operation {
+    fn forward<B: SegmentKernels>(
+        self,
+        input: FloatTensor<B>,
+        tables: SegmentTables<B>,
+        lists: &SegmentLists,
+    ) -> FloatTensor<B> {
+        match self {
+            Self::Mean => B::segment_reduce(input, tables, lists, true),
+            Self::Take => B::segment_take(input, tables, lists, false),
+        }
+    }
+
+    fn backward<B: SegmentKernels>(
+        self,
+        v_output: FloatTensor<B>,
+        tables: SegmentTables<B>,
+        lists: &SegmentLists,
+    ) -> FloatTensor<B> {
+        match self {
+            Self::Mean => B::segment_take(v_output, tables, lists, true),
+            Self::Take => B::segment_reduce(v_output, tables, lists, false),
+        }
+    }
+}
+
 /// State saved for the backward pass.
 #[derive(Clone, Debug)]
 struct SegmentState<B: Backend> {
+    operation: Operation,
     tables: SegmentTables<B>,
     lists: Arc<SegmentLists>,
 }
 
 #[derive(Debug)]
-struct MeanBackward;
+struct SegmentBackward;
 
-impl<B: SegmentKernels> Backward<B, 1> for MeanBackward {
+impl<B: SegmentKernels> Backward<B, 1> for SegmentBackward {
     type State = SegmentState<B>;
 
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
         let v_output = grads.consume::<B>(&ops.node);
-        let SegmentState { tables, lists } = ops.state;
+        let SegmentState { operation, tables, lists } = ops.state;
         if let [Some(input)] = ops.parents {
-            grads.register::<B>(input.id, B::segment_take(v_output, tables, &lists, true));
+            grads.register::<B>(input.id, operation.backward(v_output, tables, &lists));
         }
     }
 }
 
-#[derive(Debug)]
-struct TakeBackward;
-
-impl<B: SegmentKernels> Backward<B, 1> for TakeBackward {
-    type State = SegmentState<B>;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v_output = grads.consume::<B>(&ops.node);
-        let SegmentState { tables, lists } = ops.state;
-        if let [Some(input)] = ops.parents {
-            grads.register::<B>(input.id, B::segment_reduce(v_output, tables, &lists, false));
-        }
+/// An operation with its backward in the graph.
+fn tracked<B: SegmentKernels, C: CheckpointStrategy>(
+    operation: Operation,
+    input: FloatTensor<Autodiff<B, C>>,
+    tables: SegmentTables<Autodiff<B, C>>,
+    lists: Arc<SegmentLists>,
+) -> FloatTensor<Autodiff<B, C>> {
+    let (input, node) = input.into_parts();
+    let tables = SegmentTables::<B> { of_row: tables.of_row, starts: tables.starts, rows: tables.rows };
+    let output = operation.forward(input, tables.clone(), &lists);
+    match SegmentBackward.prepare::<C>([node]).compute_bound().stateful() {
+        OpsKind::Tracked(prep) => prep.finish(SegmentState { operation, tables, lists }, output),
+        OpsKind::UnTracked(prep) => prep.finish(output),
     }
 }
 
@@ -181,22 +216,10 @@ impl<B: SegmentKernels, C: CheckpointStrategy> SegmentOps for Autodiff<B, C> {
         tables: SegmentTables<Self>,
         lists: Arc<SegmentLists>,
     ) -> FloatTensor<Self> {
-        let (input, node) = input.into_parts();
-        let tables = SegmentTables::<B> { of_row: tables.of_row, starts: tables.starts, rows: tables.rows };
-        let output = B::segment_reduce(input, tables.clone(), &lists, true);
-        match MeanBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(SegmentState { tables, lists }, output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
-        }
+        tracked(Operation::Mean, input, tables, lists)
     }
 
     fn take_rows(input: FloatTensor<Self>, tables: SegmentTables<Self>, lists: Arc<SegmentLists>) -> FloatTensor<Self> {
-        let (input, node) = input.into_parts();
-        let tables = SegmentTables::<B> { of_row: tables.of_row, starts: tables.starts, rows: tables.rows };
-        let output = B::segment_take(input, tables.clone(), &lists, false);
-        match TakeBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(SegmentState { tables, lists }, output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
-        }
+        tracked(Operation::Take, input, tables, lists)
     }
 }
