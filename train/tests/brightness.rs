@@ -4,7 +4,6 @@ mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::fit::parameters::to_host;
@@ -12,6 +11,8 @@ use gs_train::pipelines::brightness::Brightness;
 use gs_train::pipelines::fit::read_model;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
+
+use common::program::succeeds;
 
 const STEPS: usize = 1500;
 
@@ -63,14 +64,6 @@ const ERROR: f64 = 0.03;
 /// Of held-out photos over a scene that takes all photos to be of one brightness, dB: 1.3, 1.4 and 2.3 dB with three seeds.
 const GAIN: f64 = 0.7;
 
-fn gsburn(folder: &Path, args: &[&str]) -> String {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
-    let program = program.args(args).current_dir(folder).env("XDG_RUNTIME_DIR", folder);
-    let output = program.output().expect("the program starts");
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
 fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&fs::read(path).expect("read")).expect("JSON")
 }
@@ -102,7 +95,7 @@ fn brightness_is_learned_measured_reported_and_charted() {
     let report = fs::read_to_string(learned.folder.report()).expect("read");
     let card = format!("<span>Brightest / darkest photo</span><b>{ratio:.3}</b>");
     assert!(report.contains(&card), "no card");
-    gsburn(folder, &["chart", "learned", "plain", "--out", "chart.svg", "--csv", "chart.csv"]);
+    succeeds(folder, &["chart", "learned", "plain", "--out", "chart.svg", "--csv", "chart.csv"]);
     let table = fs::read_to_string(folder.join("chart.csv")).expect("read");
     let rows: Vec<&str> = table.lines().collect();
     assert!(rows[0].contains("brightest / darkest photo"), "{table}");
@@ -110,16 +103,16 @@ fn brightness_is_learned_measured_reported_and_charted() {
     assert!(fs::read_to_string(folder.join("chart.svg")).expect("read").contains("learned"));
 
     // The checkpoint is the scene that was measured; another backend sums in another order.
-    gsburn(folder, &["eval", "learned", "--out", "eval.json", "--device", &common::device_name()]);
+    succeeds(folder, &["eval", "learned", "--out", "eval.json", "--device", &common::device_name()]);
     let (again, first) = (json(&folder.join("eval.json")), json(&learned.folder.eval()));
     for key in ["psnr", "ssim", "views", "figures", "compared", "split"] {
         assert_eq!(again[key], first[key], "{key}");
     }
-    assert!(gsburn(folder, &["info", "learned"]).contains("brightness"));
+    assert!(succeeds(folder, &["info", "learned"]).contains("brightness"));
 
     // A PLY file knows no brightness: all photos are taken to be equally bright.
     let ply = ["eval", "learned/scene.ply", "--data", "world", "--set", "pipeline=brightness"];
-    assert!(gsburn(folder, &ply).contains("brightest / darkest photo 1.000"));
+    assert!(succeeds(folder, &ply).contains("brightest / darkest photo 1.000"));
 }
 
 #[test]

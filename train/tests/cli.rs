@@ -4,39 +4,12 @@ mod common;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 
-/// The program in `folder`. Mesa's Vulkan drivers write `error:` lines of their own where no such directory is named.
-fn program(folder: &Path) -> Command {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
-    program.current_dir(folder).env("XDG_RUNTIME_DIR", folder);
-    program
-}
-
-fn gsburn(folder: &Path, args: &[&str]) -> Output {
-    program(folder).args(args).output().expect("the program starts")
-}
-
-fn succeeds(folder: &Path, args: &[&str]) -> String {
-    let output = gsburn(folder, args);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{args:?}: {errors}");
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-/// Runs what must fail and returns its one line on stderr.
-fn fails(folder: &Path, args: &[&str]) -> String {
-    let output = gsburn(folder, args);
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{args:?}: {errors}");
-    let sentences: Vec<&str> = errors.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert_eq!(sentences.len(), 1, "{args:?}: {errors}");
-    assert!(!errors.contains("panicked"), "{args:?}: {errors}");
-    sentences[0].to_string()
-}
+use common::program::{fails, gsburn, program, succeeds};
 
 const QUICK: [&str; 10] = [
     "--steps",

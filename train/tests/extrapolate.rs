@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
@@ -20,27 +19,7 @@ use gs_train::report::future::spread::{Spread, moving_rows};
 
 mod common;
 
-fn gsburn(folder: &Path, args: &[&str]) -> Output {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
-    program.current_dir(folder).env("XDG_RUNTIME_DIR", folder).args(args);
-    program.output().expect("the program starts")
-}
-
-fn succeeds(folder: &Path, args: &[&str]) -> String {
-    let output = gsburn(folder, args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-/// Runs what must fail and returns its sentence.
-fn fails(folder: &Path, args: &[&str]) -> String {
-    let output = gsburn(folder, args);
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success() && !errors.contains("panicked"), "{args:?}: {errors}");
-    let sentences: Vec<&str> = errors.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert_eq!(sentences.len(), 1, "{args:?}: {errors}");
-    sentences[0].to_string()
-}
+use common::program::{fails, succeeds};
 
 /// A tiny world of four cameras, one of them held out, and a run on it of few steps.
 fn trained(folder: &Path) {

@@ -4,7 +4,6 @@ mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_train::config::tables;
@@ -16,10 +15,7 @@ use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::evaluate::{HeldOut, Measured};
 use gs_train::run::scene::SceneFile;
 
-fn gsburn(folder: &Path, args: &[&str]) -> Output {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
-    program.args(args).current_dir(folder).env("XDG_RUNTIME_DIR", folder).output().expect("the program starts")
-}
+use common::program::gsburn;
 
 const STEPS: usize = 120;
 

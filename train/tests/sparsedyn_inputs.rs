@@ -3,11 +3,12 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::{Value, json};
 
 mod common;
+
+use common::program::{fails, says};
 
 /// Keys of every run: small, and without measures that take longer than the training.
 const KEYS: [&str; 6] = [
@@ -19,40 +20,16 @@ const KEYS: [&str; 6] = [
     "eval.images=1",
 ];
 
-fn gsburn(folder: &Path, args: &[&str]) -> Output {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
-    program.current_dir(folder).env("XDG_RUNTIME_DIR", folder).args(args);
-    program.output().expect("the program starts")
-}
-
-/// Both outputs of what must succeed.
-fn succeeds(folder: &Path, args: &[&str]) -> String {
-    let output = gsburn(folder, args);
-    let said = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).join("\n");
-    assert!(output.status.success() && !said.contains("panicked"), "{args:?}: {said}");
-    said
-}
-
-/// The one sentence of what must fail.
-fn fails(folder: &Path, args: &[&str]) -> String {
-    let output = gsburn(folder, args);
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success() && !errors.contains("panicked"), "{args:?}: {errors}");
-    let sentences: Vec<&str> = errors.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert_eq!(sentences.len(), 1, "{args:?}: {errors}");
-    sentences[0].to_string()
-}
-
 /// A rotor before four cameras, one of them held out: 24 of 32 frames are seen.
 fn world(folder: &Path) {
     let size = ["--size", "24x24", "--cameras", "4", "--held-out", "1", "--frames", "32", "--truth-every", "32"];
-    succeeds(folder, &[&["synth", "extrapolation", "fan", "--out", "world"][..], &size].concat());
+    says(folder, &[&["synth", "extrapolation", "fan", "--out", "world"][..], &size].concat());
 }
 
 /// Trains on `world` into `run`.
 fn trains(folder: &Path, run: &str, steps: &str, keys: &[&str]) -> String {
     let set: Vec<&str> = KEYS.iter().chain(keys).flat_map(|key| ["--set", *key]).collect();
-    succeeds(folder, &[&["train", "world", "--out", run, "--steps", steps][..], &set].concat())
+    says(folder, &[&["train", "world", "--out", run, "--steps", steps][..], &set].concat()).join("\n")
 }
 
 /// Changes the description of every split.
@@ -125,20 +102,20 @@ fn a_model_is_chosen_by_validation_and_not_by_the_reported_split() {
     assert!(error.contains("\"nowhere\"") && error.contains("validation"), "{error}");
     assert!(!folder.join("swept").exists(), "nothing was trained for a choice that cannot be made");
 
-    let said = succeeds(folder, &sweep(&["--out", "swept", "--choose", "smallest"]));
+    let said = says(folder, &sweep(&["--out", "swept", "--choose", "smallest"])).join("\n");
     assert!(said.contains("run 8 of 8: width-64_bands-3_cap-20000") && said.contains("chosen: width-"), "{said}");
     let table = fs::read_to_string(folder.join("swept/choice.md")).expect("a table");
     assert_eq!(table.lines().filter(|line| line.starts_with("| width-")).count(), 8, "{table}");
     assert!(table.contains("images of validation") && table.contains("| chosen"), "{table}");
     assert!(table.contains("reported dB"), "{table}");
     // Finished runs are not trained again, and the choice is the same.
-    let again = succeeds(folder, &sweep(&["--out", "swept", "--choose", "smallest"]));
+    let again = says(folder, &sweep(&["--out", "swept", "--choose", "smallest"])).join("\n");
     assert_eq!(again.matches("finished already").count(), 8);
     assert_eq!(fs::read_to_string(folder.join("swept/choice.md")).expect("a table"), table);
 
     let around =
         ["--one-at-a-time", "--over", "dynamics.step_frames=1,2.0", "--over", "dynamics.ask=step", "--out", "star"];
-    let said = succeeds(folder, &sweep(&around));
+    let said = says(folder, &sweep(&around)).join("\n");
     assert!(said.contains("step_frames-2.0: has the configuration of base; left out"), "{said}");
     assert!(said.contains("run 3 of 3: ask-step"), "{said}");
     let chart = fs::read_to_string(folder.join("star/chart.svg")).expect("a chart");
@@ -169,9 +146,9 @@ fn times_outside_0_to_1_are_learned_the_same() {
     assert!((scaled_speed * UNIT / speed).ln().abs() < 0.1, "{speed} and {scaled_speed} x {UNIT}");
     let error = fails(folder, &["extrapolate", "scaled", "--to", "0.9", "--out", "no"]);
     assert!(error.contains("expected a time after 287.5"), "{error}");
-    let said = succeeds(folder, &["extrapolate", "scaled", "--to", "350", "--frames", "3", "--out", "later"]);
+    let said = says(folder, &["extrapolate", "scaled", "--to", "350", "--frames", "3", "--out", "later"]).join("\n");
     assert!(said.contains("gain over held"), "{said}");
-    let info = succeeds(folder, &["info", "scaled"]);
+    let info = says(folder, &["info", "scaled"]).join("\n");
     assert!(info.contains("100 to 287.5"), "{info}");
 }
 
@@ -192,8 +169,7 @@ fn times_may_be_unevenly_spaced() {
     let (psnr, _) = figures(folder, "run");
     assert!(psnr.is_finite() && psnr > 5.0, "{psnr}");
     // A run of the field, rolled out with half the step it was trained with.
-    let said =
-        succeeds(folder, &["extrapolate", "run", "--to", "1.1", "--step", "1", "--frames", "3", "--members", "0"]);
+    let said = says(folder, &["extrapolate", "run", "--to", "1.1", "--step", "1", "--frames", "3", "--members", "0"]);
     assert!(said.contains("steps of 1 frames move a Gaussian by at most"), "{said}");
 }
 

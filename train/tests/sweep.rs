@@ -4,23 +4,13 @@ mod common;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use gs_train::pipelines::resolve_overrides;
 use gs_train::report::comparison::gather;
 use gs_train::run::folder::{MetricsLine, RunFolder};
 use gs_train::run::watch::{Ending, Job};
 
-fn gsburn(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gsburn")).args(args).current_dir(folder).output().expect("the program starts")
-}
-
-fn succeeds(folder: &Path, args: &[&str]) -> (String, String) {
-    let output = gsburn(folder, args);
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{args:?}: {errors}");
-    (String::from_utf8_lossy(&output.stdout).into_owned(), errors)
-}
+use common::program::{gsburn, says};
 
 const COMMON: [&str; 4] = ["steps=6", "eval.ms_ssim=false", "eval.lpips=false", "eval.images=1"];
 
@@ -42,7 +32,7 @@ fn a_sweep_continues_where_it_was_cut_off() {
     let job = Job { stop_at: Some(2), ..common::job(&scene, &first, &config) };
     assert!(matches!(common::train(&job), Ok(Ending::Interrupted(2))));
 
-    let (table, said) = succeeds(folder, &sweep());
+    let [table, said] = says(folder, &sweep());
     assert!(said.contains("resuming after step 2") && said.contains("run 2 of 2: cap-200_seed-1"), "{said}");
     assert!(table.contains("cap-160_seed-1") && table.contains("cap-200_seed-1"), "{table}");
     for file in ["chart.svg", "chart.md", "chart.csv", "index.html"] {
@@ -56,7 +46,7 @@ fn a_sweep_continues_where_it_was_cut_off() {
 
     let eval = || fs::metadata(first.join("eval.json")).and_then(|file| file.modified()).expect("a file");
     let before = eval();
-    let (_, said) = succeeds(folder, &sweep());
+    let [_, said] = says(folder, &sweep());
     assert_eq!(said.matches("finished already").count(), 2, "{said}");
     assert_eq!(eval(), before, "a finished run is left alone");
 
@@ -99,7 +89,7 @@ fn a_chart_names_what_it_leaves_out() {
     assert_eq!(found.warnings.len(), 4, "a file is no run and needs no word");
 
     let args = ["chart", "a", "b", "c", "--out", "all.html", "--csv", "all.csv", "--report", "a"];
-    let (table, errors) = succeeds(folder, &args);
+    let [table, errors] = says(folder, &args);
     assert!(table.contains("CPU s") || !cfg!(target_os = "linux"), "{table}");
     assert!(errors.contains("warning: c: trained on"), "{errors}");
     let report = fs::read_to_string(folder.join("a/report.html")).expect("read");

@@ -13,8 +13,8 @@ use gs_train::run::watch::{Ending, Job};
 
 /// The program in `folder`, with a cache of its own.
 fn gsburn(folder: &Path) -> Command {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
-    program.current_dir(folder).env("XDG_RUNTIME_DIR", folder).env("XDG_CACHE_HOME", folder.join("cache"));
+    let mut program = common::program::program(folder);
+    program.env("XDG_CACHE_HOME", folder.join("cache"));
     program
 }
 

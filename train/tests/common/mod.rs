@@ -2,6 +2,8 @@
 // Each test file uses its own share of these helpers.
 #![allow(dead_code)]
 
+pub mod program;
+
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
