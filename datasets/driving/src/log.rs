@@ -29,6 +29,15 @@ impl LogFormat {
         }
     }
 
+    /// The place of the LiDAR that turns, metres, in the axes of the ego vehicle. It is that of the data set's vehicles; logs do not have it
+    /// (PandaSet) or differ by centimetres (Argoverse 2).
+    fn lidar(self) -> DVec3 {
+        match self {
+            Self::PandaSet => DVec3::new(0.0, 0.8, 1.85),
+            Self::Argoverse => DVec3::new(1.35, 0.0, 1.64),
+        }
+    }
+
     /// The layout of a folder; `None` where it is no driving log.
     pub fn of(folder: &Path) -> Option<Self> {
         if pandaset::names::is_sequence(folder) {
@@ -123,6 +132,14 @@ impl DrivingLog {
     /// The frames, times ascending.
     pub fn frames(&self) -> &[Frame] {
         &self.description.frames
+    }
+
+    /// Where the LiDAR that turns is at a frame, metres, centred world.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn lidar_position(&self, frame: usize) -> DVec3 {
+        self.frames()[frame].ego.transform_point3(self.format.lidar())
     }
 
     /// The cameras.

@@ -15,11 +15,13 @@
 //! | A.2, Algorithm 2: iterative refinement | [`refinement`] |
 //! | Algorithm 3: moving objects; D.5, edits | [`actors`] |
 //! | D.1: scene flow | [`flow_metrics`], and the baseline [`fast_nsf`] |
+//! | beyond the paper: velocities that the sweeps show | [`alignment`] |
 //! | beyond the paper: fewer points where they add nothing | [`merge`] |
 //! | the result | [`scene`] |
 
 pub mod activate;
 pub mod actors;
+pub mod alignment;
 pub mod channels;
 pub mod error;
 pub mod far;

@@ -69,6 +69,18 @@ pub enum RotationChoice {
     Identity,
 }
 
+/// First velocities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VelocityChoice {
+    /// None, as in the paper: the network learns all of them.
+    Zero,
+    /// Those that bring the points of a sweep onto the points of the others; the network predicts the difference. What
+    /// no sweep shows to move carries no velocity.
+    #[default]
+    Aligned,
+}
+
 /// Points to first Gaussians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -85,6 +97,8 @@ pub struct LiftSection {
     pub scale_max: f64,
     /// First orientations.
     pub rotations: RotationChoice,
+    /// First velocities.
+    pub velocity: VelocityChoice,
 }
 
 /// The sparse 3D UNet and the motion that it predicts.
@@ -177,6 +191,7 @@ impl Default for LiftSection {
             random_points: 0,
             scale_max: 1.0,
             rotations: RotationChoice::Identity,
+            velocity: VelocityChoice::Aligned,
         }
     }
 }

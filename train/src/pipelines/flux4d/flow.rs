@@ -4,14 +4,14 @@
 //! flow of the nearest Gaussian of its own sweep.
 
 use anyhow::Result;
-use gs_driving::{DrivingLog, FLOW_INTERVAL, ObjectClass, project};
+use gs_driving::{DrivingLog, FLOW_INTERVAL, ObjectClass};
 use gs_models::flux4d::flow_metrics::{Buckets, FlowClass, FlowFrame, PointErrors, ThreeWay};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use super::infer::Inferred;
 use super::moving::MOVING;
-use super::prepare::{HostSnippet, inverse, sweep};
+use super::prepare::{HostSnippet, Posed, inverse, sweep};
 use crate::fit::figure::{Better, Figure, FigureTable};
 use crate::fit::parameters::to_host;
 
@@ -73,10 +73,9 @@ pub fn of_sweep(
     let points = host.near_points();
     let own: Vec<[f32; 3]> = rows.iter().map(|row| points[*row]).collect();
     let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&own);
-    let views: Vec<_> = host.inputs.iter().map(|view| (&log.cameras()[view.camera], inverse(view.c2w))).collect();
+    let views = Posed::all(log, &host.inputs);
     let seen = |index: &usize| {
-        labels.flow[*index].is_some()
-            && views.iter().any(|(camera, w2c)| project(camera, w2c, sweep.points[*index]).is_some())
+        labels.flow[*index].is_some() && views.iter().any(|posed| posed.place(sweep.points[*index]).is_some())
     };
     let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(seen).collect();
     let predicted = |index: &usize| {

@@ -9,6 +9,8 @@
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
 //! | [`trainer`], [`train`](mod@train), [`saved`] | a step; the run; checkpoints |
 //! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`] | the network applied; held-out figures |
+//! | [`start`] | velocities that the sweeps show |
+//! | [`stability`] | where it fails |
 //! | [`reconstruct`](mod@reconstruct), [`actors_file`], [`world`] | a log to images, actors and Gaussians |
 
 pub mod actors_file;
@@ -24,6 +26,8 @@ pub mod prepare;
 pub mod reconstruct;
 pub mod sample;
 pub mod saved;
+pub mod stability;
+pub mod start;
 pub mod train;
 pub mod trainer;
 pub mod world;
@@ -38,9 +42,11 @@ use toml::Table;
 
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction};
 use crate::config::ConfigError;
+use crate::fit::snapshot::Snapshot;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::scene::{LoadedScene, SceneFile};
 use crate::run::watch::{Ending, Job};
+use crate::stability::Experiment;
 use config::FluxConfig;
 use evaluate::{Split, measure};
 use logs::Logs;
@@ -124,6 +130,18 @@ impl Pipeline for Flux4d {
     fn reconstruct(&self, checkpoint: &Checkpoint, request: &Reconstruction) -> Result<Vec<String>> {
         let saved = read_network(checkpoint, request.device)?;
         reconstruct::reconstruct(&saved, request)
+    }
+
+    fn network(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Option<Snapshot>> {
+        saved::network_alone(checkpoint, device).map(Some)
+    }
+
+    fn experiments(&self) -> &'static [&'static Experiment] {
+        &stability::EXPERIMENTS
+    }
+
+    fn shipped(&self) -> Option<(&'static str, &'static [u8])> {
+        Some(("flux4d/streets", gs_recipes::STREETS))
     }
 }
 

@@ -1,10 +1,10 @@
 //! Which pixels of an image move, by the truth of a synthetic log or by labelled LiDAR points.
 
 use anyhow::Result;
+use gs_driving::DrivingLog;
 use gs_driving::synthetic::{TruthImage, truth_image};
-use gs_driving::{DrivingLog, project};
 
-use super::prepare::{HostView, inverse, sweep};
+use super::prepare::{HostView, Posed, sweep};
 
 /// Slowest motion that counts, metres in 0.1 s: the limit between static and dynamic of the flow labels.
 pub const MOVING: f32 = 0.05;
@@ -42,10 +42,10 @@ fn of_points(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Res
     let mut mask = vec![0; width * height];
     let sweep = sweep(log, view.frame, from_world)?;
     let Some(labels) = &sweep.labels else { return Ok(mask) };
-    let (camera, w2c) = (&log.cameras()[view.camera], inverse(view.c2w));
+    let posed = Posed::new(log, view);
     for (point, flow) in sweep.points.iter().zip(&labels.flow) {
         let moves = flow.is_some_and(|flow| flow.iter().map(|x| x * x).sum::<f32>() >= MOVING * MOVING);
-        let Some((pixel, _)) = project(camera, &w2c, *point).filter(|_| moves) else { continue };
+        let Some((pixel, _)) = posed.place(*point).filter(|_| moves) else { continue };
         let (x, y) = (pixel.x as usize, pixel.y as usize);
         for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
             let columns = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);

@@ -18,7 +18,7 @@ use gs_models::flux4d::{Network, Refinement};
 use gs_models::mlp::{Mlp, MlpConfig};
 
 use super::config::FluxConfig;
-use super::sample::Sample;
+use super::sample::{Sample, Start};
 
 /// Factors of the 14 channels as the network reads them: positions over 25 m, scales, opacities and colours about 1.
 const INPUT: [f32; CHANNELS] = [0.04, 0.04, 0.04, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
@@ -30,6 +30,8 @@ const INPUT_MAX: f64 = 4.0;
 const OUTPUT: [f32; CHANNELS] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 /// Velocity for an output of 1, metres per window: a person walks at 1.5 m/s, a car drives at 10.
 const VELOCITY: f32 = 5.0;
+/// The same where the network adds to velocities that the sweeps show: those are off by a metre per second or less.
+const VELOCITY_BESIDE_START: f32 = 1.0;
 /// Hidden width of the network of far rows.
 const FAR_WIDTH: usize = 16;
 
@@ -75,7 +77,8 @@ impl FluxNetwork {
         run: impl FnOnce(Refinement<Bound<'_>, Bound<'_>>) -> T,
     ) -> T {
         let velocities = sample.frame.motion.columns();
-        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far: sample.lifted.far, velocities };
+        let (far, start) = (sample.lifted.far, sample.start.as_ref());
+        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far, velocities, start };
         let first = bind(&self.first, velocities);
         // With one pass `r` is never called.
         let next = bind(self.next.as_ref().unwrap_or(&self.first), 0);
@@ -91,6 +94,8 @@ pub struct Bound<'a> {
     far: usize,
     /// Columns of the velocity; 0 for `r`.
     velocities: usize,
+    /// Velocities to which the network adds its own.
+    start: Option<&'a Start>,
 }
 
 impl Network for Bound<'_> {
@@ -111,7 +116,11 @@ impl Network for Bound<'_> {
             output = Tensor::cat(vec![output, far], 0);
         }
         let residual = output.clone().narrow(1, 0, CHANNELS) * row(OUTPUT.to_vec(), &device);
-        let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities) * VELOCITY);
+        let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities));
+        let velocity = velocity.map(|predicted| match self.start {
+            None => predicted * VELOCITY,
+            Some(start) => predicted * VELOCITY_BESIDE_START * start.moves.clone() + start.velocity.clone(),
+        });
         (residual, velocity)
     }
 }

@@ -4,14 +4,15 @@
 //! its first camera, so that a network sees every street from the same place in the same direction. z stays up.
 
 use anyhow::{Result, anyhow, bail};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use gs_datasets::RgbImage8;
 use gs_driving::{Camera, DrivingLog, Snippet, Sweep, depth_image, project, sample};
 use gs_models::flux4d::merge::{LADDER, TimedPoints, merge};
 use gs_models::flux4d::{BoxLength, FarConfig, LiftConfig, LiftInput, LiftedRows, Rotations, lift_rows};
 use rayon::prelude::*;
 
-use super::config::{LiftSection, RotationChoice};
+use super::config::{LiftSection, RotationChoice, VelocityChoice};
+use super::start::{Motions, RowMotion, motions_of};
 
 /// An image whose brightest channel is at most this, of 255, shows nothing: a covered lens or a lost frame.
 const BLANK: u8 = 8;
@@ -55,6 +56,8 @@ pub struct HostSnippet {
     pub rows: LiftedRows,
     /// Of each row that is not far, the place of its input frame in the snippet.
     pub row_frames: Vec<u16>,
+    /// What the sweeps themselves show of the motion of each row that is not far; empty where velocities start at zero.
+    pub start: Vec<RowMotion>,
     /// Images of the inputs.
     pub inputs: Vec<HostView>,
     /// Images between them.
@@ -70,6 +73,7 @@ impl HostSnippet {
     pub fn bytes(&self) -> usize {
         let views = self.inputs.iter().chain(&self.targets).chain(&self.future);
         4 * (self.rows.raw.len() + self.rows.times.len())
+            + size_of::<RowMotion>() * self.start.len()
             + views.map(|view| view.image.data.len() + 4 * view.depth.len()).sum::<usize>()
     }
 
@@ -119,15 +123,27 @@ pub fn prepare(
     };
     let (targets, future) = (others(&snippet.targets)?, others(&snippet.future)?);
     let blank = reader.blank;
-    let (points, row_frames) = points(log, snippet, &sweeps, &inputs, window, config)?;
-    let far_color = |point: [f32; 3]| color_at(log, inputs.iter(), point);
+    let Points { points, row_frames, start } = points(log, snippet, (&sweeps, &from_world), &inputs, window, config)?;
+    let posed = Posed::all(log, &inputs);
+    let far_color = |point: [f32; 3]| color_at(posed.iter(), point);
     let input =
         LiftInput { points: &points.points, times: &points.times, colors: &points.colors, far_color: Some(&far_color) };
     let rows = lift_rows(&input, &lift_config(config, seed))
         .map_err(|error| anyhow!("{}: snippet {name}: {error}", log.path().display()))?;
     let interval = interval(log, snippet);
-    let mut host =
-        HostSnippet { name: name.into(), to_world, window, interval, rows, row_frames, inputs, targets, future, blank };
+    let mut host = HostSnippet {
+        name: name.into(),
+        to_world,
+        window,
+        interval,
+        rows,
+        row_frames,
+        start,
+        inputs,
+        targets,
+        future,
+        blank,
+    };
     let [begin, end] = window;
     let all = host.inputs.iter_mut().chain(&mut host.targets).chain(&mut host.future);
     all.for_each(|view| view.time = (view.seconds - begin) / (end - begin));
@@ -235,39 +251,72 @@ fn window(log: &DrivingLog, snippet: &Snippet, sweeps: &[Sweep], inputs: &[HostV
     Ok([low, high])
 }
 
+/// The points of a snippet.
+struct Points {
+    points: TimedPoints,
+    /// The place of each point's input frame.
+    row_frames: Vec<u16>,
+    /// Of each point; empty where velocities start at zero.
+    start: Vec<RowMotion>,
+}
+
 /// The points of all input sweeps with their colours, thinned to the budget, and the input frame of each.
 fn points(
     log: &DrivingLog,
     snippet: &Snippet,
-    sweeps: &[Sweep],
+    (sweeps, from_world): (&[Sweep], &DMat4),
     inputs: &[HostView],
-    [begin, end]: [f64; 2],
+    window: [f64; 2],
     config: &LiftSection,
-) -> Result<(TimedPoints, Vec<u16>)> {
-    let of_frame = |(frame, sweep): (&usize, &Sweep)| {
-        let own: Vec<&HostView> = inputs.iter().filter(|view| view.frame == *frame).collect();
-        let color = |point: &[f32; 3]| color_at(log, own.iter().copied(), *point);
-        let in_view = |point: &[f32; 3]| inputs.iter().any(|view| place(log, view, *point).is_some());
-        let kept: Vec<usize> = (0..sweep.len())
-            .into_par_iter()
-            .filter(|index| !config.in_view || in_view(&sweep.points[*index]))
-            .collect();
-        TimedPoints {
-            points: kept.iter().map(|index| sweep.points[*index]).collect(),
-            times: kept.iter().map(|i| (((sweep.times[*i] - begin) / (end - begin)) as f32).clamp(0.0, 1.0)).collect(),
-            colors: kept.par_iter().map(|index| color(&sweep.points[*index])).collect(),
-        }
+) -> Result<Points> {
+    let posed = Posed::all(log, inputs);
+    let seen = |sweep: &Sweep| -> Vec<bool> {
+        let shown = |point: &[f32; 3]| posed.iter().any(|posed| posed.place(*point).is_some());
+        sweep.points.par_iter().map(|point| !config.in_view || shown(point)).collect()
     };
-    let frames: Vec<TimedPoints> = snippet.inputs.iter().zip(sweeps).map(of_frame).collect();
-    let thinned = thinned(frames, config.points)?;
-    let (mut all, mut row_frames) = (TimedPoints::default(), Vec::new());
-    for (place, frame) in thinned.into_iter().enumerate() {
-        row_frames.resize(row_frames.len() + frame.points.len(), place as u16);
-        all.points.extend(frame.points);
-        all.times.extend(frame.times);
-        all.colors.extend(frame.colors);
+    let seen: Vec<Vec<bool>> = sweeps.iter().map(seen).collect();
+    let motion = match config.velocity {
+        VelocityChoice::Zero => None,
+        VelocityChoice::Aligned => Some(Motions::of(log, snippet, (sweeps, from_world), &seen, window)),
+    };
+    // Moving and resting points of a frame stay apart when they are merged.
+    let mut parts: Vec<(u16, Option<Vec<RowMotion>>, TimedPoints)> = Vec::new();
+    for (place, sweep) in sweeps.iter().enumerate() {
+        let own: Vec<&Posed> = posed.iter().filter(|posed| posed.view.frame == snippet.inputs[place]).collect();
+        let of = |kept: Vec<usize>| coloured(sweep, &kept, &own, window);
+        let shown = (0..sweep.len()).filter(|index| seen[place][*index]);
+        let (moving, resting): (Vec<usize>, Vec<usize>) =
+            shown.partition(|index| motion.as_ref().is_some_and(|motion| motion.moves(place, *index)));
+        parts.push((place as u16, None, of(resting)));
+        let motions = moving.iter().filter_map(|index| motion.as_ref().map(|motion| motion.of_point(place, *index)));
+        parts.push((place as u16, Some(motions.collect()), of(moving)));
     }
-    Ok((all, row_frames))
+    let before: Vec<TimedPoints> = parts.iter().map(|(_, _, points)| points.clone()).collect();
+    let thinned = thinned(before, config.points)?;
+    let mut all = Points { points: TimedPoints::default(), row_frames: Vec::new(), start: Vec::new() };
+    for ((place, motions, before), after) in parts.into_iter().zip(thinned) {
+        all.row_frames.resize(all.row_frames.len() + after.points.len(), place);
+        if motion.is_some() {
+            match motions {
+                None => all.start.resize(all.start.len() + after.points.len(), RowMotion::default()),
+                Some(motions) => all.start.extend(motions_of(&before.points, &motions, &after.points)),
+            }
+        }
+        all.points.points.extend(after.points);
+        all.points.times.extend(after.times);
+        all.points.colors.extend(after.colors);
+    }
+    Ok(all)
+}
+
+/// Some points of a sweep with their times in the window and their colours in views of the same frame.
+fn coloured(sweep: &Sweep, kept: &[usize], views: &[&Posed], [begin, end]: [f64; 2]) -> TimedPoints {
+    let time = |index: &usize| (((sweep.times[*index] - begin) / (end - begin)) as f32).clamp(0.0, 1.0);
+    TimedPoints {
+        points: kept.iter().map(|index| sweep.points[*index]).collect(),
+        times: kept.iter().map(time).collect(),
+        colors: kept.par_iter().map(|index| color_at(views.iter().copied(), sweep.points[*index])).collect(),
+    }
 }
 
 /// Sweeps merged with the smallest edge of the ladder that keeps the budget; points of two sweeps stay apart.
@@ -286,10 +335,28 @@ fn thinned(frames: Vec<TimedPoints>, budget: usize) -> Result<Vec<TimedPoints>> 
     Ok(merged)
 }
 
-/// The camera of a view and where a point (in the axes of the snippet) is in its image.
-fn place(log: &DrivingLog, view: &HostView, point: [f32; 3]) -> Option<(glam::DVec2, f64)> {
-    let camera: &Camera = &log.cameras()[view.camera];
-    project(camera, &inverse(view.c2w), point)
+/// A view with its camera and its pose inverted once, for many points.
+pub struct Posed<'a> {
+    view: &'a HostView,
+    camera: &'a Camera,
+    w2c: DMat4,
+}
+
+impl<'a> Posed<'a> {
+    /// A view of a log.
+    pub fn new(log: &'a DrivingLog, view: &'a HostView) -> Self {
+        Self { view, camera: &log.cameras()[view.camera], w2c: inverse(view.c2w) }
+    }
+
+    /// Views of a log.
+    pub fn all(log: &'a DrivingLog, views: &'a [HostView]) -> Vec<Self> {
+        views.iter().map(|view| Self::new(log, view)).collect()
+    }
+
+    /// Where a point (in the axes of the snippet) is in the image, pixels, and its depth, metres; `None` outside of it.
+    pub fn place(&self, point: [f32; 3]) -> Option<(DVec2, f64)> {
+        project(self.camera, &self.w2c, point)
+    }
 }
 
 /// The inverse of a rigid motion, exact where a general one would round.
@@ -305,10 +372,10 @@ pub fn inverse(c2w: DMat4) -> DMat4 {
 }
 
 /// The colour of a point in the view in which it is nearest to the middle.
-fn color_at<'a>(log: &DrivingLog, views: impl Iterator<Item = &'a HostView>, point: [f32; 3]) -> Option<[f32; 3]> {
-    let seen = views.filter_map(|view| {
-        let (pixel, _) = place(log, view, point)?;
-        Some(((pixel.x / view.image.width as f64 - 0.5).abs(), pixel, view))
+fn color_at<'a>(views: impl Iterator<Item = &'a Posed<'a>>, point: [f32; 3]) -> Option<[f32; 3]> {
+    let seen = views.filter_map(|posed| {
+        let (pixel, _) = posed.place(point)?;
+        Some(((pixel.x / posed.view.image.width as f64 - 0.5).abs(), pixel, posed.view))
     });
     let (_, pixel, view) = seen.min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(sample(&view.image, pixel))

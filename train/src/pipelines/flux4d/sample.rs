@@ -23,6 +23,33 @@ pub struct Sample {
     pub pyramid: VoxelPyramid,
     /// What no network changes.
     pub frame: SnippetFrame,
+    /// The velocities that the sweeps show; `None` where they start at zero.
+    pub start: Option<Start>,
+}
+
+/// Velocities before any network.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// `[N, 3 (l + 1)]`, metres per window.
+    pub velocity: Tensor<2>,
+    /// `[N, 1]`, 1 for the rows that move and 0 for those that carry no velocity.
+    pub moves: Tensor<2>,
+}
+
+impl Start {
+    fn new(host: &HostSnippet, motion: PolynomialMotion, device: &Device) -> Self {
+        let rows = host.rows.times.len();
+        let mut velocity: Vec<f32> =
+            host.start.iter().zip(&host.rows.times).flat_map(|(row, time)| row.coefficients(motion, *time)).collect();
+        let mut moves: Vec<f32> = host.start.iter().map(|row| if row.moves() { 1.0 } else { 0.0 }).collect();
+        // Far rows rest.
+        velocity.resize(rows * motion.columns(), 0.0);
+        moves.resize(rows, 0.0);
+        Self {
+            velocity: Tensor::from_data(TensorData::new(velocity, [rows, motion.columns()]), device),
+            moves: Tensor::from_data(TensorData::new(moves, [rows, 1]), device),
+        }
+    }
 }
 
 impl Sample {
@@ -44,7 +71,8 @@ impl Sample {
             motion,
             frame: host.interval / (host.window[1] - host.window[0]),
         };
-        Ok(Self { lifted, pyramid, frame })
+        let start = (!host.start.is_empty()).then(|| Start::new(host, motion, device));
+        Ok(Self { lifted, pyramid, frame, start })
     }
 
     /// No velocities, `[N, 3 (l + 1)]`.

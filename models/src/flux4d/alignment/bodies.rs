@@ -1,0 +1,384 @@
+//! Bodies of each sweep, their motions, and the points that belong to them.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::AlignedSweep;
+use super::free_space::RangeImage;
+use super::ground::Ground;
+use super::plan::{Extent, Plan};
+use super::search::{Other, PlanarMotion, score, score_without, search};
+
+/// Heights above the ground, metres, between which bodies are looked for: below is road and kerb, above are crowns of
+/// trees and bridges.
+const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
+/// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
+/// under a car is within 0.2 m of the ground around it.
+const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
+/// Points nearer to the LiDAR than this, metres from above, are on the ego vehicle.
+const EGO_RADIUS: f64 = 3.0;
+/// Points beyond this, metres, do not move: a car has a few points there.
+const RANGE: f64 = 80.0;
+/// Edge of the cells in which evident points are joined, and how many cells a gap may have.
+const JOIN_CELL: f64 = 0.3;
+const JOIN_GAP: i32 = 2;
+/// Fewest evident points of a body: a person at 40 m has as many.
+const POINTS_MIN: usize = 5;
+/// Sweeps whose rays pass through a place before it is evident that something moved there; one for a snippet of three
+/// sweeps or fewer.
+const PASSES: usize = 2;
+/// Edge of the cells of the plans, metres, and most of them along an axis.
+const CELL: f64 = 0.1;
+const CELLS_MAX: usize = 4096;
+/// Room around the points, metres.
+const PAD: f64 = 2.0;
+/// A motion is believed whose score reaches the first and exceeds that of rest by the second.
+const SCORE_MIN: f64 = 0.45;
+const SCORE_GAIN: f64 = 0.2;
+/// Slowest motion that is told from rest, metres per second: 0.3 m in a window of a second, less than the reach.
+const SPEED_MIN: f64 = 0.4;
+/// Room around a body's evident points in which points belong to it, metres.
+const MARGIN: f64 = 0.35;
+/// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident of a
+/// car may be its back alone.
+const AROUND: [f64; 2] = [3.0, 1.5];
+/// Closeness that a point must have to belong to a body.
+const OWN_CLOSENESS: f64 = 0.3;
+/// Bodies with a gap of at most the first (metres: the beams of a LiDAR graze the side of a car 1 m apart at 20 m) are one
+/// body where that costs at most the second of the score.
+const UNITE_GAP: f64 = 3.0;
+const UNITE_LOSS: f64 = 0.1;
+/// Score that a body may lose by the motion of the sweep that shows more of it.
+const ADOPT_LOSS: f64 = 0.02;
+/// Difference of velocities, metres per second and as a share, up to which a body of another sweep confirms one.
+const CONFIRM: [f64; 2] = [1.0, 0.15];
+/// Distance between a body's moved middle and the middle of the one that confirms it, metres: the middle of what a
+/// sweep sees of a lorry moves by as much.
+const CONFIRM_DISTANCE: f64 = 2.5;
+
+/// The motions of the points of all sweeps.
+#[derive(Debug, Clone, Default)]
+pub struct Aligned {
+    /// The bodies that move, by sweep.
+    pub bodies: Vec<Vec<PlanarMotion>>,
+    /// The body of each point, by sweep; `None` rests.
+    pub of_point: Vec<Vec<Option<u32>>>,
+}
+
+impl Aligned {
+    /// Velocity and acceleration of a point of a sweep, metres and seconds; zero at rest.
+    pub fn motion(&self, sweep: usize, point: usize, position: [f32; 3]) -> ([f64; 2], [f64; 2]) {
+        let at = [0, 1].map(|axis| f64::from(position[axis]));
+        self.of_point[sweep][point].map_or(([0.0; 2], [0.0; 2]), |body| self.bodies[sweep][body as usize].at(at))
+    }
+}
+
+/// What all bodies are looked for in.
+struct Snippet<'a> {
+    sweeps: &'a [AlignedSweep<'a>],
+    plans: Vec<Plan>,
+    heights: Vec<Vec<f32>>,
+}
+
+/// A body of a sweep before its points are known.
+#[derive(Clone)]
+struct Candidate {
+    sweep: usize,
+    /// Evident points.
+    evident: Vec<[f64; 2]>,
+    motion: PlanarMotion,
+    /// How well the motion explains the points, 0 to 1.
+    score: f64,
+    /// Whether it does so better than rest.
+    moves: bool,
+}
+
+impl Candidate {
+    /// Takes the points of a group over; the motion stays, about the new middle.
+    fn join(&mut self, group: Self) {
+        self.evident.extend(group.evident);
+        let middle = [0, 1].map(|axis| self.evident.iter().map(|p| p[axis]).sum::<f64>() / self.evident.len() as f64);
+        let (velocity, _) = self.motion.at(middle);
+        self.motion = PlanarMotion { centre: middle, velocity, ..self.motion };
+    }
+}
+
+/// The motions of all points. `wanted` says of each sweep's points which are of interest, as those that an image shows;
+/// the others are seen but never moved. Sweeps without points are left out. The same for any thread count.
+pub fn align(sweeps: &[AlignedSweep], wanted: &[Vec<bool>]) -> Aligned {
+    let ground = Ground::of(sweeps.iter().flat_map(|sweep| sweep.points));
+    let heights: Vec<Vec<f32>> = sweeps.par_iter().map(|sweep| heights(sweep, &ground)).collect();
+    let interesting = sweeps.iter().zip(&heights).zip(wanted).flat_map(|((sweep, heights), wanted)| {
+        let points = sweep.points.iter().zip(heights).zip(wanted);
+        points.filter(|((_, height), wanted)| **wanted && stands(**height)).map(|((point, _), _)| in_plan(point))
+    });
+    let extent = Extent::of(interesting, PAD, CELL, CELLS_MAX);
+    let plans = sweeps.par_iter().zip(&heights).map(|(sweep, heights)| {
+        let standing = sweep.points.iter().zip(heights).filter(|(_, height)| stands(**height));
+        Plan::new(standing.map(|(point, _)| in_plan(point)), extent)
+    });
+    let snippet = Snippet { sweeps, plans: plans.collect(), heights };
+    let images: Vec<RangeImage> = sweeps.par_iter().map(RangeImage::new).collect();
+    let candidates: Vec<(usize, Vec<[f64; 2]>)> =
+        (0..sweeps.len()).flat_map(|sweep| snippet.evident(sweep, &images, &wanted[sweep])).collect();
+    let groups: Vec<Candidate> =
+        candidates.into_par_iter().map(|(sweep, evident)| snippet.searched(sweep, evident)).collect();
+    let bodies = (0..sweeps.len())
+        .flat_map(|sweep| snippet.united(sweep, groups.iter().filter(|group| group.sweep == sweep).cloned().collect()));
+    snippet.claimed(snippet.followed(bodies.collect(), wanted))
+}
+
+/// Heights above the ground; 0 on the ego vehicle, whose own points move with it, and beyond the range.
+fn heights(sweep: &AlignedSweep, ground: &Ground) -> Vec<f32> {
+    let [x, y, _] = sweep.origin;
+    let distance = |point: &[f32; 3]| (f64::from(point[0]) - x).hypot(f64::from(point[1]) - y);
+    let counts = |point: &[f32; 3]| (EGO_RADIUS..RANGE).contains(&distance(point));
+    sweep.points.iter().map(|point| if counts(point) { ground.above(point) } else { 0.0 }).collect()
+}
+
+fn stands(height: f32) -> bool {
+    (BODY_HEIGHTS[0]..BODY_HEIGHTS[1]).contains(&height)
+}
+
+fn in_plan(point: &[f32; 3]) -> [f64; 2] {
+    [0, 1].map(|axis| f64::from(point[axis]))
+}
+
+impl Snippet<'_> {
+    /// The other sweeps as seen from one, the nearest in time first.
+    fn others(&self, sweep: usize) -> Vec<Other<'_>> {
+        let other =
+            |index: usize| Other { plan: &self.plans[index], after: self.sweeps[index].time - self.sweeps[sweep].time };
+        let mut others: Vec<Other> =
+            (0..self.sweeps.len()).filter(|i| *i != sweep && !self.sweeps[*i].points.is_empty()).map(other).collect();
+        others.sort_by(|a, b| a.after.abs().total_cmp(&b.after.abs()));
+        others
+    }
+
+    /// Groups of points of a sweep through whose places rays of other sweeps passed.
+    fn evident(&self, sweep: usize, images: &[RangeImage], wanted: &[bool]) -> Vec<(usize, Vec<[f64; 2]>)> {
+        let needed = if images.len() <= 3 { 1 } else { PASSES };
+        let points = self.sweeps[sweep].points;
+        let moved = |index: &usize| {
+            let point = &points[*index];
+            let others = images.iter().enumerate().filter(|(other, _)| *other != sweep);
+            let passed = others.filter(|(_, image)| image.passed(point));
+            passed.count() >= needed
+        };
+        let kept: Vec<usize> = (0..points.len())
+            .into_par_iter()
+            .filter(|index| wanted[*index] && stands(self.heights[sweep][*index]))
+            .filter(moved)
+            .collect();
+        let groups = joined(&kept.iter().map(|index| in_plan(&points[*index])).collect::<Vec<_>>());
+        groups.into_iter().filter(|group| group.len() >= POINTS_MIN).map(|group| (sweep, group)).collect()
+    }
+
+    /// Some evident points with the motion that explains them best.
+    fn searched(&self, sweep: usize, evident: Vec<[f64; 2]>) -> Candidate {
+        let (motion, best, resting) = search(&evident, &self.others(sweep));
+        let moves = best >= SCORE_MIN && best >= resting + SCORE_GAIN && motion.speed() >= SPEED_MIN;
+        Candidate { sweep, evident, motion, score: best, moves }
+    }
+
+    /// The bodies of one sweep. A group of points near a body belongs to it where the body's motion explains it nearly
+    /// as well as its own or rest does.
+    ///
+    /// The flat side of a car that is seen without its ends fits any speed along itself; its back fits one.
+    fn united(&self, sweep: usize, groups: Vec<Candidate>) -> Vec<Candidate> {
+        let others = self.others(sweep);
+        let (mut bodies, mut rest): (Vec<Candidate>, Vec<Candidate>) =
+            groups.into_iter().partition(|group| group.moves);
+        // The body with the most points first: its motion is the surest.
+        bodies.sort_by_key(|body| std::cmp::Reverse(body.evident.len()));
+        let mut body = 0;
+        while body < bodies.len() {
+            let motion = bodies[body].motion;
+            let fits = |group: &Candidate| {
+                let score = score(&group.evident, &motion, &others);
+                score >= SCORE_MIN && score >= group.score - UNITE_LOSS
+            };
+            let joins = |list: &[Candidate], from: usize, body: &Candidate| {
+                (from..list.len()).find(|at| gap(&list[*at].evident, &body.evident) <= UNITE_GAP && fits(&list[*at]))
+            };
+            if let Some(at) = joins(&bodies, body + 1, &bodies[body]) {
+                let joined = bodies.remove(at);
+                bodies[body].join(joined);
+            } else if let Some(at) = joins(&rest, 0, &bodies[body]) {
+                bodies[body].join(rest.remove(at));
+            } else {
+                body += 1;
+            }
+        }
+        bodies
+    }
+
+    /// Bodies that the sweep before or after confirms, with those found there by following them.
+    ///
+    /// What drives away hides the places where it will be, so no ray shows that they were empty: such a body is evident in
+    /// the first sweeps alone and is followed into the later ones.
+    fn followed(&self, found: Vec<Candidate>, wanted: &[Vec<bool>]) -> Vec<Candidate> {
+        let mut bodies: Vec<(Candidate, bool)> = found.into_iter().map(|body| (body, false)).collect();
+        bodies.sort_by_key(|(body, _)| std::cmp::Reverse(body.evident.len()));
+        let mut next = 0;
+        while next < bodies.len() {
+            let sweep = bodies[next].0.sweep;
+            for other in [sweep.wrapping_sub(1), sweep + 1].into_iter().filter(|other| *other < self.sweeps.len()) {
+                let expected = self.moved(&bodies[next].0, other);
+                let known = bodies.iter().position(|(body, _)| body.sweep == other && confirms(body, &expected));
+                if let Some(known) = known {
+                    (bodies[next].1, bodies[known].1) = (true, true);
+                    if bodies[known].0.evident.len() < bodies[next].0.evident.len() {
+                        self.adopt(&mut bodies[known].0, &expected);
+                    }
+                    continue;
+                }
+                let points = self.near(other, &bodies[next].0, &wanted[other]);
+                let there =
+                    (points.len() >= POINTS_MIN).then(|| self.searched(other, points)).filter(|there| there.moves);
+                if let Some(mut there) = there.filter(|there| confirms(there, &expected)) {
+                    self.adopt(&mut there, &expected);
+                    bodies[next].1 = true;
+                    bodies.push((there, true));
+                }
+            }
+            next += 1;
+        }
+        bodies.into_iter().filter(|(_, confirmed)| *confirmed).map(|(body, _)| body).collect()
+    }
+
+    /// Takes the motion of the same body in another sweep, where more of it is seen, if it explains the points nearly as
+    /// well in all sweeps.
+    fn adopt(&self, body: &mut Candidate, expected: &PlanarMotion) {
+        let (velocity, _) = expected.at(body.motion.centre);
+        let motion = PlanarMotion { centre: body.motion.centre, velocity, ..*expected };
+        let others = self.others(body.sweep);
+        let of_all = |motion: &PlanarMotion| score_without(0.0, &body.evident, motion, &others);
+        if of_all(&motion) >= of_all(&body.motion) - ADOPT_LOSS {
+            (body.motion, body.score) = (motion, score(&body.evident, &motion, &others));
+        }
+    }
+
+    /// The motion of a body at the time of another sweep.
+    fn moved(&self, body: &Candidate, sweep: usize) -> PlanarMotion {
+        let seconds = self.sweeps[sweep].time - self.sweeps[body.sweep].time;
+        body.motion.after(seconds)
+    }
+
+    /// The standing points of another sweep where the points of a body would be.
+    fn near(&self, sweep: usize, body: &Candidate, wanted: &[bool]) -> Vec<[f64; 2]> {
+        let seconds = self.sweeps[sweep].time - self.sweeps[body.sweep].time;
+        let moved: Vec<[f64; 2]> = body.evident.iter().map(|point| body.motion.moved(*point, seconds)).collect();
+        let plan = Plan::new(moved.iter().copied(), Extent::of(moved.iter().copied(), PAD, CELL, CELLS_MAX));
+        let points = self.sweeps[sweep].points.iter().zip(&self.heights[sweep]).zip(wanted);
+        let standing = points.filter(|((_, height), wanted)| **wanted && stands(**height));
+        standing.map(|((point, _), _)| in_plan(point)).filter(|[x, y]| plan.closeness(*x, *y) > 0.0).collect()
+    }
+
+    /// Gives the points near each body to it.
+    fn claimed(&self, bodies: Vec<Candidate>) -> Aligned {
+        let of_sweep = |sweep: usize| {
+            let own: Vec<&Candidate> = bodies.iter().filter(|body| body.sweep == sweep).collect();
+            let boxes: Vec<Footprint> = own.iter().map(|body| Footprint::of(body)).collect();
+            let others = self.others(sweep);
+            let of_point = |index: usize| {
+                let height = self.heights[sweep][index];
+                if !(OWN_HEIGHTS[0]..OWN_HEIGHTS[1]).contains(&height) {
+                    return None;
+                }
+                let at = in_plan(&self.sweeps[sweep].points[index]);
+                let fit = |body: usize| {
+                    let motion = &own[body].motion;
+                    let moving = score(&[at], motion, &others);
+                    let fits = if boxes[body].contains(at, [MARGIN; 2]) {
+                        moving >= OWN_CLOSENESS
+                    } else {
+                        let rest = score(&[at], &PlanarMotion::rest(motion.centre), &others);
+                        moving >= SCORE_MIN && moving >= rest + SCORE_GAIN
+                    };
+                    fits.then_some((moving, body))
+                };
+                let near = (0..own.len()).filter(|body| boxes[*body].contains(at, AROUND));
+                near.filter_map(fit).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, body)| body as u32)
+            };
+            let of_point: Vec<Option<u32>> =
+                (0..self.sweeps[sweep].points.len()).into_par_iter().map(of_point).collect();
+            (own.iter().map(|body| body.motion).collect::<Vec<_>>(), of_point)
+        };
+        let (bodies, of_point) = (0..self.sweeps.len()).map(of_sweep).unzip();
+        Aligned { bodies, of_point }
+    }
+}
+
+/// Points in groups: those whose cells are neighbours. Groups are in the order of their first points.
+fn joined(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
+    let cell = |point: &[f64; 2]| point.map(|x| (x / JOIN_CELL).floor() as i32);
+    let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();
+    for (index, point) in points.iter().enumerate() {
+        cells.entry(cell(point)).or_default().push(index);
+    }
+    let (mut groups, mut stack) = (Vec::new(), Vec::new());
+    for point in points {
+        let mut group = Vec::new();
+        stack.push(cell(point));
+        while let Some([x, y]) = stack.pop() {
+            let Some(members) = cells.remove(&[x, y]) else { continue };
+            group.extend(members);
+            let around = (-JOIN_GAP..=JOIN_GAP).flat_map(|dx| (-JOIN_GAP..=JOIN_GAP).map(move |dy| [x + dx, y + dy]));
+            stack.extend(around.filter(|cell| cells.contains_key(cell)));
+        }
+        if !group.is_empty() {
+            group.sort_unstable();
+            groups.push(group.into_iter().map(|index| points[index]).collect());
+        }
+    }
+    groups
+}
+
+/// Smallest distance of two sets of points, metres; infinite without points.
+fn gap(one: &[[f64; 2]], two: &[[f64; 2]]) -> f64 {
+    let squared = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+    one.iter().flat_map(|a| two.iter().map(move |b| squared(a, b))).fold(f64::INFINITY, f64::min).sqrt()
+}
+
+/// Whether a body moves as a body followed from another sweep would.
+fn confirms(body: &Candidate, expected: &PlanarMotion) -> bool {
+    let difference = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    difference(body.motion.velocity, expected.velocity) <= CONFIRM[0] + CONFIRM[1] * expected.speed()
+        && difference(body.motion.centre, expected.centre) <= CONFIRM_DISTANCE
+}
+
+/// A rectangle along the motion around a body's evident points.
+struct Footprint {
+    along: [f64; 2],
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl Footprint {
+    fn of(body: &Candidate) -> Self {
+        let speed = body.motion.speed();
+        let along = body.motion.velocity.map(|x| x / speed);
+        let mut footprint = Self { along, low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
+        for point in &body.evident {
+            let local = footprint.local(*point);
+            for axis in 0..2 {
+                footprint.low[axis] = footprint.low[axis].min(local[axis]);
+                footprint.high[axis] = footprint.high[axis].max(local[axis]);
+            }
+        }
+        footprint
+    }
+
+    fn local(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [c, s] = self.along;
+        [c * x + s * y, c * y - s * x]
+    }
+
+    /// Whether a point is in it, with some room along and across the motion, metres.
+    fn contains(&self, point: [f64; 2], room: [f64; 2]) -> bool {
+        let local = self.local(point);
+        (0..2).all(|axis| (self.low[axis] - room[axis]..=self.high[axis] + room[axis]).contains(&local[axis]))
+    }
+}

@@ -1,0 +1,235 @@
+//! The motion that brings a body's points onto the points of the other sweeps.
+
+use super::plan::Plan;
+
+/// Fastest motion that is looked for, metres per second: 144 km/h.
+const SPEED_MAX: f64 = 40.0;
+/// Largest change of speed, metres per second squared: an emergency stop.
+const ACCELERATION_MAX: f64 = 9.0;
+/// Fastest turn, radians per second: a car in a crossing does half of it.
+const TURN_MAX: f64 = 1.5;
+/// Points of a body that the coarse search looks at, and the fine one.
+const COARSE_POINTS: usize = 40;
+const FINE_POINTS: usize = 120;
+/// Coarse motions that are looked at more closely, and of these the ones that are refined in all sweeps.
+const CANDIDATES: usize = 16;
+const FINALISTS: usize = 3;
+/// Share of the sweeps, the worst ones, that do not count: a body may be hidden in them.
+const HIDDEN: f64 = 0.34;
+/// Score that a metre per second costs: of equal alignments the slowest is meant.
+const SPEED_COST: f64 = 0.002;
+/// Gain of the score from which on an acceleration and a turn are believed.
+const BEND_GAIN: f64 = 0.02;
+/// Where the search for them begins, metres per second squared and radians per second.
+const ACCELERATIONS: [f64; 7] = [0.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0];
+const TURNS: [f64; 5] = [0.0, -0.5, -0.25, 0.25, 0.5];
+/// Length from which on a body's turn can be seen, metres.
+const TURN_LENGTH: f64 = 2.0;
+
+/// Horizontal motion of a rigid body about a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanarMotion {
+    /// Of the body's middle at that time, metres.
+    pub centre: [f64; 2],
+    /// Of the middle, metres per second.
+    pub velocity: [f64; 2],
+    /// Along the velocity, metres per second squared.
+    pub acceleration: f64,
+    /// Counter-clockwise from above, radians per second.
+    pub turn: f64,
+}
+
+impl PlanarMotion {
+    /// At rest.
+    pub fn rest(centre: [f64; 2]) -> Self {
+        Self { centre, velocity: [0.0; 2], acceleration: 0.0, turn: 0.0 }
+    }
+
+    /// Metres per second.
+    pub fn speed(&self) -> f64 {
+        self.velocity[0].hypot(self.velocity[1])
+    }
+
+    /// Velocity and acceleration of the body at a position, metres and seconds.
+    pub fn at(&self, position: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        let ([vx, vy], speed) = (self.velocity, self.speed());
+        let arm = [position[0] - self.centre[0], position[1] - self.centre[1]];
+        let along = if speed > 0.0 { self.acceleration / speed } else { 0.0 };
+        let velocity = [vx - self.turn * arm[1], vy + self.turn * arm[0]];
+        let squared = self.turn * self.turn;
+        let acceleration =
+            [along * vx - self.turn * vy - squared * arm[0], along * vy + self.turn * vx - squared * arm[1]];
+        (velocity, acceleration)
+    }
+
+    /// The same motion about a later time, its acceleration unchanged along the velocity.
+    pub fn after(&self, seconds: f64) -> Self {
+        let (velocity, acceleration) = self.at(self.centre);
+        let velocity = [0, 1].map(|axis| velocity[axis] + seconds * acceleration[axis]);
+        Self { centre: self.moved(self.centre, seconds), velocity, ..*self }
+    }
+
+    /// Where a position is after `seconds`.
+    pub fn moved(&self, position: [f64; 2], seconds: f64) -> [f64; 2] {
+        let (velocity, acceleration) = self.at(position);
+        [0, 1].map(|axis| position[axis] + seconds * (velocity[axis] + 0.5 * seconds * acceleration[axis]))
+    }
+}
+
+/// Another sweep as a body sees it.
+#[derive(Clone, Copy)]
+pub struct Other<'a> {
+    /// Its points from above.
+    pub plan: &'a Plan,
+    /// Seconds from the body's sweep to it.
+    pub after: f64,
+}
+
+/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the body
+/// seems hidden.
+pub fn score(points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
+    score_without(HIDDEN, points, motion, others)
+}
+
+/// The same without a share of the sweeps, the worst ones.
+pub fn score_without(hidden: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
+    let of_sweep = |other: &Other| {
+        let close = |point: &[f64; 2]| {
+            let [x, y] = motion.moved(*point, other.after);
+            f64::from(other.plan.closeness(x, y))
+        };
+        points.iter().map(close).sum::<f64>() / points.len().max(1) as f64
+    };
+    let mut scores: Vec<f64> = others.iter().map(of_sweep).collect();
+    scores.sort_by(|a, b| b.total_cmp(a));
+    scores.truncate(scores.len() - (hidden * scores.len() as f64) as usize);
+    scores.iter().sum::<f64>() / scores.len().max(1) as f64
+}
+
+/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time.
+pub fn search(body: &[[f64; 2]], others: &[Other]) -> (PlanarMotion, f64, f64) {
+    let points = thinned(body, FINE_POINTS);
+    let centre = [0, 1].map(|axis| body.iter().map(|p| p[axis]).sum::<f64>() / body.len() as f64);
+    let rest = PlanarMotion::rest(centre);
+    let resting = score(&points, &rest, others);
+    let near = &others[..others.len().min(2)];
+    let mut found = coarse(&thinned(body, COARSE_POINTS), &rest, near);
+    let middle = &others[..others.len().min(3)];
+    let velocity_alone = [0.5, 0.5, 0.0, 0.0];
+    for candidate in &mut found {
+        *candidate = refine(&points, candidate.0, velocity_alone, &|points, motion| penalised(points, motion, middle));
+    }
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    found.truncate(FINALISTS);
+    let of_all = |points: &[[f64; 2]], motion: &PlanarMotion| penalised(points, motion, others);
+    let fine = found.iter().map(|(motion, _)| refine(&points, *motion, [0.25, 0.25, 0.0, 0.0], &of_all));
+    let best = fine.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((rest, resting));
+    let motion = bent(&points, best.0, others, extent(body) >= TURN_LENGTH);
+    (motion, of_all(&points, &motion).max(best.1), resting)
+}
+
+/// A motion with the acceleration and turn that the sweeps farthest in time show, or as it was where they show none.
+///
+/// Here all sweeps count: by leaving out the worst, a body that brakes would be one that is hidden in the far sweeps.
+fn bent(points: &[[f64; 2]], motion: PlanarMotion, others: &[Other], turns: bool) -> PlanarMotion {
+    let of_all = |points: &[[f64; 2]], motion: &PlanarMotion| {
+        score_without(0.0, points, motion, others) - SPEED_COST * motion.speed()
+    };
+    let straight = of_all(points, &motion);
+    let turns: &[f64] = if turns { &TURNS } else { &[0.0] };
+    let tried = ACCELERATIONS.iter().flat_map(|acceleration| {
+        turns.iter().map(move |turn| PlanarMotion { acceleration: *acceleration, turn: *turn, ..motion })
+    });
+    let Some(from) = tried.max_by(|a, b| of_all(points, a).total_cmp(&of_all(points, b))) else { return motion };
+    let turn = if turns.len() > 1 { 0.1 } else { 0.0 };
+    let (found, value) = refine(points, from, [0.25, 0.25, 0.5, turn], &of_all);
+    if value >= straight + BEND_GAIN { found } else { motion }
+}
+
+fn extent(points: &[[f64; 2]]) -> f64 {
+    let along = |axis: usize| {
+        let values = points.iter().map(|p| p[axis]);
+        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
+    };
+    along(0).hypot(along(1))
+}
+
+/// At most `most` points, evenly of the list.
+fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
+    points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
+}
+
+fn penalised(points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
+    score(points, motion, others) - SPEED_COST * motion.speed()
+}
+
+/// The best velocities of a grid, by the sweeps nearest in time.
+fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other]) -> Vec<(PlanarMotion, f64)> {
+    // A step moves the points by half the reach in the sweep next in time.
+    let Some(interval) = near.first().map(|other| other.after.abs()) else { return Vec::new() };
+    let step = (0.5 * super::plan::REACH / interval.max(1e-3)).min(SPEED_MAX);
+    let side = (SPEED_MAX / step) as i32;
+    let mut scores = Vec::new();
+    for row in -side..=side {
+        for column in -side..=side {
+            let velocity = [f64::from(column) * step, f64::from(row) * step];
+            let motion = PlanarMotion { velocity, ..*rest };
+            if motion.speed() <= SPEED_MAX {
+                scores.push((motion, penalised(points, &motion, near)));
+            }
+        }
+    }
+    scores.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut kept: Vec<(PlanarMotion, f64)> = Vec::new();
+    for (motion, value) in scores {
+        let apart = |(other, _): &(PlanarMotion, f64)| {
+            let [dx, dy] = [0, 1].map(|axis| motion.velocity[axis] - other.velocity[axis]);
+            dx.hypot(dy) >= 1.5 * step
+        };
+        if kept.iter().all(apart) {
+            kept.push((motion, value));
+        }
+        if kept.len() == CANDIDATES {
+            break;
+        }
+    }
+    kept
+}
+
+/// What is to become large: of points and a motion.
+type Value<'a> = &'a dyn Fn(&[[f64; 2]], &PlanarMotion) -> f64;
+
+/// Compass search from a motion: the parameters (velocity, acceleration, turn) change by `steps`, which are halved four
+/// times. A parameter with the step 0 stays.
+fn refine(points: &[[f64; 2]], from: PlanarMotion, steps: [f64; 4], value_of: Value) -> (PlanarMotion, f64) {
+    let (mut best, mut value) = (from, value_of(points, &from));
+    for halving in 0..4 {
+        // A round that gains nothing ends the size; no size needs more rounds than the grid's step has of its steps.
+        for _ in 0..8 {
+            let before = value;
+            for (parameter, step) in steps.iter().enumerate() {
+                for sign in [-1.0, 1.0] {
+                    let tried = changed(&best, parameter, sign * step * 0.5f64.powi(halving));
+                    let reached = if *step > 0.0 { value_of(points, &tried) } else { value };
+                    if reached > value {
+                        (best, value) = (tried, reached);
+                    }
+                }
+            }
+            if value <= before {
+                break;
+            }
+        }
+    }
+    (best, value)
+}
+
+fn changed(motion: &PlanarMotion, parameter: usize, by: f64) -> PlanarMotion {
+    let mut changed = *motion;
+    match parameter {
+        0 | 1 => changed.velocity[parameter] += by,
+        2 => changed.acceleration = (changed.acceleration + by).clamp(-ACCELERATION_MAX, ACCELERATION_MAX),
+        _ => changed.turn = (changed.turn + by).clamp(-TURN_MAX, TURN_MAX),
+    }
+    changed
+}

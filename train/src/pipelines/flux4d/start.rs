@@ -1,0 +1,93 @@
+//! The velocities that rows start with: what the sweeps of a snippet themselves show (`lift.velocity = "aligned"`).
+
+use glam::DMat4;
+use gs_driving::{DrivingLog, Snippet, Sweep};
+use gs_models::flux4d::PolynomialMotion;
+use gs_models::flux4d::alignment::{Aligned, AlignedSweep, align};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+
+/// Horizontal motion of a row at its own time; zero at rest.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RowMotion {
+    /// Metres per window.
+    pub velocity: [f32; 2],
+    /// Metres per squared window.
+    pub acceleration: [f32; 2],
+}
+
+impl RowMotion {
+    /// Whether the row moves.
+    pub fn moves(&self) -> bool {
+        self.velocity != [0.0; 2]
+    }
+
+    /// The coefficients of Eq. 2, `v_0`, `v_1`, ..., of a row with the own time `time` (0 to 1).
+    pub fn coefficients(&self, motion: PolynomialMotion, time: f32) -> Vec<f32> {
+        let mut row = vec![0.0; motion.columns()];
+        let bent = motion.degree() > 0;
+        for axis in 0..2 {
+            row[axis] = self.velocity[axis] - if bent { self.acceleration[axis] * time } else { 0.0 };
+            if bent {
+                row[3 + axis] = self.acceleration[axis];
+            }
+        }
+        row
+    }
+}
+
+/// The motions of all points of a snippet.
+pub struct Motions {
+    aligned: Aligned,
+    positions: Vec<Vec<[f32; 3]>>,
+    /// Seconds.
+    window: f64,
+}
+
+impl Motions {
+    /// Of the input sweeps, in the axes of the snippet; only points that are `seen` may move.
+    pub fn of(
+        log: &DrivingLog,
+        snippet: &Snippet,
+        (sweeps, from_world): (&[Sweep], &DMat4),
+        seen: &[Vec<bool>],
+        [begin, end]: [f64; 2],
+    ) -> Self {
+        let _stage = gs_burn::profile::stage("alignment");
+        let inputs: Vec<AlignedSweep> = snippet
+            .inputs
+            .iter()
+            .zip(sweeps)
+            .map(|(frame, sweep)| AlignedSweep {
+                points: &sweep.points,
+                time: log.frames()[*frame].time,
+                origin: from_world.transform_point3(log.lidar_position(*frame)).to_array(),
+            })
+            .collect();
+        let aligned = align(&inputs, seen);
+        let positions = sweeps.iter().map(|sweep| sweep.points.clone()).collect();
+        Self { aligned, positions, window: end - begin }
+    }
+
+    /// Whether a point of a sweep moves.
+    pub fn moves(&self, sweep: usize, point: usize) -> bool {
+        self.aligned.of_point[sweep][point].is_some()
+    }
+
+    /// The motion of a point.
+    pub fn of_point(&self, sweep: usize, point: usize) -> RowMotion {
+        let (velocity, acceleration) = self.aligned.motion(sweep, point, self.positions[sweep][point]);
+        RowMotion {
+            velocity: velocity.map(|v| (v * self.window) as f32),
+            acceleration: acceleration.map(|a| (a * self.window * self.window) as f32),
+        }
+    }
+}
+
+/// The motion of each of the points `after`: that of the nearest of the points `before` that were merged into them.
+pub fn motions_of(before: &[[f32; 3]], motions: &[RowMotion], after: &[[f32; 3]]) -> Vec<RowMotion> {
+    if before == after {
+        return motions.to_vec();
+    }
+    let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(before);
+    after.iter().map(|point| motions[tree.nearest_one::<SquaredEuclidean>(point).item as usize]).collect()
+}
