@@ -74,8 +74,8 @@ impl Points {
                 let local = laser.extrinsic.transform_point3(range * DVec3::new(cos * level, sin * level, rise));
                 let pose = poses.map_or(frame.pose, |poses| pose(poses.pixel(row, column)));
                 let world = pose.transform_point3(local);
-                // Not a number is not near either.
-                if !(world.distance(frame.pose.w_axis.truncate()) <= RANGE_MAX) {
+                let away = world.distance(frame.pose.w_axis.truncate());
+                if away.is_nan() || away > RANGE_MAX {
                     self.sweep.left_out += 1;
                     continue;
                 }

@@ -23,7 +23,7 @@ const PAIR_MAX: f64 = 0.25;
 /// Where a segment is read from.
 #[derive(Debug)]
 enum Source {
-    Modular(Modular),
+    Modular(Box<Modular>),
     Records(Records),
 }
 
@@ -49,11 +49,11 @@ impl Segment {
             let found = names::segments(path);
             let [name] = &found[..] else { return Err(several(path, &found)) };
             let (parts, source) = Modular::open(path, name)?;
-            (parts, Source::Modular(source))
+            (parts, Source::Modular(Box::new(source)))
         } else if let Some(name) = stem(path, names::PARQUET) {
             let root = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
             let (parts, source) = Modular::open(root, &name)?;
-            (parts, Source::Modular(source))
+            (parts, Source::Modular(Box::new(source)))
         } else {
             let (parts, source) = Records::open(path)?;
             (parts, Source::Records(source))

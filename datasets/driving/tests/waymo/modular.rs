@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use parquet::basic::{ConvertedType, Repetition, Type as Kind};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
@@ -298,9 +298,14 @@ pub fn components() -> Vec<(&'static str, Columns)> {
 
 /// The photo of a camera. PNG keeps it exactly; the reader tells the format by the content.
 pub fn png(camera: &Camera) -> Vec<u8> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    photo(camera).write_to(&mut bytes, image::ImageFormat::Png).expect("encoded");
-    bytes.into_inner()
+    static PHOTOS: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
+        cameras().map(|camera| {
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            photo(&camera).write_to(&mut bytes, image::ImageFormat::Png).expect("encoded");
+            bytes.into_inner()
+        })
+    });
+    PHOTOS[camera.number as usize - 1].clone()
 }
 
 /// Writes all components.

@@ -16,7 +16,7 @@ pub fn masked(bytes: &[u8]) -> u32 {
         }
     }
     let crc = !crc;
-    (crc >> 15 | crc << 17).wrapping_add(0xa282_ead8)
+    crc.rotate_right(15).wrapping_add(0xa282_ead8)
 }
 
 /// A record around a content.
@@ -73,9 +73,13 @@ impl Message {
 pub fn matrix(shape: [usize; 3], values: &[f32]) -> Vec<u8> {
     let data: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     let sides = shape.iter().fold(Message::default(), |message, side| message.integer(1, *side as u64));
-    let message = Message::default().bytes(1, &data).bytes(2, &sides.0);
+    deflated(&Message::default().bytes(1, &data).bytes(2, &sides.0).0)
+}
+
+/// A zlib stream.
+pub fn deflated(content: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(&message.0).expect("packed");
+    encoder.write_all(content).expect("packed");
     encoder.finish().expect("packed")
 }
 

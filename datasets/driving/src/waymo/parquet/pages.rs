@@ -21,6 +21,8 @@ pub(crate) struct Pages {
     codec: Compression,
     /// Bytes of one value at least, as they lie in a dictionary.
     value_bytes: i64,
+    /// Whether a dictionary was given, without which its indices have no meaning.
+    has_dictionary: bool,
 }
 
 /// The kinds of pages that are read (`PageType` of the format).
@@ -53,7 +55,7 @@ fn broken(text: impl Into<String>) -> ParquetError {
 impl Pages {
     /// The pages in the bytes of a chunk.
     pub fn new(bytes: Bytes, codec: Compression, value_bytes: i64) -> Self {
-        Self { bytes, at: 0, codec, value_bytes }
+        Self { bytes, at: 0, codec, value_bytes, has_dictionary: false }
     }
 
     /// The next header of a kind that is read; pages of other kinds are passed over.
@@ -136,6 +138,12 @@ impl Pages {
             if plain == 0 { rest.into() } else { [&packed[..plain], &rest].concat().into() }
         };
         let (num_values, encoding) = (header.values as u32, encoding(header.encoding)?);
+        let is_index = matches!(encoding, Encoding::PLAIN_DICTIONARY | Encoding::RLE_DICTIONARY);
+        if header.kind == DICTIONARY {
+            self.has_dictionary = true;
+        } else if is_index && !self.has_dictionary {
+            return Err(broken("indices without a dictionary"));
+        }
         Ok(match header.kind {
             DICTIONARY => Page::DictionaryPage { buf: content, num_values, encoding, is_sorted: false },
             DATA => Page::DataPage {
