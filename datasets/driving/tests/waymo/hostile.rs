@@ -214,3 +214,13 @@ fn matrices_with_mistakes() {
     assert!(laser(&record::matrix([8, 40, 3], &[1.0; 960])).contains("3 channels"));
     assert!(laser(&record::matrix([2, 40, 4], &[1.0; 320])).is_empty(), "evenly spaced rows may be any number");
 }
+
+/// A small stream whose content would fill the memory is given up at the limit. Those of pages are tested beside the codecs.
+#[test]
+fn a_matrix_that_swells() {
+    // 65 MiB of zeros in 65 KB.
+    let image = Message::default().bytes(2, &record::deflated(&vec![0; 65 << 20]));
+    let laser = Message::default().integer(1, 2).bytes(2, &image.0);
+    let said = of_records(&framed(&Message(record::frame(0)).bytes(5, &laser.0).0));
+    assert!(said.contains("more than 64 MiB"), "{said}");
+}

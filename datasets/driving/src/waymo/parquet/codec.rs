@@ -23,9 +23,10 @@ pub(crate) fn unpack(codec: Compression, packed: &[u8], size: usize) -> Result<V
         Compression::SNAPPY => {
             let length = snap::raw::decompress_len(packed).map_err(|_| wrong("Snappy"))?;
             // A copy of 64 bytes takes two.
-            if length == size && length / 64 <= packed.len() {
-                content = snap::raw::Decoder::new().decompress_vec(packed).map_err(|_| wrong("Snappy"))?;
+            if length != size || length / 64 > packed.len() {
+                return Err(wrong("Snappy"));
             }
+            content = snap::raw::Decoder::new().decompress_vec(packed).map_err(|_| wrong("Snappy"))?;
         }
         Compression::GZIP(_) => drop(read(&mut MultiGzDecoder::new(packed), "gzip")?),
         Compression::BROTLI(_) => drop(read(&mut brotli_decompressor::Decompressor::new(packed, BUFFER), "Brotli")?),
