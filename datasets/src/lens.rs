@@ -166,9 +166,12 @@ impl Lens {
 /// Every pinhole and radial model is a case of it: COLMAP's RADIAL has k1 and k2, OPENCV adds p1 and p2, FULL_OPENCV
 /// adds k3 and d (its k4..k6); nerfstudio's polynomial has k1..k4.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Distortion {
+pub struct Distortion {
+    /// k1 to k4.
     pub k: [f64; 4],
+    /// d1 to d3.
     pub d: [f64; 3],
+    /// p1 and p2.
     pub p: [f64; 2],
 }
 
@@ -201,7 +204,7 @@ impl Distortion {
 
     /// The squared radius up to which the observed radius `r g(r^2)` grows with the ideal radius `r`, at most `limit`.
     /// Beyond it the polynomial folds back and would show parts of the photo a second time.
-    pub fn valid_radius2(&self, limit: f64) -> f64 {
+    pub(crate) fn valid_radius2(&self, limit: f64) -> f64 {
         const STEPS: usize = 1024;
         let end = limit.sqrt();
         let mut last = 0.0;

@@ -69,6 +69,7 @@ pub use check::{CheckReport, check};
 pub use consistency::frame_interval;
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
+pub use lens::Distortion;
 pub use loader::{load, load_cameras};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
@@ -76,10 +77,11 @@ pub use names::some_names;
 pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SparseViews, SplitUse,
 };
-pub use photo::{ExrChannels, photo_size, read_exr, read_photo};
+pub use photo::{ExrChannels, decode_photo, downscaled_size, photo_size, read_exr, read_photo};
 pub use plural::{agree, counted};
 pub use printable::printable;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
 pub use split::{ViewKind, view_kind};
 pub use statistics::mean;
 pub use subject::{nearest_to_axes, subject, subject_distance};
+pub use undistort::Undistortion;

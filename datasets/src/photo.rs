@@ -1,4 +1,4 @@
-//! Single photos and maps for readers of other kinds of logs: [`read_photo`], [`photo_size`], [`read_exr`].
+//! Single photos and maps for readers of other kinds of logs: [`read_photo`], [`decode_photo`], [`photo_size`], [`read_exr`].
 
 use std::path::Path;
 
@@ -9,6 +9,7 @@ use crate::pixels::{self, Behind};
 use crate::priors::{exr, map::Map};
 use crate::resample::resample;
 use crate::resize::target_size;
+use crate::undistort::Undistortion;
 
 /// Decodes a PNG or JPEG file and downscales it by area to `max_width` pixels where it is wider. Transparent pixels are composited on
 /// black.
@@ -20,6 +21,33 @@ pub fn read_photo(path: &Path, max_width: Option<usize>) -> Result<RgbImage8, Da
     let (width, height) = target_size(photo.size(), max_width);
     let (data, _) = resample(photo, &[], None, (width, height));
     Ok(RgbImage8 { width, height, data })
+}
+
+/// As [`read_photo`], of the content of a photo in a larger file, `path`, which messages name. With an `undistortion` the lens distortion
+/// is removed before the image is downscaled.
+///
+/// # Errors
+/// As [`read_photo`], and when the photo has another size than the undistortion.
+pub fn decode_photo(
+    path: &Path,
+    bytes: &[u8],
+    max_width: Option<usize>,
+    undistortion: Option<&Undistortion>,
+) -> Result<RgbImage8, DatasetError> {
+    let photo = pixels::open_bytes(path, bytes, Behind { color: [0.0; 3], is_light: false })?;
+    let size = photo.size();
+    if let Some(expected) = undistortion.map(Undistortion::size).filter(|expected| *expected != size) {
+        let expected = format!("{} x {} pixels, as the calibration says", expected.0, expected.1);
+        return Err(DatasetError::malformed(path, "an image", expected, format!("{} x {}", size.0, size.1)));
+    }
+    let (width, height) = target_size(size, max_width);
+    let (data, _) = resample(photo, &[], undistortion, (width, height));
+    Ok(RgbImage8 { width, height, data })
+}
+
+/// The width and height to which an image of `size` pixels is downscaled with `max_width`.
+pub fn downscaled_size(size: (usize, usize), max_width: Option<usize>) -> (usize, usize) {
+    target_size(size, max_width)
 }
 
 /// Width and height that [`read_photo`] gives, pixels, from the header of the file; and its full width and height.

@@ -59,8 +59,12 @@ impl Photo {
 
 /// Opens an image file within limits. The format is told from the content, because wrong extensions are common.
 pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
-    let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
-    let mut reader = ImageReader::new(Cursor::new(&bytes));
+    decode_bytes(path, &guarded::read(path, guarded::IMAGE_MAX)?)
+}
+
+/// Decodes the content of an image file within limits; `path` is for messages.
+fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes));
     reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(SIDE_MAX);
@@ -69,11 +73,11 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
     reader.limits(limits);
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
     let is_read = matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg));
-    if let Some(foreign) = Foreign::of_bytes(&bytes).filter(|_| !is_read) {
+    if let Some(foreign) = Foreign::of_bytes(bytes).filter(|_| !is_read) {
         return Err(wrong(foreign.advice()));
     }
     // The decoder fills what is missing with grey and says nothing.
-    if reader.format() == Some(ImageFormat::Jpeg) && !jpeg::is_whole(&bytes) {
+    if reader.format() == Some(ImageFormat::Jpeg) && !jpeg::is_whole(bytes) {
         return Err(wrong(format!("a JPEG cut short, of {} bytes", bytes.len())));
     }
     let decoder = reader.into_decoder().map_err(|error| wrong(error.to_string()))?;
@@ -124,7 +128,16 @@ impl Behind {
 /// Opens a photo and composites it on the background `behind`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
 /// floats and before any resampling. Resampling first would mix in the hidden colour of transparent pixels.
 pub(crate) fn open(path: &Path, behind: Behind) -> Result<Photo, DatasetError> {
-    Ok(match decode(path)? {
+    Ok(composited(decode(path)?, behind))
+}
+
+/// As [`open`], of the content of a file; `path` is for messages.
+pub(crate) fn open_bytes(path: &Path, bytes: &[u8], behind: Behind) -> Result<Photo, DatasetError> {
+    Ok(composited(decode_bytes(path, bytes)?, behind))
+}
+
+fn composited(image: DynamicImage, behind: Behind) -> Photo {
+    match image {
         DynamicImage::ImageRgb8(image) => Photo::Rgb8(image),
         image @ DynamicImage::ImageLuma8(_) => Photo::Rgb8(image.into_rgb8()),
         image if !image.color().has_alpha() => Photo::Rgb32(image.into_rgb32f()),
@@ -137,5 +150,5 @@ pub(crate) fn open(path: &Path, behind: Behind) -> Result<Photo, DatasetError> {
             }
             Photo::Rgb32(rgb)
         }
-    })
+    }
 }

@@ -8,8 +8,15 @@ use crate::frame::Intrinsics;
 use crate::lens::Distortion;
 use crate::pixels::Photo;
 
+/// Most by which [`Undistortion::filling`] enlarges the focal lengths. A lens that needs more would lose three quarters of the photo.
+const ZOOM_MAX: f64 = 2.0;
+
+/// Halvings of the interval of enlargements: the last one moves no pixel of an image with 65 535 columns by a hundredth of its width.
+const ZOOM_STEPS: usize = 24;
+
 /// From ideal pixels to positions in the photo.
-pub(crate) struct Undistortion {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Undistortion {
     distortion: Distortion,
     intrinsics: Intrinsics,
     /// 1/fx and 1/fy.
@@ -21,7 +28,7 @@ pub(crate) struct Undistortion {
 
 impl Undistortion {
     /// For a photo of `size` pixels with these intrinsics; `None` when there is nothing to undo.
-    pub fn new(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
+    pub(crate) fn new(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
         if distortion.is_none() {
             return None;
         }
@@ -31,6 +38,55 @@ impl Undistortion {
         let valid_radius2 = distortion.valid_radius2(x * x + y * y);
         let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
         Some(Self { distortion, intrinsics, inverse, width, height, valid_radius2 })
+    }
+
+    /// For readers without masks: the focal lengths of the ideal image are larger than `intrinsics`, those of the photo, by the smallest
+    /// factor with which every pixel of the ideal image is in the photo; the principal point stays. Also the ideal intrinsics. `None`
+    /// when a coefficient is not finite, or when the factor would be above 2.
+    pub fn filling(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<(Self, Intrinsics)> {
+        let (width, height) = (size.0 as f64, size.1 as f64);
+        let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
+        // The limit of the search for a fold; the ideal image shows no more than this.
+        let far = |side: f64, c: f64, f: f64| (c / f).abs().max(((side - c) / f).abs());
+        let (x, y) = (far(width, intrinsics.cx, intrinsics.fx), far(height, intrinsics.cy, intrinsics.fy));
+        if !(distortion.is_finite() && x.is_finite() && y.is_finite()) {
+            return None;
+        }
+        let valid_radius2 = distortion.valid_radius2(x * x + y * y);
+        let zoomed = |zoom: f64| Self {
+            distortion,
+            intrinsics,
+            inverse: (inverse.0 / zoom, inverse.1 / zoom),
+            width,
+            height,
+            valid_radius2,
+        };
+        let (mut low, mut high) = (1.0, ZOOM_MAX);
+        if zoomed(low).is_filled() {
+            high = low;
+        } else if !zoomed(high).is_filled() {
+            return None;
+        }
+        for _ in 0..ZOOM_STEPS {
+            let middle = 0.5 * (low + high);
+            if zoomed(middle).is_filled() { high = middle } else { low = middle }
+        }
+        let Intrinsics { fx, fy, cx, cy } = intrinsics;
+        Some((zoomed(high), Intrinsics { fx: fx * high, fy: fy * high, cx, cy }))
+    }
+
+    /// Whether every pixel of the ideal image is in the photo. The pixels of the border are looked at: within the fold the model is
+    /// continuous and one to one, so that the inside of the border's curve stays inside.
+    fn is_filled(&self) -> bool {
+        let shows = |u: f64, v: f64| self.observed(u, v).is_some();
+        let pixels = |side: f64| (0..side as usize).map(|i| i as f64 + 0.5);
+        pixels(self.width).all(|u| shows(u, 0.5) && shows(u, self.height - 0.5))
+            && pixels(self.height).all(|v| shows(0.5, v) && shows(self.width - 0.5, v))
+    }
+
+    /// Width and height of the photo and of the ideal image, pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width as usize, self.height as usize)
     }
 
     /// The photo's position of the ideal image's point (u, v), in pixels from the corner; `None` outside the photo.

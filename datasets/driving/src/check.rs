@@ -57,7 +57,7 @@ struct SweepNote {
     left_out: usize,
     /// Share of points in any image of the frame; `None` without images.
     seen: Option<f64>,
-    /// Points of each of the first sensors.
+    /// Points of the first sensor and of all others.
     by_sensor: [usize; 2],
     /// First and last time of a point, seconds after the time of the frame.
     span: Option<(f64, f64)>,
@@ -157,7 +157,7 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
     let sensors = [0, 1].map(|sensor| good.iter().map(|note| note.by_sensor[sensor]).sum::<usize>());
     let share = sensors[1] as f64 / (sensors[0] + sensors[1]).max(1) as f64;
     report.facts.push(format!(
-        "{} of {low:.0} to {high:.0} points; {:.0} % are of the second LiDAR.",
+        "{} of {low:.0} to {high:.0} points; {:.0} % are not of the first LiDAR.",
         counted(good.len(), "sweep"),
         100.0 * share
     ));
@@ -227,7 +227,7 @@ fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {
         points: sweep.len(),
         left_out: sweep.left_out,
         seen: (!views.is_empty()).then_some(seen),
-        by_sensor: [0, 1].map(|sensor| sweep.sensor.iter().filter(|s| **s == sensor).count()),
+        by_sensor: [true, false].map(|first| sweep.sensor.iter().filter(|sensor| (**sensor == 0) == first).count()),
         span,
         objects: sweep.labels.as_ref().map(|labels| labels.tracks.len()),
     }

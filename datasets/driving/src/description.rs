@@ -8,13 +8,14 @@ use gs_datasets::Intrinsics;
 /// A frame: one sweep of the LiDAR and one image of each camera, as far as they are there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// The name of the frame's files: "45" of `45.jpg` in PandaSet, the time stamp of the sweep in Argoverse 2.
+    /// The name of the frame's files: "45" of `45.jpg` in PandaSet, the time stamp of the sweep in Argoverse 2 and Waymo.
     pub name: String,
-    /// Unix seconds of the sweep. PandaSet: its end. Argoverse 2: its begin.
+    /// Unix seconds of the sweep. PandaSet: its end. Argoverse 2 and Waymo: its begin.
     pub time: f64,
     /// Whether there is a sweep.
     pub has_sweep: bool,
-    /// Ego vehicle to centred world. PandaSet: x to the right, y ahead. Argoverse 2: x ahead, y to the left. z is up in both.
+    /// Ego vehicle to centred world. PandaSet: x to the right, y ahead. Argoverse 2 and Waymo: x ahead, y to the left. z is up in all. That
+    /// of Waymo is of about the middle of the sweep.
     pub ego: DMat4,
 }
 
@@ -27,7 +28,7 @@ pub struct Camera {
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// At that size; the lens is a pinhole.
+    /// At that size; the lens is a pinhole, and distortion is removed when an image is decoded.
     pub intrinsics: Intrinsics,
     /// Rows at the bottom in which the camera sees the ego vehicle itself; 0 for most.
     pub ego_rows: usize,
@@ -40,7 +41,7 @@ pub struct Shot {
     pub time: f64,
     /// Camera to centred world, OpenCV axes (x right, y down, z forward).
     pub c2w: DMat4,
-    /// The file; `None` where the pose is known and the image is missing.
+    /// The file, or the file with all images of a Waymo segment; `None` where the pose is known and the image is missing.
     pub image: Option<PathBuf>,
 }
 

@@ -1,7 +1,7 @@
 //! Driving logs: cameras and LiDAR on a moving vehicle.
 //!
-//! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts) or of Argoverse 2 Sensor, and decodes a [`Sweep`] or an image
-//! when it is asked for. [`snippets`] cuts a log into the pieces that are reconstructed together, [`colors`] gives points the colours of
+//! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts), of Argoverse 2 Sensor or, with the feature `waymo`, of the Waymo
+//! Open Dataset (both versions), and decodes a [`Sweep`] or an image when it is asked for. [`snippets`] cuts a log into the pieces that are reconstructed together, [`colors`] gives points the colours of
 //! the images, [`check`] reports what is there, and [`synthetic`] writes streets with exact truth in PandaSet's own layout.
 //!
 //! Neighbours: `gs-datasets` has the errors, the photos and the caches ([`DrivingLog`] is a [`FrameSource`](gs_datasets::FrameSource)).
@@ -38,6 +38,7 @@ mod project;
 mod snippet;
 mod sweep;
 pub mod synthetic;
+mod waymo;
 
 pub use boxes::FLOW_INTERVAL;
 pub use check::{DrivingReport, check};

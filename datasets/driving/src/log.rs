@@ -10,6 +10,9 @@ use crate::description::{Camera, Description, Frame, Shot};
 use crate::options::LogOptions;
 use crate::pandaset;
 use crate::sweep::{Cuboid, Sweep};
+use crate::waymo;
+#[cfg(feature = "waymo")]
+use crate::waymo::segment::Segment;
 
 /// The layouts that are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,6 +21,8 @@ pub enum LogFormat {
     PandaSet,
     /// A log of Argoverse 2 Sensor.
     Argoverse,
+    /// A segment of the Waymo Open Dataset, read with the feature `waymo`.
+    Waymo,
 }
 
 impl LogFormat {
@@ -26,24 +31,28 @@ impl LogFormat {
         match self {
             Self::PandaSet => "PandaSet",
             Self::Argoverse => "Argoverse 2 Sensor",
+            Self::Waymo => "Waymo Open Dataset",
         }
     }
 
     /// The place of the LiDAR that turns, metres, in the axes of the ego vehicle. It is that of the data set's vehicles; logs do not have it
-    /// (PandaSet) or differ by centimetres (Argoverse 2).
+    /// (PandaSet) or differ by centimetres.
     fn lidar(self) -> DVec3 {
         match self {
             Self::PandaSet => DVec3::new(0.0, 0.8, 1.85),
             Self::Argoverse => DVec3::new(1.35, 0.0, 1.64),
+            Self::Waymo => DVec3::new(1.43, 0.0, 2.18),
         }
     }
 
-    /// The layout of a folder; `None` where it is no driving log.
+    /// The layout of a folder, or of a file of a Waymo segment; `None` where it is no driving log.
     pub fn of(folder: &Path) -> Option<Self> {
         if pandaset::names::is_sequence(folder) {
             Some(Self::PandaSet)
         } else if folder.join(argoverse::poses::EGO).is_file() {
             Some(Self::Argoverse)
+        } else if waymo::names::is_segment(folder) {
+            Some(Self::Waymo)
         } else {
             None
         }
@@ -66,26 +75,59 @@ pub struct DrivingLog {
     places: Vec<(usize, usize)>,
     /// `[frames][cameras]`: the place in `views`.
     index: Vec<Vec<Option<usize>>>,
+    /// The files of a Waymo segment.
+    #[cfg(feature = "waymo")]
+    segment: Option<Segment>,
 }
 
 impl DrivingLog {
-    /// Describes the log in a folder.
+    /// Describes the log in a folder. A Waymo segment may also be given by a file: `vehicle_pose/NAME.parquet` or that of another
+    /// component, or `NAME.tfrecord`.
     ///
     /// # Errors
-    /// One sentence: no known layout, a description that is missing or broken, times that do not ascend, no frame.
+    /// One sentence: no known layout, a description that is missing or broken, times that do not ascend, no frame; a Waymo segment
+    /// without the feature `waymo`.
     pub fn open(path: &Path, options: &LogOptions) -> Result<Self, DatasetError> {
         let format = LogFormat::of(path).ok_or_else(|| unknown(path))?;
         let description = match format {
             LogFormat::PandaSet => pandaset::describe::describe(path, options)?,
             LogFormat::Argoverse => argoverse::describe::describe(path, options)?,
+            LogFormat::Waymo => return Self::open_waymo(path, options),
         };
-        for warning in &description.warnings {
-            tracing::warn!("{}", printable(warning));
-        }
         Ok(Self::of(path, format, description, options))
     }
 
+    #[cfg(feature = "waymo")]
+    fn open_waymo(path: &Path, options: &LogOptions) -> Result<Self, DatasetError> {
+        let (segment, description) = Segment::open(path, options)?;
+        let mut log = Self::of(path, LogFormat::Waymo, description, options);
+        log.segment = Some(segment);
+        Ok(log)
+    }
+
+    #[cfg(not(feature = "waymo"))]
+    fn open_waymo(path: &Path, _: &LogOptions) -> Result<Self, DatasetError> {
+        Err(DatasetError::Unsupported {
+            path: path.to_path_buf(),
+            what: "a segment of the Waymo Open Dataset".to_string(),
+            expected: "a program built with the feature `waymo` (cargo build --release --features waymo)".to_string(),
+        })
+    }
+
+    /// Second returns of the lasers of a Waymo segment become points too, behind the first ones. Other logs stay as they are.
+    #[must_use]
+    #[cfg(feature = "waymo")]
+    pub fn with_second_returns(mut self) -> Self {
+        if let Some(segment) = &mut self.segment {
+            segment.with_second_returns = true;
+        }
+        self
+    }
+
     fn of(path: &Path, format: LogFormat, description: Description, options: &LogOptions) -> Self {
+        for warning in &description.warnings {
+            tracing::warn!("{}", printable(warning));
+        }
         let (mut views, mut places) = (Vec::new(), Vec::new());
         let mut index = vec![vec![None; description.cameras.len()]; description.frames.len()];
         for (f, (frame, shots)) in description.frames.iter().zip(&description.shots).enumerate() {
@@ -106,7 +148,17 @@ impl DrivingLog {
                 });
             }
         }
-        Self { path: path.to_path_buf(), format, description, options: options.clone(), views, places, index }
+        Self {
+            path: path.to_path_buf(),
+            format,
+            description,
+            options: options.clone(),
+            views,
+            places,
+            index,
+            #[cfg(feature = "waymo")]
+            segment: None,
+        }
     }
 
     /// The folder.
@@ -176,10 +228,10 @@ impl DrivingLog {
         self.index[frame][camera]
     }
 
-    /// Decodes an image.
+    /// Decodes an image; the lens distortion of Waymo's is removed.
     ///
     /// # Errors
-    /// When it is missing, broken, or of another size than the first image of its camera.
+    /// When it is missing, broken, or of another size than the first image of its camera (Waymo: than the calibration says).
     ///
     /// # Panics
     /// When there is no such frame or camera.
@@ -190,10 +242,19 @@ impl DrivingLog {
             let source = std::io::Error::from(std::io::ErrorKind::NotFound);
             return Err(DatasetError::Io { path, action: "read", source });
         };
-        let image = read_photo(path, self.options.max_width)?;
+        #[cfg(feature = "waymo")]
+        if let Some(segment) = &self.segment {
+            return self.sized(segment.image(frame, camera)?, camera, path);
+        }
+        self.sized(read_photo(path, self.options.max_width)?, camera, path)
+    }
+
+    /// The image, if it has the size of its camera.
+    fn sized(&self, image: RgbImage8, camera: usize, path: &Path) -> Result<RgbImage8, DatasetError> {
+        let described = &self.cameras()[camera];
         if (image.width, image.height) != (described.width, described.height) {
             return Err(DatasetError::Malformed {
-                path: path.clone(),
+                path: path.to_path_buf(),
                 location: "the image".to_string(),
                 expected: format!("{} x {} pixels, as the first of the camera", described.width, described.height),
                 found: format!("{} x {}", image.width, image.height),
@@ -214,6 +275,10 @@ impl DrivingLog {
         match self.format {
             LogFormat::PandaSet => pandaset::sweep::read(&self.path, this, next, self.origin()),
             LogFormat::Argoverse => argoverse::sweep::read(&self.path, this, next),
+            #[cfg(feature = "waymo")]
+            LogFormat::Waymo => self.segment().sweep(frame, self.origin()),
+            #[cfg(not(feature = "waymo"))]
+            LogFormat::Waymo => unreachable!("a Waymo segment does not open"),
         }
     }
 
@@ -231,7 +296,16 @@ impl DrivingLog {
                 Ok(pandaset::cuboids::read(&self.path, &this.name, self.origin())?.unwrap_or_default())
             }
             LogFormat::Argoverse => argoverse::sweep::cuboids(&self.path, this),
+            #[cfg(feature = "waymo")]
+            LogFormat::Waymo => self.segment().cuboids(frame, self.origin()),
+            #[cfg(not(feature = "waymo"))]
+            LogFormat::Waymo => unreachable!("a Waymo segment does not open"),
         }
+    }
+
+    #[cfg(feature = "waymo")]
+    fn segment(&self) -> &Segment {
+        self.segment.as_ref().expect("every log of this layout has its segment")
     }
 }
 
@@ -263,14 +337,16 @@ fn unknown(path: &Path) -> DatasetError {
     let found = if !path.exists() {
         "nothing there"
     } else if path.is_dir() {
-        "a folder with neither"
+        "a folder with none of them"
     } else {
-        "no folder"
+        "another file"
     };
     DatasetError::UnknownFormat {
         path: path.to_path_buf(),
-        expected: "a driving log: PandaSet (lidar/timestamps.json) or Argoverse 2 (city_SE3_egovehicle.feather)"
-            .to_string(),
+        expected:
+            "a driving log: PandaSet (lidar/timestamps.json), Argoverse 2 (city_SE3_egovehicle.feather) or Waymo \
+                   (vehicle_pose/NAME.parquet, NAME.tfrecord)"
+                .to_string(),
         found: found.to_string(),
     }
 }

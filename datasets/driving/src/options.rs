@@ -6,7 +6,7 @@ pub enum CameraUse {
     /// All of the log.
     #[default]
     All,
-    /// The one that looks ahead: `front_camera`, `ring_front_center`. The paper's tables use it alone.
+    /// The one that looks ahead: `front_camera`, `ring_front_center`, `FRONT`. The paper's tables use it alone.
     Front,
     /// Those of these names.
     Named(Vec<String>),
@@ -22,7 +22,7 @@ pub struct LogOptions {
 }
 
 /// Names of front cameras, by data set.
-const FRONT: [&str; 2] = ["front_camera", "ring_front_center"];
+const FRONT: [&str; 3] = ["front_camera", "ring_front_center", "FRONT"];
 
 impl CameraUse {
     /// Whether a camera is read.

@@ -33,10 +33,12 @@ impl ObjectClass {
         }
     }
 
-    /// The class of a box by its label in PandaSet or Argoverse 2. Boxes around things that stand (cones, signs, bollards) are background.
+    /// The class of a box by its label in PandaSet, Argoverse 2 or Waymo, which has one label for all vehicles. Boxes around things that
+    /// stand (cones, signs, bollards) are background.
     pub fn of_label(label: &str) -> Self {
-        const CAR: [&str; 5] = ["Car", "Pickup Truck", "Uncommon vehicle", "REGULAR_VEHICLE", "RIDEABLE"];
-        const WHEELED: [&str; 12] = [
+        const CAR: [&str; 6] =
+            ["Car", "Pickup Truck", "Uncommon vehicle", "REGULAR_VEHICLE", "RIDEABLE", "TYPE_VEHICLE"];
+        const WHEELED: [&str; 13] = [
             "Bicycle",
             "Motorcycle",
             "Motorized Scooter",
@@ -49,6 +51,7 @@ impl ObjectClass {
             "WHEELED_RIDER",
             "WHEELCHAIR",
             "STROLLER",
+            "TYPE_CYCLIST",
         ];
         const OTHER: [&str; 19] = [
             "Medium-sized Truck",
@@ -77,7 +80,9 @@ impl ObjectClass {
             Self::WheeledVru
         } else if OTHER.contains(&label) || label == "RAILED_VEHICLE" {
             Self::OtherVehicle
-        } else if label.starts_with("Pedestrian") || matches!(label, "PEDESTRIAN" | "OFFICIAL_SIGNALER") {
+        } else if label.starts_with("Pedestrian")
+            || matches!(label, "PEDESTRIAN" | "OFFICIAL_SIGNALER" | "TYPE_PEDESTRIAN")
+        {
             Self::Pedestrian
         } else {
             Self::Background
@@ -135,7 +140,7 @@ pub struct Labels {
     /// Names of the objects of this sweep, the same for an object in all sweeps.
     pub tracks: Vec<String>,
     /// How far the surface moves in the next 0.1 s in the world, metres: the ego vehicle's own motion is no part of it. `None` where it is
-    /// not known, as for an object without a box in the next frame.
+    /// not known, as for an object without a box in the next frame, or in a zone that nobody has labelled.
     pub flow: Vec<Option<[f32; 3]>>,
     /// The data set's own semantic class number; empty where there are none.
     pub semantic: Vec<u8>,
@@ -148,9 +153,10 @@ pub struct Sweep {
     pub points: Vec<[f32; 3]>,
     /// Seconds on the clock of [`Frame::time`](crate::Frame::time), one a point.
     pub times: Vec<f64>,
-    /// As the sensor gives it, 0 to 255.
+    /// As the sensor gives it, 0 to 255; of Waymo, not bounded.
     pub intensity: Vec<f32>,
-    /// The LiDAR. PandaSet: 0 turns, 1 looks ahead. Argoverse 2: 0 is the upper, 1 the lower one.
+    /// The LiDAR. PandaSet: 0 turns, 1 looks ahead. Argoverse 2: 0 is the upper, 1 the lower one. Waymo: 0 is on the roof, 1 to 4 are ahead,
+    /// to the left, to the right and behind.
     pub sensor: Vec<u8>,
     /// `None` where the data set has none for this frame.
     pub labels: Option<Labels>,

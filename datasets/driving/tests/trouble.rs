@@ -149,3 +149,21 @@ fn every_cut_of_a_sweep_is_one_sentence() {
         assert!(error.contains("00.pkl") && !error.contains('\n'), "{cut}: {error}");
     }
 }
+
+/// Recognising a segment of Waymo needs no feature, reading it does.
+#[test]
+#[cfg(not(feature = "waymo"))]
+fn a_segment_of_waymo_names_the_feature() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let component = folder.path().join("vehicle_pose");
+    fs::create_dir_all(&component).expect("a folder");
+    let (poses, records) = (component.join("a.parquet"), folder.path().join("a.tfrecord"));
+    fs::write(&poses, "").expect("written");
+    fs::write(&records, "").expect("written");
+    for path in [folder.path(), &poses, &records] {
+        let error = error(path);
+        assert!(error.contains("is not supported") && error.contains("--features waymo"), "{error}");
+        let report = check(path, &LogOptions::default(), None);
+        assert!(!report.is_ok() && report.to_string().contains("Waymo Open Dataset"), "{report}");
+    }
+}

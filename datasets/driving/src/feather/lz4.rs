@@ -42,7 +42,7 @@ pub(crate) fn frame(bytes: &[u8], expected: usize) -> Option<Vec<u8>> {
 }
 
 /// Appends the content of a block; what was written before serves as its dictionary.
-fn block(bytes: &[u8], content: &mut Vec<u8>, most: usize) -> Option<()> {
+pub(crate) fn block(bytes: &[u8], content: &mut Vec<u8>, most: usize) -> Option<()> {
     let mut at = 0;
     loop {
         let token = *bytes.get(at)?;

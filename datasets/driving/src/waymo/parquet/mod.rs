@@ -1,0 +1,13 @@
+//! Parquet files: the crate `parquet` decodes metadata, levels and values; this module checks sizes before it does.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `thrift.rs` | a walk over footers and page headers |
+//! | `codec.rs` | unpacking within bounds |
+//! | `pages.rs` | pages of a column chunk |
+//! | `table.rs` | a file and its columns |
+
+mod codec;
+mod pages;
+pub(crate) mod table;
+mod thrift;

@@ -1,0 +1,176 @@
+//! A walk over Thrift's compact protocol, which the footers and page headers of Parquet are written in. It comes before any other parser
+//! looks at them: every size is held against the bytes that follow, and nesting is bounded.
+
+/// Deepest nesting of structures and lists. The footer of a plain file has seven levels.
+const DEPTH_MAX: usize = 16;
+
+/// What is found on a walk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Event {
+    /// A structure in a list begins.
+    Element,
+    /// An integer; 1 and 0 for truth values that are fields.
+    Integer(i64),
+}
+
+/// Bytes and a position.
+pub(crate) struct Walk<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+/// Numbers of the fields that lead to a place, outermost first.
+type Path = Vec<i16>;
+
+impl<'a> Walk<'a> {
+    /// At the begin of the bytes.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// Walks over one structure, and gives its integers and the begin of structures in lists. The length of the structure, bytes; `None`
+    /// where it is broken.
+    pub fn structure(mut self, seen: &mut dyn FnMut(&[i16], Event)) -> Option<usize> {
+        self.fields(&mut Vec::new(), 0, seen)?;
+        Some(self.at)
+    }
+
+    fn byte(&mut self) -> Option<u8> {
+        let byte = *self.bytes.get(self.at)?;
+        self.at += 1;
+        Some(byte)
+    }
+
+    fn skip(&mut self, count: u64) -> Option<()> {
+        let end = usize::try_from(count).ok().and_then(|count| self.at.checked_add(count))?;
+        self.at = Some(end).filter(|end| *end <= self.bytes.len())?;
+        Some(())
+    }
+
+    fn varint(&mut self) -> Option<u64> {
+        let mut value = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.byte()?;
+            value |= u64::from(byte & 127) << shift;
+            if byte < 128 {
+                return Some(value);
+            }
+        }
+        None
+    }
+
+    fn zigzag(&mut self) -> Option<i64> {
+        let value = self.varint()?;
+        Some((value >> 1) as i64 ^ -((value & 1) as i64))
+    }
+
+    fn fields(&mut self, path: &mut Path, depth: usize, seen: &mut dyn FnMut(&[i16], Event)) -> Option<()> {
+        if depth > DEPTH_MAX {
+            return None;
+        }
+        let mut number = 0_i16;
+        loop {
+            let head = self.byte()?;
+            if head == 0 {
+                return Some(());
+            }
+            number = match head >> 4 {
+                0 => i16::try_from(self.zigzag()?).ok()?,
+                delta => number.checked_add(i16::from(delta))?,
+            };
+            path.push(number);
+            match head & 15 {
+                // A truth value is in the head itself.
+                kind @ (1 | 2) => seen(path, Event::Integer(i64::from(kind == 1))),
+                kind => self.value(kind, path, depth, seen)?,
+            }
+            path.pop();
+        }
+    }
+
+    fn value(&mut self, kind: u8, path: &mut Path, depth: usize, seen: &mut dyn FnMut(&[i16], Event)) -> Option<()> {
+        match kind {
+            1..=3 => self.skip(1),
+            4..=6 => {
+                let value = self.zigzag()?;
+                seen(path, Event::Integer(value));
+                Some(())
+            }
+            7 => self.skip(8),
+            8 => {
+                let length = self.varint()?;
+                self.skip(length)
+            }
+            9 | 10 => {
+                let head = self.byte()?;
+                let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
+                self.elements(count, &[head & 15], path, depth, seen)
+            }
+            11 => match self.varint()? {
+                0 => Some(()),
+                count => {
+                    let kinds = self.byte()?;
+                    self.elements(count, &[kinds >> 4, kinds & 15], path, depth, seen)
+                }
+            },
+            12 => self.fields(path, depth + 1, seen),
+            13 => self.skip(16),
+            _ => None,
+        }
+    }
+
+    fn elements(
+        &mut self,
+        count: u64,
+        kinds: &[u8],
+        path: &mut Path,
+        depth: usize,
+        seen: &mut dyn FnMut(&[i16], Event),
+    ) -> Option<()> {
+        // Every element has a byte at least.
+        if count > (self.bytes.len() - self.at) as u64 || depth >= DEPTH_MAX {
+            return None;
+        }
+        for _ in 0..count {
+            for kind in kinds {
+                if *kind == 12 {
+                    seen(path, Event::Element);
+                }
+                self.value(*kind, path, depth + 1, seen)?;
+            }
+        }
+        Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_structure_by_hand() {
+        // Field 1: i32 -3. Field 5: a structure with field 1: i32 7. Field 6: a list of two structures, the first with field 5: i32 2.
+        let bytes = [0x15, 5, 0x4c, 0x15, 14, 0, 0x19, 0x2c, 0x55, 4, 0, 0, 0, 99];
+        let mut found = Vec::new();
+        let length = Walk::new(&bytes).structure(&mut |path, event| found.push((path.to_vec(), event)));
+        assert_eq!(length, Some(bytes.len() - 1));
+        let expected = [
+            (vec![1], Event::Integer(-3)),
+            (vec![5, 1], Event::Integer(7)),
+            (vec![6], Event::Element),
+            (vec![6, 5], Event::Integer(2)),
+            (vec![6], Event::Element),
+        ];
+        assert_eq!(found, expected);
+        for cut in 0..bytes.len() - 1 {
+            assert_eq!(Walk::new(&bytes[..cut]).structure(&mut |_, _| {}), None, "{cut}");
+        }
+    }
+
+    #[test]
+    fn depth_and_sizes_are_bounded() {
+        assert_eq!(Walk::new(&[0x1c; 1000]).structure(&mut |_, _| {}), None);
+        // A list of 2^31 - 1 bytes.
+        assert_eq!(Walk::new(&[0x19, 0xf3, 0xff, 0xff, 0xff, 0xff, 7, 0]).structure(&mut |_, _| {}), None);
+    }
+}
