@@ -16,7 +16,8 @@ const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
 /// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
 /// under a car is within 0.2 m of the ground around it.
 const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
-/// Points nearer to the LiDAR than this, metres from above, are on the ego vehicle.
+/// Points nearer to the LiDAR than this, metres from above, may be on the ego vehicle: no evidence of a body, but points
+/// of one that is found by others, as a car in the next lane.
 const EGO_RADIUS: f64 = 3.0;
 /// Points beyond this, metres, do not move: a car has a few points there.
 const RANGE: f64 = 80.0;
@@ -43,8 +44,10 @@ const MARGIN: f64 = 0.35;
 /// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident of a
 /// car may be its back alone.
 const AROUND: [f64; 2] = [3.0, 1.5];
-/// Closeness that a point must have to belong to a body.
+/// Closeness that a point must have to belong to a body, and what of it the point may lose against rest: the sides of a car
+/// fit rest as well, a parked car beside it does better at rest.
 const OWN_CLOSENESS: f64 = 0.3;
+const OWN_LOSS: f64 = 0.1;
 /// Bodies with a gap of at most the first (metres: the beams of a LiDAR graze the side of a car 1 m apart at 20 m) are one
 /// body where that costs at most the second of the score.
 const UNITE_GAP: f64 = 3.0;
@@ -53,8 +56,8 @@ const UNITE_LOSS: f64 = 0.1;
 const ADOPT_LOSS: f64 = 0.02;
 /// Difference of velocities, metres per second and as a share, up to which a body of another sweep confirms one.
 const CONFIRM: [f64; 2] = [1.0, 0.15];
-/// Distance between a body's moved middle and the middle of the one that confirms it, metres: the middle of what a
-/// sweep sees of a lorry moves by as much.
+/// Distance between the rectangle around a body's moved points and the points of the one that confirms it, metres: of two
+/// sweeps the earlier shows the back of a car to have moved and the later its front.
 const CONFIRM_DISTANCE: f64 = 2.5;
 
 /// The motions of the points of all sweeps.
@@ -87,6 +90,8 @@ struct Candidate {
     sweep: usize,
     /// Evident points.
     evident: Vec<[f64; 2]>,
+    /// Where the evident points of the same body in the sweeps before and after are at this one's time.
+    elsewhere: Vec<[f64; 2]>,
     motion: PlanarMotion,
     /// How well the motion explains the points, 0 to 1.
     score: f64,
@@ -104,41 +109,44 @@ impl Candidate {
     }
 }
 
-/// The motions of all points. `wanted` says of each sweep's points which are of interest, as those that an image shows;
-/// the others are seen but never moved. Sweeps without points are left out. The same for any thread count.
-pub fn align(sweeps: &[AlignedSweep], wanted: &[Vec<bool>]) -> Aligned {
+/// The motions of all points. Sweeps without points are left out. The same for any thread count.
+pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
     let ground = Ground::of(sweeps.iter().flat_map(|sweep| sweep.points));
     let heights: Vec<Vec<f32>> = sweeps.par_iter().map(|sweep| heights(sweep, &ground)).collect();
-    let interesting = sweeps.iter().zip(&heights).zip(wanted).flat_map(|((sweep, heights), wanted)| {
-        let points = sweep.points.iter().zip(heights).zip(wanted);
-        points.filter(|((_, height), wanted)| **wanted && stands(**height)).map(|((point, _), _)| in_plan(point))
-    });
-    let extent = Extent::of(interesting, PAD, CELL, CELLS_MAX);
-    let plans = sweeps.par_iter().zip(&heights).map(|(sweep, heights)| {
-        let standing = sweep.points.iter().zip(heights).filter(|(_, height)| stands(**height));
-        Plan::new(standing.map(|(point, _)| in_plan(point)), extent)
-    });
+    let all = sweeps.iter().zip(&heights).flat_map(|(sweep, heights)| standing(sweep, heights));
+    let extent = Extent::of(all, PAD, CELL, CELLS_MAX);
+    let plans = sweeps.par_iter().zip(&heights).map(|(sweep, heights)| Plan::new(standing(sweep, heights), extent));
     let snippet = Snippet { sweeps, plans: plans.collect(), heights };
     let images: Vec<RangeImage> = sweeps.par_iter().map(RangeImage::new).collect();
     let candidates: Vec<(usize, Vec<[f64; 2]>)> =
-        (0..sweeps.len()).flat_map(|sweep| snippet.evident(sweep, &images, &wanted[sweep])).collect();
+        (0..sweeps.len()).flat_map(|sweep| snippet.evident(sweep, &images)).collect();
     let groups: Vec<Candidate> =
         candidates.into_par_iter().map(|(sweep, evident)| snippet.searched(sweep, evident)).collect();
     let bodies = (0..sweeps.len())
         .flat_map(|sweep| snippet.united(sweep, groups.iter().filter(|group| group.sweep == sweep).cloned().collect()));
-    snippet.claimed(snippet.followed(bodies.collect(), wanted))
+    snippet.claimed(snippet.followed(bodies.collect()))
 }
 
-/// Heights above the ground; 0 on the ego vehicle, whose own points move with it, and beyond the range.
+/// Heights above the ground; 0 beyond the range.
 fn heights(sweep: &AlignedSweep, ground: &Ground) -> Vec<f32> {
+    let height = |point| if distance(sweep, point) < RANGE { ground.above(point) } else { 0.0 };
+    sweep.points.iter().map(height).collect()
+}
+
+/// Distance from the LiDAR as seen from above, metres.
+fn distance(sweep: &AlignedSweep, point: &[f32; 3]) -> f64 {
     let [x, y, _] = sweep.origin;
-    let distance = |point: &[f32; 3]| (f64::from(point[0]) - x).hypot(f64::from(point[1]) - y);
-    let counts = |point: &[f32; 3]| (EGO_RADIUS..RANGE).contains(&distance(point));
-    sweep.points.iter().map(|point| if counts(point) { ground.above(point) } else { 0.0 }).collect()
+    (f64::from(point[0]) - x).hypot(f64::from(point[1]) - y)
 }
 
 fn stands(height: f32) -> bool {
     (BODY_HEIGHTS[0]..BODY_HEIGHTS[1]).contains(&height)
+}
+
+/// The points of a sweep between which bodies are looked for, from above.
+fn standing(sweep: &AlignedSweep<'_>, heights: &[f32]) -> impl Iterator<Item = [f64; 2]> {
+    let points = sweep.points.iter().zip(heights);
+    points.filter(|(_, height)| stands(**height)).map(|(point, _)| in_plan(point))
 }
 
 fn in_plan(point: &[f32; 3]) -> [f64; 2] {
@@ -157,7 +165,7 @@ impl Snippet<'_> {
     }
 
     /// Groups of points of a sweep through whose places rays of other sweeps passed.
-    fn evident(&self, sweep: usize, images: &[RangeImage], wanted: &[bool]) -> Vec<(usize, Vec<[f64; 2]>)> {
+    fn evident(&self, sweep: usize, images: &[RangeImage]) -> Vec<(usize, Vec<[f64; 2]>)> {
         let needed = if images.len() <= 3 { 1 } else { PASSES };
         let points = self.sweeps[sweep].points;
         let moved = |index: &usize| {
@@ -168,7 +176,8 @@ impl Snippet<'_> {
         };
         let kept: Vec<usize> = (0..points.len())
             .into_par_iter()
-            .filter(|index| wanted[*index] && stands(self.heights[sweep][*index]))
+            .filter(|index| stands(self.heights[sweep][*index]))
+            .filter(|index| distance(&self.sweeps[sweep], &points[*index]) >= EGO_RADIUS)
             .filter(moved)
             .collect();
         let groups = joined(&kept.iter().map(|index| in_plan(&points[*index])).collect::<Vec<_>>());
@@ -179,7 +188,7 @@ impl Snippet<'_> {
     fn searched(&self, sweep: usize, evident: Vec<[f64; 2]>) -> Candidate {
         let (motion, best, resting) = search(&evident, &self.others(sweep));
         let moves = best >= SCORE_MIN && best >= resting + SCORE_GAIN && motion.speed() >= SPEED_MIN;
-        Candidate { sweep, evident, motion, score: best, moves }
+        Candidate { sweep, evident, elsewhere: Vec::new(), motion, score: best, moves }
     }
 
     /// The bodies of one sweep. A group of points near a body belongs to it where the body's motion explains it nearly
@@ -218,7 +227,7 @@ impl Snippet<'_> {
     ///
     /// What drives away hides the places where it will be, so no ray shows that they were empty: such a body is evident in
     /// the first sweeps alone and is followed into the later ones.
-    fn followed(&self, found: Vec<Candidate>, wanted: &[Vec<bool>]) -> Vec<Candidate> {
+    fn followed(&self, found: Vec<Candidate>) -> Vec<Candidate> {
         let mut bodies: Vec<(Candidate, bool)> = found.into_iter().map(|body| (body, false)).collect();
         bodies.sort_by_key(|(body, _)| std::cmp::Reverse(body.evident.len()));
         let mut next = 0;
@@ -226,19 +235,25 @@ impl Snippet<'_> {
             let sweep = bodies[next].0.sweep;
             for other in [sweep.wrapping_sub(1), sweep + 1].into_iter().filter(|other| *other < self.sweeps.len()) {
                 let expected = self.moved(&bodies[next].0, other);
-                let known = bodies.iter().position(|(body, _)| body.sweep == other && confirms(body, &expected));
+                let moved = self.moved_points(&bodies[next].0, other);
+                let footprint = Footprint::of(expected.velocity, moved.iter().copied());
+                let confirms = |body: &Candidate| confirms(body, &expected, &footprint);
+                let known = bodies.iter().position(|(body, _)| body.sweep == other && confirms(body));
                 if let Some(known) = known {
                     (bodies[next].1, bodies[known].1) = (true, true);
                     if bodies[known].0.evident.len() < bodies[next].0.evident.len() {
                         self.adopt(&mut bodies[known].0, &expected);
                     }
+                    // The other leads back here in its own turn.
+                    bodies[known].0.elsewhere.extend(moved);
                     continue;
                 }
-                let points = self.near(other, &bodies[next].0, &wanted[other]);
+                let points = self.near(other, &moved);
                 let there =
                     (points.len() >= POINTS_MIN).then(|| self.searched(other, points)).filter(|there| there.moves);
-                if let Some(mut there) = there.filter(|there| confirms(there, &expected)) {
+                if let Some(mut there) = there.filter(confirms) {
                     self.adopt(&mut there, &expected);
+                    there.elsewhere.extend(moved);
                     bodies[next].1 = true;
                     bodies.push((there, true));
                 }
@@ -266,21 +281,28 @@ impl Snippet<'_> {
         body.motion.after(seconds)
     }
 
-    /// The standing points of another sweep where the points of a body would be.
-    fn near(&self, sweep: usize, body: &Candidate, wanted: &[bool]) -> Vec<[f64; 2]> {
+    /// Where the evident points of a body are at the time of another sweep.
+    fn moved_points(&self, body: &Candidate, sweep: usize) -> Vec<[f64; 2]> {
         let seconds = self.sweeps[sweep].time - self.sweeps[body.sweep].time;
-        let moved: Vec<[f64; 2]> = body.evident.iter().map(|point| body.motion.moved(*point, seconds)).collect();
+        body.evident.iter().map(|point| body.motion.moved(*point, seconds)).collect()
+    }
+
+    /// The standing points of another sweep where the points of a body would be.
+    fn near(&self, sweep: usize, moved: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let plan = Plan::new(moved.iter().copied(), Extent::of(moved.iter().copied(), PAD, CELL, CELLS_MAX));
-        let points = self.sweeps[sweep].points.iter().zip(&self.heights[sweep]).zip(wanted);
-        let standing = points.filter(|((_, height), wanted)| **wanted && stands(**height));
-        standing.map(|((point, _), _)| in_plan(point)).filter(|[x, y]| plan.closeness(*x, *y) > 0.0).collect()
+        let standing = standing(&self.sweeps[sweep], &self.heights[sweep]);
+        standing.filter(|[x, y]| plan.closeness(*x, *y) > 0.0).collect()
     }
 
     /// Gives the points near each body to it.
     fn claimed(&self, bodies: Vec<Candidate>) -> Aligned {
         let of_sweep = |sweep: usize| {
             let own: Vec<&Candidate> = bodies.iter().filter(|body| body.sweep == sweep).collect();
-            let boxes: Vec<Footprint> = own.iter().map(|body| Footprint::of(body)).collect();
+            let footprint = |body: &&Candidate| {
+                let points = body.evident.iter().chain(&body.elsewhere);
+                Footprint::of(body.motion.velocity, points.copied())
+            };
+            let boxes: Vec<Footprint> = own.iter().map(footprint).collect();
             let others = self.others(sweep);
             let of_point = |index: usize| {
                 let height = self.heights[sweep][index];
@@ -291,10 +313,10 @@ impl Snippet<'_> {
                 let fit = |body: usize| {
                     let motion = &own[body].motion;
                     let moving = score(&[at], motion, &others);
+                    let rest = score(&[at], &PlanarMotion::rest(motion.centre), &others);
                     let fits = if boxes[body].contains(at, [MARGIN; 2]) {
-                        moving >= OWN_CLOSENESS
+                        moving >= OWN_CLOSENESS && moving >= rest - OWN_LOSS
                     } else {
-                        let rest = score(&[at], &PlanarMotion::rest(motion.centre), &others);
                         moving >= SCORE_MIN && moving >= rest + SCORE_GAIN
                     };
                     fits.then_some((moving, body))
@@ -342,14 +364,14 @@ fn gap(one: &[[f64; 2]], two: &[[f64; 2]]) -> f64 {
     one.iter().flat_map(|a| two.iter().map(move |b| squared(a, b))).fold(f64::INFINITY, f64::min).sqrt()
 }
 
-/// Whether a body moves as a body followed from another sweep would.
-fn confirms(body: &Candidate, expected: &PlanarMotion) -> bool {
+/// Whether a body moves as a body followed from another sweep would, whose points would be in `footprint`.
+fn confirms(body: &Candidate, expected: &PlanarMotion, footprint: &Footprint) -> bool {
     let difference = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
     difference(body.motion.velocity, expected.velocity) <= CONFIRM[0] + CONFIRM[1] * expected.speed()
-        && difference(body.motion.centre, expected.centre) <= CONFIRM_DISTANCE
+        && body.evident.iter().any(|point| footprint.contains(*point, [CONFIRM_DISTANCE; 2]))
 }
 
-/// A rectangle along the motion around a body's evident points.
+/// A rectangle along a motion around points.
 struct Footprint {
     along: [f64; 2],
     low: [f64; 2],
@@ -357,12 +379,12 @@ struct Footprint {
 }
 
 impl Footprint {
-    fn of(body: &Candidate) -> Self {
-        let speed = body.motion.speed();
-        let along = body.motion.velocity.map(|x| x / speed);
+    fn of(velocity: [f64; 2], points: impl Iterator<Item = [f64; 2]>) -> Self {
+        let speed = velocity[0].hypot(velocity[1]);
+        let along = if speed > 0.0 { velocity.map(|x| x / speed) } else { [1.0, 0.0] };
         let mut footprint = Self { along, low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
-        for point in &body.evident {
-            let local = footprint.local(*point);
+        for point in points {
+            let local = footprint.local(point);
             for axis in 0..2 {
                 footprint.low[axis] = footprint.low[axis].min(local[axis]);
                 footprint.high[axis] = footprint.high[axis].max(local[axis]);
