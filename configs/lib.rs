@@ -14,6 +14,10 @@ pub struct Recipe {
     pub text: &'static str,
 }
 
+/// A network of the pipeline `flux4d`, trained on synthetic streets alone: a checkpoint without the state of its optimiser. The recipe
+/// `flux4d/streets` says how.
+pub const STREETS: &[u8] = include_bytes!("flux4d/streets.safetensors");
+
 macro_rules! recipe {
     ($name:literal) => {
         Recipe { name: $name, text: include_str!(concat!($name, ".toml")) }
@@ -21,14 +25,16 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 45] = [
+pub const RECIPES: [Recipe; 47] = [
     recipe!("flux4d/ablations/constant-velocity"),
+    recipe!("flux4d/ablations/no-alignment"),
     recipe!("flux4d/ablations/no-refinement"),
     recipe!("flux4d/ablations/no-reweighting"),
     recipe!("flux4d/ablations/no-velocity-loss"),
     recipe!("flux4d/ablations/raw-feedback"),
     recipe!("flux4d/base"),
     recipe!("flux4d/paper"),
+    recipe!("flux4d/streets"),
     recipe!("sparsedyn/ablations/full-horizon"),
     recipe!("sparsedyn/ablations/no-regularisation"),
     recipe!("sparsedyn/ablations/no-outline"),

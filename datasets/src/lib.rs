@@ -80,6 +80,7 @@ pub use options::{
 pub use photo::{ExrChannels, decode_photo, downscaled_size, photo_size, read_exr, read_photo};
 pub use plural::{agree, counted};
 pub use printable::printable;
+pub use priors::npy::write_npy;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
 pub use split::{ViewKind, view_kind};
 pub use statistics::mean;

@@ -1,6 +1,7 @@
 //! Arguments exactly as typed. A command with many arguments has a file of its own.
 
 mod extrapolate;
+mod flow;
 mod import;
 mod reconstruct;
 mod render;
@@ -12,6 +13,7 @@ mod sweep;
 
 pub use chart::ChartArgs;
 pub use extrapolate::ExtrapolateArgs;
+pub use flow::FlowArgs;
 pub use sweep::SweepArgs;
 
 use std::path::PathBuf;
@@ -49,6 +51,8 @@ pub enum Command {
     Eval(EvalArgs),
     /// Turn a driving log into moving Gaussians with a trained network: images at any time, actors, scene flow
     Reconstruct(ReconstructArgs),
+    /// Find the scene flow of a driving log from its LiDAR sweeps alone, and score it where there are labels
+    Flow(FlowArgs),
     /// Render a scene along the cameras of a transforms.json
     Render(RenderArgs),
     /// Write a trained scene as PLY for other viewers
@@ -259,6 +263,10 @@ pub struct DemoArgs {
     /// Photos of a static scene instead of blurry video
     #[arg(long)]
     pub still: bool,
+
+    /// A driving log instead: it is reconstructed by the network that ships with the program, without a training
+    #[arg(long, conflicts_with_all = ["still", "steps"])]
+    pub driving: bool,
 
     /// Steps; fewer for a quick look
     #[arg(long, value_name = "N")]

@@ -30,6 +30,7 @@ fn call(command: &Command) -> Result<ExitCode> {
         Command::Train(args) => commands::train::run(args),
         Command::Eval(args) => commands::eval::run(args),
         Command::Reconstruct(args) => commands::reconstruct::run(args),
+        Command::Flow(args) => commands::flow::run(args),
         Command::Render(args) => commands::render::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Extrapolate(args) => commands::extrapolate::run(args),

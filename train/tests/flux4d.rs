@@ -12,6 +12,8 @@ use gs_train::run::watch::{Ending, Job};
 
 mod common;
 
+use common::program::{fails, succeeds};
+
 /// Streets of one second with one small camera.
 fn streets(folder: &Path, logs: u64) -> PathBuf {
     let path = folder.join("streets");
@@ -116,6 +118,82 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     assert!(refused(Reconstruction { start: 9, ..request }).contains("--start 9"));
 }
 
+/// Before any training the sweeps alone show most of the motion, and nothing that rests moves: the bounds are half of what
+/// no motion at all is off by, and the speed at rest that is asked of the method.
+#[test]
+fn the_sweeps_show_what_moves() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let data = streets(temporary.path(), 2);
+    // A rate of almost nothing: the measurement is of the start.
+    let still = ["learning.rate=1e-9", "learning.last_rate=1e-9"];
+    let measured = |name: &str, velocity: &str| {
+        let job = job(&data, &temporary.path().join(name), 1, &[&still[..], &[velocity]].concat());
+        let eval = common::finish(&job);
+        let of = |key: &str| eval.last.figure(key).expect("the street has labels");
+        [of("epe_moving"), of("speed_at_rest")]
+    };
+    let [zero, _] = measured("zero", "lift.velocity=zero");
+    let [aligned, resting] = measured("aligned", "lift.velocity=aligned");
+    assert!(aligned < 0.5 * zero, "{aligned} m of {zero} m");
+    assert!(resting < 0.05, "{resting} m/s at rest");
+}
+
+/// `gsburn flow` needs no image: an array for every sweep, figures where there are labels, and the same by a fit of every pair.
+#[test]
+fn the_flow_of_sweeps_is_written_and_scored() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let log = streets(folder, 1).join("000");
+    fs::remove_dir_all(log.join("camera/front_camera")).expect("a folder");
+    let text = succeeds(folder, &["flow", "streets/000", "--out", "flow", "--window", "4"]);
+    assert!(text.contains("11 sweeps") && text.contains("EPE3D, moving"), "{text}");
+    let arrays = fs::read_dir(folder.join("flow")).expect("a folder").flatten();
+    let sizes: Vec<u64> = arrays
+        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "npy"))
+        .map(|entry| entry.metadata().expect("a file").len())
+        .collect();
+    // A header of 128 bytes at most (NumPy's alignment), then three floats a point.
+    assert_eq!(sizes.len(), 11);
+    assert!(sizes.iter().all(|size| size % 4 == 0 && *size > 12 * 100), "{sizes:?}");
+    let figures = fs::read_to_string(folder.join("flow/flow.json")).expect("written");
+    let figures: serde_json::Value = serde_json::from_str(&figures).expect("JSON");
+    assert_eq!(figures["sweeps"], 11);
+    let fitted = succeeds(folder, &["flow", "streets/000", "--window", "2", "--fit", "2"]);
+    assert!(fitted.contains("a fit of each pair") && fitted.contains("EPE3D, moving"), "{fitted}");
+    fs::remove_dir_all(&log).expect("a folder");
+    assert!(fails(folder, &["flow", "streets/000"]).contains("streets/000"));
+}
+
+/// A network without the state of its optimiser reconstructs as the run does, and the one that ships reconstructs a log.
+#[test]
+fn a_network_is_passed_on() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let data = streets(folder, 2);
+    common::finish(&job(&data, &folder.join("run"), 3, &[]));
+    succeeds(folder, &["export", "run", "--out", "network.safetensors"]);
+    let reconstruct = |model: &str, out: &str| {
+        succeeds(
+            folder,
+            &["reconstruct", "streets/001", "--model", model, "--out", out, "--device", &common::device_name()],
+        );
+        let images = fs::read_dir(folder.join(out).join("target")).expect("images");
+        let mut files: Vec<PathBuf> = images.flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        files.iter().map(|path| fs::read(path).expect("an image")).collect::<Vec<_>>()
+    };
+    assert_eq!(reconstruct("run", "of-run"), reconstruct("network.safetensors", "of-network"));
+    let size = |path: &str| fs::metadata(folder.join(path)).expect("a file").len();
+    let checkpoint = fs::read_dir(folder.join("run/checkpoints")).expect("a folder").flatten().next().expect("a file");
+    assert!(2 * size("network.safetensors") < checkpoint.metadata().expect("a file").len());
+    assert!(
+        fails(folder, &["export", "run", "--out", "network.safetensors"]).contains("expected the name of a new file")
+    );
+    assert!(fails(folder, &["export", "run", "--out", "scene.obj"]).contains(".safetensors"));
+    let shipped = ["reconstruct", "streets/001", "--out", "shipped", "--device", &common::device_name()];
+    assert!(succeeds(folder, &shipped).contains("PSNR"));
+}
+
 #[test]
 fn a_resumed_training_is_the_same_to_the_bit() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -193,7 +271,8 @@ fn what_cannot_be_used_is_skipped_and_counted() {
 fn a_step_that_is_not_finite_changes_nothing() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = streets(temporary.path(), 2);
-    let keys = ["refinement.passes=1", "supervision.depth=3e38"];
+    // Without the velocities of the sweeps, which an untrained network would show.
+    let keys = ["refinement.passes=1", "supervision.depth=3e38", "lift.velocity=zero"];
     let job = job(&data, &temporary.path().join("run"), 2, &keys);
     let eval = common::finish(&job);
     assert_eq!(eval.skipped_steps, 2);

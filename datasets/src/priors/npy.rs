@@ -12,6 +12,7 @@ use exr::prelude::f16;
 use super::map::Map;
 use crate::error::DatasetError;
 use crate::guarded;
+use crate::image_io::write_atomic;
 
 /// The first bytes of every file.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
@@ -30,6 +31,22 @@ pub(crate) struct Array {
     /// Lengths of the axes, outermost first. The values are always in C order.
     pub shape: Vec<usize>,
     pub values: Vec<f64>,
+}
+
+/// Writes rows as an array `[rows.len(), C]` of little-endian f32 (version 1, C order).
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_npy<const C: usize>(path: &Path, rows: &[[f32; C]]) -> Result<(), DatasetError> {
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {C}), }}", rows.len());
+    // NumPy asks for values at a multiple of 64 bytes, and for a header that ends with a line.
+    let before = MAGIC.len() + 4;
+    let padded = (before + header.len() + 1).next_multiple_of(64) - before;
+    header.extend(std::iter::repeat_n(' ', padded - header.len() - 1));
+    header.push('\n');
+    let mut bytes = [MAGIC, &[1, 0], &(header.len() as u16).to_le_bytes(), header.as_bytes()].concat();
+    bytes.extend(rows.iter().flatten().flat_map(|value| value.to_le_bytes()));
+    write_atomic(path, &bytes)
 }
 
 /// Reads a file.
@@ -194,4 +211,23 @@ fn to_c_order(values: &[f64], shape: &[usize]) -> Vec<f64> {
             values[offset]
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{read, write_npy};
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("rows.npy");
+        for count in [0, 1, 7] {
+            let rows: Vec<[f32; 3]> = (0..count).map(|row| [row as f32, -0.5, 1e-7]).collect();
+            write_npy(&path, &rows).expect("written");
+            let array = read(&path).expect("read");
+            assert_eq!(array.shape, [count, 3]);
+            let values: Vec<f64> = rows.iter().flatten().map(|value| f64::from(*value)).collect();
+            assert_eq!(array.values, values);
+        }
+    }
 }

@@ -12,13 +12,14 @@ use crate::pipelines::examples;
 #[derive(Debug, Args)]
 #[command(after_help = examples::RECONSTRUCT)]
 pub struct ReconstructArgs {
-    /// The driving log: a folder of PandaSet or Argoverse 2
+    /// The driving log: a folder of PandaSet, Argoverse 2 or (with the feature `waymo`) Waymo
     #[arg(value_hint = ValueHint::DirPath)]
     pub log: PathBuf,
 
-    /// The network: a run folder or a checkpoint (.safetensors)
+    /// The network: a run folder or a checkpoint (.safetensors) [default: one that ships with the program, trained on
+    /// synthetic streets alone]
     #[arg(long, value_name = "RUN", value_hint = ValueHint::AnyPath)]
-    pub model: PathBuf,
+    pub model: Option<PathBuf>,
 
     /// Folder for images, actors, Gaussians and figures
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]

@@ -77,7 +77,8 @@ pub struct ExportArgs {
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 
-    /// The PLY file to write (3DGS layout, in the data set's own world)
+    /// The PLY file to write (3DGS layout, in the data set's own world); of a network, the .safetensors file to write without
+    /// the state of its optimiser
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,
 

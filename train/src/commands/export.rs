@@ -4,26 +4,30 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+use burn::tensor::Device;
 use gs_burn::Gaussians;
 use gs_datasets::counted;
 
 use crate::cli::ExportArgs;
 use crate::commands::print;
-use crate::pipelines::load_scene;
+use crate::pipelines::{load_scene, of_checkpoint};
+use crate::run::checkpoint::save;
 use crate::run::memory::megabytes;
 use crate::run::outputs;
-use crate::run::scene::{FloaterFilter, truncate_sh, without_floaters, write_ply};
+use crate::run::scene::{FloaterFilter, SceneFile, read_file, truncate_sh, without_floaters, write_ply};
 
 /// Writes a scene as PLY.
 ///
 /// # Errors
 /// One sentence saying what was wrong with the scene or the disk.
 pub fn run(args: &ExportArgs) -> Result<ExitCode> {
-    if args.out.extension().and_then(|extension| extension.to_str()) != Some("ply") {
-        bail!("{}: expected the name of a .ply file", args.out.display());
-    }
     // Nothing is computed, so any device will do.
     let device = gs_burn::device::select("auto")?;
+    match args.out.extension().and_then(|extension| extension.to_str()) {
+        Some("ply") => {}
+        Some("safetensors") => return network(args, &device),
+        _ => bail!("{}: expected the name of a .ply file, or of a network a .safetensors file", args.out.display()),
+    }
     let loaded = load_scene(&args.scene, &device)?;
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
@@ -39,6 +43,26 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     for (path, t) in paths.iter().zip(times) {
         write_one(args, path, loaded.scene.at(t), loaded.origin)?;
     }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the network of a run.
+fn network(args: &ExportArgs, device: &Device) -> Result<ExitCode> {
+    if args.out.exists() {
+        bail!("{}: expected the name of a new file, since it may be a checkpoint of a run", args.out.display());
+    }
+    let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene, device)? else {
+        bail!("{}: expected a run of a network, found a PLY file", args.scene.display());
+    };
+    let Some(network) = of_checkpoint(&checkpoint)?.network(&checkpoint, device)? else {
+        bail!("{}: expected a run of a network, found a scene; write it as .ply", args.scene.display());
+    };
+    // A file that is passed on says nothing of the folders of the machine that made it.
+    let mut origin = checkpoint.origin.clone();
+    origin.dataset = PathBuf::new();
+    save(&args.out, &origin, &network)?;
+    let size = std::fs::metadata(&args.out).map_or(0, |metadata| metadata.len());
+    print(format!("{}: a network, {}", args.out.display(), megabytes(size)));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -9,6 +9,7 @@ pub mod demo;
 pub mod eval;
 pub mod export;
 pub mod extrapolate;
+pub mod flow;
 pub mod import;
 pub mod info;
 pub mod recipes;

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 
 use crate::cli::ReconstructArgs;
 use crate::commands::{device, print};
-use crate::pipelines::{Reconstruction, of_checkpoint};
+use crate::pipelines::{Reconstruction, of_checkpoint, shipped};
 use crate::run::scene::{SceneFile, read_file};
 
 /// Applies a trained network to a driving log.
@@ -15,8 +15,14 @@ use crate::run::scene::{SceneFile, read_file};
 /// One sentence saying what was wrong with the network, the log or the folder.
 pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
-    let SceneFile::Checkpoint(checkpoint) = read_file(&args.model, &device)? else {
-        bail!("{}: expected a run or a checkpoint of a network, found a PLY file", args.model.display());
+    let checkpoint = match &args.model {
+        None => shipped()?,
+        Some(path) => match read_file(path, &device)? {
+            SceneFile::Checkpoint(checkpoint) => *checkpoint,
+            SceneFile::Ply(_) => {
+                bail!("{}: expected a run or a checkpoint of a network, found a PLY file", path.display())
+            }
+        },
     };
     let request = Reconstruction {
         log: &args.log,

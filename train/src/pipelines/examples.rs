@@ -72,6 +72,16 @@ Writes a figure (SVG) per experiment, results.json and stability.html, which nee
 shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with
 143; what was finished before is kept.";
 
+/// Shown below `gsburn flow --help`.
+pub const FLOW: &str = "\
+Examples:
+  gsburn flow pandaset/002
+  gsburn flow av2/val/LOG --out flow              one array a sweep: [points, 3], metres in 0.1 s, axes of the world
+  gsburn flow av2/val/LOG --fit 500               the baseline: a fit of every pair of sweeps, some 100 times slower
+
+Bodies are found by what the rays of other sweeps passed through; each has one motion in the plane (velocity, acceleration, turn),
+and all else rests. Points without a label are not scored. 'gsburn reconstruct' starts from the same motions.";
+
 /// Shown below `gsburn reconstruct --help`.
 pub const RECONSTRUCT: &str = "\
 Examples:

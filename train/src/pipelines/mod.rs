@@ -21,12 +21,14 @@ use toml::Table;
 
 use crate::config::ConfigError;
 use crate::fit::foresight::Foresight;
+use crate::fit::snapshot::Snapshot;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::evaluate::{Comparison, Measured};
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
 
+pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.
@@ -103,6 +105,22 @@ pub trait Pipeline: Sync {
         )
     }
 
+    /// The network of a checkpoint without the state of its optimiser; `None` where a pipeline has none.
+    ///
+    /// # Errors
+    /// A sentence when the checkpoint is damaged.
+    fn network(&self, _checkpoint: &Checkpoint, _device: &Device) -> Result<Option<Snapshot>> {
+        Ok(None)
+    }
+
+    /// The network that ships with the program; `None` where there is none.
+    ///
+    /// # Errors
+    /// When its file does not fit this version.
+    fn shipped(&self) -> Result<Option<Checkpoint>> {
+        Ok(None)
+    }
+
     /// Experiments at the edge of the method, for `gsburn stability`.
     fn experiments(&self) -> &'static [&'static Experiment] {
         &[]
@@ -123,6 +141,15 @@ pub struct EvalRequest<'a> {
     pub device: &'a Device,
     /// Whether pictures of all views are returned.
     pub pictures: bool,
+}
+
+/// The network that ships with the program.
+///
+/// # Errors
+/// When its file does not fit this version.
+pub fn shipped() -> Result<Checkpoint> {
+    let mut found = PIPELINES.iter().filter_map(|pipeline| pipeline.shipped().transpose());
+    found.next().unwrap_or_else(|| bail!("no network ships with this program; name one with --model"))
 }
 
 /// A request for a reconstruction without training.

@@ -162,7 +162,14 @@ impl Checkpoint {
     /// # Errors
     /// A sentence that names the file and the error.
     pub fn load(path: &Path) -> Result<Self, CheckpointError> {
-        let bytes = guarded::read(path, FILE_MAX).map_err(Box::new)?;
+        Self::parse(path, guarded::read(path, FILE_MAX).map_err(Box::new)?)
+    }
+
+    /// A checkpoint of these bytes; `path` names them in errors.
+    ///
+    /// # Errors
+    /// A sentence that names the file and the error.
+    pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, CheckpointError> {
         let Metadata { origin, notes, crc32, .. } = read_metadata(&bytes, path)?;
         let damaged = |error: SafeTensorError| CheckpointError::Damaged {
             path: path.into(),
@@ -308,6 +315,8 @@ fn sync_folder(path: &Path) -> io::Result<()> {
     if cfg!(unix)
         && let Some(folder) = path.parent()
     {
+        // The parent of a bare file name is empty and means the current folder.
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         File::open(folder)?.sync_all()?;
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! Shared parts of experiments: small worlds on disk, runs with access to their state, and a bar with the time left.
 
 use std::cell::{Cell, RefCell};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,6 +10,7 @@ use burn::tensor::{Device, Tensor};
 use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions};
 use gs_datasets::{LoadOptions, Scene, load};
+use gs_driving::synthetic::StreetOptions;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::Request;
@@ -128,6 +130,24 @@ impl Lab {
         Ok(load(&folder, &LoadOptions::default())?)
     }
 
+    /// A driving log of a synthetic street, written once.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn street(&self, options: &StreetOptions) -> Result<PathBuf> {
+        let all = crc32fast::hash(format!("{options:?}").as_bytes());
+        let folder = self.worlds.join(format!("street-{all:08x}"));
+        if !folder.is_dir() {
+            let part = folder.with_extension("part");
+            if part.is_dir() {
+                fs::remove_dir_all(&part)?;
+            }
+            gs_driving::synthetic::write(&part, options, |_, _| {})?;
+            fs::rename(&part, &folder)?;
+        }
+        Ok(folder)
+    }
+
     /// A data set of the user, as training loads it.
     ///
     /// # Errors
@@ -149,7 +169,8 @@ impl Lab {
         FitConfig::from_table(&table, "experiment")
     }
 
-    fn count_step(&self) {
+    /// Counts one step of training.
+    pub fn count_step(&self) {
         self.done.set(self.done.get() + 1);
         self.bar.inc(1);
     }

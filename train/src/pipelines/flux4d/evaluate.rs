@@ -7,7 +7,9 @@ use anyhow::{Result, bail};
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Camera;
 use gs_models::DynamicScene;
+use gs_models::flux4d::actors::{ActorConfig, find_actors};
 
+use super::actor_recall::ActorScores;
 use super::config::FluxConfig;
 use super::feed::Library;
 use super::flow::{self, FlowScores};
@@ -55,6 +57,7 @@ struct Sums {
     pictures: Vec<Comparison>,
     baselines: Baselines,
     flow: FlowScores,
+    actors: ActorScores,
     seconds: Vec<[f64; 2]>,
     gaussians: Vec<usize>,
     moving_share: Vec<f64>,
@@ -156,12 +159,13 @@ fn snippet(
         let image = color(inferred, &inferred.raw, &inferred.velocity, (&camera, view.time));
         sums.baselines.future.push(psnr(image, photo(view, &device)));
     }
-    for (number, frame) in place.snippet.inputs.iter().enumerate() {
-        if let Some(found) = flow::of_sweep(log, host, inferred, (number, *frame))? {
-            sums.flow.add(&found)?;
-        }
-    }
     let scene = inferred.scene(host, REST_SPEED)?;
+    let sweeps = flow::of_inputs(log, host, inferred, &place.snippet.inputs)?;
+    for sweep in &sweeps {
+        sums.flow.add(sweep)?;
+    }
+    let actors = find_actors(&scene, 0.5 * (host.window[0] + host.window[1]), &[], &ActorConfig::default())?;
+    sums.actors.add(&scene, &actors, &sweeps);
     sums.moving_share.push(scene.moving() as f64 / scene.gaussians.len().max(1) as f64);
     sums.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
     sums.gaussians.push(scene.gaussians.len());
@@ -195,6 +199,7 @@ fn finish(sums: Sums, evaluator: &Evaluator, name: &str, network: &FluxNetwork) 
     let quality = evaluator.summary(sums.views.clone(), "photo");
     let mut figures = image_figures(&sums, quality.mean.psnr, quality.moving().map(|scores| scores.psnr));
     figures.extend(sums.flow.figures());
+    figures.extend(sums.actors.figures());
     figures.extend(cost_figures(&sums, network));
     let gaussians = sums.gaussians.iter().max().copied().unwrap_or(0);
     // Position, quaternion, scale, opacity, colour: 14 numbers.

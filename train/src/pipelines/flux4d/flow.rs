@@ -48,12 +48,20 @@ impl Mean {
 /// The labelled points of one sweep with their predicted flow, metres in 0.1 s.
 #[derive(Debug, Clone, Default)]
 pub struct FlowOfSweep {
+    /// Positions in the axes of the snippet, metres.
+    pub points: Vec<[f32; 3]>,
     /// Predicted.
     pub predicted: Vec<[f32; 3]>,
     /// True.
     pub truth: Vec<[f32; 3]>,
     /// Classes.
     pub classes: Vec<FlowClass>,
+    /// The Gaussian whose flow each point has, before resting and moving ones are parted.
+    pub rows: Vec<u32>,
+    /// The object of each point, a place in [`tracks`](Self::tracks); `None` on the background.
+    pub objects: Vec<Option<u32>>,
+    /// Names of the objects, the same for an object in all sweeps.
+    pub tracks: Vec<String>,
 }
 
 /// The flow of the labelled points of input `place` of a snippet; `None` without labels or Gaussians.
@@ -78,15 +86,34 @@ pub fn of_sweep(
         labels.flow[*index].is_some() && views.iter().any(|posed| posed.place(sweep.points[*index]).is_some())
     };
     let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(seen).collect();
-    let predicted = |index: &usize| {
+    let row = |index: &usize| {
         let nearest = tree.nearest_one::<SquaredEuclidean>(&sweep.points[*index]).item;
-        flows[rows[nearest as usize]]
+        rows[nearest as usize] as u32
     };
+    let rows: Vec<u32> = kept.par_iter().map(row).collect();
     Ok(Some(FlowOfSweep {
-        predicted: kept.par_iter().map(predicted).collect(),
+        points: kept.iter().map(|index| sweep.points[*index]).collect(),
+        predicted: rows.iter().map(|row| flows[*row as usize]).collect(),
         truth: kept.iter().filter_map(|index| labels.flow[*index]).collect(),
         classes: kept.iter().map(|index| class(labels.class[*index])).collect(),
+        rows,
+        objects: kept.iter().map(|index| labels.instance[*index].checked_sub(1)).collect(),
+        tracks: labels.tracks.clone(),
     }))
+}
+
+/// The flow of the labelled points of all inputs of a snippet.
+///
+/// # Errors
+/// When a sweep is broken.
+pub fn of_inputs(
+    log: &DrivingLog,
+    host: &HostSnippet,
+    inferred: &Inferred,
+    inputs: &[usize],
+) -> Result<Vec<FlowOfSweep>> {
+    let found = inputs.iter().enumerate().map(|(place, frame)| of_sweep(log, host, inferred, (place, *frame)));
+    found.filter_map(Result::transpose).collect()
 }
 
 /// Flow of every row from a time (seconds) on, metres in 0.1 s.
@@ -97,7 +124,8 @@ fn flows(host: &HostSnippet, inferred: &Inferred, seconds: f64) -> Vec<[f32; 3]>
     flow.as_chunks::<3>().0.to_vec()
 }
 
-fn class(class: ObjectClass) -> FlowClass {
+/// A class of labels as the metrics name it.
+pub(super) fn class(class: ObjectClass) -> FlowClass {
     match class {
         ObjectClass::Background => FlowClass::Background,
         ObjectClass::Car => FlowClass::Car,
@@ -117,7 +145,7 @@ impl FlowScores {
     /// # Errors
     /// When a flow is not finite.
     pub fn add(&mut self, flow: &FlowOfSweep) -> Result<()> {
-        let FlowOfSweep { predicted, truth, classes } = flow;
+        let FlowOfSweep { predicted, truth, classes, .. } = flow;
         let frame = FlowFrame { predicted, truth, classes };
         self.points.add(&frame)?;
         self.three_way.add(&frame)?;

@@ -141,7 +141,7 @@ fn find(path: &Path) -> Result<Vec<PathBuf>> {
     found.sort();
     if found.is_empty() {
         bail!(
-            "{}: expected a driving log or a folder of driving logs (PandaSet or Argoverse 2), found none",
+            "{}: expected a driving log or a folder of driving logs (PandaSet, Argoverse 2 or Waymo), found none",
             path.display()
         );
     }

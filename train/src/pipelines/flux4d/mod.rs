@@ -8,11 +8,13 @@
 //! | [`logs`], [`prepare`](mod@prepare), [`feed`] | the logs of a folder; a snippet on the host; those to come |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
 //! | [`trainer`], [`train`](mod@train), [`saved`] | a step; the run; checkpoints |
-//! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`] | the network applied; held-out figures |
+//! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`], [`actor_recall`] | the network applied; held-out figures |
 //! | [`start`] | velocities that the sweeps show |
 //! | [`stability`] | where it fails |
+//! | [`sweep_flow`](mod@sweep_flow) | scene flow of sweeps alone |
 //! | [`reconstruct`](mod@reconstruct), [`actors_file`], [`world`] | a log to images, actors and Gaussians |
 
+pub mod actor_recall;
 pub mod actors_file;
 pub mod config;
 pub mod evaluate;
@@ -28,6 +30,7 @@ pub mod sample;
 pub mod saved;
 pub mod stability;
 pub mod start;
+pub mod sweep_flow;
 pub mod train;
 pub mod trainer;
 pub mod world;
@@ -50,7 +53,7 @@ use crate::stability::Experiment;
 use config::FluxConfig;
 use evaluate::{Split, measure};
 use logs::Logs;
-use saved::read_network;
+use saved::{read_network, shipped_checkpoint};
 
 /// The pipeline's name.
 pub const NAME: &str = "flux4d";
@@ -140,8 +143,8 @@ impl Pipeline for Flux4d {
         &stability::EXPERIMENTS
     }
 
-    fn shipped(&self) -> Option<(&'static str, &'static [u8])> {
-        Some(("flux4d/streets", gs_recipes::STREETS))
+    fn shipped(&self) -> Result<Option<Checkpoint>> {
+        shipped_checkpoint().map(Some)
     }
 }
 

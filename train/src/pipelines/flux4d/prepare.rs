@@ -277,7 +277,7 @@ fn points(
     let seen: Vec<Vec<bool>> = sweeps.iter().map(seen).collect();
     let motion = match config.velocity {
         VelocityChoice::Zero => None,
-        VelocityChoice::Aligned => Some(Motions::of(log, snippet, (sweeps, from_world), &seen, window)),
+        VelocityChoice::Aligned => Some(Motions::of(log, snippet, (sweeps, from_world), window)),
     };
     // Moving and resting points of a frame stay apart when they are merged.
     let mut parts: Vec<(u16, Option<Vec<RowMotion>>, TimedPoints)> = Vec::new();

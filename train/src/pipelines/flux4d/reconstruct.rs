@@ -16,6 +16,7 @@ use gs_models::flux4d::actors::{Actor, ActorConfig, EditScript, apply_edits, fin
 use gs_models::flux4d::scene::REST_SPEED;
 use serde::Serialize;
 
+use super::actor_recall::ActorScores;
 use super::actors_file::ActorList;
 use super::flow::{self, FlowScores};
 use super::infer::{Ready, infer};
@@ -76,6 +77,7 @@ struct Work<'a> {
     script: Option<EditScript>,
     seconds: Seconds,
     flow: FlowScores,
+    recall: ActorScores,
     psnr: Vec<f64>,
     images: usize,
     sizes: [usize; 2],
@@ -104,6 +106,7 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
         script,
         seconds: Seconds::default(),
         flow: FlowScores::default(),
+        recall: ActorScores::default(),
         psnr: Vec::new(),
         images: 0,
         sizes: [0; 2],
@@ -167,12 +170,12 @@ impl Work<'_> {
         self.seconds.passes += inferred.pass_seconds;
         let rest = self.request.rest_speed.unwrap_or(REST_SPEED);
         let scene = inferred.scene(&host, rest)?;
-        for (place, frame) in snippet.inputs.iter().enumerate() {
-            if let Some(found) = flow::of_sweep(&self.log, &host, &inferred, (place, *frame))? {
-                self.flow.add(&found)?;
-            }
+        let sweeps = flow::of_inputs(&self.log, &host, &inferred, &snippet.inputs)?;
+        for sweep in &sweeps {
+            self.flow.add(sweep)?;
         }
         let actors = self.actors_of(&scene, &host)?;
+        self.recall.add(&scene, &actors, &sweeps);
         let edited = match &self.script {
             Some(script) => apply_edits(&scene, &actors, script)?.scene,
             None => scene,
@@ -263,7 +266,7 @@ impl Work<'_> {
             images: self.images,
             psnr_targets,
             seconds: self.seconds,
-            flow: self.flow.figures(),
+            flow: [self.flow.figures(), self.recall.figures()].concat(),
         };
         let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
         write_atomic(&out.join(SUMMARY), text.as_bytes())?;

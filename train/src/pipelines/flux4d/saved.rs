@@ -1,6 +1,7 @@
 //! The network, its moments and its counters as a checkpoint.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -40,6 +41,26 @@ pub fn snapshot(trainer: &Trainer) -> Snapshot {
     }
     let counters = Counters { step: trainer.step, skipped: trainer.skipped, updates: trainer.adam.updates };
     Snapshot { columns, notes: serde_json::to_value(counters).expect("numbers are JSON") }
+}
+
+/// The network that ships with the program.
+///
+/// # Errors
+/// When its file does not fit this version.
+pub fn shipped_checkpoint() -> Result<Checkpoint> {
+    Ok(Checkpoint::parse(Path::new("flux4d/streets"), gs_recipes::STREETS.to_vec())?)
+}
+
+/// A network with its counters and without the state of its optimiser: a third of a checkpoint.
+///
+/// # Errors
+/// A sentence when the checkpoint is of another pipeline or damaged.
+pub fn network_alone(checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot> {
+    let SavedNetwork { network, step, .. } = read_network(checkpoint, device)?;
+    let mut alone = snapshot(&Trainer::new(network));
+    let counters = Counters { step, skipped: 0, updates: 0 };
+    alone.notes = serde_json::to_value(counters).expect("numbers are JSON");
+    Ok(alone)
 }
 
 /// Running statistics are left out: batch norm takes those of the snippet at hand.

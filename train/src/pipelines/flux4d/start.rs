@@ -44,12 +44,11 @@ pub struct Motions {
 }
 
 impl Motions {
-    /// Of the input sweeps, in the axes of the snippet; only points that are `seen` may move.
+    /// Of the input sweeps, in the axes of the snippet. What no image shows helps to find what one shows.
     pub fn of(
         log: &DrivingLog,
         snippet: &Snippet,
         (sweeps, from_world): (&[Sweep], &DMat4),
-        seen: &[Vec<bool>],
         [begin, end]: [f64; 2],
     ) -> Self {
         let _stage = gs_burn::profile::stage("alignment");
@@ -63,7 +62,7 @@ impl Motions {
                 origin: from_world.transform_point3(log.lidar_position(*frame)).to_array(),
             })
             .collect();
-        let aligned = align(&inputs, seen);
+        let aligned = align(&inputs);
         let positions = sweeps.iter().map(|sweep| sweep.points.clone()).collect();
         Self { aligned, positions, window: end - begin }
     }

@@ -1,0 +1,35 @@
+//! Experiments at the limits of the method, on synthetic streets with exact truth.
+//!
+//! | file | question |
+//! |---|---|
+//! | [`beams`] | what do fewer beams, and other rigs, cost? |
+//! | [`calibration`] | what do wrong camera poses and wrong times cost? |
+//! | [`holes`] | what happens to black images, missing sweeps and nearly empty ones? |
+//! | [`degree`] | which degree does the motion of traffic need? |
+//! | [`baseline`] | is it better and faster than a fit of every pair of sweeps? |
+//! | [`cost`] | what do more points cost, and what do they bring? |
+//! | [`weight`] | how does the weight of the mean speed trade rest against motion? |
+//!
+//! All but the last apply the network that ships with the program, which was trained on other streets.
+
+pub mod baseline;
+pub mod beams;
+pub mod calibration;
+pub mod cost;
+pub mod degree;
+pub mod holes;
+mod trial;
+pub mod weight;
+
+use crate::stability::Experiment;
+
+/// All experiments, that with trainings last.
+pub static EXPERIMENTS: [&Experiment; 7] = [
+    &beams::EXPERIMENT,
+    &calibration::EXPERIMENT,
+    &holes::EXPERIMENT,
+    &degree::EXPERIMENT,
+    &baseline::EXPERIMENT,
+    &cost::EXPERIMENT,
+    &weight::EXPERIMENT,
+];
