@@ -1,17 +1,19 @@
 //! How many of the moving objects are found as actors, and how many actors are moving objects, by labelled LiDAR points.
 //!
 //! A labelled point belongs to the actor of its nearest Gaussian. An object of a snippet counts if its points move by
-//! [`MOVING`] or more on average and are as many as an actor must have.
+//! [`MOVING`] or more on average and some sweep has [`FEWEST`] of them.
 
 use std::collections::BTreeMap;
 
 use gs_models::flux4d::FluxScene;
-use gs_models::flux4d::actors::{Actor, ActorConfig};
+use gs_models::flux4d::actors::Actor;
 
 use super::flow::FlowOfSweep;
 use super::moving::MOVING;
 use crate::fit::figure::{Better, Figure};
 
+/// Points of an object in the sweep that shows most of it: what Algorithm 3 asks of a core point.
+const FEWEST: usize = 10;
 /// Share of its points from which on an object is found and an actor is a moving object.
 const SHARE: f64 = 0.5;
 
@@ -28,6 +30,8 @@ pub struct ActorScores {
 #[derive(Default)]
 struct Object {
     points: usize,
+    /// In one sweep.
+    most: usize,
     motion: f64,
     of_actor: BTreeMap<usize, usize>,
 }
@@ -45,6 +49,7 @@ impl ActorScores {
         let mut objects: BTreeMap<&str, Object> = BTreeMap::new();
         let mut points_of = vec![[0_usize; 2]; actors.len()];
         for sweep in sweeps {
+            let mut in_sweep = vec![0; sweep.tracks.len()];
             for ((truth, row), object) in sweep.truth.iter().zip(&sweep.rows).zip(&sweep.objects) {
                 let motion = truth.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
                 let actor = actor_of[*row as usize];
@@ -52,8 +57,10 @@ impl ActorScores {
                     points_of[actor][0] += 1;
                     points_of[actor][1] += usize::from(motion >= f64::from(MOVING));
                 }
-                let Some(track) = object.map(|object| sweep.tracks[object as usize].as_str()) else { continue };
-                let object = objects.entry(track).or_default();
+                let Some(place) = object.map(|object| object as usize) else { continue };
+                let object = objects.entry(&sweep.tracks[place]).or_default();
+                in_sweep[place] += 1;
+                object.most = object.most.max(in_sweep[place]);
                 object.points += 1;
                 object.motion += motion;
                 if let Some(actor) = actor {
@@ -61,9 +68,8 @@ impl ActorScores {
                 }
             }
         }
-        let fewest = ActorConfig::default().min_points;
         let counts =
-            |object: &&Object| object.points >= fewest && object.motion / object.points as f64 >= f64::from(MOVING);
+            |object: &&Object| object.most >= FEWEST && object.motion / object.points as f64 >= f64::from(MOVING);
         let enough = |part: usize, whole: usize| part as f64 >= SHARE * whole as f64;
         for object in objects.values().filter(counts) {
             self.objects += 1;

@@ -57,6 +57,7 @@ struct Sums {
     pictures: Vec<Comparison>,
     baselines: Baselines,
     flow: FlowScores,
+    clustering: ActorConfig,
     actors: ActorScores,
     seconds: Vec<[f64; 2]>,
     gaussians: Vec<usize>,
@@ -85,7 +86,8 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
     // Held-out snippets are read once for each measurement and not kept.
     let uncached = FluxConfig { own: without_cache(config), ..config.clone() };
     let mut library = Library::new(split.logs.clone(), &uncached);
-    let (mut sums, mut last) = (Sums::default(), String::new());
+    let mut sums = Sums { clustering: config.own.actors.config(), ..Sums::default() };
+    let mut last = String::new();
     let views = split.places.iter().map(|place| place.snippet.targets.len()).sum::<usize>();
     let keep_every = views.div_ceil(split.pictures.max(1)).max(1);
     for place in split.places {
@@ -164,7 +166,7 @@ fn snippet(
     for sweep in &sweeps {
         sums.flow.add(sweep)?;
     }
-    let actors = find_actors(&scene, 0.5 * (host.window[0] + host.window[1]), &[], &ActorConfig::default())?;
+    let actors = find_actors(&scene, 0.5 * (host.window[0] + host.window[1]), &[], &sums.clustering)?;
     sums.actors.add(&scene, &actors, &sweeps);
     sums.moving_share.push(scene.moving() as f64 / scene.gaussians.len().max(1) as f64);
     sums.seconds.push([inferred.map_seconds, inferred.pass_seconds]);

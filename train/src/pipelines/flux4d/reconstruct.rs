@@ -12,7 +12,7 @@ use gs_datasets::{counted, guarded};
 use gs_driving::{DrivingLog, Snippet};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
-use gs_models::flux4d::actors::{Actor, ActorConfig, EditScript, apply_edits, find_actors};
+use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, find_actors};
 use gs_models::flux4d::scene::REST_SPEED;
 use serde::Serialize;
 
@@ -198,7 +198,8 @@ impl Work<'_> {
     fn actors_of(&self, scene: &FluxScene, host: &HostSnippet) -> Result<Vec<Actor>> {
         let [begin, end] = host.window;
         let times: Vec<f64> = (0..=10).map(|i| begin + 0.1 * f64::from(i) * (end - begin)).collect();
-        Ok(find_actors(scene, 0.5 * (begin + end), &times, &ActorConfig::default())?)
+        let clustering = self.saved.config.own.actors.config();
+        Ok(find_actors(scene, 0.5 * (begin + end), &times, &clustering)?)
     }
 
     /// The images of the frames that this snippet shows.

@@ -22,6 +22,9 @@ use crate::run::outputs::MARK;
 /// The file with all figures.
 const SUMMARY: &str = "flow.json";
 
+/// Points of a sweep that a fit looks at; the flow is then evaluated on all. As many as the field's fits of pairs take.
+const FIT_POINTS: usize = 8192;
+
 /// What is asked for.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepFlow<'a> {
@@ -97,7 +100,9 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
     }
     let method = match request.fit {
         None => format!("bodies in windows of {} sweeps", request.window.min(frames.len())),
-        Some(iterations) => format!("a fit of each pair of sweeps, at most {iterations} iterations"),
+        Some(iterations) => {
+            format!("a fit of each pair of sweeps, {FIT_POINTS} points, at most {iterations} iterations")
+        }
     };
     let summary = Summary {
         program: MARK,
@@ -151,7 +156,7 @@ fn by_bodies(log: &DrivingLog, loaded: Vec<(usize, Sweep)>) -> Vec<Found> {
 
 /// The last sweep of a log is fitted to the one before, backwards.
 fn by_fit(log: &DrivingLog, loaded: Vec<(usize, Sweep)>, iterations: usize, device: &Device) -> Result<Vec<Found>> {
-    let config = FastNsfConfig { iterations, ..FastNsfConfig::default() };
+    let config = FastNsfConfig { iterations, points: Some(FIT_POINTS), ..FastNsfConfig::default() };
     let mut flows = Vec::new();
     for place in 0..loaded.len() {
         let (frame, sweep) = &loaded[place];
