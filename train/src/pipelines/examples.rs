@@ -56,6 +56,7 @@ Examples:
   gsburn stability sparsedyn --out runs/future
   gsburn stability sparsedyn --out runs/future --only integrators,reversal
   gsburn stability sparsedyn --out runs/future --only horizon,contacts --quick
+  gsburn stability flux4d --out runs/limits --only beams,holes
 
 Experiments of sparsedyn:
   integrators  drift on exactly known motions, and the step that keeps it under 1 % (seconds)
@@ -68,6 +69,16 @@ Experiments of sparsedyn:
   step         another integration step and frame rate after training
   contacts     a stop, a bounce, another speed that no photo tells of
 
+Experiments of flux4d, by the network that ships and on streets that it has not seen:
+  beams        4 to 128 beams, and images of other sizes
+  calibration  wrong camera poses, images that are late
+  holes        a black image, a missing sweep, a LiDAR of one beam
+  degree       the degree of velocities that traffic needs
+  bins         PSNR by distance, and of the sky
+  baseline     a fit of every pair of sweeps on the same points
+  cost         seconds by stage and PSNR over 10,000 to half a million points
+  weight       the weight of the mean speed over five decades (trainings)
+
 Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
 shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with
 143; what was finished before is kept.";
@@ -77,7 +88,7 @@ pub const FLOW: &str = "\
 Examples:
   gsburn flow pandaset/002
   gsburn flow av2/val/LOG --out flow              one array a sweep: [points, 3], metres in 0.1 s, axes of the world
-  gsburn flow av2/val/LOG --fit 500               the baseline: a fit of every pair of sweeps, some 100 times slower
+  gsburn flow av2/val/LOG --fit 500               the baseline: a fit of every pair of sweeps, which takes minutes a sweep
 
 Bodies are found by what the rays of other sweeps passed through; each has one motion in the plane (velocity, acceleration, turn),
 and all else rests. Points without a label are not scored. 'gsburn reconstruct' starts from the same motions.";

@@ -23,7 +23,7 @@ use crate::run::outputs::MARK;
 const SUMMARY: &str = "flow.json";
 
 /// Points of a sweep that a fit looks at; the flow is then evaluated on all. As many as the field's fits of pairs take.
-const FIT_POINTS: usize = 8192;
+pub const FIT_POINTS: usize = 8192;
 
 /// What is asked for.
 #[derive(Debug, Clone, Copy)]

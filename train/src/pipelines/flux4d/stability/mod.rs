@@ -7,6 +7,7 @@
 //! | [`holes`] | what happens to black images, missing sweeps and nearly empty ones? |
 //! | [`degree`] | which degree does the motion of traffic need? |
 //! | [`baseline`] | is it better and faster than a fit of every pair of sweeps? |
+//! | [`bins`] | where in the image is the error? |
 //! | [`cost`] | what do more points cost, and what do they bring? |
 //! | [`weight`] | how does the weight of the mean speed trade rest against motion? |
 //!
@@ -14,6 +15,7 @@
 
 pub mod baseline;
 pub mod beams;
+pub mod bins;
 pub mod calibration;
 pub mod cost;
 pub mod degree;
@@ -24,11 +26,12 @@ pub mod weight;
 use crate::stability::Experiment;
 
 /// All experiments, that with trainings last.
-pub static EXPERIMENTS: [&Experiment; 7] = [
+pub static EXPERIMENTS: [&Experiment; 8] = [
     &beams::EXPERIMENT,
     &calibration::EXPERIMENT,
     &holes::EXPERIMENT,
     &degree::EXPERIMENT,
+    &bins::EXPERIMENT,
     &baseline::EXPERIMENT,
     &cost::EXPERIMENT,
     &weight::EXPERIMENT,
