@@ -10,9 +10,9 @@ const COLUMNS: usize = 900;
 const ROWS: usize = 360;
 /// A return this much behind a point, metres, is not of the point's surface: the ego vehicle's motion within a sweep is
 /// not in the image, and a surface at a slant has that much depth in a cell.
-const BEHIND: f64 = 0.5;
+const BEHIND: f64 = 0.7;
 /// The same as a share of the range.
-const BEHIND_SHARE: f64 = 0.01;
+const BEHIND_SHARE: f64 = 0.02;
 
 /// Nearest returns by direction.
 #[derive(Debug)]
