@@ -28,7 +28,7 @@ pub const EXPERIMENT: Experiment = Experiment {
 
 /// LiDAR points of a snippet at most.
 const BUDGETS: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];
-const BUDGETS_QUICK: [usize; 2] = [2_000, 8_000];
+const BUDGETS_QUICK: [usize; 2] = [8_000, 100_000];
 
 /// Beams and columns of a LiDAR of which the front camera shows half a million points in a snippet.
 const DENSE: [usize; 2] = [128, 3600];
