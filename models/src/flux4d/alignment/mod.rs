@@ -3,13 +3,13 @@
 //! The paper's velocities start at zero and are learned in 30,000 steps. Here they may start at what the sweeps
 //! themselves show; a network then predicts the difference. What no sweep shows to move carries no velocity.
 //!
-//! 1. A point moves by evidence where later or earlier rays passed through its place ([`free_space`]).
-//! 2. Such points of one sweep that are close to each other are a body ([`bodies`]).
+//! 1. A point moves by evidence where later or earlier rays passed through its place (`free_space`).
+//! 2. Such points of one sweep that are close to each other are a body (`bodies`).
 //! 3. A body's velocity, acceleration and turn are those that bring its points onto the points of the other sweeps
-//!    ([`search`]), by the distance to the nearest of them in the plan ([`plan`]).
+//!    (`search`), by the distance to the nearest of them in the plan (`plan`).
 //! 4. A body whose motion explains its points no better than rest does, or that no other sweep confirms, rests.
 //!
-//! Motion is horizontal. Heights are above the ground under a point ([`ground`]).
+//! Motion is horizontal. Heights are above the ground under a point (`ground`).
 
 mod bodies;
 mod free_space;
