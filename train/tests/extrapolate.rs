@@ -19,7 +19,7 @@ use gs_train::report::future::spread::{Spread, moving_rows};
 
 mod common;
 
-use common::program::{fails, succeeds};
+use common::program::{fails, fails_with, succeeds};
 
 /// A tiny world of four cameras, one of them held out, and a run on it of few steps.
 fn trained(folder: &Path) {
@@ -106,16 +106,16 @@ fn a_run_is_extrapolated_into_whole_files_that_repeat() {
 
 /// What cannot be predicted, and files of others.
 fn refused(folder: &Path) {
-    for (args, said) in [
-        (vec!["--to", "0.5"], "expected a time after 0.75"),
-        (vec!["--to", "1e9"], "expected a time up to"),
-        (vec!["--to", "nan"], "expected a finite number"),
-        (vec!["--to", "1", "--frames", "0"], "not in 1..=10000"),
-        (vec!["--to", "1", "--step", "1000"], "expected a step of 0.01 to 100 frames, found 1000"),
-        (vec!["--to", "1", "--members", "1"], "at least 2 members"),
-        (vec!["--to", "1", "--camera", "cam77"], "expected orbit or one of cam00"),
+    for (code, args, said) in [
+        (1, vec!["--to", "0.5"], "expected a time after 0.75"),
+        (1, vec!["--to", "1e9"], "expected a time up to"),
+        (2, vec!["--to", "nan"], "expected a finite number"),
+        (2, vec!["--to", "1", "--frames", "0"], "not in 1..=10000"),
+        (1, vec!["--to", "1", "--step", "1000"], "expected a step of 0.01 to 100 frames, found 1000"),
+        (1, vec!["--to", "1", "--members", "1"], "at least 2 members"),
+        (1, vec!["--to", "1", "--camera", "cam77"], "expected orbit or one of cam00"),
     ] {
-        let error = fails(folder, &[&["extrapolate", "run", "--out", "no"][..], &args].concat());
+        let error = fails_with(code, folder, &[&["extrapolate", "run", "--out", "no"][..], &args].concat());
         assert!(error.contains(said), "{args:?}: {error}");
     }
     let error = fails(folder, &["extrapolate", "run/scene.ply", "--to", "1", "--out", "no"]);

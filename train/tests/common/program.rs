@@ -29,11 +29,16 @@ pub fn succeeds(folder: &Path, args: &[&str]) -> String {
     said
 }
 
-/// The one sentence of what must fail: with exit code 1, or 2 where the arguments themselves are refused.
+/// The one sentence of what must fail.
 pub fn fails(folder: &Path, args: &[&str]) -> String {
+    fails_with(1, folder, args)
+}
+
+/// The one sentence of what must fail with an exit code: 2 where the arguments themselves are refused.
+pub fn fails_with(code: i32, folder: &Path, args: &[&str]) -> String {
     let output = gsburn(folder, args);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(matches!(output.status.code(), Some(1 | 2)), "{args:?}: {errors}");
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {errors}");
     assert!(!errors.contains("panicked"), "{args:?}: {errors}");
     let sentences: Vec<&str> = errors.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(sentences.len(), 1, "{args:?}: {errors}");

@@ -1,12 +1,12 @@
 //! Bodies of each sweep, their motions, and the points that belong to them.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use super::AlignedSweep;
+use super::footprint::Footprint;
 use super::free_space::RangeImage;
 use super::ground::Ground;
+use super::groups::{gap, joined};
 use super::plan::{Extent, Plan};
 use super::search::{Other, PlanarMotion, score, score_without, search};
 
@@ -21,9 +21,6 @@ const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
 const EGO_RADIUS: f64 = 3.0;
 /// Points beyond this, metres, do not move: a car has a few points there.
 const RANGE: f64 = 80.0;
-/// Edge of the cells in which evident points are joined, and how many cells a gap may have.
-const JOIN_CELL: f64 = 0.3;
-const JOIN_GAP: i32 = 2;
 /// Fewest evident points of a body: a person at 40 m has as many.
 const POINTS_MIN: usize = 5;
 /// Sweeps whose rays pass through a place before it is evident that something moved there; one for a snippet of three
@@ -333,74 +330,9 @@ impl Snippet<'_> {
     }
 }
 
-/// Points in groups: those whose cells are neighbours. Groups are in the order of their first points.
-fn joined(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
-    let cell = |point: &[f64; 2]| point.map(|x| (x / JOIN_CELL).floor() as i32);
-    let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();
-    for (index, point) in points.iter().enumerate() {
-        cells.entry(cell(point)).or_default().push(index);
-    }
-    let (mut groups, mut stack) = (Vec::new(), Vec::new());
-    for point in points {
-        let mut group = Vec::new();
-        stack.push(cell(point));
-        while let Some([x, y]) = stack.pop() {
-            let Some(members) = cells.remove(&[x, y]) else { continue };
-            group.extend(members);
-            let around = (-JOIN_GAP..=JOIN_GAP).flat_map(|dx| (-JOIN_GAP..=JOIN_GAP).map(move |dy| [x + dx, y + dy]));
-            stack.extend(around.filter(|cell| cells.contains_key(cell)));
-        }
-        if !group.is_empty() {
-            group.sort_unstable();
-            groups.push(group.into_iter().map(|index| points[index]).collect());
-        }
-    }
-    groups
-}
-
-/// Smallest distance of two sets of points, metres; infinite without points.
-fn gap(one: &[[f64; 2]], two: &[[f64; 2]]) -> f64 {
-    let squared = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-    one.iter().flat_map(|a| two.iter().map(move |b| squared(a, b))).fold(f64::INFINITY, f64::min).sqrt()
-}
-
 /// Whether a body moves as a body followed from another sweep would, whose points would be in `footprint`.
 fn confirms(body: &Candidate, expected: &PlanarMotion, footprint: &Footprint) -> bool {
     let difference = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
     difference(body.motion.velocity, expected.velocity) <= CONFIRM[0] + CONFIRM[1] * expected.speed()
         && body.evident.iter().any(|point| footprint.contains(*point, [CONFIRM_DISTANCE; 2]))
-}
-
-/// A rectangle along a motion around points.
-struct Footprint {
-    along: [f64; 2],
-    low: [f64; 2],
-    high: [f64; 2],
-}
-
-impl Footprint {
-    fn of(velocity: [f64; 2], points: impl Iterator<Item = [f64; 2]>) -> Self {
-        let speed = velocity[0].hypot(velocity[1]);
-        let along = if speed > 0.0 { velocity.map(|x| x / speed) } else { [1.0, 0.0] };
-        let mut footprint = Self { along, low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
-        for point in points {
-            let local = footprint.local(point);
-            for axis in 0..2 {
-                footprint.low[axis] = footprint.low[axis].min(local[axis]);
-                footprint.high[axis] = footprint.high[axis].max(local[axis]);
-            }
-        }
-        footprint
-    }
-
-    fn local(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [c, s] = self.along;
-        [c * x + s * y, c * y - s * x]
-    }
-
-    /// Whether a point is in it, with some room along and across the motion, metres.
-    fn contains(&self, point: [f64; 2], room: [f64; 2]) -> bool {
-        let local = self.local(point);
-        (0..2).all(|axis| (self.low[axis] - room[axis]..=self.high[axis] + room[axis]).contains(&local[axis]))
-    }
 }

@@ -12,8 +12,10 @@
 //! Motion is horizontal. Heights are above the ground under a point (`ground`).
 
 mod bodies;
+mod footprint;
 mod free_space;
 mod ground;
+mod groups;
 mod plan;
 mod search;
 #[cfg(test)]

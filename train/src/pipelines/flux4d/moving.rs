@@ -27,14 +27,18 @@ pub fn mask(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Resu
 
 fn of_truth(truth: &TruthImage, view: &HostView) -> Vec<u8> {
     let (width, height) = (view.image.width, view.image.height);
-    let moves = |index: usize| {
-        // The image may have been downscaled.
-        let (x, y) = (index % width * truth.width / width, index / width * truth.height / height);
-        let place = y.min(truth.height - 1) * truth.width + x;
+    let moves = |pixel: usize| {
+        let place = in_truth(truth, (pixel, width, height));
         let squared: f32 = truth.flow.iter().map(|axis| axis[place] * axis[place]).sum();
         squared >= MOVING * MOVING
     };
-    (0..width * height).map(|index| if moves(index) { 255 } else { 0 }).collect()
+    (0..width * height).map(|pixel| if moves(pixel) { 255 } else { 0 }).collect()
+}
+
+/// The pixel of the truth at a pixel of an image of `width` and `height`, which may have been downscaled.
+pub fn in_truth(truth: &TruthImage, (pixel, width, height): (usize, usize, usize)) -> usize {
+    let (x, y) = (pixel % width * truth.width / width, pixel / width * truth.height / height);
+    y.min(truth.height - 1) * truth.width + x
 }
 
 fn of_points(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Result<Vec<u8>> {
