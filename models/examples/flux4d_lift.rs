@@ -23,8 +23,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let all = TimedPoints { points: points.clone(), times: times.clone(), colors: colors.clone() };
     let config = MergeConfig { budget: count / 4, times: 6 };
-    let merged = timed("merging to a quarter", || merge_to_budget(&all, &config))?;
-    println!("{} points with voxels of {:?} m", merged.points.points.len(), merged.voxel);
+    let merged = timed("merging to a quarter", || merge_to_budget(vec![all], &config))?;
+    println!("{} points with voxels of {:?} m", merged.parts[0].points.len(), merged.voxel);
     timed("clustering of all points", || dbscan(&points, 0.4, 10))?;
     Ok(())
 }

@@ -124,8 +124,9 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
 fn the_sweeps_show_what_moves() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = streets(temporary.path(), 2);
-    // A rate of almost nothing: the measurement is of the start.
-    let still = ["learning.rate=1e-9", "learning.last_rate=1e-9"];
+    // A rate of almost nothing: the measurement is of the start. All points: a merged point beside a car lends its motion
+    // to what it was merged over.
+    let still = ["learning.rate=1e-9", "learning.last_rate=1e-9", "lift.points=0"];
     let measured = |name: &str, velocity: &str| {
         let job = job(&data, &temporary.path().join(name), 1, &[&still[..], &[velocity]].concat());
         let eval = common::finish(&job);

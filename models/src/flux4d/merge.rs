@@ -1,13 +1,24 @@
-//! Fewer points where they add nothing: points of one voxel and one time become their mean (budget ladder).
+//! Fewer points where they add nothing: points of one voxel and one time become their mean.
 
 use rayon::prelude::*;
 
 use super::error::{FluxError, check_length, check_points, check_range};
 
-/// Edges of the ladder's voxels, metres; each step keeps about a half to a third of the points of a street. Below the
-/// first a LiDAR's own noise (2 cm) decides which voxel a point is in; a Gaussian of the last is as wide as the largest
-/// scale, 1 m.
-pub const LADDER: [f32; 6] = [0.03, 0.06, 0.12, 0.25, 0.5, 1.0];
+/// Shortest edge of merging voxels, metres: below it a LiDAR's own noise (2 cm) decides which voxel a point is in.
+pub const EDGE_MIN: f32 = 0.03;
+
+/// Longest edge of merging voxels, metres: a car is one point or two.
+pub const EDGE_MAX: f32 = 4.0;
+
+/// Steps of the ladder in which an edge doubles. Points on surfaces become a fourth when the edge doubles, so at least
+/// 0.84 of a budget is used where the points are dense (measured: 0.8 to 1 on streets).
+const STEPS_PER_DOUBLING: i32 = 8;
+
+/// Edges of merging voxels, metres, from [`EDGE_MIN`] to [`EDGE_MAX`].
+pub fn ladder() -> Vec<f32> {
+    let edge = |step: i32| EDGE_MIN * (f64::from(step) / f64::from(STEPS_PER_DOUBLING)).exp2() as f32;
+    (0..).map(edge).take_while(|edge| *edge < EDGE_MAX).chain([EDGE_MAX]).collect()
+}
 
 /// Points with what is known of them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -33,25 +44,43 @@ pub struct MergeConfig {
 /// Result of [`merge_to_budget`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Merged {
-    /// The points that are left.
-    pub points: TimedPoints,
+    /// The points that are left of each part.
+    pub parts: Vec<TimedPoints>,
     /// Edge of the voxels, metres; `None` if nothing had to be merged.
     pub voxel: Option<f32>,
 }
 
-/// Merges with the smallest edge of [`LADDER`] that keeps at most the budget, or with the largest if none does.
+/// Merges with the smallest edge of [`ladder`] that keeps at most the budget in all parts together, or with the largest
+/// if none does. Points of two parts stay apart.
+///
+/// The edge is found by halving: about six of the ladder's steps are tried.
 ///
 /// # Errors
 /// When lengths differ, a coordinate or time is not usable, or `times` is out of range.
-pub fn merge_to_budget(points: &TimedPoints, config: &MergeConfig) -> Result<Merged, FluxError> {
-    let mut merged = Merged { points: points.clone(), voxel: None };
-    for voxel in LADDER {
-        if merged.points.points.len() <= config.budget {
-            return Ok(merged);
-        }
-        merged = Merged { points: merge(points, voxel, config.times)?, voxel: Some(voxel) };
+pub fn merge_to_budget(parts: Vec<TimedPoints>, config: &MergeConfig) -> Result<Merged, FluxError> {
+    if count(&parts) <= config.budget {
+        return Ok(Merged { parts, voxel: None });
     }
-    Ok(merged)
+    let at = |edge: f32| parts.iter().map(|part| merge(part, edge, config.times)).collect::<Result<Vec<_>, _>>();
+    let edges = ladder();
+    let (mut from, mut to) = (0, edges.len() - 1);
+    let mut best = None;
+    while from < to {
+        let middle = (from + to) / 2;
+        let merged = at(edges[middle])?;
+        if count(&merged) <= config.budget {
+            (to, best) = (middle, Some(merged));
+        } else {
+            from = middle + 1;
+        }
+    }
+    // The last edge is never tried by halving.
+    let parts = best.map_or_else(|| at(edges[to]), Ok)?;
+    Ok(Merged { parts, voxel: Some(edges[to]) })
+}
+
+fn count(parts: &[TimedPoints]) -> usize {
+    parts.iter().map(|part| part.points.len()).sum()
 }
 
 /// Points of one voxel (edge in metres) and one of `times` equal parts of the window become one: mean position, mean

@@ -4,7 +4,7 @@
 //! flow of the nearest Gaussian of its own sweep.
 
 use anyhow::Result;
-use gs_driving::{DrivingLog, FLOW_INTERVAL, ObjectClass};
+use gs_driving::{DrivingLog, FLOW_INTERVAL, Labels, ObjectClass, Sweep};
 use gs_models::flux4d::flow_metrics::{Buckets, FlowClass, FlowFrame, PointErrors, ThreeWay};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -56,12 +56,27 @@ pub struct FlowOfSweep {
     pub truth: Vec<[f32; 3]>,
     /// Classes.
     pub classes: Vec<FlowClass>,
-    /// The Gaussian whose flow each point has, before resting and moving ones are parted.
+    /// The Gaussian whose flow each point has, before resting and moving ones are parted; empty without Gaussians.
     pub rows: Vec<u32>,
     /// The object of each point, a place in [`tracks`](Self::tracks); `None` on the background.
     pub objects: Vec<Option<u32>>,
     /// Names of the objects, the same for an object in all sweeps.
     pub tracks: Vec<String>,
+}
+
+impl FlowOfSweep {
+    /// Of the points `kept` of a sweep, whose flow is known, with what is predicted of them.
+    pub fn of(sweep: &Sweep, labels: &Labels, kept: &[usize], predicted: Vec<[f32; 3]>) -> Self {
+        Self {
+            points: kept.iter().map(|index| sweep.points[*index]).collect(),
+            predicted,
+            truth: kept.iter().filter_map(|index| labels.flow[*index]).collect(),
+            classes: kept.iter().map(|index| class(labels.class[*index])).collect(),
+            rows: Vec::new(),
+            objects: kept.iter().map(|index| labels.instance[*index].checked_sub(1)).collect(),
+            tracks: labels.tracks.clone(),
+        }
+    }
 }
 
 /// The flow of the labelled points of input `place` of a snippet; `None` without labels or Gaussians.
@@ -91,15 +106,8 @@ pub fn of_sweep(
         rows[nearest as usize] as u32
     };
     let rows: Vec<u32> = kept.par_iter().map(row).collect();
-    Ok(Some(FlowOfSweep {
-        points: kept.iter().map(|index| sweep.points[*index]).collect(),
-        predicted: rows.iter().map(|row| flows[*row as usize]).collect(),
-        truth: kept.iter().filter_map(|index| labels.flow[*index]).collect(),
-        classes: kept.iter().map(|index| class(labels.class[*index])).collect(),
-        rows,
-        objects: kept.iter().map(|index| labels.instance[*index].checked_sub(1)).collect(),
-        tracks: labels.tracks.clone(),
-    }))
+    let predicted = rows.iter().map(|row| flows[*row as usize]).collect();
+    Ok(Some(FlowOfSweep { rows, ..FlowOfSweep::of(&sweep, labels, &kept, predicted) }))
 }
 
 /// The flow of the labelled points of all inputs of a snippet.
@@ -124,8 +132,7 @@ fn flows(host: &HostSnippet, inferred: &Inferred, seconds: f64) -> Vec<[f32; 3]>
     flow.as_chunks::<3>().0.to_vec()
 }
 
-/// A class of labels as the metrics name it.
-pub(super) fn class(class: ObjectClass) -> FlowClass {
+fn class(class: ObjectClass) -> FlowClass {
     match class {
         ObjectClass::Background => FlowClass::Background,
         ObjectClass::Car => FlowClass::Car,

@@ -7,7 +7,7 @@ use anyhow::{Result, anyhow, bail};
 use glam::{DMat4, DVec2, DVec3};
 use gs_datasets::RgbImage8;
 use gs_driving::{Camera, DrivingLog, Snippet, Sweep, depth_image, project, sample};
-use gs_models::flux4d::merge::{LADDER, TimedPoints, merge};
+use gs_models::flux4d::merge::{MergeConfig, TimedPoints, merge_to_budget};
 use gs_models::flux4d::{BoxLength, FarConfig, LiftConfig, LiftInput, LiftedRows, Rotations, lift_rows};
 use rayon::prelude::*;
 
@@ -270,11 +270,7 @@ fn points(
     config: &LiftSection,
 ) -> Result<Points> {
     let posed = Posed::all(log, inputs);
-    let seen = |sweep: &Sweep| -> Vec<bool> {
-        let shown = |point: &[f32; 3]| posed.iter().any(|posed| posed.place(*point).is_some());
-        sweep.points.par_iter().map(|point| !config.in_view || shown(point)).collect()
-    };
-    let seen: Vec<Vec<bool>> = sweeps.iter().map(seen).collect();
+    let counts = |point: [f32; 3]| !config.in_view || posed.iter().any(|posed| posed.place(point).is_some());
     let motion = match config.velocity {
         VelocityChoice::Zero => None,
         VelocityChoice::Aligned => Some(Motions::of(log, snippet, (sweeps, from_world), window)),
@@ -284,15 +280,18 @@ fn points(
     for (place, sweep) in sweeps.iter().enumerate() {
         let own: Vec<&Posed> = posed.iter().filter(|posed| posed.view.frame == snippet.inputs[place]).collect();
         let of = |kept: Vec<usize>| coloured(sweep, &kept, &own, window);
-        let shown = (0..sweep.len()).filter(|index| seen[place][*index]);
+        let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(|index| counts(sweep.points[*index])).collect();
         let (moving, resting): (Vec<usize>, Vec<usize>) =
-            shown.partition(|index| motion.as_ref().is_some_and(|motion| motion.moves(place, *index)));
+            kept.into_iter().partition(|index| motion.as_ref().is_some_and(|motion| motion.moves(place, *index)));
         parts.push((place as u16, None, of(resting)));
-        let motions = moving.iter().filter_map(|index| motion.as_ref().map(|motion| motion.of_point(place, *index)));
+        let of_point =
+            |index: &usize| motion.as_ref().map(|motion| motion.of_point(place, *index, sweep.points[*index]));
+        let motions = moving.iter().filter_map(of_point);
         parts.push((place as u16, Some(motions.collect()), of(moving)));
     }
     let before: Vec<TimedPoints> = parts.iter().map(|(_, _, points)| points.clone()).collect();
-    let thinned = thinned(before, config.points)?;
+    let budget = if config.points == 0 { usize::MAX } else { config.points };
+    let thinned = merge_to_budget(before, &MergeConfig { budget, times: 1 })?.parts;
     let mut all = Points { points: TimedPoints::default(), row_frames: Vec::new(), start: Vec::new() };
     for ((place, motions, before), after) in parts.into_iter().zip(thinned) {
         all.row_frames.resize(all.row_frames.len() + after.points.len(), place);
@@ -317,22 +316,6 @@ fn coloured(sweep: &Sweep, kept: &[usize], views: &[&Posed], [begin, end]: [f64;
         times: kept.iter().map(time).collect(),
         colors: kept.par_iter().map(|index| color_at(views.iter().copied(), sweep.points[*index])).collect(),
     }
-}
-
-/// Sweeps merged with the smallest edge of the ladder that keeps the budget; points of two sweeps stay apart.
-fn thinned(frames: Vec<TimedPoints>, budget: usize) -> Result<Vec<TimedPoints>> {
-    let count = |frames: &[TimedPoints]| frames.iter().map(|frame| frame.points.len()).sum::<usize>();
-    if budget == 0 || count(&frames) <= budget {
-        return Ok(frames);
-    }
-    let mut merged = Vec::new();
-    for voxel in LADDER {
-        merged = frames.iter().map(|frame| merge(frame, voxel, 1)).collect::<Result<_, _>>()?;
-        if count(&merged) <= budget {
-            break;
-        }
-    }
-    Ok(merged)
 }
 
 /// A view with its camera and its pose inverted once, for many points.

@@ -35,10 +35,23 @@ impl RowMotion {
     }
 }
 
+/// What the sweeps of some frames show to move, in the axes that `from_world` leads to.
+pub fn aligned<'a>(
+    log: &DrivingLog,
+    sweeps: impl IntoIterator<Item = (usize, &'a Sweep)>,
+    from_world: &DMat4,
+) -> Aligned {
+    let input = |(frame, sweep): (usize, &'a Sweep)| AlignedSweep {
+        points: &sweep.points,
+        time: log.frames()[frame].time,
+        origin: from_world.transform_point3(log.lidar_position(frame)).to_array(),
+    };
+    align(&sweeps.into_iter().map(input).collect::<Vec<_>>())
+}
+
 /// The motions of all points of a snippet.
 pub struct Motions {
     aligned: Aligned,
-    positions: Vec<Vec<[f32; 3]>>,
     /// Seconds.
     window: f64,
 }
@@ -52,19 +65,8 @@ impl Motions {
         [begin, end]: [f64; 2],
     ) -> Self {
         let _stage = gs_burn::profile::stage("alignment");
-        let inputs: Vec<AlignedSweep> = snippet
-            .inputs
-            .iter()
-            .zip(sweeps)
-            .map(|(frame, sweep)| AlignedSweep {
-                points: &sweep.points,
-                time: log.frames()[*frame].time,
-                origin: from_world.transform_point3(log.lidar_position(*frame)).to_array(),
-            })
-            .collect();
-        let aligned = align(&inputs);
-        let positions = sweeps.iter().map(|sweep| sweep.points.clone()).collect();
-        Self { aligned, positions, window: end - begin }
+        let aligned = aligned(log, snippet.inputs.iter().copied().zip(sweeps), from_world);
+        Self { aligned, window: end - begin }
     }
 
     /// Whether a point of a sweep moves.
@@ -72,9 +74,9 @@ impl Motions {
         self.aligned.of_point[sweep][point].is_some()
     }
 
-    /// The motion of a point.
-    pub fn of_point(&self, sweep: usize, point: usize) -> RowMotion {
-        let (velocity, acceleration) = self.aligned.motion(sweep, point, self.positions[sweep][point]);
+    /// The motion of a point at a position.
+    pub fn of_point(&self, sweep: usize, point: usize, position: [f32; 3]) -> RowMotion {
+        let (velocity, acceleration) = self.aligned.motion(sweep, point, position);
         RowMotion {
             velocity: velocity.map(|v| (v * self.window) as f32),
             acceleration: acceleration.map(|a| (a * self.window * self.window) as f32),

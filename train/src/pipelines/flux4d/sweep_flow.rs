@@ -7,14 +7,15 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
+use glam::DMat4;
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::{counted, write_npy};
 use gs_driving::{DrivingLog, FLOW_INTERVAL, LogOptions, Sweep};
-use gs_models::flux4d::alignment::{AlignedSweep, align};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use serde::Serialize;
 
-use super::flow::{FlowOfSweep, FlowScores, class};
+use super::flow::{FlowOfSweep, FlowScores};
+use super::start::aligned;
 use crate::fit::figure::{Figure, FigureTable};
 use crate::run::interrupt;
 use crate::run::outputs::MARK;
@@ -133,12 +134,7 @@ fn windows(sweeps: usize, length: usize) -> Vec<(Range<usize>, usize)> {
 }
 
 fn by_bodies(log: &DrivingLog, loaded: Vec<(usize, Sweep)>) -> Vec<Found> {
-    let inputs = loaded.iter().map(|(frame, sweep)| AlignedSweep {
-        points: &sweep.points,
-        time: log.frames()[*frame].time,
-        origin: log.lidar_position(*frame).to_array(),
-    });
-    let motions = align(&inputs.collect::<Vec<_>>());
+    let motions = aligned(log, loaded.iter().map(|(frame, sweep)| (*frame, sweep)), &DMat4::IDENTITY);
     let flow_of = |place: usize, sweep: &Sweep| {
         let of_point = |(point, at): (usize, &[f32; 3])| {
             let (velocity, acceleration) = motions.motion(place, point, *at);
@@ -173,13 +169,8 @@ fn by_fit(log: &DrivingLog, loaded: Vec<(usize, Sweep)>, iterations: usize, devi
 fn labelled(found: &Found) -> Option<FlowOfSweep> {
     let labels = found.sweep.labels.as_ref()?;
     let kept: Vec<usize> = (0..found.sweep.len()).filter(|index| labels.flow[*index].is_some()).collect();
-    Some(FlowOfSweep {
-        points: kept.iter().map(|index| found.sweep.points[*index]).collect(),
-        predicted: kept.iter().map(|index| found.flow[*index]).collect(),
-        truth: kept.iter().filter_map(|index| labels.flow[*index]).collect(),
-        classes: kept.iter().map(|index| class(labels.class[*index])).collect(),
-        ..FlowOfSweep::default()
-    })
+    let predicted = kept.iter().map(|index| found.flow[*index]).collect();
+    Some(FlowOfSweep::of(&found.sweep, labels, &kept, predicted))
 }
 
 fn lines(summary: &Summary, out: Option<&Path>) -> Vec<String> {

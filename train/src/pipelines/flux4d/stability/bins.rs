@@ -9,6 +9,7 @@ use super::trial::{network, street};
 use crate::pipelines::flux4d::evaluate::color;
 use crate::pipelines::flux4d::infer::{Ready, infer};
 use crate::pipelines::flux4d::logs::open;
+use crate::pipelines::flux4d::moving::in_truth;
 use crate::pipelines::flux4d::prepare::prepare;
 use crate::pipelines::flux4d::sample::{camera, photo};
 use crate::report::charts::{Chart, Series};
@@ -78,10 +79,9 @@ fn run(lab: &Lab) -> Result<Findings> {
     Ok(found)
 }
 
-/// The bin of a pixel of an image, which may be smaller than its truth.
-fn bin_of(truth: &TruthImage, (pixel, width, height): (usize, usize, usize)) -> usize {
-    let (x, y) = (pixel % width * truth.width / width, pixel / width * truth.height / height);
-    match truth.depth[y.min(truth.height - 1) * truth.width + x] {
+/// The bin of a pixel of an image of a width and height.
+fn bin_of(truth: &TruthImage, pixel: (usize, usize, usize)) -> usize {
+    match truth.depth[in_truth(truth, pixel)] {
         0.0 => ENDS.len(),
         depth => ENDS.iter().position(|end| depth <= *end).unwrap_or(ENDS.len() - 1),
     }
