@@ -11,7 +11,7 @@ pub const EDGE_MIN: f32 = 0.03;
 pub const EDGE_MAX: f32 = 4.0;
 
 /// Steps of the ladder in which an edge doubles. Points on surfaces become a fourth when the edge doubles, so at least
-/// 0.84 of a budget is used where the points are dense (measured: 0.8 to 1 on streets).
+/// 0.84 of a budget is used where the points are dense (measured: 0.88 to 0.98 on a street of 128 beams).
 const STEPS_PER_DOUBLING: i32 = 8;
 
 /// Edges of merging voxels, metres, from [`EDGE_MIN`] to [`EDGE_MAX`].
