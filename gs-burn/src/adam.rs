@@ -27,10 +27,10 @@
 use std::collections::BTreeMap;
 
 use burn::module::Module;
-use burn::tensor::{Tensor, s};
+use burn::tensor::Tensor;
 
 use crate::named_parameters::{NamedGradients, map_parameters};
-use crate::ops::adam::{AdamConfig, adam_step};
+use crate::ops::adam::{AdamConfig, FirstColumns, adam_step};
 use crate::row_map::RowMap;
 
 /// Learning rate and decays of one parameter.
@@ -57,7 +57,7 @@ impl AdamRate {
     }
 
     fn config(&self, step: u64) -> AdamConfig {
-        AdamConfig { lr: self.lr, beta1: self.beta1, beta2: self.beta2, eps: self.eps, step }
+        AdamConfig { lr: self.lr, beta1: self.beta1, beta2: self.beta2, eps: self.eps, step, first_columns: None }
     }
 }
 
@@ -143,11 +143,9 @@ impl Adam {
             .remove(path)
             .unwrap_or_else(|| Moments { first: table.zeros_like(), second: table.zeros_like() });
         assert_eq!(first.dims(), shape, "shape of the moments of {path}: they did not follow its rows");
-        let config = rate.config(self.updates);
-        let (mut table, first, second) = adam_step(table, gradient, first, second, &config);
-        if let Some((columns, lr)) = rate.first_columns {
-            table = catch_up(table, &first, &second, columns.min(shape[1]), lr - rate.lr, &config);
-        }
+        let first_columns = rate.first_columns.map(|(count, lr)| FirstColumns { row: shape[1], count, lr });
+        let config = AdamConfig { first_columns, ..rate.config(self.updates) };
+        let (table, first, second) = adam_step(table, gradient, first, second, &config);
         self.moments.insert(path.into(), Moments { first, second });
         table
     }
@@ -187,24 +185,6 @@ impl Adam {
 /// Whether `found` is `path` or is under it.
 fn is_under(found: &str, path: &str) -> bool {
     found.strip_prefix(path).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-}
-
-/// Moves the first `columns` columns by `missing_lr` more. Adam's step is proportional to the rate and its moments do not depend on
-/// it, so the rest of the step follows from the moments just written, and the tensor is not split.
-fn catch_up(
-    table: Tensor<2>,
-    first: &Tensor<2>,
-    second: &Tensor<2>,
-    columns: usize,
-    missing_lr: f64,
-    config: &AdamConfig,
-) -> Tensor<2> {
-    let part = s![.., 0..columns];
-    let updates = i32::try_from(config.step).unwrap_or(i32::MAX);
-    let mean = first.clone().slice(part) / (1.0 - config.beta1.powi(updates));
-    let spread = (second.clone().slice(part) / (1.0 - config.beta2.powi(updates))).sqrt() + config.eps;
-    let moved = table.clone().slice(part) - mean / spread * missing_lr;
-    table.slice_assign(part, moved)
 }
 
 #[cfg(test)]

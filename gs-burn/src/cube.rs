@@ -11,21 +11,27 @@ use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
-use gs_kernels::config::{AdamConfig, ProjectionConfig, ShConfig};
+use gs_kernels::config::{AdamConfig, NoiseConfig, ProjectionConfig, ShConfig};
 use gs_kernels::constants::TILE;
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{adam, channels, exposure, intersect, projection, rasterize, sh, ssim};
+use gs_kernels::cube::{
+    adam, channels, exposure, intersect, noise, opacity, projection, rasterize, rows_of, sh, ssim, sum,
+};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::adam::{AdamKernels, AdamState};
 use crate::ops::channels::ChannelsKernels;
 use crate::ops::exposure::{AverageConfig, AverageKernels, TileShares};
 use crate::ops::intersect::{IntersectKernels, IntersectionLists};
+use crate::ops::noise::NoiseKernels;
+use crate::ops::opacity::OpacityKernels;
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeGradients, RasterizeInputs, RasterizeKernels};
+use crate::ops::rows::{RowsKernels, columns, with_rows};
 use crate::ops::sh::{ShGradients, ShKernels};
 use crate::ops::ssim::{SsimForward, SsimKernels};
+use crate::ops::sum::SumKernels;
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
 struct Launch {
@@ -71,6 +77,11 @@ impl Launch {
     fn tensor<const D: usize>(&self, buffer: Buffer, shape: [usize; D], dtype: DType) -> CubeTensor {
         let handle = buffer.into_handle();
         CubeTensor::new_contiguous(self.client.clone(), self.device.clone(), Shape::new(shape), handle, dtype)
+    }
+
+    fn shaped(&self, buffer: Buffer, shape: Shape) -> CubeTensor {
+        let handle = buffer.into_handle();
+        CubeTensor::new_contiguous(self.client.clone(), self.device.clone(), shape, handle, DType::F32)
     }
 
     fn lists(&self, lists: IntersectionLists<CubeBackend>) -> intersect::Intersections {
@@ -300,6 +311,82 @@ impl SsimKernels for CubeBackend {
     }
 }
 
+impl OpacityKernels for CubeBackend {
+    fn opacity_forward(logits: CubeTensor) -> CubeTensor {
+        let (launch, count) = (Launch::of(&logits), logits.meta.shape()[0]);
+        let opacities = opacity::forward(&launch.client, &launch.floats(logits));
+        launch.float_tensor(unwrap(opacities), [count])
+    }
+
+    fn opacity_backward(logits: CubeTensor, v: CubeTensor) -> CubeTensor {
+        let (launch, count) = (Launch::of(&logits), logits.meta.shape()[0]);
+        let v_logits = opacity::backward(&launch.client, &launch.floats(logits), &launch.floats(v));
+        launch.float_tensor(unwrap(v_logits), [count])
+    }
+}
+
+impl SumKernels for CubeBackend {
+    fn sum_forward(tensor: CubeTensor) -> CubeTensor {
+        let launch = Launch::of(&tensor);
+        launch.float_tensor(unwrap(sum::sum(&launch.client, &launch.floats(tensor))), [1])
+    }
+
+    fn finite_mark(mark: CubeTensor, tensor: CubeTensor) -> CubeTensor {
+        let launch = Launch::of(&tensor);
+        let mark = owned(mark);
+        sum::mark_not_finite(&launch.client, &launch.floats(tensor), &launch.floats(mark.clone()));
+        mark
+    }
+}
+
+impl RowsKernels for CubeBackend {
+    fn take(table: CubeTensor, rows: CubeTensor) -> CubeTensor {
+        let launch = Launch::of(&table);
+        let columns = columns(table.meta.shape());
+        let shape = with_rows(table.meta.shape().clone(), rows.meta.shape()[0]);
+        let taken = rows_of::take(&launch.client, &launch.floats(table), columns, &launch.ints(rows));
+        launch.shaped(unwrap(taken), shape)
+    }
+
+    fn add(table: CubeTensor, rows: CubeTensor, more: CubeTensor) -> CubeTensor {
+        let (launch, table) = (Launch::of(&table), owned(table));
+        let columns = columns(table.meta.shape());
+        let [b_table, more] = [table.clone(), more].map(|tensor| launch.floats(tensor));
+        rows_of::add(&launch.client, &b_table, columns, &launch.ints(rows), &more);
+        table
+    }
+
+    fn put(shape: Shape, rows: CubeTensor, more: CubeTensor) -> CubeTensor {
+        let launch = Launch::of(&more);
+        let table = unwrap(rows_of::zeros(&launch.client, "rows put into zeros", shape.num_elements()));
+        rows_of::add(&launch.client, &table, columns(&shape), &launch.ints(rows), &launch.floats(more));
+        launch.shaped(table, shape)
+    }
+}
+
+impl NoiseKernels for CubeBackend {
+    fn noise_forward(
+        means: CubeTensor,
+        quats: CubeTensor,
+        log_scales: CubeTensor,
+        logits: CubeTensor,
+        config: &NoiseConfig,
+    ) -> CubeTensor {
+        let launch = Launch::of(&means);
+        let means = owned(means);
+        let [b_means, quats, log_scales, logits] =
+            [means.clone(), quats, log_scales, logits].map(|tensor| launch.floats(tensor));
+        noise::perturb(&launch.client, &b_means, &quats, &log_scales, &logits, config);
+        means
+    }
+}
+
+/// The tensor, contiguous and alone in its memory, so that it may be written: memory that is shared is copied.
+fn owned(tensor: CubeTensor) -> CubeTensor {
+    let tensor = into_contiguous(tensor);
+    if tensor.can_mut() { tensor } else { tensor.copy() }
+}
+
 impl AdamKernels for CubeBackend {
     fn adam_update(
         param: CubeTensor,
@@ -309,11 +396,7 @@ impl AdamKernels for CubeBackend {
         config: &AdamConfig,
     ) -> AdamState<Self> {
         let launch = Launch::of(&param);
-        // Memory that is shared with another tensor is copied before it is written.
-        let [param, m, v] = [param, m, v].map(|tensor| {
-            let tensor = into_contiguous(tensor);
-            if tensor.can_mut() { tensor } else { tensor.copy() }
-        });
+        let [param, m, v] = [param, m, v].map(owned);
         let buffers = [&param, &grad, &m, &v].map(|tensor| launch.floats(tensor.clone()));
         let [b_param, b_grad, b_m, b_v] = &buffers;
         adam::step(&launch.client, b_param, b_grad, b_m, b_v, config);

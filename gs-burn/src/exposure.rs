@@ -7,6 +7,7 @@
 
 use std::sync::Arc;
 
+use crate::ops::rows::{add_rows, take_rows};
 use burn::tensor::{DType, Int, Tensor, assert_shape};
 use gs_kernels::config::{RasterizeConfig, tile_grid};
 
@@ -88,10 +89,10 @@ impl ExposureRendering {
         }
         let others = radii.narrow(0, self.scene, count - self.scene).reshape([-1, moving_count as i32]);
         let others: Tensor<1> = others.max_dim(0).squeeze_dim(0);
-        let own = scene.clone().select(0, self.moving.clone());
+        let own = take_rows(scene.clone(), &self.moving);
         // Excess of the largest over the middle instant's; never negative, so the sum is the larger of the two.
         let more = (others - own).clamp_min(0.0);
-        scene.select_assign(0, self.moving.clone(), more, burn::tensor::IndexingUpdateOp::Add)
+        add_rows(scene, &self.moving, more)
     }
 }
 
@@ -206,7 +207,7 @@ impl Table {
         let taken = indices(taken);
         let middle = samples.len() / 2;
         let table = |scene: Tensor<2>, of: fn(&MovingSample) -> Tensor<2>| {
-            let first = Tensor::cat(vec![scene, of(&samples[middle])], 0).select(0, taken.clone());
+            let first = take_rows(Tensor::cat(vec![scene, of(&samples[middle])], 0), &taken);
             let others = samples.iter().enumerate().filter(|(k, _)| *k != middle).map(|(_, sample)| of(sample));
             concatenated(std::iter::once(first).chain(others).collect())
         };
@@ -224,7 +225,7 @@ impl Table {
         if self.further == 0 {
             return parameter;
         }
-        let moving = parameter.clone().select(0, self.moving.clone());
+        let moving = take_rows(parameter.clone(), &self.moving);
         let mut parts = vec![parameter];
         parts.resize(1 + self.further, moving);
         Tensor::cat(parts, 0)
@@ -242,7 +243,7 @@ impl Table {
         };
         let mut parts = vec![part(0, self.scene, sh.clone())];
         if self.further > 0 {
-            let sh = sh.select(0, self.moving.clone());
+            let sh = take_rows(sh, &self.moving);
             parts.extend((0..self.further).map(|k| part(self.scene + k * moving_count, moving_count, sh.clone())));
         }
         concatenated(parts)

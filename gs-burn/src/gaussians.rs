@@ -1,7 +1,9 @@
 //! The scene: a Burn module of Gaussians.
 
 use burn::module::{Module, Param, ParamId};
-use burn::tensor::{DType, Device, Tensor, activation, assert_shape};
+use burn::tensor::{Device, Tensor, assert_shape};
+
+use crate::ops::opacity::opacities;
 
 /// `N` Gaussians with view-dependent colour.
 #[derive(Module, Debug)]
@@ -69,15 +71,7 @@ impl Gaussians {
 
     /// Opacities `[N]`, 0 to 1; 0 where the logit is not a number, and that logit receives no gradient.
     pub fn opacities(&self) -> Tensor<1> {
-        let logits = self.opacity_logits.val();
-        let broken = logits.clone().is_nan();
-        // A logit deep in the sigmoid's tail. With NaN left in place, even a gradient of zero would come back as 0 * NaN.
-        let logits = logits.mask_fill(broken, -100.0);
-        if logits.dtype() == DType::F64 {
-            // Burn's default sigmoid computes in f32 for any type, and f64 is used to test f32.
-            return (logits * 0.5).tanh() * 0.5 + 0.5;
-        }
-        activation::sigmoid(logits)
+        opacities(self.opacity_logits.val())
     }
 
     /// Standard deviations `[N, 3]`, scene units.

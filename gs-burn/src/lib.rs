@@ -47,6 +47,8 @@ pub mod device;
 mod exact;
 pub mod exposure;
 pub mod gaussians;
+#[cfg(feature = "cube")]
+pub mod launches;
 pub mod named_parameters;
 pub mod ops;
 pub mod ply;

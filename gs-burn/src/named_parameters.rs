@@ -14,6 +14,8 @@ use std::convert::Infallible;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::tensor::{Gradients, Tensor};
 
+use crate::ops::sum::mark_not_finite;
+
 /// A learned tensor and its path in its module.
 #[derive(Debug, Clone)]
 pub struct NamedParameter {
@@ -222,16 +224,14 @@ impl NamedGradients {
 }
 
 /// Whether every number of `tables` is finite, with one read from the device for all of them.
-///
-/// Sums propagate NaN and infinity. Finite numbers whose sum overflows count as not finite: a gradient of that size is useless too.
 pub fn all_finite(tables: impl IntoIterator<Item = Tensor<2>>) -> bool {
-    finiteness(tables).is_none_or(|sum| sum.into_data().iter::<f64>().all(f64::is_finite))
+    finiteness(tables).is_none_or(|mark| mark.into_data().iter::<f64>().all(f64::is_finite))
 }
 
-/// One number `[1]` that is finite only if all numbers of `tables` are, still on the device; `None` without numbers.
+/// One number `[1]`, still on the device: 0 if all numbers of `tables` are finite, else NaN; `None` without numbers.
 pub fn finiteness(tables: impl IntoIterator<Item = Tensor<2>>) -> Option<Tensor<1>> {
     let filled = tables.into_iter().filter(|table| !table.dims().contains(&0));
-    filled.map(Tensor::sum).reduce(|a, b| a + b)
+    filled.fold(None, |mark, table| Some(mark_not_finite(mark, table)))
 }
 
 /// The path of fields to the current position of a walk.

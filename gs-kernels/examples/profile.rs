@@ -68,7 +68,7 @@ fn main() {
             &s.sh,
             &mut m,
             &mut v2,
-            &AdamConfig { lr: 1e-3, beta1: 0.9, beta2: 0.999, eps: 1e-15, step: 3 },
+            &AdamConfig { lr: 1e-3, beta1: 0.9, beta2: 0.999, eps: 1e-15, step: 3, first_columns: None },
         );
         lap();
         std::hint::black_box((p, params));

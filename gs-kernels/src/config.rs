@@ -124,4 +124,53 @@ pub struct AdamConfig {
     pub eps: f64,
     /// Number of this step, from 1; used for the bias correction.
     pub step: u64,
+    /// A rate of its own for the first columns of every row.
+    pub first_columns: Option<FirstColumns>,
+}
+
+/// The first columns of a table's rows, which have a learning rate of their own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FirstColumns {
+    /// Values in a row.
+    pub row: usize,
+    /// How many of them have the rate `lr`.
+    pub count: usize,
+    /// Their learning rate.
+    pub lr: f64,
+}
+
+/// The position noise of one step of 3DGS-MCMC (Kheradmand et al. 2024, Eq. 8): `mean += Sigma n strength gate`, with the
+/// covariance `Sigma`, `n` standard normal and `gate = sigmoid(steepness (opacity_half - opacity))`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseConfig {
+    /// Factor of the noise, one over scene units.
+    pub strength: f64,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Number of the step, below 2^31.
+    pub step: u64,
+    /// Steepness of the gate over opacity (paper: k = 100).
+    pub steepness: f64,
+    /// Opacity at which the gate is half open (paper: t = 0.005).
+    pub opacity: f64,
+    /// A gate below this lets no noise through: it would move the Gaussian by less than a thousandth of the noise.
+    pub gate_min: f64,
+}
+
+impl NoiseConfig {
+    /// The paper's gate.
+    pub fn new(strength: f64, seed: u64, step: u64) -> Self {
+        Self { strength, seed, step, steepness: 100.0, opacity: 0.005, gate_min: 1e-3 }
+    }
+
+    /// The key of all draws of this noise: the seed. The constant tells them from draws for other purposes.
+    pub fn key(&self) -> [u32; 2] {
+        const PURPOSE: u32 = 0x6e6f_6973; // "nois"
+        [self.seed as u32, (self.seed >> 32) as u32 ^ PURPOSE]
+    }
+
+    /// The second words of the two counters of a row at this step; the first is the row.
+    pub fn counters(&self) -> [u32; 2] {
+        [0, 1].map(|draw| (self.step as u32) << 1 | draw)
+    }
 }

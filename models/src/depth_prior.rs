@@ -9,6 +9,7 @@
 //! [`depth_correlation_loss`] without one.
 
 use burn::tensor::Tensor;
+use gs_burn::ops::sum::sum;
 use gs_burn::profile;
 
 /// In which space a prior is an affine image of the truth.
@@ -122,7 +123,7 @@ pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
     // The floor keeps the logarithm, and its gradient, finite where the factor takes the pixel out.
     let log = |depth: Tensor<3>| (depth.clamp_min(0.0) + DEPTH_EPSILON).log();
     let difference = (log(rendered) - log(prior)).abs() * known;
-    difference.sum() / pixels as f64
+    sum(difference) / pixels as f64
 }
 
 /// One less the correlation (Pearson's) of rendered depth `[H, W, 1]` (camera z, scene units) with a prior, over the pixels where
@@ -137,13 +138,13 @@ pub fn depth_correlation_loss(rendered: Tensor<3>, prior: Tensor<3>, space: Dept
         DepthSpace::Depth => rendered,
         DepthSpace::InverseDepth => rendered.clamp_min(DEPTH_EPSILON).recip(),
     };
-    let count = known.clone().sum().clamp_min(1.0);
+    let count = sum(known.clone()).clamp_min(1.0);
     let centred = |x: Tensor<3>| {
-        let mean = (x.clone() * known.clone()).sum() / count.clone();
+        let mean = sum(x.clone() * known.clone()) / count.clone();
         (x - mean.reshape([1, 1, 1])) * known.clone()
     };
     let (a, b) = (centred(rendered), centred(prior));
-    let mean = |x: Tensor<3>| x.sum() / count.clone();
+    let mean = |x: Tensor<3>| sum(x) / count.clone();
     let (variance, other) = (mean(a.clone().square()), mean(b.clone().square()));
     // Flat maps have no correlation; the floor keeps its gradient finite.
     let least = RELIEF * RELIEF;

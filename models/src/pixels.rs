@@ -3,7 +3,8 @@
 //! Losses and networks that concern moving pixels work on rows of them, not on images: moving pixels are a small part of most
 //! images.
 
-use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use gs_burn::ops::rows::{add_rows, take_rows};
 
 /// `P` pixels of an image of `width` x `height`.
 #[derive(Debug, Clone)]
@@ -56,7 +57,7 @@ impl Pixels {
         let rows = image.reshape([height * width, channels]);
         match &self.index {
             None => rows,
-            Some(index) => rows.select(0, index.clone()),
+            Some(index) => take_rows(rows, index),
         }
     }
 
@@ -65,8 +66,8 @@ impl Pixels {
         let [height, width, channels] = image.dims();
         let Some(index) = &self.index else { return rows.reshape([height, width, channels]) };
         let below = image.reshape([height * width, channels]);
-        let change = rows - below.clone().select(0, index.clone());
-        let pasted = below.select_assign(0, index.clone(), change, IndexingUpdateOp::Add);
+        let change = rows - take_rows(below.clone(), index);
+        let pasted = add_rows(below, index, change);
         pasted.reshape([height, width, channels])
     }
 }

@@ -1,13 +1,13 @@
 //! `gs_burn::ops::adam`.
 
 use burn::tensor::{DType, Tensor};
-use gs_burn::ops::adam::{AdamConfig, adam_step};
+use gs_burn::ops::adam::{AdamConfig, FirstColumns, adam_step};
 use gs_tests::devices::everywhere;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_near, values};
 
 fn config(step: u64) -> AdamConfig {
-    AdamConfig { lr: 0.125, beta1: 0.9, beta2: 0.999, eps: 1e-15, step }
+    AdamConfig { lr: 0.125, beta1: 0.9, beta2: 0.999, eps: 1e-15, step, first_columns: None }
 }
 
 /// Whatever its size, the first gradient moves a parameter by the learning rate.
@@ -64,5 +64,25 @@ fn a_shared_tensor_keeps_its_values() {
         let ones = || param.ones_like();
         adam_step(param.clone(), ones(), ones(), ones(), &config(1));
         assert_eq!(values(&param), [1.0, 2.0], "{}", place.name);
+    }
+}
+
+/// The first columns of every row have their own rate; rows, moments and the other columns are as with one rate.
+#[test]
+fn first_columns_have_a_rate_of_their_own() {
+    const SHAPE: [usize; 2] = [3000, 48];
+    let [start, gradient] = [1, 2].map(|seed| Random::new(seed).values(3000 * 48, -1.0, 1.0));
+    for place in everywhere() {
+        let step = |config: &AdamConfig| {
+            let zeros = || Tensor::<2>::zeros(SHAPE, (&place.device, place.dtype));
+            let (param, ..) =
+                adam_step(place.tensor(&start, SHAPE), place.tensor(&gradient, SHAPE), zeros(), zeros(), config);
+            values(&param)
+        };
+        let first_columns = Some(FirstColumns { row: 48, count: 3, lr: 0.5 });
+        let found = step(&AdamConfig { first_columns, ..config(1) });
+        let [fast, slow] = [step(&AdamConfig { lr: 0.5, ..config(1) }), step(&config(1))];
+        let expected: Vec<f64> = (0..3000 * 48).map(|i| if i % 48 < 3 { fast[i] } else { slow[i] }).collect();
+        assert_eq!(found, expected, "{}", place.name);
     }
 }

@@ -81,7 +81,7 @@ impl<const D: usize> Parameter<D> {
     fn update(&mut self, leaf: Tensor<D>, gradients: &mut Gradients, step: u64) {
         let gradient = leaf.grad_remove(gradients).expect("the loss depends on every parameter");
         let [m, v] = self.moments.take().expect("moments are put back after every step");
-        let config = AdamConfig { lr: self.rate, beta1: 0.9, beta2: 0.999, eps: 1e-15, step };
+        let config = AdamConfig { lr: self.rate, beta1: 0.9, beta2: 0.999, eps: 1e-15, step, first_columns: None };
         let (value, m, v) = adam_step(leaf.inner(), gradient, m, v, &config);
         (self.value, self.moments) = (Some(value), Some([m, v]));
     }

@@ -1,9 +1,9 @@
 //! One step of Adam, in place where memory allows.
 
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
-use burn::tensor::Tensor;
-pub use gs_kernels::config::AdamConfig;
+use burn::backend::{Backend, Dispatch, ExtensionType, TensorMetadata, backend_extension};
+use burn::tensor::{Shape, Tensor, TensorData};
+pub use gs_kernels::config::{AdamConfig, FirstColumns};
 use gs_kernels::cpu::adam as cpu;
 
 use super::assert_same_dtype;
@@ -80,14 +80,27 @@ pub trait AdamKernels: Backend {
         v: FloatTensor<Self>,
         config: &AdamConfig,
     ) -> AdamState<Self> {
-        let AdamConfig { lr, beta1, beta2, eps, step } = *config;
+        let AdamConfig { lr, beta1, beta2, eps, step, first_columns } = *config;
         let exponent = i32::try_from(step).unwrap_or(i32::MAX);
         let scaled = |tensor, factor: f64| Self::float_mul_scalar(tensor, factor.into());
         let m = Self::float_add(scaled(m, beta1), scaled(grad.clone(), 1.0 - beta1));
         let v = Self::float_add(scaled(v, beta2), scaled(Self::float_mul(grad.clone(), grad), 1.0 - beta2));
         let spread = Self::float_sqrt(scaled(v.clone(), 1.0 / (1.0 - beta2.powi(exponent))));
         let direction = Self::float_div(m.clone(), Self::float_add_scalar(spread, eps.into()));
-        let param = Self::float_sub(param, scaled(direction, lr / (1.0 - beta1.powi(exponent))));
+        let corrected = |lr: f64| lr / (1.0 - beta1.powi(exponent));
+        let moved = match first_columns {
+            None => scaled(direction, corrected(lr)),
+            Some(first) => {
+                let rates = (0..first.row).map(|column| corrected(if column < first.count { first.lr } else { lr }));
+                let rates =
+                    TensorData::new(rates.collect::<Vec<f64>>(), [1, first.row]).convert_dtype(direction.dtype());
+                let (shape, rows) = (direction.shape(), direction.shape().num_elements() / first.row);
+                let table = Self::float_reshape(direction, Shape::new([rows, first.row]));
+                let rates = Self::float_from_data(rates, &table.device());
+                Self::float_reshape(Self::float_mul(table, rates), shape)
+            }
+        };
+        let param = Self::float_sub(param, moved);
         AdamState { param, m, v }
     }
 }
@@ -129,7 +142,7 @@ mod tests {
     fn update_is_the_formula() {
         let mut random = Random(11);
         let [start, grad] = [(); 2].map(|()| random.tensor([7, 3], -1.0, 1.0).inner());
-        let config = |step| AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, step };
+        let config = |step| AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, step, first_columns: None };
         let (mut param, mut m, mut v) = (start.clone(), grad.zeros_like(), grad.zeros_like());
         for step in 1..=3 {
             (param, m, v) = adam_step(param, grad.clone(), m, v, &config(step));
@@ -146,7 +159,7 @@ mod tests {
         let param = Random(12).tensor([4], -1.0, 1.0);
         let before = crate::testing::values(&param);
         let grad = param.ones_like();
-        let config = AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, step: 1 };
+        let config = AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, step: 1, first_columns: None };
         let (after, ..) = adam_step(param.clone(), grad.clone(), grad.zeros_like(), grad.zeros_like(), &config);
         assert_eq!(crate::testing::values(&param), before);
         assert_ne!(crate::testing::values(&after), before);

@@ -16,12 +16,16 @@ pub mod adam;
 pub mod channels;
 pub mod exposure;
 pub mod intersect;
+pub mod noise;
+pub mod opacity;
 pub mod projection;
 pub mod rasterize;
+pub mod rows;
 pub mod segments;
 pub mod sh;
 pub mod sparse_conv;
 pub mod ssim;
+pub mod sum;
 
 pub(crate) mod columns;
 mod gradient;

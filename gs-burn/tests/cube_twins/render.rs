@@ -50,7 +50,7 @@ fn trial(device: &Device, scene: &Scene, antialiased: bool) -> Trial {
     let gradients = loss.backward();
     let of = "every parameter has a gradient";
     let means = gaussians.means.grad(&gradients).expect(of);
-    let config = AdamConfig { lr: 0.01, beta1: 0.9, beta2: 0.999, eps: 1e-8, step: 1 };
+    let config = AdamConfig { lr: 0.01, beta1: 0.9, beta2: 0.999, eps: 1e-8, step: 1, first_columns: None };
     let start = gaussians.means.val().inner();
     let (stepped, ..) = adam_step(start, means.clone(), means.zeros_like(), means.zeros_like(), &config);
     Trial {

@@ -11,6 +11,8 @@ pub trait Real: Number + Send + Sync + PartialOrd + Default + std::fmt::Debug + 
     const ONE: Self;
     /// The largest finite value.
     const MAX: Self;
+    /// Not a number.
+    const NAN: Self;
     /// The value as a double.
     fn to_f64(self) -> f64;
     /// Square root.
@@ -75,6 +77,7 @@ macro_rules! real {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const MAX: Self = $float::MAX;
+            const NAN: Self = $float::NAN;
             const ORDER_BITS: u32 = $bits;
             #[inline(always)]
             fn to_f64(self) -> f64 {

@@ -2,7 +2,7 @@
 
 use cubecl::prelude::*;
 
-use crate::config::AdamConfig;
+use crate::config::{AdamConfig, FirstColumns};
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 
 /// The step's constants as launch scalars.
@@ -11,6 +11,12 @@ use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 struct AdamScalars {
     /// Learning rate over the first moment's bias correction.
     rate: f32,
+    /// That of the first columns of a row.
+    first_rate: f32,
+    /// Values in a row.
+    row: u32,
+    /// Columns of a row that have `first_rate`.
+    first: u32,
     /// Inverse root of the second moment's bias correction.
     spread: f32,
     /// Decay of the first moment.
@@ -26,7 +32,7 @@ struct AdamScalars {
 }
 
 /// One unit per parameter.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn adam_kernel(params: &mut [f32], grads: &[f32], m: &mut [f32], v: &mut [f32], count: u32, scalars: AdamScalars) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index < count as usize {
@@ -35,14 +41,16 @@ fn adam_kernel(params: &mut [f32], grads: &[f32], m: &mut [f32], v: &mut [f32], 
         let second = scalars.beta2 * v[index] + scalars.rest2 * g * g;
         m[index] = first;
         v[index] = second;
-        params[index] -= scalars.rate * first / (second.sqrt() * scalars.spread + scalars.eps);
+        let of_first = (index as u32) % scalars.row < scalars.first;
+        let rate = select(of_first, scalars.first_rate, scalars.rate);
+        params[index] -= rate * first / (second.sqrt() * scalars.spread + scalars.eps);
     }
 }
 
 /// Updates `params`, `m` and `v` in place from `grads`; the twin of [`crate::cpu::adam::step`].
 ///
 /// # Panics
-/// When the buffers disagree in length or `step` is 0.
+/// When the buffers disagree in length, `step` is 0, or the parameters are not whole rows.
 pub fn step(client: &Client, params: &Buffer, grads: &Buffer, m: &Buffer, v: &Buffer, config: &AdamConfig) {
     assert!(config.step > 0, "Adam's steps count from 1");
     let len = params.len();
@@ -51,10 +59,16 @@ pub fn step(client: &Client, params: &Buffer, grads: &Buffer, m: &Buffer, v: &Bu
         return;
     }
     let exponent = i32::try_from(config.step).unwrap_or(i32::MAX);
-    let rate = config.lr / (1.0 - config.beta1.powi(exponent));
+    let corrected = |lr: f64| (lr / (1.0 - config.beta1.powi(exponent))) as f32;
+    let none = FirstColumns { row: 1, count: 0, lr: 0.0 };
+    let first = config.first_columns.filter(|first| first.count > 0).unwrap_or(none);
+    assert!(first.row > 0 && len.is_multiple_of(first.row), "{len} parameters are not rows of {}", first.row);
     let spread = 1.0 / (1.0 - config.beta2.powi(exponent)).sqrt();
     let scalars = AdamScalarsLaunch::new(
-        rate as f32,
+        corrected(config.lr),
+        corrected(first.lr),
+        first.row as u32,
+        first.count as u32,
         spread as f32,
         config.beta1 as f32,
         (1.0 - config.beta1) as f32,
@@ -62,15 +76,18 @@ pub fn step(client: &Client, params: &Buffer, grads: &Buffer, m: &Buffer, v: &Bu
         (1.0 - config.beta2) as f32,
         config.eps as f32,
     );
-    adam_kernel::launch(
-        client,
-        grid_for(len),
-        cube_dim(),
-        params.arg(),
-        grads.arg(),
-        m.arg(),
-        v.arg(),
-        len as u32,
-        scalars,
-    );
+    // SAFETY: all four buffers hold `len` numbers.
+    unsafe {
+        adam_kernel::launch_unchecked(
+            client,
+            grid_for(len),
+            cube_dim(),
+            params.arg(),
+            grads.arg(),
+            m.arg(),
+            v.arg(),
+            len as u32,
+            scalars,
+        );
+    }
 }

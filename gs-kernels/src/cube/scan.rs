@@ -1,7 +1,7 @@
 //! Exclusive prefix sums of any length.
 //!
-//! One cube scans 2048 values in shared memory and writes their sum; the sums are scanned in the same way, level by level, and
-//! added back. Sums saturate at `u32::MAX`, so that an overflow is detected instead of wrapping round.
+//! One cube scans 2048 values in shared memory and writes their sum. Up to 2048 sums are added up by each cube that needs them; more
+//! are scanned in the same way, level by level, and added back. Sums saturate at `u32::MAX`, so that an overflow is detected instead of wrapping round.
 
 use cubecl::prelude::*;
 
@@ -76,6 +76,46 @@ fn scan_block_kernel(input: &[u32], output: &mut [u32], sums: &mut [u32], count:
     }
 }
 
+/// Most blocks whose sums each cube adds by itself: eight a unit. It saves the launch that would scan them.
+const ADDED_BY_CUBES: usize = UNITS * ITEMS;
+
+/// Each cube adds to its block of `output` the sum of all blocks before it, from the blocks' own `sums`.
+#[cube(launch_unchecked)]
+fn scan_finish_kernel(output: &mut [u32], sums: &[u32], count: u32, blocks: u32) {
+    if CUBE_POS >= blocks as usize {
+        terminate!();
+    }
+    let unit = UNIT_POS as usize;
+    let mut before = 0u32;
+    #[unroll]
+    for k in 0..ITEMS {
+        let block = k * UNITS + unit;
+        if block < CUBE_POS {
+            before = saturating_sum(before, sums[block]);
+        }
+    }
+    let mut totals = Shared::<[u32]>::new_slice(UNITS);
+    totals[unit] = before;
+    sync_cube();
+    #[unroll]
+    for step in 0..STEPS {
+        let half = comptime!(UNITS >> (step + 1));
+        if unit < half {
+            let total = saturating_sum(totals[unit], totals[unit + half]);
+            totals[unit] = total;
+        }
+        sync_cube();
+    }
+    let total = totals[0];
+    #[unroll]
+    for k in 0..ITEMS {
+        let index = CUBE_POS * BLOCK + k * UNITS + unit;
+        if index < count as usize {
+            output[index] = saturating_sum(output[index], total);
+        }
+    }
+}
+
 /// Adds to every value of block `b` the sum of all blocks before it.
 #[cube(launch)]
 fn scan_add_kernel(output: &mut [u32], sums: &[u32], count: u32) {
@@ -108,7 +148,14 @@ pub fn exclusive_scan(client: &Client, input: &Buffer, out_len: usize) -> Result
         out_len as u32,
         blocks as u32,
     );
-    if blocks > 1 {
+    if (2..=ADDED_BY_CUBES).contains(&blocks) {
+        let (count, blocks_u32) = (out_len as u32, blocks as u32);
+        // SAFETY: `output` is indexed below `count`, `sums` below `blocks`.
+        unsafe {
+            let (output, sums) = (output.arg(), sums.arg());
+            scan_finish_kernel::launch_unchecked(client, grid(blocks), cube_dim(), output, sums, count, blocks_u32);
+        }
+    } else if blocks > 1 {
         let sums = exclusive_scan(client, &sums, blocks)?;
         let cubes = out_len.div_ceil(UNITS);
         scan_add_kernel::launch(client, grid(cubes), cube_dim(), output.arg(), sums.arg(), out_len as u32);

@@ -10,6 +10,7 @@
 
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::ops::ssim::photometric_loss;
+use gs_burn::ops::sum::{mean, sum};
 use gs_burn::{Camera, Rendering, profile};
 use serde::{Deserialize, Serialize};
 
@@ -57,7 +58,7 @@ pub fn photometric(image: Tensor<3>, photo: Tensor<3>, weights: Option<Tensor<3>
     let _stage = profile::stage("photometric loss");
     let difference = (image.clone() - photo.clone()).abs() * (1.0 - dssim);
     let dissimilarity = (ssim_map(image, photo).neg() + 1.0) * dssim;
-    ((difference + dissimilarity) * weights).mean()
+    mean((difference + dissimilarity) * weights)
 }
 
 /// Mean absolute difference of rendered and LiDAR depth `[H, W, 1]`, camera z in metres, over the pixels that have
@@ -66,14 +67,14 @@ pub fn depth_loss(rendering: &Rendering, lidar: Tensor<3>) -> Tensor<1> {
     let depth = rendering.expected_depth().expect("a rendering with depth");
     let covered = rendering.alpha.clone().inner().greater_elem(COVERED);
     let known = lidar.clone().inner().greater_elem(0.0).bool_and(covered).float().cast(depth.dtype());
-    let count = known.clone().sum().clamp_min(1.0);
-    ((depth - lidar).abs() * known).sum() / count
+    let count = sum(known.clone()).clamp_min(1.0);
+    sum((depth - lidar).abs() * known) / count
 }
 
 /// Mean norm of the velocities `[N, 3 (l + 1)]`, metres per window, over the first `rows` rows, `[1]`.
 pub fn mean_speed(velocity: Tensor<2>, rows: usize) -> Tensor<1> {
     let squared = velocity.narrow(0, 0, rows).square().sum_dim(1);
-    ((squared + SPEED_FLOOR).sqrt() - SPEED_FLOOR.sqrt()).mean()
+    mean((squared + SPEED_FLOOR).sqrt() - SPEED_FLOOR.sqrt())
 }
 
 /// Velocities in the image, `[N, 2]`, pixels per frame, of Gaussians at `means` `[N, 3]` (world, metres) with

@@ -15,6 +15,7 @@
 //! when the gradients of all losses by the velocity are known. At most two passes' graphs are then alive.
 
 use burn::tensor::{Tensor, assert_shape};
+use gs_burn::ops::sum::sum;
 use gs_burn::profile;
 use serde::{Deserialize, Serialize};
 
@@ -154,7 +155,7 @@ impl<F: Network, R: Network> Refinement<'_, F, R> {
             velocity_gradient = velocity_gradient + inner.velocity;
             match (tracked.take(), surrogate.as_mut()) {
                 (None, _) => first_gradient = Some(inner.raw),
-                (Some(tracked), Some(surrogate)) => surrogate((tracked * inner.raw).sum()),
+                (Some(tracked), Some(surrogate)) => surrogate(sum(tracked * inner.raw)),
                 (Some(_), None) => {}
             }
             if !is_last {
@@ -166,7 +167,7 @@ impl<F: Network, R: Network> Refinement<'_, F, R> {
             }
         }
         if let (Some(surrogate), Some(gradient)) = (surrogate, first_gradient) {
-            surrogate((tracked_first * gradient).sum() + (tracked_velocity * velocity_gradient).sum());
+            surrogate(sum(tracked_first * gradient) + sum(tracked_velocity * velocity_gradient));
         }
         Ok(Refined { raw: state, velocity, losses })
     }
@@ -202,7 +203,7 @@ fn inner_gradient(
         let gradients = loss.backward();
         let taken = |leaf: Tensor<2>| leaf.grad(&gradients).unwrap_or_else(|| leaf.inner().zeros_like());
         let (raw, speed) = (taken(raw), taken(speed));
-        if !scalar(raw.clone().abs().sum() + speed.clone().abs().sum()).is_finite() {
+        if !scalar(sum(raw.clone().abs()) + sum(speed.clone().abs())).is_finite() {
             return Err(FluxError::NotFinite { what: "the gradient", pass });
         }
         Ok(Some((value, raw, speed)))

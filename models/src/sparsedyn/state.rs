@@ -1,6 +1,7 @@
 //! Where Gaussians are and how they are turned: the state that a rollout integrates.
 
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
+use gs_burn::ops::sum::sum;
 
 /// Positions, and the rotations since the start, of `M` Gaussians.
 #[derive(Debug, Clone)]
@@ -68,7 +69,7 @@ fn identity(device: &Device, like: &Tensor<2>) -> Tensor<2> {
 
 /// `[1]`: the sum of products with a gradient from outside the graph.
 pub(super) fn product(value: &Tensor<2>, gradient: &Tensor<2>) -> Tensor<1> {
-    (value.clone() * gradient.clone().autodiff()).sum()
+    sum(value.clone() * gradient.clone().autodiff())
 }
 
 /// The gradient of a leaf, outside autodiff; zero where the loss does not reach it.

@@ -6,6 +6,7 @@
 //! count (Eq. 15, 17, 18), so that the terms keep their proportions whatever the share of moving pixels.
 
 use burn::tensor::Tensor;
+use gs_burn::ops::sum::sum;
 use gs_burn::profile;
 
 /// Weight of Eq. 15 in Eq. 19.
@@ -42,14 +43,14 @@ pub fn smoothness_loss(weights: Tensor<2>, pixels: usize) -> Tensor<1> {
     let _stage = profile::stage("smoothness loss");
     let samples = weights.dims()[1];
     if samples < 2 {
-        return weights.sum() * 0.0;
+        return sum(weights) * 0.0;
     }
     let step = weights.clone().narrow(1, 1, samples - 1) - weights.narrow(1, 0, samples - 1);
-    step.square().sum() / pixels as f64
+    sum(step.square()) / pixels as f64
 }
 
 /// The sum of absolute differences `[P, C]` over `pixels` pixels of `C` numbers.
 fn mean_over(pixels: usize, differences: Tensor<2>) -> Tensor<1> {
     let channels = differences.dims()[1];
-    differences.sum() / (pixels * channels) as f64
+    sum(differences) / (pixels * channels) as f64
 }

@@ -6,7 +6,8 @@
 //! series of its own, of the rotation vector ([`rotation`](crate::rotation)). Only the rows listed move; the others cost
 //! nothing. Outside the window see [`window`](super::window).
 
-use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData, assert_shape};
+use burn::tensor::{Int, Tensor, TensorData, assert_shape};
+use gs_burn::ops::rows::{add_rows, take_rows};
 use gs_burn::{Gaussians, exact_matmul, profile};
 
 use super::kinks::Kinks;
@@ -120,7 +121,7 @@ impl Paths {
         if self.is_empty() || t == self.window.t0 {
             return means;
         }
-        means.select_assign(0, self.rows.clone(), self.displacement(t), IndexingUpdateOp::Add)
+        add_rows(means, &self.rows, self.displacement(t))
     }
 
     /// All orientations at `t`: `quats` `[N, 4]` of `t0` (any norm, kept) with the moving rows turned.
@@ -128,8 +129,8 @@ impl Paths {
         if self.is_empty() || self.rotation_order() == 0 || t == self.window.t0 {
             return quats;
         }
-        let added = turn(quats.clone().select(0, self.rows.clone()), self.rotation_vector(t));
-        quats.select_assign(0, self.rows.clone(), added, IndexingUpdateOp::Add)
+        let added = turn(take_rows(quats.clone(), &self.rows), self.rotation_vector(t));
+        add_rows(quats, &self.rows, added)
     }
 
     /// Velocities of all `n` Gaussians at `t`, `[n, 3]`, scene units per unit of `t`; zero for those that do not move.
@@ -139,7 +140,7 @@ impl Paths {
         if self.is_empty() {
             return zeros;
         }
-        zeros.select_assign(0, self.rows.clone(), self.velocity(t), IndexingUpdateOp::Add)
+        add_rows(zeros, &self.rows, self.velocity(t))
     }
 
     /// The scene at `t`. At `t0` itself these are the stored Gaussians, and no coefficient is in their graph.
@@ -168,8 +169,8 @@ impl Paths {
             let none = |columns| Tensor::zeros([0, columns], (&means.device(), means.dtype()));
             return instants.iter().map(|_| (none(3), none(4))).collect();
         }
-        let means = means.clone().select(0, self.rows.clone());
-        let quats = quats.clone().select(0, self.rows.clone());
+        let means = take_rows(means.clone(), &self.rows);
+        let quats = take_rows(quats.clone(), &self.rows);
         let sample = |instant: &Instant| {
             let (displacement, rotation) = self.moved_by(instant);
             let turns = self.rotation_order() > 0;

@@ -5,6 +5,7 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use gs_burn::ops::rows::take_rows;
 use gs_burn::{Gaussians, RowMap};
 use serde::{Deserialize, Serialize};
 
@@ -162,7 +163,7 @@ impl TaylorMotion {
     pub fn paths(&self, means: &Tensor<2>) -> Paths {
         let rows = self.row_tensor();
         let remainder = self.remainder.as_ref().filter(|_| !self.is_empty());
-        let remainder = remainder.map(|network| network.evaluate(means.clone().select(0, rows.clone())));
+        let remainder = remainder.map(|network| network.evaluate(take_rows(means.clone(), &rows)));
         let (position, rotation) = (self.position.val(), self.rotation.val());
         Paths { rows, position, rotation, window: self.window, remainder, kinks: self.kinks.clone() }
     }

@@ -1,5 +1,7 @@
 //! `gsburn bench`: every operation and one whole step, on a synthetic scene.
 
+mod launches;
+
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -14,7 +16,7 @@ use rand::Rng;
 
 use crate::cli::BenchArgs;
 use crate::commands::{device, print};
-use crate::config::{FitConfig, Strategy};
+use crate::config::{FitConfig, NoSection, Strategy};
 use crate::fit::facts::SceneFacts;
 use crate::fit::losses::{photometric, regularisers};
 use crate::fit::parameters::{from_host, gaussians as gaussians_of};
@@ -44,12 +46,15 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     if !(1..=GAUSSIANS_MAX).contains(&args.gaussians) {
         bail!("--gaussians: expected 1 to {GAUSSIANS_MAX}, found {}", args.gaussians);
     }
+    if args.launches {
+        return launches::run(args);
+    }
     let device = device(&args.device)?;
     let (width, height) = (args.width as usize, args.height as usize);
     let degree = usize::from(args.sh_degree);
     let gaussians = scene(args, &device);
-    let k = Intrinsics { fx: width as f64, fy: width as f64, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
-    let camera = Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, &device);
+    let camera = camera(args, &device);
+    let k = camera.intrinsics;
     let options = RenderOptions::default();
     let rendering = render(&gaussians, &camera, &options);
     let intersections = rendering.intersections;
@@ -113,17 +118,29 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     });
     row("render and loss, both ways", both, true);
 
-    config.shared.steps = 1_000_000;
-    config.shared.model.sh_degree = degree;
-    config.shared.density.strategy = Strategy::Mcmc;
-    // Density control must not change the count that was asked for.
-    config.shared.density.start = config.shared.steps;
-    let facts = SceneFacts::unknown(&config);
-    let mut trainer = Trainer::from_model(Model { gaussians, method: Still {} }, facts, &config);
-    trainer.step = 5000;
+    let mut trainer = trainer(gaussians, Strategy::Mcmc, &mut config);
     let photos = [photo];
     row("whole training step", time(&mut || drop(trainer.step(&photos, &[], &(), &config))), true);
     Ok(ExitCode::SUCCESS)
+}
+
+/// The camera of the benchmark.
+fn camera(args: &BenchArgs, device: &Device) -> Camera {
+    let (width, height) = (args.width as usize, args.height as usize);
+    let k = Intrinsics { fx: width as f64, fy: width as f64, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
+    Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, device)
+}
+
+/// A training in the middle of its run, whose density control keeps the count.
+fn trainer(gaussians: Gaussians, strategy: Strategy, config: &mut FitConfig<NoSection>) -> Trainer<Still> {
+    config.shared.steps = 1_000_000;
+    config.shared.model.sh_degree = gaussians.sh_degree();
+    config.shared.density.strategy = strategy;
+    config.shared.density.start = config.shared.steps;
+    let facts = SceneFacts::unknown(config);
+    let mut trainer = Trainer::from_model(Model { gaussians, method: Still {} }, facts, config);
+    trainer.step = 5000;
+    trainer
 }
 
 /// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as those of a trained scene.

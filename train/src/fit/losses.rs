@@ -3,6 +3,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
+use gs_burn::ops::sum::mean;
 use gs_burn::{Gaussians, profile};
 
 use crate::config::LossConfig;
@@ -22,10 +23,10 @@ pub fn regularisers(gaussians: &Gaussians, extent: f64, config: &LossConfig) -> 
     let _stage = profile::stage("regularisers");
     let mut total = Tensor::zeros([1], &gaussians.device());
     if config.opacity_reg > 0.0 && !gaussians.is_empty() {
-        total = total + gaussians.opacities().mean() * config.opacity_reg;
+        total = total + mean(gaussians.opacities()) * config.opacity_reg;
     }
     if config.scale_reg > 0.0 && !gaussians.is_empty() {
-        total = total + gaussians.scales().mean() * (config.scale_reg / extent);
+        total = total + mean(gaussians.scales()) * (config.scale_reg / extent);
     }
     total
 }

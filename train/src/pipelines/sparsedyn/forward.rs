@@ -1,6 +1,7 @@
 //! One step: the first frame with its regularisers (Eq. 5 to 7), or a rollout to one or several frames (Eq. 9 and 10).
 
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use burn::tensor::Tensor;
+use gs_burn::ops::rows::add_rows;
 use gs_burn::{Extras, Gaussians, Rendering, render_with};
 use gs_models::sparsedyn::refinement::{masked_depth, opacity_sparsity, outline_misfit};
 use gs_models::sparsedyn::{Ask, Recorded, Rollout, State};
@@ -125,7 +126,7 @@ fn remainder(recorded: Recorded, leaves: Vec<State>, rows: Tensor<1, burn::tenso
         gradients.add(of_field.under("method.field"));
         let positions = of_start.positions;
         let zeros = Tensor::zeros([count, 3], &positions.device());
-        let of_means = zeros.select_assign(0, rows, positions, IndexingUpdateOp::Add);
+        let of_means = add_rows(zeros, &rows, positions);
         let mut own = gs_burn::NamedGradients::default();
         own.insert("gaussians.means", of_means);
         gradients.add(own);

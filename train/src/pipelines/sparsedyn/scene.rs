@@ -1,8 +1,9 @@
 //! The scene at any time: the Gaussians of the first frame, moved by the rollout.
 
 use burn::module::Param;
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use burn::tensor::Tensor;
 use gs_burn::Gaussians;
+use gs_burn::ops::rows::{add_rows, take_rows};
 use gs_models::DynamicScene;
 use gs_models::rotation::product;
 
@@ -23,17 +24,17 @@ impl Sparsedyn {
     pub fn first_positions(&self, gaussians: &Gaussians) -> Tensor<2> {
         let means = gaussians.means.val();
         let rows = self.row_tensor(&means.device());
-        means.select(0, rows)
+        take_rows(means, &rows)
     }
 
     /// `gaussians` with the moving ones as in `moved`.
     pub fn placed(&self, gaussians: &Gaussians, moved: &Moved) -> Gaussians {
         let (means, quats, sizes) = (gaussians.means.val(), gaussians.quats.val(), &gaussians.log_scales);
         let rows = self.row_tensor(&means.device());
-        let own = quats.clone().select(0, rows.clone());
-        let shift = moved.state.positions.clone() - means.clone().select(0, rows.clone());
+        let own = take_rows(quats.clone(), &rows);
+        let shift = moved.state.positions.clone() - take_rows(means.clone(), &rows);
         let turned = product(moved.state.turns.clone(), own.clone()) - own;
-        let add = |to: Tensor<2>, what: Tensor<2>| held(to.select_assign(0, rows.clone(), what, IndexingUpdateOp::Add));
+        let add = |to: Tensor<2>, what: Tensor<2>| held(add_rows(to, &rows, what));
         Gaussians {
             means: add(means, shift),
             quats: add(quats, turned),
@@ -72,10 +73,10 @@ impl DynamicScene for RolledScene {
             return zeros;
         }
         let rows = self.method.row_tensor(&means.device());
-        let first = means.select(0, rows.clone());
+        let first = take_rows(means, &rows);
         let clock = &self.method.frame.clock;
         let velocities = self.method.velocities(&first, clock.inner(t)) / clock.unit;
-        zeros.select_assign(0, rows, velocities, IndexingUpdateOp::Add)
+        add_rows(zeros, &rows, velocities)
     }
 
     fn span(&self) -> Option<[f64; 2]> {

@@ -133,7 +133,7 @@ mod tests {
         let one = |(object, basis): (&mut CommonMotion, Tensor<2>)| {
             let (before, gradient) = (object.sum.val(), CommonMotion::gradient(&basis, gradients.clone()));
             let AdamRate { lr, beta1, beta2, eps, .. } = CommonMotion::rate(&AdamRate::new(LR));
-            let config = AdamConfig { lr, beta1, beta2, eps, step: 1 };
+            let config = AdamConfig { lr, beta1, beta2, eps, step: 1, first_columns: None };
             let zeros = gradient.zeros_like();
             let (sum, ..) = adam_step(before.clone(), gradient, zeros.clone(), zeros, &config);
             object.sum = Param::from_tensor(sum);

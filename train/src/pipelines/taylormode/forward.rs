@@ -3,8 +3,9 @@
 use std::cell::Cell;
 
 use burn::module::Module;
-use burn::tensor::{IndexingUpdateOp, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use gs_burn::exposure::ExposureOptions;
+use gs_burn::ops::rows::add_rows;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_models::Pixels;
 use gs_models::depth_prior::{Alignment, DepthSpace, align, depth_correlation_loss, depth_loss};
@@ -236,8 +237,7 @@ impl Formation<'_> {
         let (scene, rows) = (self.gaussians, &self.paths.rows);
         let device = rows.device();
         let ones = Tensor::<2>::ones([rows.dims()[0], 1], &device);
-        let moves =
-            Tensor::zeros([scene.len(), 1], &device).select_assign(0, rows.clone(), ones, IndexingUpdateOp::Add);
+        let moves = add_rows(Tensor::zeros([scene.len(), 1], &device), rows, ones);
         // The value is x either way, because x - x is exactly zero for every finite x; the gradient of static rows is zero.
         let two = |x: Tensor<2>| (x.clone() - x.clone().detach()) * moves.clone() + x.detach();
         let sh = scene.sh.val();

@@ -1,0 +1,154 @@
+//! The position noise of 3DGS-MCMC, in place where memory allows. It has no gradient.
+
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::tensor::{Tensor, TensorData, assert_shape};
+pub use gs_kernels::config::NoiseConfig;
+use gs_kernels::cpu::noise as cpu;
+
+use super::assert_same_dtype;
+use crate::Gaussians;
+use crate::profile;
+use crate::slices::{HostBackend, HostTensor, with_float};
+
+/// `means` `[N, 3]` with the noise of one step (Kheradmand et al. 2024, Eq. 8): `mean + Sigma n strength gate`.
+///
+/// `quats` `[N, 4]`, `log_scales` `[N, 3]` and `logits` `[N]` are those of [`Gaussians`]. `n` is a function of seed, step and row
+/// alone, so backends draw the same and nothing is stored. A Gaussian whose move is not finite stays. Gradient tracking is dropped.
+///
+/// # Panics
+/// When shapes or float types disagree.
+pub fn perturb(
+    means: Tensor<2>,
+    quats: Tensor<2>,
+    log_scales: Tensor<2>,
+    logits: Tensor<1>,
+    config: &NoiseConfig,
+) -> Tensor<2> {
+    let [count] = logits.dims();
+    assert_shape!(means, [count, 3]);
+    assert_shape!(quats, [count, 4]);
+    assert_shape!(log_scales, [count, 3]);
+    assert_same_dtype("means", &means, "logits", &logits);
+    assert_same_dtype("quats", &quats, "logits", &logits);
+    assert_same_dtype("log_scales", &log_scales, "logits", &logits);
+    let _stage = profile::stage("noise");
+    let [means, quats, log_scales] = [means, quats, log_scales].map(|tensor| tensor.inner().into_dispatch());
+    Tensor::from_dispatch(Dispatch::perturb(means, quats, log_scales, logits.inner().into_dispatch(), *config))
+}
+
+/// [`perturb`] in Burn's tensor operations, for Gaussians of finite numbers: the definition.
+pub fn perturb_reference(gaussians: &Gaussians, config: &NoiseConfig) -> Tensor<2> {
+    let means = gaussians.means.val();
+    let (count, options) = (gaussians.len(), (&means.device(), means.dtype()));
+    let normals: Vec<f64> = (0..count).flat_map(|row| cpu::normals(row as u32, config)).collect();
+    let normals: Tensor<2> = Tensor::from_data(TensorData::new(normals, [count, 3]), options);
+    let gates = (gaussians.opacities() - config.opacity) * (0.5 * config.steepness);
+    let gates = (gates.tanh() - 1.0) * -0.5;
+    let closed = gates.clone().lower_elem(config.gate_min);
+    let factors = gates.mask_fill(closed, 0.0) * config.strength;
+    let quats = gaussians.quats.val();
+    let quats = quats.clone() / quats.square().sum_dim(1).sqrt();
+    let variances = (gaussians.log_scales.val() * 2.0).exp();
+    // Own axes, then back: `R diag(variances) R^T n`.
+    let conjugate: Tensor<2> = Tensor::from_data([[1.0, -1.0, -1.0, -1.0]], options);
+    let own = rotated(quats.clone() * conjugate, normals) * variances;
+    means + rotated(quats, own) * factors.unsqueeze_dim(1)
+}
+
+/// `v` `[N, 3]` rotated by the unit quaternions `q` `[N, 4]`: `v + 2 u x (u x v + w v)`.
+fn rotated(q: Tensor<2>, v: Tensor<2>) -> Tensor<2> {
+    let (w, u) = (q.clone().narrow(1, 0, 1), q.narrow(1, 1, 3));
+    let inner = u.clone().cross(v.clone(), 1) + v.clone() * w;
+    v + u.cross(inner, 1) * 2.0
+}
+
+/// Burn's dispatch for [`perturb`].
+#[backend_extension(
+    Flex: cfg(feature = "flex"),
+    NdArray: cfg(feature = "ndarray"),
+    Cube: cfg(feature = "cube")
+)]
+pub trait NoiseOps: Backend {
+    /// See [`perturb`].
+    fn perturb(
+        means: FloatTensor<Self>,
+        quats: FloatTensor<Self>,
+        log_scales: FloatTensor<Self>,
+        logits: FloatTensor<Self>,
+        config: NoiseConfig,
+    ) -> FloatTensor<Self>;
+}
+
+/// The noise on a backend's primitives. Tensors may be strided.
+pub trait NoiseKernels: Backend {
+    /// The moved means `[N, 3]`.
+    fn noise_forward(
+        means: FloatTensor<Self>,
+        quats: FloatTensor<Self>,
+        log_scales: FloatTensor<Self>,
+        logits: FloatTensor<Self>,
+        config: &NoiseConfig,
+    ) -> FloatTensor<Self>;
+}
+
+impl<B: NoiseKernels> NoiseOps for B {
+    fn perturb(
+        means: FloatTensor<B>,
+        quats: FloatTensor<B>,
+        log_scales: FloatTensor<B>,
+        logits: FloatTensor<B>,
+        config: NoiseConfig,
+    ) -> FloatTensor<B> {
+        B::noise_forward(means, quats, log_scales, logits, &config)
+    }
+}
+
+impl<B: HostBackend> NoiseKernels for B {
+    fn noise_forward(
+        means: FloatTensor<B>,
+        quats: FloatTensor<B>,
+        log_scales: FloatTensor<B>,
+        logits: FloatTensor<B>,
+        config: &NoiseConfig,
+    ) -> FloatTensor<B> {
+        let [mut means, quats, log_scales, logits] = [means, quats, log_scales, logits].map(HostTensor::contiguous);
+        with_float!(means, F => {
+            let (quats, log_scales) = (quats.elements::<F>(), log_scales.elements());
+            cpu::perturb(means.elements_mut(), quats, log_scales, logits.elements(), config);
+        });
+        means
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Scene, assert_close};
+
+    #[test]
+    fn noise_is_the_definition_and_is_repeated() {
+        let scene = Scene::random(60, 0, 5);
+        let gaussians = scene.gaussians();
+        // Opacities around the gate's: some open, some closed.
+        let logits = crate::testing::Random(8).tensor([60], -8.0, 0.0);
+        let gaussians = Gaussians::from_tensors(
+            gaussians.means.val().inner(),
+            gaussians.quats.val().inner(),
+            gaussians.log_scales.val().inner(),
+            logits.inner(),
+            gaussians.sh.val().inner(),
+        );
+        let config = NoiseConfig::new(3.0, 11, 7);
+        let moved = |config: &NoiseConfig| {
+            let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
+            perturb(means, quats, gaussians.log_scales.val(), gaussians.opacity_logits.val(), config)
+        };
+        let expected = perturb_reference(&gaussians, &config);
+        assert_close("means", &moved(&config), &expected, 1e-12);
+        assert_close("again", &moved(&config), &moved(&config), 0.0);
+        let change = |a: Tensor<2>, b: Tensor<2>| (a - b).abs().max().into_scalar::<f64>();
+        assert!(change(moved(&config), gaussians.means.val()) > 1e-3, "some were moved");
+        assert!(change(moved(&config), moved(&NoiseConfig { step: 8, ..config })) > 1e-3, "another step, other noise");
+    }
+}

@@ -1,0 +1,53 @@
+//! `gs_burn::ops::sum`.
+
+use burn::tensor::Tensor;
+use gs_burn::ops::sum::{mark_not_finite, mean, sum};
+use gs_tests::devices::everywhere;
+use gs_tests::scenes::Random;
+use gs_tests::tolerance::{bits, values};
+
+/// Lengths around a unit's, a cube's and a grid's work.
+const LENGTHS: [usize; 8] = [1, 255, 256, 1024, 1025, 70_000, 262_145, 1_500_000];
+
+#[test]
+fn sums_of_small_whole_numbers_are_exact() {
+    for place in everywhere() {
+        assert_eq!(values(&sum(place.tensor(&[], [0, 3]))), [0.0], "{}", place.name);
+        for length in LENGTHS {
+            let numbers: Vec<f64> = (0..length).map(|i| (i % 5) as f64 - 1.0).collect();
+            let total: f64 = numbers.iter().sum();
+            assert_eq!(values(&sum(place.tensor(&numbers, [length]))), [total], "{length} on {}", place.name);
+        }
+    }
+}
+
+#[test]
+fn sums_are_equal_to_the_bit_and_pass_on_a_constant() {
+    let numbers = Random::new(5).values(70_001, -1.0, 1.0);
+    for place in everywhere().filter(|place| !place.is_double()) {
+        let once = |_| bits(&sum(place.tensor(&numbers, [70_001])));
+        assert!((0..3).map(once).all(|result| result == once(0)), "{}", place.name);
+        let leaf = place.leaf(&numbers, [70_001]);
+        let gradients = (mean(leaf.clone()) * 70_001.0).backward();
+        let gradient: Tensor<1> = leaf.grad(&gradients).expect("the leaf is tracked");
+        assert!(values(&gradient).iter().all(|g| (g - 1.0).abs() < 1e-6), "{}", place.name);
+    }
+}
+
+#[test]
+fn one_number_that_is_not_finite_is_found_wherever_it_is() {
+    for place in everywhere() {
+        for length in [1, 300, 2048, 70_000] {
+            for broken in [0, length / 2, length - 1] {
+                for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                    let mut numbers = vec![1.0; length];
+                    let mark = mark_not_finite(None, place.tensor(&numbers, [length]));
+                    assert_eq!(values(&mark), [0.0], "{length} on {}", place.name);
+                    numbers[broken] = bad;
+                    let mark = mark_not_finite(Some(mark), place.tensor(&numbers, [length]));
+                    assert!(values(&mark)[0].is_nan(), "{broken} of {length} on {}", place.name);
+                }
+            }
+        }
+    }
+}

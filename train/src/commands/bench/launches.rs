@@ -1,0 +1,119 @@
+//! `gsburn bench --launches`: every kernel launch of one training step, on a GPU or a software one.
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+
+use crate::cli::BenchArgs;
+
+/// Without a GPU backend there is nothing to list.
+#[cfg(not(any(feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda")))]
+pub fn run(_args: &BenchArgs) -> Result<ExitCode> {
+    anyhow::bail!("--launches lists the kernels of a GPU: build with --features wgpu, vulkan, metal or cuda")
+}
+
+#[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda"))]
+pub use recorded::run;
+
+#[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal", feature = "cuda"))]
+mod recorded {
+    use std::collections::BTreeMap;
+    use std::time::Duration;
+
+    use anyhow::{Context, ensure};
+    use gs_burn::launches::{KernelLaunch, LaunchRecorder};
+
+    use super::*;
+    use crate::commands::bench::{camera, scene, trainer};
+    use crate::commands::{describe, device, print};
+    use crate::config::{FitConfig, Strategy};
+    use crate::fit::photos::Photo;
+    use gs_burn::{RenderOptions, render};
+
+    /// Fewest units of a launch whose work grows with the scene: a launch below it leaves most of a large GPU idle.
+    const UNITS_MIN: u64 = 4096;
+
+    /// Units of a cube, of which this project's kernels use 64 or 256 and Burn's at least 32: taken low, so that no serial launch
+    /// passes.
+    const UNITS_OF_A_CUBE: u64 = 64;
+
+    /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
+    const SMALL_WORK: [(&str, &str); 9] = [
+        ("sum::sum_kernel", "second level: 1,024 parts"),
+        ("scan::scan_block_kernel", "upper levels: a value for 2,048"),
+        ("gather::background_sum_kernel", "a value a tile and channel"),
+        ("backward::pose_sum_kernel", "12 values for 256 Gaussians"),
+        ("backward::centre_sum_kernel", "3 values for 256 Gaussians"),
+        ("ssim::ssim_mean_kernel", "two values a tile and channel"),
+        ("lists::pick_kernel", "one value"),
+        ("lists::tile_offset_kernel", "a bisection a tile"),
+        ("sort::", "4,096 keys a cube, 16 a unit"),
+    ];
+
+    /// Burn's kernels that work on an element a unit: small launches have little work.
+    const BY_ELEMENT: [&str; 7] =
+        ["binary::", "unary_float::", "fill_device_dtype::", "slice", "cast", "concat", "mask"];
+
+    /// Whether the launch may leave most of a GPU idle although its work grows with the scene.
+    fn is_serial(launch: &KernelLaunch) -> bool {
+        let known = |names: &[&str]| names.iter().any(|name| launch.kernel.contains(name));
+        let small = SMALL_WORK.map(|(name, _)| name);
+        launch.cube_count() * UNITS_OF_A_CUBE < UNITS_MIN && !known(&small) && !known(&BY_ELEMENT)
+    }
+
+    /// Prints the launches of a step of `static` with each density control.
+    ///
+    /// # Errors
+    /// When the device is not there, is a CPU or cannot be recorded.
+    pub fn run(args: &BenchArgs) -> Result<ExitCode> {
+        let log = std::env::temp_dir().join(format!("gsburn-launches-{}.log", std::process::id()));
+        let recorder = LaunchRecorder::start(log.clone()).with_context(|| format!("recording in {}", log.display()))?;
+        let device = device(&args.device)?;
+        ensure!(device.identity().is_some(), "--launches lists the kernels of a GPU: give one with --device");
+        print(format!("{} Gaussians, {}x{}, {}", args.gaussians, args.width, args.height, describe(&device)));
+        for (name, strategy) in [("mcmc", Strategy::Mcmc), ("default", Strategy::Default)] {
+            let (gaussians, camera) = (scene(args, &device), camera(args, &device));
+            let image = render(&gaussians, &camera, &RenderOptions::default()).color * 0.5 + 0.25;
+            let photos = [Photo { camera, image, mask: None, time: 0.0, extra: () }];
+            let mut config = FitConfig::default();
+            let mut trainer = trainer(gaussians, strategy, &mut config);
+            // The first step makes the moments.
+            trainer.step(&photos, &[], &(), &config);
+            let launches = recorder.during(&device, || drop(trainer.step(&photos, &[], &(), &config)))?;
+            table(name, &launches);
+        }
+        // The log is the process's own; a copy that stays would only fill the folder.
+        let _ = std::fs::remove_file(&log);
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn table(name: &str, launches: &[KernelLaunch]) {
+        struct Row {
+            count: usize,
+            fewest: u64,
+            most: u64,
+            time: Duration,
+        }
+        let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
+        for launch in launches {
+            let none = Row { count: 0, fewest: u64::MAX, most: 0, time: Duration::ZERO };
+            let row = rows.entry(&launch.kernel).or_insert(none);
+            row.count += 1;
+            row.fewest = row.fewest.min(launch.cube_count());
+            row.most = row.most.max(launch.cube_count());
+            row.time += launch.time.unwrap_or_default();
+        }
+        let serial = launches.iter().filter(|launch| is_serial(launch)).count();
+        print(format!("\nstatic, density.strategy = {name}: {} launches, {serial} serial", launches.len()));
+        print(format!("{:52} {:>8} {:>12} {:>12} {:>10}", "kernel", "launches", "fewest cubes", "most cubes", "ms"));
+        let mut rows: Vec<_> = rows.into_iter().collect();
+        rows.sort_by_key(|(_, row)| std::cmp::Reverse(row.time));
+        for (kernel, row) in rows {
+            let time = row.time.as_secs_f64() * 1e3;
+            print(format!("{kernel:52} {:>8} {:>12} {:>12} {time:>10.3}", row.count, row.fewest, row.most));
+        }
+        for launch in launches.iter().filter(|launch| is_serial(launch)) {
+            print(format!("serial: {} with {} cubes", launch.kernel, launch.cube_count()));
+        }
+    }
+}
