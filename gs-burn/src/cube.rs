@@ -27,7 +27,7 @@ use crate::ops::intersect::{IntersectKernels, IntersectionLists};
 use crate::ops::noise::NoiseKernels;
 use crate::ops::opacity::OpacityKernels;
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
-use crate::ops::rasterize::{RasterizeGradients, RasterizeInputs, RasterizeKernels};
+use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
 use crate::ops::rows::{RowsKernels, columns, with_rows};
 use crate::ops::sh::{ShGradients, ShKernels};
 use crate::ops::ssim::{SsimForward, SsimKernels};
@@ -212,45 +212,62 @@ impl IntersectKernels for CubeBackend {
 }
 
 impl RasterizeKernels for CubeBackend {
-    fn rasterize_forward(inputs: RasterizeInputs<Self>) -> CubeTensor {
+    fn rasterize_forward(inputs: RasterizeInputs<Self>, save: bool) -> RasterizeForward<Self> {
         let shape = inputs.output_shape();
-        let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
-        let launch = Launch::of(&projected);
-        let [projected, opacities, features, background] =
-            [projected, opacities, features, background].map(|t| launch.floats(t));
-        let lists = launch.lists(intersections);
-        let image = rasterize::forward(&launch.client, &config, &projected, &opacities, &features, &background, &lists);
-        launch.float_tensor(unwrap(image), shape)
+        let (launch, config) = (Launch::of(&inputs.projected), inputs.config);
+        let rendered =
+            Blended::of(&launch, inputs).with(|inputs| rasterize::forward(&launch.client, &config, inputs, save));
+        let rasterize::Rendered { output, saved } = unwrap(rendered);
+        RasterizeForward {
+            output: launch.float_tensor(output, shape),
+            saved: saved.map(|saved| {
+                let len = saved.attributes.len();
+                let rows = launch.float_tensor(saved.attributes, [len]);
+                RasterizeSaved { rows, pixels: launch.int_tensor(saved.pixels) }
+            }),
+        }
     }
 
-    // The kernel repeats the forward walk, so it does not need the output.
     fn rasterize_backward(
         inputs: RasterizeInputs<Self>,
-        _output: CubeTensor,
+        saved: Option<RasterizeSaved<Self>>,
         v_output: CubeTensor,
+        of_background: bool,
     ) -> RasterizeGradients<Self> {
-        let RasterizeInputs { projected, opacities, features, background, intersections, config } = inputs;
-        let (launch, count) = (Launch::of(&projected), projected.meta.shape()[0]);
-        let [projected, opacities, features, background, v_output] =
-            [projected, opacities, features, background, v_output].map(|t| launch.floats(t));
-        let lists = launch.lists(intersections);
-        let gradients = unwrap(rasterize::backward(
-            &launch.client,
-            &config,
-            &projected,
-            &opacities,
-            &features,
-            &background,
-            &lists,
-            &v_output,
-        ));
+        let (launch, config) = (Launch::of(&inputs.projected), inputs.config);
+        let count = inputs.projected.meta.shape()[0];
+        let saved = saved.expect("a tracked forward pass saves its state");
+        let saved = rasterize::Saved { attributes: launch.floats(saved.rows), pixels: launch.ints(saved.pixels) };
+        let v_output = launch.floats(v_output);
+        let gradients = Blended::of(&launch, inputs)
+            .with(|inputs| rasterize::backward(&launch.client, &config, inputs, &saved, &v_output, of_background));
+        let gradients = unwrap(gradients);
         RasterizeGradients {
             projected: launch.float_tensor(gradients.projected, [count, PROJECTED]),
             opacities: launch.float_tensor(gradients.opacities, [count]),
             features: launch.float_tensor(gradients.features, [count, config.channels]),
-            background: launch.float_tensor(gradients.background, [config.channels]),
+            background: gradients.background.map(|sums| launch.float_tensor(sums, [config.channels])),
             screen: launch.float_tensor(gradients.screen, [count, SCREEN]),
         }
+    }
+}
+
+/// The inputs of a rasterization as buffers.
+struct Blended {
+    floats: [Buffer; 4],
+    lists: intersect::Intersections,
+}
+
+impl Blended {
+    fn of(launch: &Launch, inputs: RasterizeInputs<CubeBackend>) -> Self {
+        let RasterizeInputs { projected, opacities, features, background, intersections, .. } = inputs;
+        let floats = [projected, opacities, features, background].map(|tensor| launch.floats(tensor));
+        Self { floats, lists: launch.lists(intersections) }
+    }
+
+    fn with<T>(&self, task: impl FnOnce(&rasterize::Inputs) -> T) -> T {
+        let [projected, opacities, features, background] = &self.floats;
+        task(&rasterize::Inputs { projected, opacities, features, background, lists: &self.lists })
     }
 }
 

@@ -4,7 +4,7 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
-use burn::backend::tensor::FloatTensor;
+use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
 use burn::tensor::{DType, Tensor, assert_shape};
 pub use gs_kernels::config::RasterizeConfig;
@@ -150,22 +150,42 @@ pub struct RasterizeGradients<B: Backend> {
     pub opacities: FloatTensor<B>,
     /// `[N, C]`
     pub features: FloatTensor<B>,
-    /// `[C]`
-    pub background: FloatTensor<B>,
+    /// `[C]`, if it was wanted.
+    pub background: Option<FloatTensor<B>>,
     /// `[N, 4]`: see `screen` of [`rasterize`].
     pub screen: FloatTensor<B>,
 }
 
+/// Result of [`RasterizeKernels::rasterize_forward`].
+#[derive(Clone, Debug)]
+pub struct RasterizeForward<B: Backend> {
+    /// The image, or tiles; see [`RasterizeInputs::output_shape`].
+    pub output: FloatTensor<B>,
+    /// What the backend's backward reads of its forward, beside the inputs.
+    pub saved: Option<RasterizeSaved<B>>,
+}
+
+/// State of a forward pass, of a layout that is the backend's own.
+#[derive(Clone, Debug)]
+pub struct RasterizeSaved<B: Backend> {
+    /// Numbers by Gaussian.
+    pub rows: FloatTensor<B>,
+    /// Words by pixel.
+    pub pixels: IntTensor<B>,
+}
+
 /// Rasterization on a backend's primitives, without gradient tracking.
 pub trait RasterizeKernels: Backend {
-    /// The image `[H, W, C + depth + 1]`, or tiles; see [`RasterizeInputs::output_shape`].
-    fn rasterize_forward(inputs: RasterizeInputs<Self>) -> FloatTensor<Self>;
+    /// The image `[H, W, C + depth + 1]`, or tiles; with `save`, also what the backward needs.
+    fn rasterize_forward(inputs: RasterizeInputs<Self>, save: bool) -> RasterizeForward<Self>;
 
-    /// Gradients from `output`, the result of the forward, and `v_output`, the gradient with respect to it.
+    /// Gradients from what the forward `saved` and `v_output`, the gradient with respect to its output. That of the background may be
+    /// left out unless `of_background`.
     fn rasterize_backward(
         inputs: RasterizeInputs<Self>,
-        output: FloatTensor<Self>,
+        saved: Option<RasterizeSaved<Self>>,
         v_output: FloatTensor<Self>,
+        of_background: bool,
     ) -> RasterizeGradients<Self>;
 }
 
@@ -179,7 +199,8 @@ impl<B: RasterizeKernels> RasterizeOps for B {
         intersections: IntersectionLists<B>,
         config: RasterizeConfig,
     ) -> FloatTensor<B> {
-        B::rasterize_forward(RasterizeInputs { projected, opacities, features, background, intersections, config })
+        let inputs = RasterizeInputs { projected, opacities, features, background, intersections, config };
+        B::rasterize_forward(inputs, false).output
     }
 }
 
@@ -216,7 +237,8 @@ impl<B: HostBackend> IntersectionLists<B> {
 }
 
 impl<B: HostBackend> RasterizeKernels for B {
-    fn rasterize_forward(inputs: RasterizeInputs<B>) -> FloatTensor<B> {
+    // The CPU kernel repeats the forward walk, so it saves nothing.
+    fn rasterize_forward(inputs: RasterizeInputs<B>, _save: bool) -> RasterizeForward<B> {
         let inputs = inputs.contiguous();
         let RasterizeInputs { projected, opacities, features, background, intersections, config } = &inputs;
         with_float!(*projected, F => {
@@ -228,15 +250,15 @@ impl<B: HostBackend> RasterizeKernels for B {
                 background.elements(),
                 intersections.as_slices(),
             );
-            float_tensor::<B>(output, inputs.output_shape())
+            RasterizeForward { output: float_tensor::<B>(output, inputs.output_shape()), saved: None }
         })
     }
 
-    // The CPU kernel repeats the forward walk, so it does not need the output.
     fn rasterize_backward(
         inputs: RasterizeInputs<B>,
-        _output: FloatTensor<B>,
+        _saved: Option<RasterizeSaved<B>>,
         v_output: FloatTensor<B>,
+        _of_background: bool,
     ) -> RasterizeGradients<B> {
         let (inputs, v_output) = (inputs.contiguous(), v_output.contiguous());
         let RasterizeInputs { projected, opacities, features, background, intersections, config } = &inputs;
@@ -255,7 +277,7 @@ impl<B: HostBackend> RasterizeKernels for B {
                 projected: float_tensor::<B>(gradients.projected, [count, PROJECTED]),
                 opacities: float_tensor::<B>(gradients.opacities, [count]),
                 features: float_tensor::<B>(gradients.features, [count, config.channels]),
-                background: float_tensor::<B>(gradients.background, [config.channels]),
+                background: Some(float_tensor::<B>(gradients.background, [config.channels])),
                 screen: float_tensor::<B>(gradients.screen, [count, SCREEN]),
             }
         })
@@ -266,7 +288,7 @@ impl<B: HostBackend> RasterizeKernels for B {
 #[derive(Clone, Debug)]
 struct RasterizeState<B: Backend> {
     inputs: RasterizeInputs<B>,
-    output: FloatTensor<B>,
+    saved: Option<RasterizeSaved<B>>,
 }
 
 #[derive(Debug)]
@@ -279,10 +301,15 @@ impl<B: RasterizeKernels> Backward<B, 5> for RasterizeBackward {
         let _stage = profile::stage("rasterize, backward");
         let v_output = grads.consume::<B>(&ops.node);
         let parents = ops.parents.map(|node| node.map(|node| node.id));
-        let RasterizeState { inputs, output } = ops.state;
+        let [of_projected, of_opacities, of_features, of_background, of_screen] = parents;
+        let RasterizeState { inputs, saved } = ops.state;
         let RasterizeGradients { projected, opacities, features, background, screen } =
-            B::rasterize_backward(inputs, output, v_output);
-        gradient::register::<B, 5>(grads, parents, [projected, opacities, features, background, screen]);
+            B::rasterize_backward(inputs, saved, v_output, of_background.is_some());
+        let others = [of_projected, of_opacities, of_features, of_screen];
+        gradient::register::<B, 4>(grads, others, [projected, opacities, features, screen]);
+        if let (Some(node), Some(background)) = (of_background, background) {
+            grads.register::<B>(node, background);
+        }
     }
 }
 
@@ -306,10 +333,10 @@ impl<B: RasterizeKernels, C: CheckpointStrategy> RasterizeOps for Autodiff<B, C>
         let inputs = RasterizeInputs { projected, opacities, features, background, intersections, config };
         match RasterizeBackward.prepare::<C>(nodes).compute_bound().stateful() {
             OpsKind::Tracked(prep) => {
-                let output = B::rasterize_forward(inputs.clone());
-                prep.finish(RasterizeState { inputs, output: output.clone() }, output)
+                let RasterizeForward { output, saved } = B::rasterize_forward(inputs.clone(), true);
+                prep.finish(RasterizeState { inputs, saved }, output)
             }
-            OpsKind::UnTracked(prep) => prep.finish(B::rasterize_forward(inputs)),
+            OpsKind::UnTracked(prep) => prep.finish(B::rasterize_forward(inputs, false).output),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! One Gaussian at one pixel: alpha and transmittance. The forward walk and both walks of the backward pass call it.
+//! One Gaussian at one pixel: alpha and transmittance. The forward walk and that of the backward pass call it.
 
 use cubecl::prelude::*;
 
@@ -11,22 +11,26 @@ pub(crate) const ALPHA_MAX: f32 = constants::ALPHA_MAX as f32;
 /// [`constants::TRANSMITTANCE_MIN`] in the device's float.
 pub(crate) const TRANSMITTANCE_MIN: f32 = constants::TRANSMITTANCE_MIN as f32;
 
-/// A Gaussian seen from one pixel.
+/// `u`, and twice sigma: with them a pixel beyond the cut-off ellipse needs no exponential.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
-pub(crate) struct Sight {
+pub(crate) struct Place {
     /// `dx + l dy`.
     pub u: f32,
-    /// `opacity exp(-sigma)`, not capped.
-    pub raw: f32,
+    /// `d1 (dx + l dy)^2 + d2 dy^2`.
+    pub twice_sigma: f32,
 }
 
-/// `u`, and `raw` with `sigma = 1/2 (d1 (dx + l dy)^2 + d2 dy^2)`.
 #[cube]
-pub(crate) fn sight(dx: f32, dy: f32, d1: f32, l: f32, d2: f32, opacity: f32) -> Sight {
+pub(crate) fn place(dx: f32, dy: f32, d1: f32, l: f32, d2: f32) -> Place {
     let u = dx + l * dy;
-    let sigma = 0.5f32 * (d1 * u * u + d2 * dy * dy);
-    Sight { u, raw: opacity * (-sigma).exp() }
+    Place { u, twice_sigma: d1 * u * u + d2 * dy * dy }
+}
+
+/// `opacity exp(-sigma)`, not capped.
+#[cube]
+pub(crate) fn raw_alpha(twice_sigma: f32, opacity: f32) -> f32 {
+    opacity * (-(0.5f32 * twice_sigma)).exp()
 }
 
 /// Alpha of a visible Gaussian.

@@ -9,3 +9,4 @@ mod lists;
 mod spans;
 
 pub use lists::{Intersections, intersect};
+pub(in crate::cube) use spans::{CutOff, cut_off, touches};

@@ -56,20 +56,58 @@ pub(super) struct Ellipse {
 
 #[cube]
 pub(super) fn ellipse(row: DeviceRow, opacity: f32, height: f32) -> Ellipse {
+    let cut = cut_off(row, opacity);
+    let rows = tile_range(row.mean_y - cut.reach_y, row.mean_y + cut.reach_y, height);
+    Ellipse { k: cut.k, reach_y: cut.reach_y, turn: cut.turn, rows }
+}
+
+/// The size of the ellipse `d1 (dx + l dy)^2 + d2 dy^2 <= k` beyond which alpha is under the cut-off, with slack for rounding.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+pub(in crate::cube) struct CutOff {
+    pub(in crate::cube) k: f32,
+    /// Largest `dy`.
+    pub(in crate::cube) reach_y: f32,
+    /// `dy` of the rightmost point.
+    pub(in crate::cube) turn: f32,
+}
+
+#[cube]
+pub(in crate::cube) fn cut_off(row: DeviceRow, opacity: f32) -> CutOff {
     let k = 2.0f32 * (opacity / ALPHA_MIN).ln() * SLACK_FACTOR + SLACK_OFFSET;
     let reach_y = (k / row.d2).sqrt();
     // Cxy / sqrt(Cxx) sqrt(k), with Cxy = -l / d2 and Cxx = 1 / d1 + l^2 / d2.
     let cxx = 1.0f32 / row.d1 + row.l * row.l / row.d2;
     let turn = -(row.l / row.d2) * (k / cxx).sqrt();
-    Ellipse { k, reach_y, turn, rows: tile_range(row.mean_y - reach_y, row.mean_y + reach_y, height) }
+    CutOff { k, reach_y, turn }
+}
+
+/// Whether the ellipse, about its mean, touches the rectangle of pixel centres `left..=left + wide`, `top..=top + high`; with the
+/// slack of the tiles, so that no pixel whose alpha reaches the cut-off is left out.
+#[cube]
+pub(in crate::cube) fn touches(
+    d1: f32,
+    l: f32,
+    d2: f32,
+    cut: CutOff,
+    left: f32,
+    top: f32,
+    #[comptime] wide: f32,
+    #[comptime] high: f32,
+) -> bool {
+    let low = select(top > -cut.reach_y, top, -cut.reach_y);
+    let high = select(top + high < cut.reach_y, top + high, cut.reach_y);
+    let first = edge(d1, l, d2, cut.k, held(-cut.turn, low, high), -1.0f32);
+    let last = edge(d1, l, d2, cut.k, held(cut.turn, low, high), 1.0f32);
+    low <= high + STRIP_SLACK && first <= left + wide + STRIP_SLACK && last >= left - STRIP_SLACK
 }
 
 /// Right end, as `dx`, of the ellipse at `dy` (`side` 1) or its left end (`side` -1).
 #[cube]
-fn edge(row: DeviceRow, k: f32, dy: f32, side: f32) -> f32 {
-    let rest = k - row.d2 * dy * dy;
-    let rest = select(rest > 0.0f32, rest, 0.0f32) / row.d1;
-    side * rest.sqrt() - row.l * dy
+fn edge(d1: f32, l: f32, d2: f32, k: f32, dy: f32, side: f32) -> f32 {
+    let rest = k - d2 * dy * dy;
+    let rest = select(rest > 0.0f32, rest, 0.0f32) / d1;
+    side * rest.sqrt() - l * dy
 }
 
 /// Columns of tiles that the ellipse touches in tile row `tile_row`. The rightmost point in the strip is the whole ellipse's
@@ -84,8 +122,8 @@ pub(super) fn columns_in(row: DeviceRow, ellipse: Ellipse, tile_row: u32, width:
     let high = select(bottom - row.mean_y < reach, bottom - row.mean_y, reach);
     let right_at = held(ellipse.turn, low, high);
     let left_at = held(-ellipse.turn, low, high);
-    let left = row.mean_x + edge(row, ellipse.k, left_at, -1.0f32);
-    let right = row.mean_x + edge(row, ellipse.k, right_at, 1.0f32);
+    let left = row.mean_x + edge(row.d1, row.l, row.d2, ellipse.k, left_at, -1.0f32);
+    let right = row.mean_x + edge(row.d1, row.l, row.d2, ellipse.k, right_at, 1.0f32);
     let range = tile_range(left, right, width);
     let touched = low <= high + STRIP_SLACK;
     Range { first: select(touched, range.first, 1u32), last: select(touched, range.last, 0u32) }

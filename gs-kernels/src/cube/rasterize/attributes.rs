@@ -1,7 +1,8 @@
 //! The rows that a tile stages: all values of a Gaussian that a pixel needs, contiguous, so that a batch is read in few cache lines
 //! and through one binding.
 //!
-//! Row: mean x, mean y, d1, l, d2, opacity, then the blended channels (features, and depth if it is accumulated).
+//! Row: mean x, mean y, d1, l, d2, opacity, the size of the cut-off ellipse (`k`, `reach_y`, `turn`), then the blended channels
+//! (features, and depth if it is accumulated). With three channels a row is 48 bytes.
 
 use cubecl::prelude::*;
 
@@ -9,12 +10,12 @@ use crate::config::RasterizeConfig;
 use crate::constants::TILE;
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 use crate::cube::error::CubeError;
-use crate::cube::intersect::Intersections;
+use crate::cube::intersect::{Intersections, cut_off};
 use crate::cube::rows::read_row;
 use crate::rows::PROJECTED;
 
 /// Values before the blended channels.
-pub(super) const GEOMETRY: usize = 6;
+pub(super) const GEOMETRY: usize = 9;
 
 /// Pixels of a tile.
 pub(super) const PIXELS: usize = TILE * TILE;
@@ -88,7 +89,7 @@ impl Plan {
         (1 << fitting.ilog2()).min(64)
     }
 
-    /// Packs the attribute rows `[N, 6 + blended]`.
+    /// Packs the attribute rows `[N, 9 + blended]`.
     pub fn pack(
         &self,
         client: &Client,
@@ -138,7 +139,12 @@ fn pack_kernel(
     attributes[base + 2] = row.d1;
     attributes[base + 3] = row.l;
     attributes[base + 4] = row.d2;
-    attributes[base + 5] = opacities[index];
+    let opacity = opacities[index];
+    let cut = cut_off(row, opacity);
+    attributes[base + 5] = opacity;
+    attributes[base + 6] = cut.k;
+    attributes[base + 7] = cut.reach_y;
+    attributes[base + 8] = cut.turn;
     for channel in 0..channels {
         attributes[base + GEOMETRY + channel] = features[index * channels + channel];
     }
@@ -147,7 +153,7 @@ fn pack_kernel(
     }
 }
 
-/// All units of the cube copy the first `columns` values of `count` attribute rows, of the Gaussians `ids[first..]`, to `staged`.
+/// All units of the cube copy `count` attribute rows, of the Gaussians `ids[first..]`, to `staged`.
 #[cube]
 pub(super) fn stage(
     attributes: &[f32],
@@ -156,16 +162,15 @@ pub(super) fn stage(
     count: u32,
     staged: &mut Shared<[f32]>,
     #[comptime] stride: usize,
-    #[comptime] columns: usize,
     #[comptime] units: u32,
 ) {
-    let values = count * comptime!(columns as u32);
+    let values = count * comptime!(stride as u32);
     let mut k = UNIT_POS;
     while k < values {
-        let gaussian = k / comptime!(columns as u32);
-        let column = k - gaussian * comptime!(columns as u32);
+        let gaussian = k / comptime!(stride as u32);
+        let column = k - gaussian * comptime!(stride as u32);
         let id = ids[(first + gaussian) as usize] as usize;
-        staged[(gaussian as usize) * stride + column as usize] = attributes[id * stride + column as usize];
+        staged[k as usize] = attributes[id * stride + column as usize];
         k += units;
     }
 }

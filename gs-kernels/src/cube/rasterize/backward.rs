@@ -1,7 +1,7 @@
 //! Blending backward. One cube of 64 units per tile, four pixels per unit.
 //!
-//! A first walk front to back finds every pixel's final transmittance and the position of its last Gaussian. A second walk goes
-//! back to front with the light `S` behind each Gaussian as one running number per pixel:
+//! The forward pass has saved every pixel's final transmittance and the position of its last Gaussian. The walk goes back to front
+//! with the light `S` behind each Gaussian as one running number per pixel:
 //!
 //! `T = T_behind / (1 - alpha)`, `q = f . v`, `v_alpha = T q - S / (1 - alpha)`, `S += alpha T q`,
 //!
@@ -17,29 +17,30 @@
 use cubecl::prelude::*;
 
 use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
-use super::forward::UNROLLED;
+use super::blocks::{self, reaches};
+use super::forward::{Inputs, Saved, UNROLLED};
 use super::gather::{MOMENTS, PAIR_BYTES, RasterizeGradients, add_pairs, finish, tile_ranges};
 use super::slots::{SLOT, SLOTS, UNITS, sum_slots};
 use crate::config::RasterizeConfig;
 use crate::constants::TILE;
-use crate::cube::blend::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN, capped, sight};
+use crate::cube::blend::{ALPHA_MAX, ALPHA_MIN, capped, place, raw_alpha};
 use crate::cube::buffer::{Buffer, grid};
 use crate::cube::error::CubeError;
-use crate::cube::intersect::Intersections;
-use crate::cube::math::finite;
 
-/// Pixels of a unit: one column of the tile, every fourth row.
+/// Pixels of a unit: one in each of four blocks below each other.
 const OWN: usize = PIXELS / UNITS;
 /// Rows of the tile that the units cover at once.
 const ROWS: usize = UNITS / TILE;
+/// The blocks below each other, as bits of a mask: a warp of units looks at those of its half of the tile.
+const COLUMN_OF_BLOCKS: u32 = 0b0101_0101;
 /// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
 const STAGE: usize = 896;
 
 /// One cube per tile: writes a row of moments for every pair of the tile, and the tile's part of the background's gradient.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn rasterize_backward_kernel(
     attributes: &[f32],
-    background: &[f32],
+    saved: &[u32],
     tile_offsets: &[u32],
     gaussian_ids: &[u32],
     v_output: &[f32],
@@ -51,9 +52,11 @@ fn rasterize_backward_kernel(
     first_tile: u32,
     tiles: u32,
     all_tiles: u32,
+    pixels: u32,
     #[comptime] channels: usize,
     #[comptime] depth: bool,
     #[comptime] placed: bool,
+    #[comptime] of_background: bool,
     #[comptime] batch: u32,
 ) {
     if CUBE_POS >= tiles as usize {
@@ -71,95 +74,50 @@ fn rasterize_backward_kernel(
     let tile = first_tile + CUBE_POS as u32;
     let unit = UNIT_POS as usize;
     let image_tile = place_of(tile_offsets, tile, all_tiles, placed);
-    let x = image_tile % tile_columns * comptime!(TILE as u32) + UNIT_POS % comptime!(TILE as u32);
-    let y = image_tile / tile_columns * comptime!(TILE as u32) + UNIT_POS / comptime!(TILE as u32);
+    // The units of a warp share a half of the tile.
+    let half = UNIT_POS / blocks::UNITS;
+    let lane = UNIT_POS % blocks::UNITS;
+    let own_x = half * blocks::WIDE + lane % blocks::WIDE;
+    let own_y = lane / blocks::WIDE;
+    let left = image_tile % tile_columns * comptime!(TILE as u32);
+    let top = image_tile / tile_columns * comptime!(TILE as u32);
+    let (x, y) = (left + own_x, top + own_y);
     let pixel_x = f32::cast_from(x) + 0.5f32;
     let pixel_y = f32::cast_from(y) + 0.5f32;
 
     let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
     let mut slots = Shared::<[f32]>::new_slice(comptime!(SLOTS * SLOT));
-    let ended_units = Shared::<[Atomic<u32>]>::new_slice(1usize);
+    let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!(batch as usize));
     let last_drawn = Shared::<[Atomic<u32>]>::new_slice(1usize);
     let begin = tile_offsets[tile as usize];
     let end = tile_offsets[tile as usize + 1];
     // Rows are written from the first tile of the launch on.
     let base = tile_offsets[first_tile as usize];
     if UNIT_POS == 0 {
-        ended_units[0].store(0u32);
         last_drawn[0].store(begin);
     }
     sync_cube();
 
-    // First walk: transmittance behind all Gaussians, and one past the position of the last Gaussian blended.
+    // The pixels' saved state and gradients, zero outside the image, and the light behind all Gaussians.
     let mut t = Array::<f32>::new(OWN);
     let mut last = Array::<u32>::new(OWN);
-    let mut open = Array::<bool>::new(OWN);
-    let mut open_pixels = 0u32;
-    #[unroll]
-    for j in 0..OWN {
-        let inside = x < width && y + comptime!((j * ROWS) as u32) < height;
-        t[j] = 1.0f32;
-        last[j] = begin;
-        open[j] = inside;
-        open_pixels += select(inside, 1u32, 0u32);
-    }
-    if open_pixels == 0u32 {
-        ended_units[0].fetch_add(1u32);
-    }
-    let batches = (end - begin).div_ceil(batch);
-    for b in 0..batches {
-        if workgroup_uniform_load_atomic(&ended_units[0]) == comptime!(UNITS as u32) {
-            break;
-        }
-        let first = begin + b * batch;
-        let rest = end - first;
-        let count = select(rest < batch, rest, batch.runtime());
-        stage(attributes, gaussian_ids, first, count, &mut staged, stride, GEOMETRY, comptime!(UNITS as u32));
-        sync_cube();
-        if open_pixels > 0u32 {
-            for k in 0..count {
-                let row = k as usize * stride;
-                let dx = pixel_x - staged[row];
-                #[unroll]
-                for j in 0..OWN {
-                    let dy = pixel_y + comptime!((j * ROWS) as f32) - staged[row + 1];
-                    let seen = sight(dx, dy, staged[row + 2], staged[row + 3], staged[row + 4], staged[row + 5]);
-                    if open[j] && seen.raw >= ALPHA_MIN {
-                        let next = t[j] * (1.0f32 - capped(seen.raw));
-                        if next < TRANSMITTANCE_MIN {
-                            open[j] = false;
-                            open_pixels -= 1u32;
-                        } else {
-                            t[j] = next;
-                            last[j] = first + k + 1u32;
-                        }
-                    }
-                }
-                if open_pixels == 0u32 {
-                    break;
-                }
-            }
-            if open_pixels == 0u32 {
-                ended_units[0].fetch_add(1u32);
-            }
-        }
-    }
-    let mut own_last = begin;
-    #[unroll]
-    for j in 0..OWN {
-        own_last = select(last[j] > own_last, last[j], own_last);
-    }
-    last_drawn[0].fetch_max(own_last);
-
-    // The pixels' gradients, zero outside the image, and the light behind all Gaussians.
     let mut v = Array::<f32>::new(comptime!(OWN * (blended + 1)));
     let mut behind = Array::<f32>::new(OWN);
+    let mut own_last = begin;
     #[unroll]
     for j in 0..OWN {
         let row = y + comptime!((j * ROWS) as u32);
         let inside = x < width && row < height;
-        let own = UNIT_POS + comptime!((j * UNITS) as u32);
-        let pixel = output_pixel(x, row, width, tile, own, placed) * comptime!(blended + 1);
+        let own = (own_y + comptime!((j * ROWS) as u32)) * comptime!(TILE as u32) + own_x;
+        let number = output_pixel(x, row, width, tile, own, placed);
+        let pixel = number * comptime!(blended + 1);
+        t[j] = 1.0f32;
+        last[j] = begin;
+        if inside {
+            t[j] = f32::reinterpret(saved[number]);
+            last[j] = saved[pixels as usize + number];
+        }
+        own_last = select(last[j] > own_last, last[j], own_last);
         #[unroll(unroll)]
         for c in 0..comptime!(blended + 1) {
             let mut value = 0.0f32;
@@ -171,15 +129,15 @@ fn rasterize_backward_kernel(
         let mut light = -v[j * comptime!(blended + 1) + blended];
         #[unroll(unroll)]
         for c in 0..channels {
-            let shade = background[c];
-            light += select(finite(shade), shade, 0.0f32) * v[j * comptime!(blended + 1) + c];
+            light += f32::reinterpret(saved[2 * pixels as usize + c]) * v[j * comptime!(blended + 1) + c];
         }
         behind[j] = t[j] * light;
     }
+    last_drawn[0].fetch_max(own_last);
 
     // The background's gradient is the sum of T v.
     #[unroll]
-    for piece in 0..comptime!(channels.div_ceil(SLOTS)) {
+    for piece in 0..comptime!(if of_background { channels.div_ceil(SLOTS) } else { 0 }) {
         let from = comptime!(piece * SLOTS);
         let len = comptime!((channels - piece * SLOTS).min(SLOTS));
         #[unroll]
@@ -194,7 +152,7 @@ fn rasterize_backward_kernel(
         sum_slots(&slots, comptime!(len as u32).runtime(), backgrounds, tile as usize * channels + from);
     }
 
-    // Second walk. Gaussians that no pixel blended have a row of zeros.
+    // Gaussians behind the last that a pixel blended have a row of zeros.
     let drawn = workgroup_uniform_load_atomic(&last_drawn[0]);
     let mut at = (drawn - base) as usize * row_len + unit;
     while at < (end - base) as usize * row_len {
@@ -208,7 +166,24 @@ fn rasterize_backward_kernel(
         let rest = drawn - first;
         let count = select(rest < batch, rest, batch.runtime());
         sync_cube();
-        stage(attributes, gaussian_ids, first, count, &mut staged, stride, stride, comptime!(UNITS as u32));
+        stage(attributes, gaussian_ids, first, count, &mut staged, stride, comptime!(UNITS as u32));
+        let mut k = UNIT_POS;
+        while k < batch {
+            masks[k as usize].store(0u32);
+            k += comptime!(UNITS as u32);
+        }
+        sync_cube();
+        let mut test = UNIT_POS;
+        while test < count * blocks::BLOCKS {
+            let k = test / blocks::BLOCKS;
+            let of = test % blocks::BLOCKS;
+            let block_x = f32::cast_from(left + of % blocks::ACROSS * blocks::WIDE) + 0.5f32;
+            let block_y = f32::cast_from(top + of / blocks::ACROSS * blocks::HIGH) + 0.5f32;
+            if reaches(&staged, k as usize * stride, block_x, block_y) {
+                masks[k as usize].fetch_or(1u32 << of);
+            }
+            test += comptime!(UNITS as u32);
+        }
         sync_cube();
         let groups = count.div_ceil(group);
         for g in 0..groups {
@@ -222,43 +197,52 @@ fn rasterize_backward_kernel(
                 for value in 0..row_len {
                     sums[value] = 0.0f32;
                 }
-                let dx = pixel_x - staged[row];
-                let d1 = staged[row + 2];
-                let l = staged[row + 3];
-                let d2 = staged[row + 4];
-                #[unroll]
-                for j in 0..OWN {
-                    let dy = pixel_y + comptime!((j * ROWS) as f32) - staged[row + 1];
-                    let seen = sight(dx, dy, d1, l, d2, staged[row + 5]);
-                    if seen.raw >= ALPHA_MIN && first + k < last[j] {
-                        let alpha = capped(seen.raw);
-                        let through = 1.0f32 - alpha;
-                        let before = t[j] / through;
-                        // Rounding may differ between the walks, but transmittance never exceeds 1.
-                        let before = select(before < 1.0f32, before, 1.0f32);
-                        let weight = alpha * before;
-                        let mut q = 0.0f32;
-                        #[unroll(unroll)]
-                        for c in 0..blended {
-                            let v_channel = v[j * comptime!(blended + 1) + c];
-                            q += staged[row + GEOMETRY + c] * v_channel;
-                            sums[MOMENTS + c] += weight * v_channel;
+                let reached = masks[k as usize].load() >> half;
+                if reached & COLUMN_OF_BLOCKS != 0u32 {
+                    let dx = pixel_x - staged[row];
+                    let d1 = staged[row + 2];
+                    let l = staged[row + 3];
+                    let d2 = staged[row + 4];
+                    #[unroll]
+                    for j in 0..OWN {
+                        let block = comptime!(1u32 << (j as u32 * blocks::ACROSS));
+                        if reached & block != 0u32 {
+                            let dy = pixel_y + comptime!((j * ROWS) as f32) - staged[row + 1];
+                            let at = place(dx, dy, d1, l, d2);
+                            if at.twice_sigma <= staged[row + 6] && first + k < last[j] {
+                                let raw = raw_alpha(at.twice_sigma, staged[row + 5]);
+                                if raw >= ALPHA_MIN {
+                                    let alpha = capped(raw);
+                                    let inverse = 1.0f32 / (1.0f32 - alpha);
+                                    let before = t[j] * inverse;
+                                    // Rounding may differ between the passes, but transmittance never exceeds 1.
+                                    let before = select(before < 1.0f32, before, 1.0f32);
+                                    let weight = alpha * before;
+                                    let mut q = 0.0f32;
+                                    #[unroll(unroll)]
+                                    for c in 0..blended {
+                                        let v_channel = v[j * comptime!(blended + 1) + c];
+                                        q += staged[row + GEOMETRY + c] * v_channel;
+                                        sums[MOMENTS + c] += weight * v_channel;
+                                    }
+                                    let v_alpha = before * q - behind[j] * inverse;
+                                    behind[j] += weight * q;
+                                    t[j] = before;
+                                    // A capped alpha does not depend on sigma or opacity.
+                                    let s = select(raw < ALPHA_MAX, -alpha * v_alpha, 0.0f32);
+                                    let su = s * at.u;
+                                    let sy = s * dy;
+                                    sums[0] += s;
+                                    sums[1] += sy;
+                                    sums[2] += sy * dy;
+                                    sums[3] += su;
+                                    sums[4] += su * dy;
+                                    sums[5] += su * at.u;
+                                    sums[6] += su.abs();
+                                    sums[7] += (d1 * l * su + d2 * sy).abs();
+                                }
+                            }
                         }
-                        let v_alpha = before * q - behind[j] / through;
-                        behind[j] += weight * q;
-                        t[j] = before;
-                        // A capped alpha does not depend on sigma or opacity.
-                        let s = select(seen.raw < ALPHA_MAX, -alpha * v_alpha, 0.0f32);
-                        let su = s * seen.u;
-                        let sy = s * dy;
-                        sums[0] += s;
-                        sums[1] += sy;
-                        sums[2] += sy * dy;
-                        sums[3] += su;
-                        sums[4] += su * dy;
-                        sums[5] += su * seen.u;
-                        sums[6] += su.abs();
-                        sums[7] += (d1 * l * su + d2 * sy).abs();
                     }
                 }
                 let slot = (k - bottom) as usize * row_len;
@@ -288,8 +272,9 @@ fn rasterize_backward_kernel(
     }
 }
 
-/// Backward of [`super::forward`] from `v_output` in the shape of its result; the twin of
-/// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero.
+/// Backward of [`super::forward`] from `v_output` in the shape of its result, with what that `saved`; the twin of
+/// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero. The gradient of the background is made
+/// only if it is wanted.
 ///
 /// # Errors
 /// When a buffer would be too large, or the device fails while the tiles' offsets are read.
@@ -299,14 +284,12 @@ fn rasterize_backward_kernel(
 pub fn backward(
     client: &Client,
     config: &RasterizeConfig,
-    projected: &Buffer,
-    opacities: &Buffer,
-    features: &Buffer,
-    background: &Buffer,
-    lists: &Intersections,
+    inputs: &Inputs,
+    saved: &Saved,
     v_output: &Buffer,
+    of_background: bool,
 ) -> Result<RasterizeGradients, CubeError> {
-    backward_within(client, config, projected, opacities, features, background, lists, v_output, PAIR_BYTES)
+    backward_within(client, config, inputs, saved, v_output, of_background, PAIR_BYTES)
 }
 
 /// [`backward`] with at most `pair_bytes` of pair rows at once (or those of one tile, if they are more). The sums keep their order,
@@ -320,50 +303,56 @@ pub fn backward(
 pub fn backward_within(
     client: &Client,
     config: &RasterizeConfig,
-    projected: &Buffer,
-    opacities: &Buffer,
-    features: &Buffer,
-    background: &Buffer,
-    lists: &Intersections,
+    inputs: &Inputs,
+    saved: &Saved,
     v_output: &Buffer,
+    of_background: bool,
     pair_bytes: usize,
 ) -> Result<RasterizeGradients, CubeError> {
+    let Inputs { projected, opacities, features, background, lists } = *inputs;
     let plan = Plan::new(config, projected, opacities, features, background, lists);
     let pixels = plan.pixels();
     assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must have the shape of the output");
+    assert_eq!(saved.attributes.len(), plan.count * plan.stride(), "the saved rows must be those of the inputs");
+    assert_eq!(saved.pixels.len(), 2 * pixels + plan.channels, "the saved pixels must be those of the output");
     let row_len = MOMENTS + plan.blended();
-    let attributes = plan.pack(client, projected, opacities, features)?;
-    let backgrounds = Buffer::empty(client, "gradients of the background by tile", plan.tiles * plan.channels)?;
+    let parts = if of_background { plan.tiles * plan.channels } else { 0 };
+    let backgrounds = Buffer::empty(client, "gradients of the background by tile", parts)?;
     let sums = Buffer::empty(client, "sums of moments", plan.count * row_len)?;
 
     let (ranges, most) = tile_ranges(client, lists, plan.tiles, pair_bytes / (4 * row_len))?;
     let pairs = Buffer::empty(client, "gradients by tile and Gaussian", most * row_len)?;
     for tiles in ranges {
         if pixels > 0 {
-            rasterize_backward_kernel::launch(
-                client,
-                grid(tiles.len()),
-                CubeDim::new_1d(UNITS as u32),
-                attributes.arg(),
-                background.arg(),
-                lists.tile_offsets.arg(),
-                lists.gaussian_ids.arg(),
-                v_output.arg(),
-                pairs.arg(),
-                backgrounds.arg(),
-                plan.width,
-                plan.height,
-                plan.columns as u32,
-                tiles.start as u32,
-                tiles.len() as u32,
-                plan.tiles as u32,
-                plan.channels,
-                plan.depth,
-                plan.placed,
-                plan.batch(STAGE) as u32,
-            );
+            // SAFETY: as in the forward pass; rows of pairs are those of the tiles of this launch.
+            unsafe {
+                rasterize_backward_kernel::launch_unchecked(
+                    client,
+                    grid(tiles.len()),
+                    CubeDim::new_1d(UNITS as u32),
+                    saved.attributes.arg(),
+                    saved.pixels.arg(),
+                    lists.tile_offsets.arg(),
+                    lists.gaussian_ids.arg(),
+                    v_output.arg(),
+                    pairs.arg(),
+                    backgrounds.arg(),
+                    plan.width,
+                    plan.height,
+                    plan.columns as u32,
+                    tiles.start as u32,
+                    tiles.len() as u32,
+                    plan.tiles as u32,
+                    pixels as u32,
+                    plan.channels,
+                    plan.depth,
+                    plan.placed,
+                    of_background,
+                    plan.batch(STAGE) as u32,
+                );
+            }
         }
         add_pairs(client, &plan, lists, &pairs, &sums, tiles);
     }
-    finish(client, &plan, projected, opacities, &sums, &backgrounds)
+    finish(client, &plan, projected, opacities, &sums, &backgrounds, of_background)
 }

@@ -26,8 +26,8 @@ pub struct RasterizeGradients {
     pub opacities: Buffer,
     /// `[N, C]`
     pub features: Buffer,
-    /// `[C]`
-    pub background: Buffer,
+    /// `[C]`, if it was wanted.
+    pub background: Option<Buffer>,
     /// `[N, 4]`, see [`crate::rows::SCREEN`].
     pub screen: Buffer,
 }
@@ -228,6 +228,7 @@ pub(super) fn finish(
     opacities: &Buffer,
     sums: &Buffer,
     backgrounds: &Buffer,
+    of_background: bool,
 ) -> Result<RasterizeGradients, CubeError> {
     let count = plan.count;
     let lens = [count * PROJECTED, count, count * plan.channels, count * SCREEN];
@@ -249,9 +250,13 @@ pub(super) fn finish(
             plan.depth,
         );
     }
-    let v_background = Buffer::empty(client, "gradient of the background", plan.channels)?;
-    let (tiles, channels) = (plan.tiles as u32, plan.channels);
-    background_sum_kernel::launch(client, grid(1), cube_dim(), backgrounds.arg(), v_background.arg(), tiles, channels);
+    let mut v_background = None;
+    if of_background {
+        let sums = Buffer::empty(client, "gradient of the background", plan.channels)?;
+        let (tiles, channels) = (plan.tiles as u32, plan.channels);
+        background_sum_kernel::launch(client, grid(1), cube_dim(), backgrounds.arg(), sums.arg(), tiles, channels);
+        v_background = Some(sums);
+    }
     let [v_projected, v_opacities, v_features, screen] = slab.parts;
     Ok(RasterizeGradients {
         projected: v_projected,

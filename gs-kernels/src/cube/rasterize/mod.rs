@@ -5,10 +5,11 @@
 
 mod attributes;
 mod backward;
+mod blocks;
 mod forward;
 mod gather;
 mod slots;
 
 pub use backward::{backward, backward_within};
-pub use forward::forward;
+pub use forward::{Inputs, Rendered, Saved, forward};
 pub use gather::{PAIR_BYTES, RasterizeGradients};

@@ -1,0 +1,28 @@
+//! The eight blocks of 8 x 4 pixels of a tile, and which Gaussians reach them.
+//!
+//! Thirty-two consecutive units own a block, or in the backward pass four blocks below each other, so whether a Gaussian is skipped is
+//! one decision for all of them. The test is that of the tiles, with its slack: a pair is skipped only where alpha is under the cut-off.
+
+use cubecl::prelude::*;
+
+use crate::cube::intersect::{CutOff, touches};
+
+/// Pixels of a block along x.
+pub(super) const WIDE: u32 = 8;
+/// Pixels of a block along y.
+pub(super) const HIGH: u32 = 4;
+/// Units that own a block: its pixels.
+pub(super) const UNITS: u32 = WIDE * HIGH;
+/// Blocks of a tile along x.
+pub(super) const ACROSS: u32 = 2;
+/// Blocks of a tile.
+pub(super) const BLOCKS: u32 = 8;
+
+/// Whether the staged Gaussian whose row begins at `row` reaches the block whose first pixel's centre is (`x`, `y`).
+#[cube]
+pub(super) fn reaches(staged: &Shared<[f32]>, row: usize, x: f32, y: f32) -> bool {
+    let cut = CutOff { k: staged[row + 6], reach_y: staged[row + 7], turn: staged[row + 8] };
+    let (left, top) = (x - staged[row], y - staged[row + 1]);
+    let (d1, l, d2) = (staged[row + 2], staged[row + 3], staged[row + 4]);
+    touches(d1, l, d2, cut, left, top, comptime!((WIDE - 1) as f32), comptime!((HIGH - 1) as f32))
+}
