@@ -11,7 +11,7 @@ use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
-use gs_kernels::config::{AdamConfig, NoiseConfig, ProjectionConfig, ShConfig};
+use gs_kernels::config::{Activation, AdamConfig, NoiseConfig, ProjectionConfig, ShConfig};
 use gs_kernels::constants::TILE;
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
@@ -132,6 +132,7 @@ impl ProjectionKernels for CubeBackend {
         config: &ProjectionConfig,
         projected: CubeTensor,
         v_projected: CubeTensor,
+        of_pose: bool,
     ) -> ProjectionGradients<Self> {
         let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
         let [means, quats, log_scales, viewmat, projected, v_projected] =
@@ -145,12 +146,13 @@ impl ProjectionKernels for CubeBackend {
             config,
             &projected,
             &v_projected,
+            of_pose,
         ));
         ProjectionGradients {
             means: launch.float_tensor(gradients.means, [count, 3]),
             quats: launch.float_tensor(gradients.quats, [count, 4]),
             log_scales: launch.float_tensor(gradients.log_scales, [count, 3]),
-            viewmat: launch.float_tensor(gradients.viewmat, [4, 4]),
+            viewmat: gradients.viewmat.map(|pose| launch.float_tensor(pose, [4, 4])),
         }
     }
 }
@@ -176,15 +178,17 @@ impl ShKernels for CubeBackend {
         projected: CubeTensor,
         config: &ShConfig,
         v_colors: CubeTensor,
+        of_pose: bool,
     ) -> ShGradients<Self> {
         let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
         let [means, sh, viewmat, projected, v_colors] =
             [means, sh, viewmat, projected, v_colors].map(|t| launch.floats(t));
-        let gradients = unwrap(sh::backward(&launch.client, &means, &sh, &viewmat, &projected, config, &v_colors));
+        let gradients =
+            unwrap(sh::backward(&launch.client, &means, &sh, &viewmat, &projected, config, &v_colors, of_pose));
         ShGradients {
             means: launch.float_tensor(gradients.means, [count, 3]),
             sh: launch.float_tensor(gradients.sh, [count, config.coefficients, 3]),
-            viewmat: launch.float_tensor(gradients.viewmat, [4, 4]),
+            viewmat: gradients.viewmat.map(|pose| launch.float_tensor(pose, [4, 4])),
         }
     }
 }
@@ -319,6 +323,16 @@ impl SsimKernels for CubeBackend {
         }
     }
 
+    fn ssim_loss(terms: CubeTensor, dssim: f64) -> CubeTensor {
+        let launch = Launch::of(&terms);
+        launch.float_tensor(unwrap(ssim::loss(&launch.client, &launch.floats(terms), dssim as f32)), [1])
+    }
+
+    fn ssim_loss_backward(v: CubeTensor, dssim: f64) -> CubeTensor {
+        let launch = Launch::of(&v);
+        launch.float_tensor(unwrap(ssim::loss_backward(&launch.client, &launch.floats(v), dssim as f32)), [2])
+    }
+
     fn ssim_backward(image: CubeTensor, target: CubeTensor, saved: CubeTensor, v_terms: CubeTensor) -> CubeTensor {
         let launch = Launch::of(&image);
         let [height, width, channels] = image.meta.shape().dims();
@@ -346,6 +360,19 @@ impl SumKernels for CubeBackend {
     fn sum_forward(tensor: CubeTensor) -> CubeTensor {
         let launch = Launch::of(&tensor);
         launch.float_tensor(unwrap(sum::sum(&launch.client, &launch.floats(tensor))), [1])
+    }
+
+    fn activated_sum_forward(tensor: CubeTensor, activation: Activation, factor: f64) -> CubeTensor {
+        let launch = Launch::of(&tensor);
+        let total = sum::activated(&launch.client, &launch.floats(tensor), activation, factor as f32);
+        launch.float_tensor(unwrap(total), [1])
+    }
+
+    fn activated_sum_backward(tensor: CubeTensor, v: CubeTensor, activation: Activation, factor: f64) -> CubeTensor {
+        let (launch, shape) = (Launch::of(&tensor), tensor.meta.shape().clone());
+        let (tensor, v) = (launch.floats(tensor), launch.floats(v));
+        let gradient = sum::activated_backward(&launch.client, &tensor, &v, activation, factor as f32);
+        launch.shaped(unwrap(gradient), shape)
     }
 
     fn finite_mark(mark: CubeTensor, tensor: CubeTensor) -> CubeTensor {

@@ -174,3 +174,12 @@ impl NoiseConfig {
         [0, 1].map(|draw| (self.step as u32) << 1 | draw)
     }
 }
+
+/// A function of each number, before a sum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Activation {
+    /// `exp(x)`: from log scales to scales.
+    Exp,
+    /// `1 / (1 + exp(-x))`, 0 where `x` is not a number: from logits to opacities.
+    Sigmoid,
+}

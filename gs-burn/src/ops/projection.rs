@@ -86,7 +86,7 @@ pub struct ProjectionGradients<B: Backend> {
     /// `[N, 3]`
     pub log_scales: FloatTensor<B>,
     /// `[4, 4]`; the last row is zero.
-    pub viewmat: FloatTensor<B>,
+    pub viewmat: Option<FloatTensor<B>>,
 }
 
 /// Projection on a backend's primitives, without gradient tracking. Shapes as in [`project`]; tensors may be strided.
@@ -110,6 +110,7 @@ pub trait ProjectionKernels: Backend {
         config: &ProjectionConfig,
         projected: FloatTensor<Self>,
         v_projected: FloatTensor<Self>,
+        of_pose: bool,
     ) -> ProjectionGradients<Self>;
 }
 
@@ -151,6 +152,7 @@ impl<B: HostBackend> ProjectionKernels for B {
         config: &ProjectionConfig,
         projected: FloatTensor<B>,
         v_projected: FloatTensor<B>,
+        _of_pose: bool,
     ) -> ProjectionGradients<B> {
         let count = means.shape()[0];
         let [means, quats, log_scales, viewmat, projected, v_projected] =
@@ -169,7 +171,7 @@ impl<B: HostBackend> ProjectionKernels for B {
                 means: float_tensor::<B>(gradients.means, [count, 3]),
                 quats: float_tensor::<B>(gradients.quats, [count, 4]),
                 log_scales: float_tensor::<B>(gradients.log_scales, [count, 3]),
-                viewmat: float_tensor::<B>(gradients.viewmat, [4, 4]),
+                viewmat: Some(float_tensor::<B>(gradients.viewmat, [4, 4])),
             }
         })
     }
@@ -195,7 +197,7 @@ impl<B: ProjectionKernels> Backward<B, 4> for ProjectionBackward {
     fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
         let _stage = profile::stage("project, backward");
         let v_projected = grads.consume::<B>(&ops.node);
-        let parents = ops.parents.map(|node| node.map(|node| node.id));
+        let [of_means, of_quats, of_log_scales, of_viewmat] = ops.parents.map(|node| node.map(|node| node.id));
         let state = ops.state;
         let gradients = B::projection_backward(
             state.means,
@@ -205,9 +207,13 @@ impl<B: ProjectionKernels> Backward<B, 4> for ProjectionBackward {
             &state.config,
             state.projected,
             v_projected,
+            of_viewmat.is_some(),
         );
-        let by_parent = [gradients.means, gradients.quats, gradients.log_scales, gradients.viewmat];
-        gradient::register::<B, 4>(grads, parents, by_parent);
+        let by_parent = [gradients.means, gradients.quats, gradients.log_scales];
+        gradient::register::<B, 3>(grads, [of_means, of_quats, of_log_scales], by_parent);
+        if let (Some(node), Some(viewmat)) = (of_viewmat, gradients.viewmat) {
+            grads.register::<B>(node, viewmat);
+        }
     }
 }
 

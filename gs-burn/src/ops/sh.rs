@@ -97,7 +97,7 @@ pub struct ShGradients<B: Backend> {
     /// `[N, S, 3]`; zero above the active degree.
     pub sh: FloatTensor<B>,
     /// `[4, 4]`, through the camera centre.
-    pub viewmat: FloatTensor<B>,
+    pub viewmat: Option<FloatTensor<B>>,
 }
 
 /// Colours on a backend's primitives, without gradient tracking. Shapes as in [`sh_colors`]; tensors may be strided.
@@ -120,6 +120,7 @@ pub trait ShKernels: Backend {
         projected: FloatTensor<Self>,
         config: &ShConfig,
         v_colors: FloatTensor<Self>,
+        of_pose: bool,
     ) -> ShGradients<Self>;
 }
 
@@ -159,6 +160,7 @@ impl<B: HostBackend> ShKernels for B {
         projected: FloatTensor<B>,
         config: &ShConfig,
         v_colors: FloatTensor<B>,
+        _of_pose: bool,
     ) -> ShGradients<B> {
         let count = means.shape()[0];
         let [means, sh, viewmat, projected, v_colors] =
@@ -170,7 +172,7 @@ impl<B: HostBackend> ShKernels for B {
             ShGradients {
                 means: float_tensor::<B>(gradients.means, [count, 3]),
                 sh: float_tensor::<B>(gradients.sh, [count, config.coefficients, 3]),
-                viewmat: float_tensor::<B>(gradients.viewmat, [4, 4]),
+                viewmat: Some(float_tensor::<B>(gradients.viewmat, [4, 4])),
             }
         })
     }
@@ -195,10 +197,13 @@ impl<B: ShKernels> Backward<B, 3> for ShBackward {
     fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
         let _stage = profile::stage("spherical harmonics, backward");
         let v_colors = grads.consume::<B>(&ops.node);
-        let parents = ops.parents.map(|node| node.map(|node| node.id));
+        let [of_means, of_sh, of_viewmat] = ops.parents.map(|node| node.map(|node| node.id));
         let ShState { means, sh, viewmat, projected, config } = ops.state;
-        let gradients = B::sh_backward(means, sh, viewmat, projected, &config, v_colors);
-        gradient::register::<B, 3>(grads, parents, [gradients.means, gradients.sh, gradients.viewmat]);
+        let gradients = B::sh_backward(means, sh, viewmat, projected, &config, v_colors, of_viewmat.is_some());
+        gradient::register::<B, 2>(grads, [of_means, of_sh], [gradients.means, gradients.sh]);
+        if let (Some(node), Some(viewmat)) = (of_viewmat, gradients.viewmat) {
+            grads.register::<B>(node, viewmat);
+        }
     }
 }
 

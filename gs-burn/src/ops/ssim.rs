@@ -37,9 +37,8 @@ pub fn l1_ssim(image: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
 /// When shapes or float types disagree.
 pub fn photometric_loss(image: Tensor<3>, target: Tensor<3>, lambda_dssim: f64) -> Tensor<1> {
     let _stage = profile::stage("photometric loss");
-    let terms = l1_ssim(image, target);
-    let weights = Tensor::<1>::from_data([1.0 - lambda_dssim, -lambda_dssim], (&terms.device(), terms.dtype()));
-    (terms * weights).sum() + lambda_dssim
+    check(&image, &target);
+    Tensor::from_dispatch(Dispatch::photometric_loss(image.into_dispatch(), target.into_dispatch(), lambda_dssim))
 }
 
 fn check(image: &Tensor<3>, target: &Tensor<3>) {
@@ -58,6 +57,9 @@ fn check(image: &Tensor<3>, target: &Tensor<3>) {
 pub trait SsimOps: Backend {
     /// See [`l1_ssim`].
     fn l1_ssim(image: FloatTensor<Self>, target: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// See [`photometric_loss`].
+    fn photometric_loss(image: FloatTensor<Self>, target: FloatTensor<Self>, dssim: f64) -> FloatTensor<Self>;
 }
 
 /// Result of [`SsimKernels::ssim_forward`].
@@ -74,6 +76,12 @@ pub trait SsimKernels: Backend {
     /// Both terms, and the state for the backward pass.
     fn ssim_forward(image: FloatTensor<Self>, target: FloatTensor<Self>) -> SsimForward<Self>;
 
+    /// `(1 - dssim) terms[0] + dssim (1 - terms[1])`, `[1]`.
+    fn ssim_loss(terms: FloatTensor<Self>, dssim: f64) -> FloatTensor<Self>;
+
+    /// The gradient by the terms `[2]` from `v` `[1]` by [`ssim_loss`](Self::ssim_loss).
+    fn ssim_loss_backward(v: FloatTensor<Self>, dssim: f64) -> FloatTensor<Self>;
+
     /// Gradient with respect to `image` `[H, W, C]`, from `v_terms` `[2]`. The gradient with respect to `target` is the same with
     /// exchanged roles, because both terms are symmetric.
     fn ssim_backward(
@@ -88,6 +96,10 @@ impl<B: SsimKernels> SsimOps for B {
     fn l1_ssim(image: FloatTensor<B>, target: FloatTensor<B>) -> FloatTensor<B> {
         B::ssim_forward(image, target).terms
     }
+
+    fn photometric_loss(image: FloatTensor<B>, target: FloatTensor<B>, dssim: f64) -> FloatTensor<B> {
+        B::ssim_loss(B::ssim_forward(image, target).terms, dssim)
+    }
 }
 
 impl<B: HostBackend> SsimKernels for B {
@@ -100,6 +112,22 @@ impl<B: HostBackend> SsimKernels for B {
                 terms: float_tensor::<B>(vec![result.l1, result.ssim], [2]),
                 saved: float_tensor::<B>(result.saved, [3, height, width, channels]),
             }
+        })
+    }
+
+    fn ssim_loss(terms: FloatTensor<B>, dssim: f64) -> FloatTensor<B> {
+        let terms = terms.contiguous();
+        with_float!(terms, F => {
+            let (terms, dssim): (&[F], F) = (terms.elements(), dssim as F);
+            float_tensor::<B>(vec![(1.0 - dssim) * terms[0] + dssim * (1.0 - terms[1])], [1])
+        })
+    }
+
+    fn ssim_loss_backward(v: FloatTensor<B>, dssim: f64) -> FloatTensor<B> {
+        let v = v.contiguous();
+        with_float!(v, F => {
+            let (v, dssim): (&[F], F) = (v.elements(), dssim as F);
+            float_tensor::<B>(vec![(1.0 - dssim) * v[0], -dssim * v[0]], [2])
         })
     }
 
@@ -127,6 +155,8 @@ struct SsimState<B: Backend> {
     image: FloatTensor<B>,
     target: FloatTensor<B>,
     saved: FloatTensor<B>,
+    /// The weight of SSIM if the result is the loss, `None` if it is the two terms.
+    loss: Option<f64>,
 }
 
 #[derive(Debug)]
@@ -139,7 +169,11 @@ impl<B: SsimKernels> Backward<B, 2> for SsimBackward {
         let _stage = profile::stage("photometric loss, backward");
         let v_terms = grads.consume::<B>(&ops.node);
         let [image_node, target_node] = ops.parents;
-        let SsimState { image, target, saved } = ops.state;
+        let SsimState { image, target, saved, loss } = ops.state;
+        let v_terms = match loss {
+            Some(dssim) => B::ssim_loss_backward(v_terms, dssim),
+            None => v_terms,
+        };
         if let Some(node) = target_node {
             // A tracked target is rare, so its maps are made only now.
             let swapped = B::ssim_forward(target.clone(), image.clone()).saved;
@@ -151,16 +185,31 @@ impl<B: SsimKernels> Backward<B, 2> for SsimBackward {
     }
 }
 
+/// The terms, or the loss, with their backward in the graph.
+fn tracked<B: SsimKernels, C: CheckpointStrategy>(
+    image: FloatTensor<Autodiff<B, C>>,
+    target: FloatTensor<Autodiff<B, C>>,
+    loss: Option<f64>,
+) -> FloatTensor<Autodiff<B, C>> {
+    let (image, image_node) = image.into_parts();
+    let (target, target_node) = target.into_parts();
+    let SsimForward { terms, saved } = B::ssim_forward(image.clone(), target.clone());
+    let result = match loss {
+        Some(dssim) => B::ssim_loss(terms, dssim),
+        None => terms,
+    };
+    match SsimBackward.prepare::<C>([image_node, target_node]).compute_bound().stateful() {
+        OpsKind::Tracked(prep) => prep.finish(SsimState { image, target, saved, loss }, result),
+        OpsKind::UnTracked(prep) => prep.finish(result),
+    }
+}
+
 impl<B: SsimKernels, C: CheckpointStrategy> SsimOps for Autodiff<B, C> {
     fn l1_ssim(image: FloatTensor<Self>, target: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (image, image_node) = image.into_parts();
-        let (target, target_node) = target.into_parts();
-        match SsimBackward.prepare::<C>([image_node, target_node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => {
-                let SsimForward { terms, saved } = B::ssim_forward(image.clone(), target.clone());
-                prep.finish(SsimState { image, target, saved }, terms)
-            }
-            OpsKind::UnTracked(prep) => prep.finish(B::ssim_forward(image, target).terms),
-        }
+        tracked::<B, C>(image, target, None)
+    }
+
+    fn photometric_loss(image: FloatTensor<Self>, target: FloatTensor<Self>, dssim: f64) -> FloatTensor<Self> {
+        tracked::<B, C>(image, target, Some(dssim))
     }
 }

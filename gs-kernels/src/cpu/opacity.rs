@@ -12,9 +12,7 @@ pub fn forward<F: Real>(logits: &[F]) -> Vec<F> {
     let mut opacities = vec![F::ZERO; logits.len()];
     opacities.par_chunks_mut(BLOCK).zip(logits.par_chunks(BLOCK)).for_each(|(opacities, logits)| {
         for (opacity, &logit) in opacities.iter_mut().zip(logits) {
-            let value = F::ONE / (F::ONE + (-logit).exp());
-            // False for NaN.
-            *opacity = if value >= F::ZERO { value } else { F::ZERO };
+            *opacity = opacity_of(logit);
         }
     });
     opacities
@@ -28,11 +26,26 @@ pub fn backward<F: Real>(logits: &[F], v: &[F]) -> Vec<F> {
     v_logits.par_chunks_mut(BLOCK).zip(logits.par_chunks(BLOCK).zip(v.par_chunks(BLOCK))).for_each(
         |(v_logits, (logits, v))| {
             for ((out, &logit), &v) in v_logits.iter_mut().zip(logits).zip(v) {
-                let e = (-logit.abs()).exp();
-                let slope = e / ((F::ONE + e) * (F::ONE + e));
-                *out = if slope >= F::ZERO { v * slope } else { F::ZERO };
+                let slope = slope_of(logit);
+                *out = if slope > F::ZERO { v * slope } else { F::ZERO };
             }
         },
     );
     v_logits
+}
+
+/// The opacity of a logit.
+#[inline(always)]
+pub(crate) fn opacity_of<F: Real>(logit: F) -> F {
+    let value = F::ONE / (F::ONE + (-logit).exp());
+    // False for NaN.
+    if value >= F::ZERO { value } else { F::ZERO }
+}
+
+/// The derivative of [`opacity_of`].
+#[inline(always)]
+pub(crate) fn slope_of<F: Real>(logit: F) -> F {
+    let e = (-logit.abs()).exp();
+    let slope = e / ((F::ONE + e) * (F::ONE + e));
+    if slope >= F::ZERO { slope } else { F::ZERO }
 }

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::config::Activation;
 use crate::cpu::Real;
+use crate::cpu::opacity::{opacity_of, slope_of};
 
 /// Numbers per task; a task is about 10 microseconds.
 const BLOCK: usize = 1 << 14;
@@ -30,6 +32,37 @@ fn block_sum<F: Real>(values: &[F]) -> F {
     }
     lanes.into_iter().fold(F::ZERO, |total, lane| total + lane)
 }
+
+/// `factor` times the sum of the activations of `values`.
+pub fn activated<F: Real>(values: &[F], activation: Activation, factor: F) -> F {
+    let part = |block: &[F]| -> F {
+        let value = |x: &F| match activation {
+            Activation::Exp => x.exp(),
+            Activation::Sigmoid => opacity_of(*x),
+        };
+        block.iter().fold(F::ZERO, |total, x| total + value(x))
+    };
+    let parts: Vec<F> = values.par_chunks(ACTIVATED).map(part).collect();
+    parts.into_iter().fold(F::ZERO, |total, part| total + part) * factor
+}
+
+/// The gradient by `values` of [`activated`] from `v` by its result.
+pub fn activated_backward<F: Real>(values: &[F], v: F, activation: Activation, factor: F) -> Vec<F> {
+    let (scale, mut out) = (v * factor, vec![F::ZERO; values.len()]);
+    out.par_chunks_mut(ACTIVATED).zip(values.par_chunks(ACTIVATED)).for_each(|(out, values)| {
+        for (out, x) in out.iter_mut().zip(values) {
+            *out = scale
+                * match activation {
+                    Activation::Exp => x.exp(),
+                    Activation::Sigmoid => slope_of(*x),
+                };
+        }
+    });
+    out
+}
+
+/// Numbers per task where each takes an exponential; a task is about 10 microseconds, and an `f32` sum of so few is exact to 1e-5.
+const ACTIVATED: usize = 1 << 11;
 
 /// Whether every number is finite.
 pub fn all_finite<F: Real>(values: &[F]) -> bool {

@@ -90,7 +90,7 @@ impl Buffer {
     }
 
     /// `len` values from `start` on.
-    fn part(&self, start: usize, len: usize) -> Self {
+    pub(crate) fn part(&self, start: usize, len: usize) -> Self {
         let used = self.handle.size_in_used();
         let (begin, bytes) = (start as u64 * 4, (len as u64 * 4).max(4));
         let handle = self.handle.clone().offset_start(begin).offset_end(used - begin - bytes);

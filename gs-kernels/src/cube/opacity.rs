@@ -11,16 +11,29 @@ fn is_number(value: f32) -> bool {
     (u32::reinterpret(value) & 0x7fff_ffffu32) <= 0x7f80_0000u32
 }
 
+/// The opacity of a logit.
+#[cube]
+pub(crate) fn opacity_of(logit: f32) -> f32 {
+    // The exponential of a positive number may be infinite, and WGSL leaves open what one over infinity is.
+    let e = (-logit.abs()).exp();
+    let near = 1.0f32 / (1.0f32 + e);
+    let value = select(logit < 0.0f32, e * near, near);
+    select(is_number(logit), value, 0.0f32)
+}
+
+/// The derivative of [`opacity_of`].
+#[cube]
+pub(crate) fn slope_of(logit: f32) -> f32 {
+    let e = (-logit.abs()).exp();
+    let near = 1.0f32 / (1.0f32 + e);
+    select(is_number(logit), e * near * near, 0.0f32)
+}
+
 #[cube(launch_unchecked)]
 fn opacity_forward_kernel(logits: &[f32], opacities: &mut [f32], count: u32) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index < count as usize {
-        let logit = logits[index];
-        // The exponential of a positive number may be infinite, and WGSL leaves open what one over infinity is.
-        let e = (-logit.abs()).exp();
-        let near = 1.0f32 / (1.0f32 + e);
-        let value = select(logit < 0.0f32, e * near, near);
-        opacities[index] = select(is_number(logit), value, 0.0f32);
+        opacities[index] = opacity_of(logits[index]);
     }
 }
 
@@ -29,9 +42,7 @@ fn opacity_backward_kernel(logits: &[f32], v: &[f32], v_logits: &mut [f32], coun
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index < count as usize {
         let logit = logits[index];
-        let e = (-logit.abs()).exp();
-        let near = 1.0f32 / (1.0f32 + e);
-        v_logits[index] = select(is_number(logit), v[index] * (e * near * near), 0.0f32);
+        v_logits[index] = select(is_number(logit), v[index] * slope_of(logit), 0.0f32);
     }
 }
 

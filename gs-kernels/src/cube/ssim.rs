@@ -391,3 +391,40 @@ fn check(image: &Buffer, target: &Buffer, width: usize, height: usize, channels:
     assert!(agree, "image and target must be [{height}, {width}, {channels}]");
     len
 }
+
+/// One unit: `out[0] = (1 - dssim) terms[0] + dssim (1 - terms[1])`.
+#[cube(launch)]
+fn loss_kernel(terms: &[f32], out: &mut [f32], dssim: f32) {
+    if CUBE_POS == 0 && UNIT_POS == 0 {
+        out[0] = (1.0f32 - dssim) * terms[0] + dssim * (1.0f32 - terms[1]);
+    }
+}
+
+/// One unit: the gradient by the two terms.
+#[cube(launch)]
+fn loss_backward_kernel(v: &[f32], out: &mut [f32], dssim: f32) {
+    if CUBE_POS == 0 && UNIT_POS == 0 {
+        out[0] = (1.0f32 - dssim) * v[0];
+        out[1] = -dssim * v[0];
+    }
+}
+
+/// The loss `[1]` of the two `terms`, mean L1 and mean SSIM.
+///
+/// # Errors
+/// Never: the result is one number.
+pub fn loss(client: &Client, terms: &Buffer, dssim: f32) -> Result<Buffer, CubeError> {
+    let out = Buffer::empty(client, "photometric loss", 1)?;
+    loss_kernel::launch(client, grid(1), CubeDim::new_1d(1), terms.arg(), out.arg(), dssim);
+    Ok(out)
+}
+
+/// The gradient `[2]` by the terms from `v` `[1]` by the [`loss`].
+///
+/// # Errors
+/// Never: the result is two numbers.
+pub fn loss_backward(client: &Client, v: &Buffer, dssim: f32) -> Result<Buffer, CubeError> {
+    let out = Buffer::empty(client, "gradient of the photometric loss's terms", 2)?;
+    loss_backward_kernel::launch(client, grid(1), CubeDim::new_1d(1), v.arg(), out.arg(), dssim);
+    Ok(out)
+}

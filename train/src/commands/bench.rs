@@ -18,7 +18,7 @@ use crate::cli::BenchArgs;
 use crate::commands::{device, print};
 use crate::config::{FitConfig, NoSection, Strategy};
 use crate::fit::facts::SceneFacts;
-use crate::fit::losses::{photometric, regularisers};
+use crate::fit::losses::{photometric, regularised};
 use crate::fit::parameters::{from_host, gaussians as gaussians_of};
 use crate::fit::photos::Photo;
 use crate::fit::random::{Purpose, stream};
@@ -114,7 +114,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
         let tracked = gaussians.clone().train();
         let color = render(&tracked, &camera, &options).color;
         let loss = photometric(color, photo.image.clone(), None, &config.loss);
-        drop((loss + regularisers(&tracked, 1.0, &config.loss)).backward());
+        drop(regularised(loss, &tracked, 1.0, &config.loss).backward());
     });
     row("render and loss, both ways", both, true);
 

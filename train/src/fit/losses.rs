@@ -3,7 +3,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::ops::sum::mean;
+use gs_burn::ops::sum::{Activation, activated_sum};
 use gs_burn::{Gaussians, profile};
 
 use crate::config::LossConfig;
@@ -18,15 +18,20 @@ pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>
     }
 }
 
-/// Mean opacity and mean scale, weighted, `[1]`.
-pub fn regularisers(gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
+/// `loss` plus mean opacity and mean scale, weighted, `[1]`.
+pub fn regularised(loss: Tensor<1>, gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
     let _stage = profile::stage("regularisers");
-    let mut total = Tensor::zeros([1], &gaussians.device());
-    if config.opacity_reg > 0.0 && !gaussians.is_empty() {
-        total = total + mean(gaussians.opacities()) * config.opacity_reg;
+    if gaussians.is_empty() {
+        return loss;
     }
-    if config.scale_reg > 0.0 && !gaussians.is_empty() {
-        total = total + mean(gaussians.scales()) * (config.scale_reg / extent);
+    let (count, mut total) = (gaussians.len() as f64, loss);
+    if config.opacity_reg > 0.0 {
+        let logits = gaussians.opacity_logits.val();
+        total = total + activated_sum(logits, Activation::Sigmoid, config.opacity_reg / count);
+    }
+    if config.scale_reg > 0.0 {
+        let log_scales = gaussians.log_scales.val();
+        total = total + activated_sum(log_scales, Activation::Exp, config.scale_reg / (3.0 * count * extent));
     }
     total
 }

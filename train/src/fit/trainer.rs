@@ -10,7 +10,7 @@ use gs_models::DynamicScene;
 use super::density::prune::{contributions, prune_by_contribution};
 use super::density::{Changes, Density, Observation, StepContext};
 use super::facts::SceneFacts;
-use super::losses::regularisers;
+use super::losses::regularised;
 use super::method::{Drawn, Forward, Method, Note, Step};
 use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
@@ -169,7 +169,7 @@ impl<M: Method> Trainer<M> {
         let at = self.at(cues, config);
         let Forward { images, loss, drawn, notes, remainder } =
             tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
-        let loss = loss + regularisers(&tracked.gaussians, self.facts.extent, &config.loss);
+        let loss = regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
         let mut screens = screens.into_iter();

@@ -36,14 +36,6 @@ fn gather_kernel(values: &[u32], order: &[u32], out: &mut [u32], count: u32) {
     }
 }
 
-/// One unit: `out[0] = values[at]`, so that a single number is read back.
-#[cube(launch)]
-fn pick_kernel(values: &[u32], out: &mut [u32], at: u32) {
-    if CUBE_POS == 0 && UNIT_POS == 0 {
-        out[0] = values[at as usize];
-    }
-}
-
 /// One unit per Gaussian in depth order: writes its pairs. `pairs` has three parts of one length: the tile of each pair, the pair's
 /// slot in the list by Gaussian, and the Gaussian of each slot.
 #[cube(launch)]
@@ -183,9 +175,7 @@ pub fn intersect(
     }
     let emit_offsets = exclusive_scan(client, &counts_in_order, count)?;
 
-    let total = Buffer::empty(client, "number of pairs", 1)?;
-    pick_kernel::launch(client, grid_for(1), cube_dim(), gaussian_offsets.arg(), total.arg(), count as u32);
-    let pairs = total.download::<u32>(client)?[0] as usize;
+    let pairs = gaussian_offsets.part(count, 1).download::<u32>(client)?[0] as usize;
     if pairs > i32::MAX as usize {
         return Err(CubeError::TooManyIntersections);
     }

@@ -62,6 +62,7 @@ fn projection_backward_kernel(
     start_sums: u32,
     pinhole: Pinhole,
     #[comptime] antialiased: bool,
+    #[comptime] of_pose: bool,
 ) {
     if CUBE_POS >= cubes as usize {
         terminate!();
@@ -121,11 +122,13 @@ fn projection_backward_kernel(
         gradients[base + 3] = select(kept, v_quat.z, 0.0f32);
         write3(gradients, start_log_scales as usize, index, masked(v_log_scales, kept));
     }
-    let v_t = masked(v_p, kept);
-    let start = start_sums as usize;
-    pose_sums(gradients, start, 0usize, v_t.x, masked(v_rotation_a, kept), &mut slots);
-    pose_sums(gradients, start, 1usize, v_t.y, masked(v_rotation_b, kept), &mut slots);
-    pose_sums(gradients, start, 2usize, v_t.z, masked(v_rotation_c, kept), &mut slots);
+    if comptime!(of_pose) {
+        let v_t = masked(v_p, kept);
+        let start = start_sums as usize;
+        pose_sums(gradients, start, 0usize, v_t.x, masked(v_rotation_a, kept), &mut slots);
+        pose_sums(gradients, start, 1usize, v_t.y, masked(v_rotation_b, kept), &mut slots);
+        pose_sums(gradients, start, 2usize, v_t.z, masked(v_rotation_c, kept), &mut slots);
+    }
 }
 
 /// `v` where `kept`, zero elsewhere; a product with 0 would keep NaN.
@@ -167,12 +170,13 @@ pub struct ProjectionGradients {
     pub quats: Buffer,
     /// `[N, 3]`
     pub log_scales: Buffer,
-    /// `[4, 4]`; the last row is zero.
-    pub viewmat: Buffer,
+    /// `[4, 4]`, if it was wanted; the last row is zero.
+    pub viewmat: Option<Buffer>,
 }
 
 /// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient with respect to it; the twin of
 /// [`crate::cpu::projection::backward`]. Culled Gaussians receive zero, and so does one whose gradient is not finite.
+/// That of the camera is made only if `of_pose`.
 ///
 /// # Errors
 /// When the gradients exceed one buffer.
@@ -188,6 +192,7 @@ pub fn backward(
     config: &ProjectionConfig,
     projected: &Buffer,
     v_projected: &Buffer,
+    of_pose: bool,
 ) -> Result<ProjectionGradients, CubeError> {
     let count = check(means, quats, log_scales, viewmat);
     assert_eq!(projected.len(), count * PROJECTED, "projected must be [N, 8]");
@@ -214,10 +219,15 @@ pub fn backward(
             slab.starts[3] as u32,
             PinholeLaunch::of(config),
             config.antialiased,
+            of_pose,
         );
     }
     let [v_means, v_quats, v_log_scales, sums] = slab.parts;
-    let v_viewmat = Buffer::empty(client, "gradient of the camera", 16)?;
-    pose_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), v_viewmat.arg(), cubes as u32);
+    let mut v_viewmat = None;
+    if of_pose {
+        let pose = Buffer::empty(client, "gradient of the camera", 16)?;
+        pose_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), pose.arg(), cubes as u32);
+        v_viewmat = Some(pose);
+    }
     Ok(ProjectionGradients { means: v_means, quats: v_quats, log_scales: v_log_scales, viewmat: v_viewmat })
 }

@@ -17,7 +17,7 @@
 use cubecl::prelude::*;
 
 use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
-use super::blocks::{self, reaches};
+use super::blocks::{self, blocks_reached};
 use super::forward::{Inputs, Saved, UNROLLED};
 use super::gather::{MOMENTS, PAIR_BYTES, RasterizeGradients, add_pairs, finish, tile_ranges};
 use super::slots::{SLOT, SLOTS, UNITS, sum_slots};
@@ -87,7 +87,7 @@ fn rasterize_backward_kernel(
 
     let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
     let mut slots = Shared::<[f32]>::new_slice(comptime!(SLOTS * SLOT));
-    let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!(batch as usize));
+    let mut masks = Shared::<[u32]>::new_slice(comptime!(batch as usize));
     let last_drawn = Shared::<[Atomic<u32>]>::new_slice(1usize);
     let begin = tile_offsets[tile as usize];
     let end = tile_offsets[tile as usize + 1];
@@ -167,22 +167,12 @@ fn rasterize_backward_kernel(
         let count = select(rest < batch, rest, batch.runtime());
         sync_cube();
         stage(attributes, gaussian_ids, first, count, &mut staged, stride, comptime!(UNITS as u32));
-        let mut k = UNIT_POS;
-        while k < batch {
-            masks[k as usize].store(0u32);
-            k += comptime!(UNITS as u32);
-        }
         sync_cube();
-        let mut test = UNIT_POS;
-        while test < count * blocks::BLOCKS {
-            let k = test / blocks::BLOCKS;
-            let of = test % blocks::BLOCKS;
-            let block_x = f32::cast_from(left + of % blocks::ACROSS * blocks::WIDE) + 0.5f32;
-            let block_y = f32::cast_from(top + of / blocks::ACROSS * blocks::HIGH) + 0.5f32;
-            if reaches(&staged, k as usize * stride, block_x, block_y) {
-                masks[k as usize].fetch_or(1u32 << of);
-            }
-            test += comptime!(UNITS as u32);
+        // One unit tests a Gaussian against all blocks.
+        let mut k = UNIT_POS;
+        while k < count {
+            masks[k as usize] = blocks_reached(&staged, k as usize * stride, left, top);
+            k += comptime!(UNITS as u32);
         }
         sync_cube();
         let groups = count.div_ceil(group);
@@ -197,7 +187,7 @@ fn rasterize_backward_kernel(
                 for value in 0..row_len {
                     sums[value] = 0.0f32;
                 }
-                let reached = masks[k as usize].load() >> half;
+                let reached = masks[k as usize] >> half;
                 if reached & COLUMN_OF_BLOCKS != 0u32 {
                     let dx = pixel_x - staged[row];
                     let d1 = staged[row + 2];

@@ -26,3 +26,16 @@ pub(super) fn reaches(staged: &Shared<[f32]>, row: usize, x: f32, y: f32) -> boo
     let (d1, l, d2) = (staged[row + 2], staged[row + 3], staged[row + 4]);
     touches(d1, l, d2, cut, left, top, comptime!((WIDE - 1) as f32), comptime!((HIGH - 1) as f32))
 }
+
+/// The blocks that the staged Gaussian reaches, a bit each, of the tile whose first pixel is (`left`, `top`).
+#[cube]
+pub(super) fn blocks_reached(staged: &Shared<[f32]>, row: usize, left: u32, top: u32) -> u32 {
+    let mut reached = 0u32;
+    #[unroll]
+    for of in 0..BLOCKS {
+        let x = f32::cast_from(left + comptime!(of % ACROSS * WIDE)) + 0.5f32;
+        let y = f32::cast_from(top + comptime!(of / ACROSS * HIGH)) + 0.5f32;
+        reached |= select(reaches(staged, row, x, y), comptime!(1u32 << of).runtime(), 0u32);
+    }
+    reached
+}

@@ -28,6 +28,7 @@ fn sh_backward_kernel(
     start_sums: u32,
     #[comptime] degree: u32,
     #[comptime] coefficients: usize,
+    #[comptime] of_pose: bool,
 ) {
     if CUBE_POS >= cubes as usize {
         terminate!();
@@ -80,11 +81,13 @@ fn sh_backward_kernel(
     if inside {
         write3(gradients, 0, index, v_mean);
     }
-    let x = cube_sum(v_mean.x, &mut slots);
-    let y = cube_sum(v_mean.y, &mut slots);
-    let z = cube_sum(v_mean.z, &mut slots);
-    if UNIT_POS == 0 {
-        write3(gradients, start_sums as usize, CUBE_POS, Vec3 { x, y, z });
+    if comptime!(of_pose) {
+        let x = cube_sum(v_mean.x, &mut slots);
+        let y = cube_sum(v_mean.y, &mut slots);
+        let z = cube_sum(v_mean.z, &mut slots);
+        if UNIT_POS == 0 {
+            write3(gradients, start_sums as usize, CUBE_POS, Vec3 { x, y, z });
+        }
     }
 }
 
@@ -127,12 +130,12 @@ pub struct ShGradients {
     pub means: Buffer,
     /// `[N, S, 3]`; zero above the active degree.
     pub sh: Buffer,
-    /// `[4, 4]`, through the camera centre.
-    pub viewmat: Buffer,
+    /// `[4, 4]`, through the camera centre, if it was wanted.
+    pub viewmat: Option<Buffer>,
 }
 
 /// Backward of [`super::forward`] from `v_colors` `[N, 3]`; the twin of [`crate::cpu::sh::backward`]. A channel clamped at 0 passes
-/// no gradient.
+/// no gradient. That of the camera is made only if `of_pose`.
 ///
 /// # Errors
 /// When the gradients exceed one buffer.
@@ -147,6 +150,7 @@ pub fn backward(
     projected: &Buffer,
     config: &ShConfig,
     v_colors: &Buffer,
+    of_pose: bool,
 ) -> Result<ShGradients, CubeError> {
     let count = check(means, sh, viewmat, projected, config);
     assert_eq!(v_colors.len(), count * 3, "v_colors must be [N, 3]");
@@ -169,10 +173,15 @@ pub fn backward(
             slab.starts[2] as u32,
             config.degree.min(3),
             config.coefficients,
+            of_pose,
         );
     }
     let [v_means, v_sh, sums] = slab.parts;
-    let v_viewmat = Buffer::empty(client, "gradient of the camera", 16)?;
-    centre_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), viewmat.arg(), v_viewmat.arg(), cubes as u32);
+    let mut v_viewmat = None;
+    if of_pose {
+        let pose = Buffer::empty(client, "gradient of the camera", 16)?;
+        centre_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), viewmat.arg(), pose.arg(), cubes as u32);
+        v_viewmat = Some(pose);
+    }
     Ok(ShGradients { means: v_means, sh: v_sh, viewmat: v_viewmat })
 }

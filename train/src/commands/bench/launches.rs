@@ -39,13 +39,13 @@ mod recorded {
 
     /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
     const SMALL_WORK: [(&str, &str); 9] = [
-        ("sum::sum_kernel", "second level: 1,024 parts"),
-        ("scan::scan_block_kernel", "upper levels: a value for 2,048"),
+        ("sum::", "8 values a unit, or the second level: 1,024 parts"),
+        ("scan::", "8 values a unit"),
         ("gather::background_sum_kernel", "a value a tile and channel"),
         ("backward::pose_sum_kernel", "12 values for 256 Gaussians"),
         ("backward::centre_sum_kernel", "3 values for 256 Gaussians"),
         ("ssim::ssim_mean_kernel", "two values a tile and channel"),
-        ("lists::pick_kernel", "one value"),
+        ("ssim::loss", "two values"),
         ("lists::tile_offset_kernel", "a bisection a tile"),
         ("sort::", "4,096 keys a cube, 16 a unit"),
     ];
