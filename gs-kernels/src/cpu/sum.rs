@@ -12,7 +12,7 @@ const BLOCK: usize = 1 << 14;
 /// Partial sums of a block: one for each lane of a vector unit, so that no addition waits for the one before.
 const LANES: usize = 16;
 
-/// The sum of `values`: blocks of [`BLOCK`], then the blocks' sums in order.
+/// The sum of `values`: blocks of `BLOCK`, then the blocks' sums in order.
 pub fn sum<F: Real>(values: &[F]) -> F {
     let parts: Vec<F> = values.par_chunks(BLOCK).map(block_sum).collect();
     parts.into_iter().fold(F::ZERO, |total, part| total + part)
