@@ -85,6 +85,16 @@ impl Default for Config {
 }
 
 impl Config {
+    /// The defaults without the measures by which a still scene is fitted sooner: rates, first Gaussians, growth and photo sizes are as
+    /// published, whatever the length of the run. Pipelines begin with it in which those were not measured to help.
+    pub fn published() -> Self {
+        let base = Self::default();
+        Self {
+            optimiser: OptimiserConfig { short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
+            ..base
+        }
+    }
+
     /// Checks every range.
     ///
     /// # Errors

@@ -14,7 +14,7 @@ use super::losses::regularised;
 use super::method::{Drawn, Forward, Method, Note, Step};
 use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
-use super::schedule::{exponential, sh_degree};
+use super::schedule::{exponential, rate_factor, sh_degree};
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
 /// All that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
@@ -169,7 +169,10 @@ impl<M: Method> Trainer<M> {
         let at = self.at(cues, config);
         let Forward { images, loss, drawn, notes, remainder } =
             tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
-        let loss = regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss);
+        let loss = match at.progress() >= config.loss.regularise_from {
+            true => regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss),
+            false => loss,
+        };
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
         let mut screens = screens.into_iter();
@@ -287,7 +290,8 @@ fn follow<M: Method>(method: M, rows: Option<&RowMap>, adam: &mut Adam) -> M {
 
 /// Learning rate of the means at `step` of `steps`, in scene extents.
 fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
-    exponential(config.means_lr, config.means_lr_final, step, steps)
+    let falling = exponential(config.means_lr, config.means_lr_final, step, steps.max(config.decay_steps));
+    falling * rate_factor(config.short_run_factor, steps)
 }
 
 /// The rate of each group of the Gaussians at a step, by path; `extent` in scene units.
@@ -298,13 +302,14 @@ fn gaussian_rates(
     extent: f64,
 ) -> impl Fn(&str) -> Option<AdamRate> {
     let rate = |lr| AdamRate { lr, beta1: config.beta1, beta2: config.beta2, eps: config.eps, first_columns: None };
+    let factor = rate_factor(config.short_run_factor, steps);
     let rates = Group::ALL.map(|group| match group {
         Group::Means => rate(means_lr(config, step, steps) * extent),
-        Group::Quats => rate(config.quats_lr),
-        Group::LogScales => rate(config.scales_lr),
-        Group::Opacity => rate(config.opacity_lr),
+        Group::Quats => rate(factor * config.quats_lr),
+        Group::LogScales => rate(factor * config.scales_lr),
+        Group::Opacity => rate(factor * config.opacity_lr),
         // The base colour, the first three columns, has a rate of its own.
-        Group::Sh => AdamRate { first_columns: Some((3, config.sh_lr)), ..rate(config.sh_rest_lr) },
+        Group::Sh => AdamRate { first_columns: Some((3, factor * config.sh_lr)), ..rate(factor * config.sh_rest_lr) },
     });
     move |path| Group::ALL.into_iter().find(|group| group.path() == path).map(|group| rates[group as usize])
 }

@@ -266,14 +266,14 @@ impl Section for Sections {
 
 /// The recommended configuration.
 pub fn defaults() -> FitConfig<Sections> {
-    let base = Config::default();
+    let base = Config::published();
     let shared = Config {
         pipeline: "sparsedyn".into(),
         steps: 6000,
         // Few views do not determine how a colour depends on the view.
-        model: ModelConfig { sh_degree: 0, ..ModelConfig::default() },
+        model: ModelConfig { sh_degree: 0, ..base.model },
         // Opacity is weighted in the warm-up alone.
-        loss: LossConfig { opacity_reg: 0.0, scale_reg: 0.0, ..LossConfig::default() },
+        loss: LossConfig { opacity_reg: 0.0, scale_reg: 0.0, ..base.loss },
         density: DensityConfig {
             strategy: Strategy::Default,
             cap: 20_000,
@@ -285,7 +285,7 @@ pub fn defaults() -> FitConfig<Sections> {
             min_opacity: 0.1,
             gradient: 1e-3,
             opacity_policy: OpacityPolicy::None,
-            ..DensityConfig::default()
+            ..base.density
         },
         ..base
     };
