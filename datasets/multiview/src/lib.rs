@@ -19,6 +19,7 @@
 //! | path through the centres: polynomial order and kinks by BIC | [`Trajectory`] |
 //! | coloured points on the object at a time, by space carving | [`hull`](fn@hull) |
 //! | points for data sets without any, by a plane sweep | [`plane_sweep`](fn@plane_sweep) |
+//! | more points where some are known | [`plane_sweep_around`] |
 //!
 //! Heuristics are fields of [`CueOptions`]; constants that follow from statistics are not.
 //!
@@ -50,6 +51,7 @@ mod cameras;
 mod carve;
 mod centres;
 mod cluster;
+mod depth_range;
 mod hull;
 mod illumination;
 mod least_squares;
@@ -78,6 +80,6 @@ pub use masks::{MaskOrigin, MaskSource, MovingMasks, inferred_masks, moving_mask
 pub use objects::object_centres;
 pub use options::{CueOptions, HullOptions, MaskOptions, ObjectOptions, OptionError, REFERENCE_WIDTH};
 pub use pinhole::Pinhole;
-pub use plane_sweep::plane_sweep;
+pub use plane_sweep::{plane_sweep, plane_sweep_around};
 pub use tracks::{ImageScale, Track, tracks};
 pub use trajectory::{Kink, Trajectory};

@@ -90,6 +90,7 @@ impl Config {
     pub fn published() -> Self {
         let base = Self::default();
         Self {
+            init: InitConfig { dense_share: 0.0, ..base.init },
             optimiser: OptimiserConfig { short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
             ..base
         }

@@ -1,5 +1,8 @@
-//! The initial Gaussians: at the data set's points; without points, at positions on which photos agree (a plane sweep), and at
+//! The initial Gaussians: at the data set's points, at positions on which photos agree (a plane sweep), and without points also at
 //! random ones in the camera frusta.
+//!
+//! A dense start ([`InitConfig::dense_share`]) sweeps near the depths of what is known: the data set's points, or in a set without any
+//! the first [`SEEDS`] positions of a sweep over all depths.
 //!
 //! The scale of a Gaussian is the mean distance to its three nearest neighbours (3DGS, section 5.1).
 
@@ -8,7 +11,7 @@ use std::num::NonZero;
 use super::random::{Purpose, stream};
 use crate::config::InitConfig;
 use gs_datasets::{PointCloud, Scene, View, subject_distance};
-use gs_multiview::plane_sweep;
+use gs_multiview::{plane_sweep, plane_sweep_around};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::Rng;
 use rand::seq::index;
@@ -27,6 +30,12 @@ pub const DEPTHS: [f64; 2] = [0.3, 3.0];
 /// texture.
 const SWEPT: f64 = 0.75;
 
+/// Positions of a sweep over all depths from which a dense start of a set without points goes on.
+const SEEDS: usize = 4000;
+
+/// Pixels of all training photos for each position of a dense start, at the least: tiny photos do not tell more apart.
+const PIXELS_EACH: usize = 32;
+
 /// The Gaussians of step 0 on the host; all have SH degree 0 and the identity rotation.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct InitialGaussians {
@@ -42,14 +51,53 @@ pub struct InitialGaussians {
 
 /// Gaussians for `scene`, at most `cap` of them; `extent` in scene units.
 pub fn initial_gaussians(scene: &Scene, config: &InitConfig, cap: usize, extent: f64, seed: u64) -> InitialGaussians {
-    match &scene.points {
-        Some(points) if !points.is_empty() => gaussians_at(points, extent, config, cap, seed),
-        _ => {
-            let count = config.random_points.min(cap);
-            let points = points_in_front(&scene.train, count, extent, &Random::default(), seed);
-            gaussians_at(&points, extent, config, cap, seed)
-        }
+    let (views, wanted) = (&scene.train, dense_count(&scene.train, config.dense_share, cap));
+    let points = match &scene.points {
+        Some(points) if !points.is_empty() => with_swept(points.clone(), views, wanted, extent, seed),
+        _ if wanted > 0 => dense_in_front(views, config.random_points.min(cap), wanted, extent, seed),
+        _ => points_in_front(views, config.random_points.min(cap), extent, &Random::default(), seed),
+    };
+    gaussians_at(&points, extent, config, cap, seed)
+}
+
+/// The number of points that a dense start asks for.
+fn dense_count(views: &[View], share: f64, cap: usize) -> usize {
+    let pixels: usize = views.iter().map(|view| view.width * view.height).sum();
+    ((share * cap as f64) as usize).min(pixels / PIXELS_EACH)
+}
+
+/// `points`, and up to `wanted` in all with positions near theirs on which photos agree.
+fn with_swept(mut points: PointCloud, views: &[View], wanted: usize, extent: f64, seed: u64) -> PointCloud {
+    let count = wanted.saturating_sub(points.len());
+    if count > 0 {
+        let swept = plane_sweep_around(views, &points.positions, distance_of(views, extent), count, seed);
+        tracing::info!(points = points.len(), swept = swept.len(), of = count, "added points on which photos agree");
+        points.positions.extend(swept.positions);
+        points.colors.extend(swept.colors);
     }
+    points
+}
+
+/// Points for a set without any: up to `wanted` on which photos agree, then a quarter of `random` at random depths, more where fewer than
+/// `random` were found in all.
+fn dense_in_front(views: &[View], random: usize, wanted: usize, extent: f64, seed: u64) -> PointCloud {
+    let mut rng = stream(seed, Purpose::Init, 0);
+    let distance = distance_of(views, extent);
+    let [near, far] = DEPTHS.map(|d| d * distance);
+    let seeds = plane_sweep(views, near, far, SEEDS.min(wanted), seed);
+    tracing::info!(agreed = seeds.len(), "no points in the data set: looked where photos agree");
+    // Another seed, so that the rays are others.
+    let mut points = with_swept(seeds, views, wanted, extent, seed.wrapping_add(1));
+    let count = random.max(points.len() + (random as f64 * (1.0 - SWEPT)) as usize);
+    let depths = Random { nearest: near, plain_nearest: near };
+    add_random(&mut points, views, count, (&depths, far), &mut rng);
+    points
+}
+
+/// Distance of the subject from the cameras, scene units.
+fn distance_of(views: &[View], extent: f64) -> f64 {
+    let poses: Vec<glam::DMat4> = views.iter().map(|view| view.c2w).collect();
+    subject_distance(&poses).unwrap_or(extent)
 }
 
 /// Gaussians at `points`, at most `cap` of them; `extent` in scene units.
@@ -131,8 +179,7 @@ impl Default for Random {
 /// `count` points in front of the cameras: positions on which photos agree, filled up with random ones.
 pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Random, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);
-    let poses: Vec<glam::DMat4> = views.iter().map(|view| view.c2w).collect();
-    let distance = subject_distance(&poses).unwrap_or(extent);
+    let distance = distance_of(views, extent);
     let [near, far] = DEPTHS.map(|d| d * distance);
     let mut points = plane_sweep(views, near, far, (SWEPT * count as f64) as usize, seed);
     tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
