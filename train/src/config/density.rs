@@ -28,6 +28,9 @@ pub enum Strategy {
     None,
 }
 
+/// Refinements of a run whose growth follows its length, at the least.
+const REFINEMENTS: usize = 20;
+
 /// Options of both kinds of density control; steps count from 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -38,7 +41,7 @@ pub struct DensityConfig {
     pub cap: usize,
     /// First step at which the count changes. A short run starts after a tenth of its steps at the latest.
     pub start: usize,
-    /// Steps from one refinement to the next.
+    /// Steps from one refinement to the next; fewer in a short run whose growth follows `full`, so that it refines twenty times.
     pub every: usize,
     /// Share of the run after which the count is fixed, so that the last Gaussians added still converge.
     pub stop: f64,
@@ -47,8 +50,11 @@ pub struct DensityConfig {
     pub prune_share: f64,
     /// Opacity below which a Gaussian is dead.
     pub min_opacity: f64,
-    /// `mcmc`: growth per refinement, a share of the count.
+    /// `mcmc`: growth per refinement, a share of the count; the largest one where growth follows `full`.
     pub growth: f64,
+    /// `mcmc`: share of the run after which the count has reached the cap, by equal shares of growth; 0: by `growth` alone. Earlier: steps
+    /// cost more from then on. Later: the last Gaussians have little time to converge.
+    pub full: f64,
     /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means; 0: none. Few
     /// photos need less: no photo contradicts a Gaussian that has drifted away.
     pub noise: f64,
@@ -79,7 +85,8 @@ impl Default for DensityConfig {
             stop: 0.8,
             prune_share: 0.0,
             min_opacity: 0.005,
-            growth: 0.05,
+            growth: 0.2,
+            full: 0.45,
             noise: 5e5,
             gradient: 2e-4,
             absgrad: false,
@@ -106,12 +113,41 @@ impl DensityConfig {
         )?;
         check("density.min_opacity", self.min_opacity, open_unit(self.min_opacity), "between 0 and 1, both excluded")?;
         check("density.growth", self.growth, not_negative(self.growth), "0 or more")?;
+        check("density.full", self.full, (0.0..=1.0).contains(&self.full), "from 0 to 1")?;
         check("density.noise", self.noise, not_negative(self.noise), "0 or more")?;
         check("density.gradient", self.gradient, positive(self.gradient), "positive")?;
         check("density.split_size", self.split_size, positive(self.split_size), "positive")?;
         check("density.prune_size", self.prune_size, positive(self.prune_size), "positive")?;
         check("density.reset_every", self.reset_every, self.reset_every >= 1, "at least 1")?;
         check("density.decay", self.decay, (0.0..1.0).contains(&self.decay), "at least 0 and below 1")
+    }
+
+    /// Steps from one refinement to the next in a run of `steps`.
+    pub fn interval(&self, steps: usize) -> usize {
+        match self.follows_run() {
+            true => self.every.min(steps / REFINEMENTS).max(1),
+            false => self.every,
+        }
+    }
+
+    fn follows_run(&self) -> bool {
+        self.strategy == Strategy::Mcmc && self.full > 0.0
+    }
+
+    /// The count after the refinement of `step` of a run of `steps` that begins it with `count`, under `mcmc`.
+    pub fn grown(&self, count: usize, step: usize, steps: usize) -> usize {
+        let most = (count as f64 * (1.0 + self.growth)).round();
+        let wanted = match self.follows_run() {
+            true => {
+                // This refinement and those after it until the cap is to be reached.
+                let last = (self.full * steps as f64) as usize;
+                let left = 1 + last.saturating_sub(step) / self.interval(steps);
+                let factor = (self.cap as f64 / count.max(1) as f64).powf(1.0 / left as f64);
+                (count as f64 * factor).round().min(most)
+            }
+            false => most,
+        };
+        (wanted as usize).min(self.cap)
     }
 
     /// Whether the count may change at `step` of a run of `steps`.
@@ -123,5 +159,48 @@ impl DensityConfig {
     /// Whether the count becomes fixed at `step` of a run of `steps`.
     pub fn rests_at(&self, step: usize, steps: usize) -> bool {
         self.strategy != Strategy::None && step == (self.stop * steps as f64).ceil() as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The counts after each refinement of a run that begins with `count`.
+    fn counts(config: &DensityConfig, mut count: usize, steps: usize) -> Vec<usize> {
+        let due = (1..=steps).filter(|step| step.is_multiple_of(config.interval(steps)) && config.active(*step, steps));
+        due.map(|step| {
+            count = config.grown(count, step, steps);
+            count
+        })
+        .collect()
+    }
+
+    #[test]
+    fn growth_reaches_the_cap_at_its_share_of_the_run() {
+        let config = DensityConfig::default();
+        for steps in [300, 1000, 3000, 7000, 30_000] {
+            let counts = counts(&config, 55_000, steps);
+            let full = counts.iter().position(|count| *count == config.cap).expect("the cap is reached");
+            let first = config.start.min(steps / 10).div_ceil(config.interval(steps));
+            let at = (first + full) as f64 * config.interval(steps) as f64 / steps as f64;
+            assert!((at - config.full).abs() < 0.06, "{steps} steps: at {at}");
+            assert!(counts.windows(2).all(|pair| pair[0] <= pair[1]));
+        }
+    }
+
+    #[test]
+    fn few_gaussians_grow_by_no_more_than_the_largest_share() {
+        let config = DensityConfig::default();
+        let grown = config.grown(1000, 450, 1000);
+        assert_eq!(grown, 1200);
+        assert_eq!(config.grown(0, 100, 1000), 0);
+    }
+
+    #[test]
+    fn without_a_share_the_count_grows_by_its_own() {
+        let config = DensityConfig { full: 0.0, growth: 0.05, ..DensityConfig::default() };
+        assert_eq!((config.grown(1000, 100, 1000), config.grown(99_000, 100, 1000)), (1050, 100_000));
+        assert_eq!((config.interval(300), DensityConfig::default().interval(300)), (100, 15));
     }
 }

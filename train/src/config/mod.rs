@@ -91,6 +91,7 @@ impl Config {
         let base = Self::default();
         Self {
             init: InitConfig { dense_share: 0.0, ..base.init },
+            density: DensityConfig { growth: 0.05, full: 0.0, ..base.density },
             optimiser: OptimiserConfig { short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
             ..base
         }

@@ -29,6 +29,7 @@ use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
 use crate::run::progress;
+use crate::run::resources::Stopwatch;
 use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
@@ -55,6 +56,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         return Ok(Ending::Finished(Box::new(eval)));
     }
     let held = watch::enter(job)?;
+    let watch = Stopwatch::start();
     // Photos, cues and initial Gaussians take from seconds to minutes.
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
@@ -62,6 +64,9 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     let trainer = resumed::<M>(job, config, &plan)?;
     let mut session = Session::begin(&data, config, trainer, &job.device);
     let mut run = Run::begin(job, plan, session.trainer.step, held)?;
+    if session.trainer.step == 0 {
+        run.count_time(watch);
+    }
     introduce(&run, &session, job);
     if let Some(chart) = schedule(&data, &session.at()) {
         let path = job.folder.plots().join(format!("{}.svg", timetable::NAME));

@@ -53,7 +53,7 @@ pub struct TrainLine {
     pub psnr: Option<f64>,
     /// Steps skipped so far.
     pub skipped: usize,
-    /// Training time so far, seconds.
+    /// Training time so far, from reading the photos on, seconds.
     pub seconds: f64,
     /// Processor time of training so far, seconds.
     pub cpu_seconds: Option<f64>,

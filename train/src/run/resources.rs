@@ -1,6 +1,7 @@
 //! Processor time and memory of this process, as far as the system reports them (Linux).
 
 use std::fs;
+use std::time::Instant;
 
 /// Largest buffer, bytes, that the process keeps when it is freed.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
@@ -52,6 +53,26 @@ pub fn cpu_seconds() -> Option<f64> {
         }
     }
     cpu_ticks()
+}
+
+/// Time since a moment, wall-clock and of the processor.
+#[derive(Debug, Clone, Copy)]
+pub struct Stopwatch {
+    begun: Instant,
+    cpu_begun: Option<f64>,
+}
+
+impl Stopwatch {
+    /// Begins now.
+    pub fn start() -> Self {
+        Self { begun: Instant::now(), cpu_begun: cpu_seconds() }
+    }
+
+    /// Seconds since then: wall-clock, and of the processor where the system reports it.
+    pub fn spent(&self) -> (f64, Option<f64>) {
+        let cpu = cpu_seconds().zip(self.cpu_begun).map(|(now, begun)| now - begun);
+        (self.begun.elapsed().as_secs_f64(), cpu)
+    }
 }
 
 /// The same in steps of 10 ms, for a C library without a clock for it.

@@ -19,7 +19,7 @@ use super::lock::Lock;
 use super::memory::Prediction;
 use super::profile;
 use super::progress::Progress;
-use super::resources::{cpu_seconds, peak_memory};
+use super::resources::{Stopwatch, cpu_seconds, peak_memory};
 use crate::config::{CheckpointConfig, tables};
 use crate::fit::method::Note;
 use crate::fit::schedule::due;
@@ -239,13 +239,18 @@ impl<'a> Run<'a> {
     /// Runs and times a training step.
     pub fn timed<T>(&mut self, step: impl FnOnce() -> T) -> T {
         let recording = gs_burn::profile::step();
-        let (begun, cpu_begun) = (Instant::now(), cpu_seconds());
+        let watch = Stopwatch::start();
         let result = step();
-        self.clock.seconds += begun.elapsed().as_secs_f64();
-        let spent = cpu_seconds().zip(cpu_begun).map(|(now, begun)| now - begun);
-        self.clock.cpu_seconds = self.clock.cpu_seconds.zip(spent).map(|(sum, spent)| sum + spent);
+        self.count_time(watch);
         drop(recording);
         result
+    }
+
+    /// Adds the time since `watch` began to that of training: reading the photos and finding the first Gaussians are part of its cost.
+    pub fn count_time(&mut self, watch: Stopwatch) {
+        let (seconds, cpu) = watch.spent();
+        self.clock.seconds += seconds;
+        self.clock.cpu_seconds = self.clock.cpu_seconds.zip(cpu).map(|(sum, spent)| sum + spent);
     }
 
     /// Updates bar and metrics after `step` steps. `psnr` measures the step's image, if a line is written.
@@ -411,7 +416,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Training time so far, without observers.
+/// Time of training so far, with reading the photos and finding the first Gaussians, without observers.
 #[derive(Debug, Clone, Copy)]
 struct Clock {
     seconds: f64,

@@ -1,7 +1,7 @@
 //! Relocation under a budget: "3D Gaussian Splatting as Markov Chain Monte Carlo" (Kheradmand et al. 2024), sections 3.2 to
 //! 3.4.
 //!
-//! - [`refine`]: dead Gaussians are relocated to live ones drawn by opacity, then the count grows by a share up to the cap. A
+//! - [`refine`]: dead Gaussians are relocated to live ones drawn by opacity, then the count grows up to the cap. A
 //!   Gaussian and its copies share opacity and scale (Eq. 9), so that the image does not change.
 //! - [`perturb`]: after each step, the means get noise with the Gaussian's own covariance, gated to nearly transparent ones: `mean
 //!   += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
@@ -19,7 +19,7 @@ use crate::fit::parameters::{Group, Table};
 use crate::fit::random::{Purpose, stream};
 use gs_burn::adam::Adam;
 
-/// Relocates dead Gaussians to live ones and grows by `config.growth`, never above `config.cap`.
+/// Relocates dead Gaussians to live ones and grows as [`DensityConfig::grown`] says.
 pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) -> Refinement {
     let mut rng = stream(context.seed, Purpose::Density, context.step as u64);
     let mut draft = Draft::read(gaussians);
@@ -36,7 +36,7 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
         draft.overwrite(*dead, *onto);
     }
 
-    let wanted = ((before as f64 * (1.0 + config.growth)).round() as usize).min(config.cap);
+    let wanted = config.grown(before, context.step, context.steps);
     let weights: Vec<f64> = (0..before).map(|row| draft.opacity(row)).collect();
     let copied = sample(&weights, wanted.saturating_sub(before), &mut rng);
     draft.share_out(&copied, config.min_opacity);

@@ -110,7 +110,7 @@ impl Density {
             }
         }
         let mut refinement = Refinement::default();
-        if due(context.step, config.every) && config.active(context.step, context.steps) {
+        if due(context.step, config.interval(context.steps)) && config.active(context.step, context.steps) {
             refinement = match self {
                 Self::None => Refinement::default(),
                 Self::Mcmc => mcmc::refine(gaussians, adam, config, context),
