@@ -7,8 +7,8 @@ use gs_datasets::image_io::write_atomic;
 use gs_datasets::printable;
 
 use crate::cli::ChartArgs;
-use crate::commands::{command_line, marked, print};
-use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, stacked};
+use crate::commands::{command_line, in_markdown, marked, print};
+use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, soonest, stacked};
 use crate::run::folder::RunFolder;
 use crate::run::outputs;
 
@@ -28,27 +28,28 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     outputs::check(&paths, &[])?;
     let found = gather(&args.runs)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
-    let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
-    // Printed first: the table needs no file, so it is shown even if a file cannot be written.
-    print(table.text());
+    let (panels, command) = (Panels::new(&found.runs), command_line());
+    let tables: Vec<Table> = std::iter::once(Table::new(&found.runs)).chain(soonest(&found.runs)).collect();
+    // Printed first: tables need no file, so they are shown even if a file cannot be written.
+    tables.iter().for_each(|table| print(format!("{}\n", table.text())));
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);
     }
     if extension == "html" {
-        let html = page("Accuracy against cost", &panels, &table, &found.warnings, &command);
+        let html = page("Accuracy against cost", &panels, &tables, &found.warnings, &command);
         write_atomic(&args.out, html.as_bytes())?;
         print(format!("page   {}", args.out.display()));
     } else {
         write_atomic(&args.out, stacked(&panels, &command).as_bytes())?;
-        write_atomic(&markdown, marked(&table.markdown()).as_bytes())?;
+        write_atomic(&markdown, marked(&in_markdown(&tables)).as_bytes())?;
         print(format!("chart  {}\ntable  {}", args.out.display(), markdown.display()));
     }
     if let Some(path) = &args.csv {
-        write_atomic(path, table.csv().as_bytes())?;
+        write_atomic(path, tables[0].csv().as_bytes())?;
         print(format!("table  {}", path.display()));
     }
     for folder in args.report.iter().map(RunFolder::at) {
-        add_to_report(&folder, &panels, &table, &found.warnings, &command)?;
+        add_to_report(&folder, &panels, &tables, &found.warnings, &command)?;
         print(format!("report {}", folder.report().display()));
     }
     Ok(ExitCode::SUCCESS)

@@ -29,6 +29,7 @@ use burn::tensor::Device;
 use gs_datasets::printable;
 
 use crate::cli::DeviceArgs;
+use crate::report::comparison::Table;
 use crate::run::evaluate::Quality;
 use crate::run::metrics::NO_LPIPS;
 use crate::run::outputs::MARK;
@@ -100,6 +101,11 @@ fn is_news(sentence: &str) -> bool {
     let mark = folder.join(format!("said-{:08x}", crc32fast::hash(sentence.as_bytes())));
     let made = std::fs::create_dir_all(&folder).and_then(|()| File::create_new(mark));
     !made.is_err_and(|error| error.kind() == ErrorKind::AlreadyExists)
+}
+
+/// Tables in Markdown, one below the other.
+fn in_markdown<'a>(tables: impl IntoIterator<Item = &'a Table>) -> String {
+    tables.into_iter().map(Table::markdown).collect::<Vec<_>>().join("\n")
 }
 
 /// A Markdown table that a later one may be written over.

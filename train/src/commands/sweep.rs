@@ -10,9 +10,9 @@ use gs_datasets::printable;
 
 use crate::cli::SweepArgs;
 use crate::commands::combinations::{Combination, combinations};
-use crate::commands::{choose, command_line, describe, device, marked, print};
+use crate::commands::{choose, command_line, describe, device, in_markdown, marked, print};
 use crate::pipelines::{Resolved, Sources, resolve, resolve_saved};
-use crate::report::comparison::{Gathered, Panels, Table, enough, gather, page, stacked};
+use crate::report::comparison::{Gathered, Panels, Table, enough, gather, page, soonest, stacked};
 use crate::run::folder::{RunFolder, full_path};
 use crate::run::interrupt;
 use crate::run::outputs;
@@ -111,16 +111,18 @@ fn compare(out: &Path, plan: &[Planned]) -> Result<Gathered> {
     let found = gather(&paths)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
+    let times = soonest(&found.runs);
     print(table.text());
+    times.iter().for_each(|table| print(format!("\n{}", table.text())));
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);
     }
     write_atomic(&out.join("chart.svg"), stacked(&panels, &command).as_bytes())?;
-    write_atomic(&out.join("chart.md"), marked(&table.markdown()).as_bytes())?;
+    write_atomic(&out.join("chart.md"), marked(&in_markdown(std::iter::once(&table).chain(&times))).as_bytes())?;
     write_atomic(&out.join("chart.csv"), table.csv().as_bytes())?;
     let index = out.join("index.html");
-    let linked = table.linked(&found.runs);
-    write_atomic(&index, page(&RunFolder::at(out).name(), &panels, &linked, &found.warnings, &command).as_bytes())?;
+    let tables: Vec<Table> = std::iter::once(table.linked(&found.runs)).chain(times).collect();
+    write_atomic(&index, page(&RunFolder::at(out).name(), &panels, &tables, &found.warnings, &command).as_bytes())?;
     print(format!("chart  {}\npage   {}", out.join("chart.svg").display(), index.display()));
     Ok(found)
 }

@@ -15,6 +15,9 @@ pub(crate) const SIZE: (u32, u32) = (760, 460);
 /// Ratio of costs above which the axis is logarithmic.
 const LOG_FROM: f64 = 30.0;
 
+/// The same of a chart that asks for a logarithmic axis.
+const LOG_FROM_ASKED: f64 = 3.0;
+
 /// Number of runs from which on their lines are faint.
 const MANY: usize = 12;
 
@@ -52,6 +55,8 @@ pub struct Scatter {
     pub dots: Vec<Dot>,
     /// Thin lines through the points of one run, with their colour.
     pub trails: Vec<(usize, Vec<(f64, f64)>)>,
+    /// Whether costs that differ threefold are on a logarithmic axis; otherwise only far larger ratios are.
+    pub log_x: bool,
     /// The meaning of the colours.
     pub legend: Vec<(String, usize)>,
 }
@@ -135,7 +140,8 @@ impl Scatter {
             return text(svg, frame.left, frame.top + 20.0, "start", 13, "#222222", "no data");
         }
         let (xs, ys) = (range(|dot| dot.x), range(|dot| dot.y));
-        let x_axis = Axis::new(xs, frame.left, frame.right, xs.0 > 0.0 && xs.1 / xs.0 > LOG_FROM);
+        let log_from = if self.log_x { LOG_FROM_ASKED } else { LOG_FROM };
+        let x_axis = Axis::new(xs, frame.left, frame.right, xs.0 > 0.0 && xs.1 / xs.0 > log_from);
         let y_axis = Axis::new(ys, frame.bottom, frame.top, false);
         self.draw_axes(svg, &frame, &x_axis, &y_axis)?;
 
@@ -298,6 +304,7 @@ mod tests {
             y: "dB".into(),
             dots: points.iter().map(dot).collect(),
             trails: vec![(0, points.to_vec())],
+            log_x: false,
             legend: vec![("N 7".into(), 0)],
         }
     }

@@ -1,6 +1,6 @@
 //! Several runs compared: the Pareto front of accuracy against cost, as charts, table and page.
 //!
-//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `choice` the smallest sufficient model, `panels` and `table` choose what is shown, `page` writes
+//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `choice` the smallest sufficient model, `panels`, `table` and `soonest` choose what is shown, `page` writes
 //! HTML.
 
 mod budget;
@@ -8,6 +8,7 @@ mod choice;
 mod gather;
 mod page;
 mod panels;
+mod soonest;
 mod star;
 mod table;
 #[cfg(test)]
@@ -18,6 +19,7 @@ pub use choice::{Candidate, Choice};
 pub use gather::{Gathered, gather};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;
+pub use soonest::soonest;
 pub use table::Table;
 
 use std::collections::BTreeMap;

@@ -32,19 +32,19 @@ pub fn stacked(panels: &Panels, command: &str) -> String {
     svg + "</svg>\n"
 }
 
-/// Charts, table, warnings and the command that made them.
-fn section(panels: &Panels, table: &Table, warnings: &[String], command: &str) -> String {
+/// Charts, tables, warnings and the command that made them.
+fn section(panels: &Panels, tables: &[Table], warnings: &[String], command: &str) -> String {
     let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>Accuracy against cost</h2>\n<div class=\"plots\">\n");
     panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
     html += "</div>\n";
     warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(warning)));
-    html += &table.html();
+    tables.iter().for_each(|table| html += &table.html());
     html + &format!("<p>Made by <code>{}</code></p>\n</section>\n", escaped(command))
 }
 
 /// A page of its own that needs no other file.
-pub fn page(title: &str, panels: &Panels, table: &Table, warnings: &[String], command: &str) -> String {
-    let (title, section) = (escaped(title), section(panels, table, warnings, command));
+pub fn page(title: &str, panels: &Panels, tables: &[Table], warnings: &[String], command: &str) -> String {
+    let (title, section) = (escaped(title), section(panels, tables, warnings, command));
     format!(
         "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title} · gsburn</title>\n\
@@ -61,7 +61,7 @@ pub fn page(title: &str, panels: &Panels, table: &Table, warnings: &[String], co
 pub fn add_to_report(
     folder: &RunFolder,
     panels: &Panels,
-    table: &Table,
+    tables: &[Table],
     warnings: &[String],
     command: &str,
 ) -> Result<()> {
@@ -70,7 +70,7 @@ pub fn add_to_report(
         bail!("{}: expected the report of a finished run, found none", path.display());
     }
     let report = guarded::read_to_string(&path, PAGE_MAX)?;
-    let section = section(panels, table, warnings, command);
+    let section = section(panels, tables, warnings, command);
     let Some(report) = with_section(&report, COMPARISON, &section) else {
         bail!("{}: expected a report of gsburn, found another page", path.display());
     };

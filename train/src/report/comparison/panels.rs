@@ -1,4 +1,4 @@
-//! The charts of a comparison: accuracy against seconds and against count, with labels and colours for the settings that differ.
+//! The charts of a comparison: accuracy against seconds (logarithmic) and against count, with labels and colours for the settings that differ.
 
 use std::collections::BTreeSet;
 
@@ -14,6 +14,9 @@ const LABELLED: usize = 24;
 /// Counts that differ by less than this share are equal, and a chart over them would show nothing.
 const SAME_COUNT: f64 = 0.05;
 
+/// Measurements of a run from which on they are a curve, whose SSIM is worth a chart beside the PSNR.
+const CURVE: usize = 3;
+
 /// The charts, and the meaning of their points and colours.
 #[derive(Debug)]
 pub struct Panels {
@@ -25,7 +28,7 @@ type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
 
 impl Panels {
     /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the number of
-    /// Gaussians if that differs.
+    /// Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
     pub fn new(runs: &[ComparedRun]) -> Self {
         let cpu = by_cpu(runs);
         let marks = Marks::new(runs);
@@ -37,17 +40,29 @@ impl Panels {
             true => (moving, "Moving parts", "held-out PSNR of moving parts, dB"),
             false => (whole, "Whole image", "held-out PSNR, dB"),
         };
-        let mut charts =
-            vec![marks.chart(runs, &format!("{best_title} against time"), (time, cost), (best_axis, best))];
+        let over_time = |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(runs, title, (time, cost), y, shown) };
+        let mut charts = vec![over_time(&format!("{best_title} against time"), (best_axis, best), decibels)];
         if measured {
-            charts.push(marks.chart(runs, "Whole image against time", (time, cost), ("held-out PSNR, dB", whole)));
+            charts.push(over_time("Whole image against time", ("held-out PSNR, dB", whole), decibels));
+        }
+        if runs.iter().any(|run| run.measurements().len() >= CURVE) {
+            let ssim: &Value = &|e| Some(e.mean().ssim);
+            charts.push(over_time("Whole image against time: SSIM", ("held-out SSIM", ssim), plain));
         }
         if counts_differ(runs) {
             let title = format!("{best_title} against size");
-            charts.push(marks.chart(runs, &title, ("Gaussians", count), (best_axis, best)));
+            charts.push(marks.chart(runs, &title, ("Gaussians", count), (best_axis, best), decibels));
         }
         Self { charts }
     }
+}
+
+fn decibels(value: f64) -> String {
+    format!("{value:.2} dB")
+}
+
+fn plain(value: f64) -> String {
+    format!("{value:.4}")
 }
 
 fn counts_differ(runs: &[ComparedRun]) -> bool {
@@ -127,6 +142,7 @@ impl Marks {
         title: &str,
         (x, x_of): (&str, &Value),
         (y, y_of): (&str, &Value),
+        shown: fn(f64) -> String,
     ) -> Scatter {
         let mut dots = Vec::new();
         let mut trails = Vec::new();
@@ -136,7 +152,7 @@ impl Marks {
             for (k, (e, (x, y))) in measured.iter().enumerate() {
                 let last = k + 1 == measured.len();
                 let label = last.then(|| self.labels[i].clone());
-                let tip = format!("{}, step {}: {y:.2} dB at {x:.1}", run.name, e.step);
+                let tip = format!("{}, step {}: {} at {x:.1}", run.name, e.step, shown(*y));
                 dots.push(Dot { x: *x, y: *y, color: self.colors[i], label, last, front: false, tip });
             }
             trails.push((self.colors[i], measured.into_iter().map(|(_, point)| point).collect()));
@@ -154,6 +170,7 @@ impl Marks {
             y: y.into(),
             dots,
             trails,
+            log_x: false,
             legend: self.legend.clone(),
         }
     }
