@@ -55,6 +55,7 @@ mod pose;
 mod printable;
 mod priors;
 mod raw;
+mod reduce;
 mod resample;
 mod resize;
 mod scene;

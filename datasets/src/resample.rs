@@ -7,7 +7,7 @@ use crate::undistort::{Undistortion, sample};
 
 /// A new pixel counts when at least this share of the area it covers does. All of it, up to rounding: otherwise colours
 /// from masked or undefined pixels would be mixed into ones that are learned from.
-const COVERAGE_MIN: f32 = 0.999;
+pub(crate) const COVERAGE_MIN: f32 = 0.999;
 
 /// Undistorts, masks and downscales row by row: beside the decoded photo only one row is held in floats.
 pub(crate) fn resample(

@@ -123,6 +123,9 @@ pub struct DataConfig {
     pub priors: Vec<PriorKind>,
     /// Meaning of depth files; "auto" uses the meaning that the data set states.
     pub depth_kind: DepthChoice,
+    /// Share of the run in which photos are compared at a reduced width, 0 to 1: a half, or a quarter and then a half where a quarter still
+    /// has 200 pixels; photos of fewer than 400 pixels width stay as they are. 0: never.
+    pub coarse_share: f64,
     /// Photos are kept as floats up to this many MB in all; the others are converted from 8 bits in each step.
     pub cache_mb: usize,
 }
@@ -142,6 +145,7 @@ impl Default for DataConfig {
             masks: MaskChoice::Auto,
             priors: vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp],
             depth_kind: DepthChoice::Auto,
+            coarse_share: 0.07,
             cache_mb: 64,
         }
     }
@@ -192,6 +196,7 @@ impl DataConfig {
         let named = self.holdout != HoldoutChoice::Names || !self.holdout_names.is_empty();
         check("data.holdout_names", "[]", named, "a list of view names when data.holdout = \"names\"")?;
         check("data.seen", self.seen, self.seen > 0.0 && self.seen <= 1.0, "above 0 and at most 1")?;
+        check("data.coarse_share", self.coarse_share, (0.0..=1.0).contains(&self.coarse_share), "from 0 to 1")?;
         let color = self.background.color();
         let in_range = color.iter().all(|c| (0.0..=1.0).contains(c));
         check("data.background", format!("{color:?}"), in_range, "three numbers from 0 to 1")

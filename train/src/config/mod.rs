@@ -90,6 +90,7 @@ impl Config {
     pub fn published() -> Self {
         let base = Self::default();
         Self {
+            data: DataConfig { coarse_share: 0.0, ..base.data },
             init: InitConfig { dense_share: 0.0, ..base.init },
             density: DensityConfig { growth: 0.05, full: 0.0, ..base.density },
             optimiser: OptimiserConfig { short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
@@ -122,6 +123,15 @@ pub trait Section: Debug + Clone + Default + PartialEq + Serialize + Deserialize
     /// # Errors
     /// The first value outside its range.
     fn validate(&self, shared: &Config) -> Result<(), ConfigError>;
+}
+
+/// Checks that photos have their full width throughout, for a pipeline whose other data of a photo are not reduced with it.
+///
+/// # Errors
+/// Where they are to be reduced for a share of the run.
+pub fn full_width(shared: &Config) -> Result<(), ConfigError> {
+    let share = shared.data.coarse_share;
+    check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")
 }
 
 /// No sections.

@@ -156,6 +156,8 @@ pub const CAP: ChartKey = ChartKey { name: "cap", key: "density.cap", words: &[]
 pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     /// The method's name, as in `pipeline = "..."`.
     const NAME: &'static str;
+    /// Whether photos may be compared at a reduced width: nothing in [`Extra`](Self::Extra) or [`Cues`](Self::Cues) has their size.
+    const ANY_WIDTH: bool = false;
     /// The method's sections of the configuration.
     type Config: Section;
     /// Cues inferred once from the data set, before the first step; never saved, never written into the data set.

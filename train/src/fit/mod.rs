@@ -6,6 +6,7 @@
 //! | [`session`] | one step, from the choice of its photos to density control, for every driver |
 //! | [`trainer`] | the state and its step: forward, backward, update, density control |
 //! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
+//! | [`coarse`] | their width over the steps |
 //! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
 //! | [`foresight`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
@@ -15,6 +16,7 @@
 //! | [`density`] | adding, relocating and removing Gaussians |
 //! | [`snapshot`] | the state as named tensors, for checkpoints |
 
+pub mod coarse;
 pub mod density;
 pub mod facts;
 pub mod figure;

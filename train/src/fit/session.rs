@@ -2,8 +2,9 @@
 //! the benchmark) takes its steps here.
 
 use burn::tensor::{Device, Tensor};
-use gs_datasets::Scene;
+use gs_datasets::{Scene, View};
 
+use super::coarse::Coarse;
 use super::facts::SceneFacts;
 use super::method::{Method, Step};
 use super::photos::{Photo, Photos};
@@ -20,6 +21,8 @@ pub struct Data<M: Method> {
     pub facts: SceneFacts,
     /// The method's cues.
     pub cues: M::Cues,
+    /// The training views at reduced widths, for the first steps.
+    pub coarse: Coarse,
 }
 
 impl<M: Method> Data<M> {
@@ -27,7 +30,9 @@ impl<M: Method> Data<M> {
     pub fn new(scene: Scene, config: &FitConfig<M::Config>) -> Self {
         let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config));
         let cues = M::cues(&scene, config);
-        Self { scene, facts, cues }
+        let share = if M::ANY_WIDTH { config.data.coarse_share } else { 0.0 };
+        let coarse = Coarse::of(&scene.train, share, config.steps);
+        Self { scene, facts, cues, coarse }
     }
 }
 
@@ -40,6 +45,9 @@ pub struct Session<'a, M: Method> {
     /// The state.
     pub trainer: Trainer<M>,
     photos: Photos<'a, M::Extra>,
+    /// How often the width of `photos` is halved.
+    halvings: usize,
+    device: Device,
     order: Box<dyn ViewOrder>,
 }
 
@@ -61,17 +69,19 @@ impl<'a, M: Method> Session<'a, M> {
     ) -> Self {
         let trainer = trainer.unwrap_or_else(|| Trainer::begin(&data.scene, &data.cues, config, data.facts, device));
         let order = trainer.method().order(&data.scene.train, config);
-        let facts = trainer.facts;
-        let extra = move |view: &gs_datasets::View, index, device: &Device| {
-            M::extra(view, index, &Step { step: 0, config, facts: &facts, cues: &data.cues }, device)
-        };
-        let photos = Photos::new(&data.scene.train, device, config.data.cache_mb << 20, extra);
-        Self { data, config, trainer, photos, order }
+        let halvings = data.coarse.halvings(trainer.step + 1);
+        let photos = photos_of(data, config, trainer.facts, halvings, device);
+        Self { data, config, trainer, photos, halvings, device: device.clone(), order }
     }
 
     /// One step.
     pub fn step(&mut self) -> Stepped<M::Extra> {
         let views = self.order.views(self.trainer.step + 1);
+        let halvings = self.data.coarse.halvings(self.trainer.step + 1);
+        if halvings != self.halvings {
+            self.photos = photos_of(self.data, self.config, self.trainer.facts, halvings, &self.device);
+            self.halvings = halvings;
+        }
         let photos = &mut self.photos;
         let photos: Vec<_> =
             gs_burn::profile::timed("photo upload", || views.iter().map(|index| photos.get(*index)).collect());
@@ -97,4 +107,19 @@ impl<'a, M: Method> Session<'a, M> {
         let image = report.images.into_iter().next().expect("one image per photo");
         (photo, image)
     }
+}
+
+/// The training photos with their width halved `halvings` times.
+fn photos_of<'a, M: Method>(
+    data: &'a Data<M>,
+    config: &'a FitConfig<M::Config>,
+    facts: SceneFacts,
+    halvings: usize,
+    device: &Device,
+) -> Photos<'a, M::Extra> {
+    let extra = move |view: &View, index, device: &Device| {
+        M::extra(view, index, &Step { step: 0, config, facts: &facts, cues: &data.cues }, device)
+    };
+    let views = if halvings == 0 { &data.scene.train } else { data.coarse.views(halvings) };
+    Photos::new(views, device, config.data.cache_mb << 20, extra)
 }

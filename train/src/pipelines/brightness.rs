@@ -78,6 +78,7 @@ impl Brightness {
 
 impl Method for Brightness {
     const NAME: &'static str = "brightness";
+    const ANY_WIDTH: bool = true;
     type Config = Sections;
     type Cues = ();
     type Extra = Index;

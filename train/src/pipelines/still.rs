@@ -17,6 +17,7 @@ pub struct Still {}
 
 impl Method for Still {
     const NAME: &'static str = "static";
+    const ANY_WIDTH: bool = true;
     type Config = NoSection;
     type Cues = ();
     type Extra = ();

@@ -4,7 +4,7 @@ use std::fmt;
 
 use gs_datasets::{Scene, View};
 
-use crate::config::{FitConfig, Strategy};
+use crate::config::{FitConfig, InitConfig, Strategy};
 use crate::fit::method::Method;
 use crate::fit::parameters::Group;
 
@@ -36,12 +36,12 @@ impl Prediction {
     ///
     /// - Gaussians: parameters and both moments of every Gaussian at the cap;
     /// - step: gradients, projected rows, intersection lists, images and SSIM maps of one step;
-    /// - photos: as 8 bits and as cached floats;
+    /// - photos: as 8 bits, at reduced widths, and as cached floats;
     /// - the method's own data;
     /// - program: the program itself, its thread stacks and allocator slack.
     pub fn of_fit<M: Method>(scene: &Scene, config: &FitConfig<M::Config>) -> Self {
         let cap = match config.density.strategy {
-            Strategy::None => initial_count(scene, config.init.random_points, config.density.cap),
+            Strategy::None => initial_count(scene, &config.init, config.density.cap),
             _ => config.density.cap as u64,
         };
         let floats: u64 = Group::ALL.iter().map(|group| group.columns(config.model.sh_degree) as u64).sum();
@@ -49,6 +49,11 @@ impl Prediction {
         let views = || scene.train.iter().chain(scene.held_out_views());
         let all_pixels: u64 = views().map(pixels).sum();
         let largest: u64 = views().map(pixels).max().unwrap_or(0);
+        // A half and a quarter of the width.
+        let reduced = match M::ANY_WIDTH && config.data.coarse_share > 0.0 {
+            true => scene.train.iter().map(|view| stored_bytes(view) * 5 / 16).sum::<u64>(),
+            false => 0,
+        };
         let cached = (12 * all_pixels).min((config.data.cache_mb as u64) << 20);
         let mut parts = vec![
             ("Gaussians", 3 * 4 * floats * cap),
@@ -57,7 +62,7 @@ impl Prediction {
                 cap * (4 * floats + STEP_BYTES_PER_GAUSSIAN + TILES_PER_GAUSSIAN * BYTES_PER_INTERSECTION)
                     + 4 * STEP_FLOATS_PER_PIXEL * largest,
             ),
-            ("photos", views().map(stored_bytes).sum::<u64>() + cached),
+            ("photos", views().map(stored_bytes).sum::<u64>() + reduced + cached),
         ];
         parts.extend(M::memory(scene, config));
         parts.push(("program", PROGRAM_BYTES));
@@ -82,8 +87,9 @@ fn stored_bytes(view: &View) -> u64 {
     sum as u64
 }
 
-fn initial_count(scene: &Scene, random_points: usize, cap: usize) -> u64 {
-    scene.points.as_ref().map_or(random_points, |points| points.len()).min(cap) as u64
+fn initial_count(scene: &Scene, init: &InitConfig, cap: usize) -> u64 {
+    let given = scene.points.as_ref().map_or(init.random_points, |points| points.len());
+    given.max((init.dense_share * cap as f64) as usize).min(cap) as u64
 }
 
 impl fmt::Display for Prediction {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{
     Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, OpacityPolicy, Section, Strategy, check,
-    not_negative, positive,
+    full_width, not_negative, positive,
 };
 
 /// Weight of the mean opacity (paper, 4.1).
@@ -224,7 +224,8 @@ pub struct Sections {
 }
 
 impl Section for Sections {
-    fn validate(&self, _shared: &Config) -> Result<(), ConfigError> {
+    fn validate(&self, shared: &Config) -> Result<(), ConfigError> {
+        full_width(shared)?;
         let Self { warmup, dynamics, curriculum, moving, bodies } = self;
         let share = |value: f64| (0.0..=1.0).contains(&value);
         check("warmup.share", warmup.share, (0.0..1.0).contains(&warmup.share), "at least 0 and below 1")?;

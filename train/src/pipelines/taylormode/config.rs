@@ -6,7 +6,7 @@ use gs_models::taylormode::order::NOTICEABLE;
 use gs_multiview::CueOptions;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{self, ConfigError, FitConfig, Section, check, not_negative, positive, tables};
+use crate::config::{self, ConfigError, FitConfig, Section, check, full_width, not_negative, positive, tables};
 
 /// The sections that the pipeline adds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -29,6 +29,7 @@ impl Section for Sections {
     fn validate(&self, shared: &config::Config) -> Result<(), ConfigError> {
         let cap = shared.density.cap;
         check("density.cap", cap, cap <= ROWS_MAX, "at most 16777216 Gaussians of a moving scene")?;
+        full_width(shared)?;
         self.motion.validate()?;
         self.blur.validate()?;
         self.prior.validate()?;

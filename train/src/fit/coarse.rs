@@ -1,0 +1,81 @@
+//! From coarse to fine: in the first share of a run photos are compared at a reduced width.
+//!
+//! A step costs nearly as much as its pixels do, and first shapes need few. The width is a function of the step and the configuration alone,
+//! so that a resumed run compares the same. Views are reduced once, filtered by area; the scene itself keeps its full size.
+
+use gs_datasets::View;
+
+/// Smallest reduced width, pixels: below it texture that tells Gaussians apart is gone.
+const WIDTH_MIN: usize = 200;
+
+/// Most halvings of the width: a quarter.
+const HALVINGS: usize = 2;
+
+/// Reduced views, by how often their width is halved.
+#[derive(Debug, Clone, Default)]
+pub struct Coarse {
+    /// Views at a half, then at a quarter of their width.
+    levels: Vec<Vec<View>>,
+    /// The last step with reduced photos.
+    until: usize,
+}
+
+impl Coarse {
+    /// Reduced views for a run of `steps` whose first `share`, 0 to 1, compares photos at a reduced width.
+    pub fn of(views: &[View], share: f64, steps: usize) -> Self {
+        let until = (share * steps as f64) as usize;
+        let narrowest = views.iter().map(|view| view.width).min().unwrap_or(0);
+        let fits = |halvings: &usize| narrowest >> halvings >= WIDTH_MIN;
+        let halvings = if until == 0 { 0 } else { (0..=HALVINGS).rev().find(fits).unwrap_or(0) };
+        let reduced = |halvings: usize| views.iter().map(|view| view.reduced(view.width >> halvings)).collect();
+        Self { levels: (1..=halvings).map(reduced).collect(), until }
+    }
+
+    /// How often the width of the photos of `step` (from 1) is halved. Each level has an equal share of the coarse steps, the coarsest first.
+    pub fn halvings(&self, step: usize) -> usize {
+        let levels = self.levels.len();
+        match step <= self.until {
+            true => levels - (step - 1) * levels / self.until.max(1),
+            false => 0,
+        }
+    }
+
+    /// The views of `halvings`, at least 1.
+    pub fn views(&self, halvings: usize) -> &[View] {
+        &self.levels[halvings - 1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn halvings(width: usize, share: f64, steps: usize) -> Vec<usize> {
+        let coarse = Coarse::of(&[View::blank(width, 10), View::blank(1000, 10)], share, steps);
+        (1..=steps).map(|step| coarse.halvings(step)).collect()
+    }
+
+    #[test]
+    fn wide_photos_begin_at_a_quarter() {
+        assert_eq!(halvings(960, 0.4, 10), [2, 2, 1, 1, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(halvings(480, 0.4, 10), [1, 1, 1, 1, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(halvings(960, 0.1, 10)[..2], [2, 0]);
+    }
+
+    #[test]
+    fn narrow_photos_and_a_share_of_nothing_are_never_reduced() {
+        assert_eq!(halvings(399, 1.0, 10), [0; 10]);
+        assert_eq!(halvings(960, 0.0, 10), [0; 10]);
+        assert_eq!(halvings(960, 0.05, 10), [0; 10]);
+        assert_eq!(Coarse::of(&[], 1.0, 10).halvings(1), 0);
+    }
+
+    #[test]
+    fn reduced_views_keep_their_order_and_names() {
+        let views: Vec<View> = (0..3).map(|i| View { name: i.to_string(), ..View::blank(480, 717) }).collect();
+        let coarse = Coarse::of(&views, 0.5, 10);
+        let names: Vec<&str> = coarse.views(1).iter().map(|view| view.name.as_str()).collect();
+        assert_eq!(names, ["0", "1", "2"]);
+        assert_eq!((coarse.views(1)[0].width, coarse.views(1)[0].height), (240, 359));
+    }
+}
