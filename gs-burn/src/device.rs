@@ -270,13 +270,13 @@ impl DeviceKind {
 
 /// Whether `device` is one of CubeCL's, which are GPUs.
 #[cfg(feature = "cube")]
-pub(crate) fn is_gpu(device: &Device) -> bool {
+pub fn is_gpu(device: &Device) -> bool {
     device.identity().is_some()
 }
 
 /// A build without CubeCL has no GPU.
 #[cfg(not(feature = "cube"))]
-pub(crate) fn is_gpu(_: &Device) -> bool {
+pub fn is_gpu(_: &Device) -> bool {
     false
 }
 

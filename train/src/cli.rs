@@ -139,6 +139,11 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
 
+    /// Steps by a budget of time, reading and evaluation at the end apart: processor time on a CPU, the clock on a GPU. A few steps are
+    /// measured first; the plan is saved in config.toml
+    #[arg(long, value_name = "M", conflicts_with_all = ["steps", "resume"])]
+    pub minutes: Option<f64>,
+
     /// Gaussians at most (as --set density.cap=N)
     #[arg(long, value_name = "N")]
     pub cap: Option<usize>,

@@ -57,7 +57,7 @@ pub(super) fn execute(pipeline: &dyn Pipeline, job: &Job) -> Result<ExitCode> {
 
 fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
     let dataset = args.dataset.clone().expect("clap asks for the data set unless --resume is given");
-    let resolved = resolve(&args.config, &shortcuts(args))?;
+    let mut resolved = resolve(&args.config, &shortcuts(args))?;
     if !dataset.exists() {
         bail!("{}: expected a data set, found nothing", dataset.display());
     }
@@ -65,7 +65,27 @@ fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job
         Some(path) => RunFolder::vacant(path)?,
         None => RunFolder::vacant(next_folder(&stem(&dataset)))?,
     };
+    if let Some(minutes) = args.minutes {
+        resolved = planned(args, resolved, &dataset, minutes, &device)?;
+    }
     Ok((resolved.pipeline, job(dataset, resolved, folder, device, args)))
+}
+
+/// The configuration with the steps that fit into `minutes`.
+fn planned(args: &TrainArgs, resolved: Resolved, dataset: &Path, minutes: f64, device: &Device) -> Result<Resolved> {
+    if !(minutes.is_finite() && minutes > 0.0) {
+        bail!("--minutes: expected a positive number, found {minutes}");
+    }
+    let plan = resolved.pipeline.plan_steps(dataset, &resolved.config, minutes, device)?;
+    if !args.quiet {
+        let [first, last] = plan.step;
+        eprintln!(
+            "{} steps fit into {minutes} minutes: {:.1} s to begin, {first:.3} s a step with the first Gaussians, {last:.3} s with the most",
+            plan.steps, plan.start
+        );
+    }
+    let more: Vec<String> = shortcuts(args).into_iter().chain([format!("steps={}", plan.steps)]).collect();
+    Ok(resolve(&args.config, &more)?)
 }
 
 fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {

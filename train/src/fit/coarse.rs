@@ -16,26 +16,33 @@ const HALVINGS: usize = 2;
 pub struct Coarse {
     /// Views at a half, then at a quarter of their width.
     levels: Vec<Vec<View>>,
-    /// The last step with reduced photos.
-    until: usize,
+    /// Share of a run's steps with reduced photos.
+    share: f64,
+    /// Steps of the run.
+    steps: usize,
 }
 
 impl Coarse {
     /// Reduced views for a run of `steps` whose first `share`, 0 to 1, compares photos at a reduced width.
     pub fn of(views: &[View], share: f64, steps: usize) -> Self {
-        let until = (share * steps as f64) as usize;
         let narrowest = views.iter().map(|view| view.width).min().unwrap_or(0);
         let fits = |halvings: &usize| narrowest >> halvings >= WIDTH_MIN;
-        let halvings = if until == 0 { 0 } else { (0..=HALVINGS).rev().find(fits).unwrap_or(0) };
+        let some = (share * steps as f64) as usize > 0;
+        let halvings = if some { (0..=HALVINGS).rev().find(fits).unwrap_or(0) } else { 0 };
         let reduced = |halvings: usize| views.iter().map(|view| view.reduced(view.width >> halvings)).collect();
-        Self { levels: (1..=halvings).map(reduced).collect(), until }
+        Self { levels: (1..=halvings).map(reduced).collect(), share, steps }
     }
 
     /// How often the width of the photos of `step` (from 1) is halved. Each level has an equal share of the coarse steps, the coarsest first.
     pub fn halvings(&self, step: usize) -> usize {
-        let levels = self.levels.len();
-        match step <= self.until {
-            true => levels - (step - 1) * levels / self.until.max(1),
+        self.halvings_in(step, self.steps)
+    }
+
+    /// The same in a run of another number of steps.
+    pub fn halvings_in(&self, step: usize, steps: usize) -> usize {
+        let (levels, until) = (self.levels.len(), (self.share * steps as f64) as usize);
+        match step <= until {
+            true => levels - (step - 1) * levels / until,
             false => 0,
         }
     }

@@ -11,11 +11,13 @@
 //! | [`foresight`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
+//! | [`budget`] | a budget of time as a number of steps |
 //! | [`timetable`] | what a training does at which step, for charts |
 //! | [`parameters`] | Gaussians as a table |
 //! | [`density`] | adding, relocating and removing Gaussians |
 //! | [`snapshot`] | the state as named tensors, for checkpoints |
 
+pub mod budget;
 pub mod coarse;
 pub mod density;
 pub mod facts;

@@ -30,9 +30,14 @@ impl<M: Method> Data<M> {
     pub fn new(scene: Scene, config: &FitConfig<M::Config>) -> Self {
         let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config));
         let cues = M::cues(&scene, config);
-        let share = if M::ANY_WIDTH { config.data.coarse_share } else { 0.0 };
-        let coarse = Coarse::of(&scene.train, share, config.steps);
+        let coarse = Self::coarse_of(&scene, config);
         Self { scene, facts, cues, coarse }
+    }
+
+    /// The training views of `scene` at reduced widths, as `config` asks for them.
+    pub fn coarse_of(scene: &Scene, config: &FitConfig<M::Config>) -> Coarse {
+        let share = if M::ANY_WIDTH { config.data.coarse_share } else { 0.0 };
+        Coarse::of(&scene.train, share, config.steps)
     }
 }
 

@@ -10,6 +10,7 @@ use gs_datasets::image_io::write_atomic;
 use gs_datasets::{CheckReport, LoadOptions, Scene};
 use toml::Table;
 
+use super::plan::{StepPlan, plan_steps};
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
 use crate::config::{Background, ConfigError, FitConfig, RenderConfig, tables};
 use crate::fit::facts::SceneFacts;
@@ -280,6 +281,10 @@ impl<M: Method> Pipeline for Fit<M> {
 
     fn train(&self, job: &Job) -> Result<Ending> {
         fit::<M>(job, &FitConfig::from_table(&job.config, "configuration")?)
+    }
+
+    fn plan_steps(&self, dataset: &Path, config: &Table, minutes: f64, device: &Device) -> Result<StepPlan> {
+        plan_steps::<M>(dataset, config, minutes, device)
     }
 
     fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {

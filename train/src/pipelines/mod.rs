@@ -7,6 +7,7 @@ pub mod brightness;
 pub mod examples;
 pub mod fit;
 pub mod flux4d;
+mod plan;
 pub mod resolve;
 pub mod sparsedyn;
 pub mod still;
@@ -28,6 +29,7 @@ use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
 
+pub use plan::StepPlan;
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
@@ -69,6 +71,15 @@ pub trait Pipeline: Sync {
     /// # Errors
     /// One sentence: bad data, a damaged checkpoint, a full disk.
     fn train(&self, job: &Job) -> Result<Ending>;
+
+    /// The steps of `config` that fit into some minutes on a data set, by measuring a few: of processor time on a CPU, as the clock
+    /// shows on a GPU.
+    ///
+    /// # Errors
+    /// One sentence: bad data, too few minutes, or a pipeline that does not plan its steps.
+    fn plan_steps(&self, _dataset: &Path, _config: &Table, _minutes: f64, _device: &Device) -> Result<StepPlan> {
+        bail!("--minutes: expected a pipeline that fits one scene, found {}; use --steps", self.name())
+    }
 
     /// The scene of a checkpoint.
     ///
