@@ -8,7 +8,7 @@ use std::process::Command;
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 
-use common::program::{fails, gsburn, program, succeeds};
+use common::program::{fails, fails_with, gsburn, program, succeeds};
 
 const QUICK: [&str; 10] = [
     "--steps",
@@ -161,6 +161,31 @@ fn an_interrupted_run_saves_and_continues() {
 }
 
 /// A picture that needs more pairs of tile and Gaussian than can be counted is an error, not a panic.
+/// The plan is in the configuration, which a resumed run reads; nothing asks a clock again.
+#[test]
+fn a_budget_of_minutes_becomes_a_number_of_steps() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    let sets = ["--quiet", "--cap=160", "--set", "eval.ms_ssim=false", "--set", "eval.images=1"];
+    let train = |minutes: &'static str| -> Vec<&str> {
+        ["train", "scene", "--out", "run", "--minutes", minutes].into_iter().chain(sets).collect()
+    };
+    let refused = fails(folder, &train("0"));
+    assert!(refused.contains("expected a positive number"), "{refused}");
+    let refused = fails(folder, &train("1e-9"));
+    assert!(refused.contains("expected more") && !folder.join("run").exists(), "{refused}");
+    let both: Vec<&str> = train("1").into_iter().chain(["--steps", "5"]).collect();
+    assert!(fails_with(2, folder, &both).contains("cannot be used with"));
+
+    succeeds(folder, &train("0.03"));
+    let text = fs::read_to_string(folder.join("run/config.toml")).expect("read");
+    let steps = text.parse::<toml::Table>().expect("TOML")["steps"].as_integer().expect("a number");
+    let eval: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
+    assert_eq!(eval["step"].as_i64(), Some(steps));
+}
+
 #[test]
 fn a_picture_too_large_is_said() {
     let temporary = tempfile::tempdir().expect("a folder");

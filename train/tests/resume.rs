@@ -2,11 +2,20 @@
 
 mod common;
 
+use std::path::Path;
+
+use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::run::watch::Job;
 
 /// Density changes at 20, 30, 40 and SH degrees at 13, 26, 39 fall before and after the interruptions.
-const OVERRIDES: [&str; 5] =
-    ["density.start=4", "density.every=10", "density.growth=0.2", "density.cap=260", "optimiser.opacity_lr=0.3"];
+const OVERRIDES: [&str; 6] = [
+    "density.start=4",
+    "density.every=10",
+    "density.growth=0.2",
+    "density.full=0",
+    "density.cap=260",
+    "optimiser.opacity_lr=0.3",
+];
 const STEPS: usize = 50;
 
 fn last_checkpoint(job: &Job) -> Vec<u8> {
@@ -16,12 +25,17 @@ fn last_checkpoint(job: &Job) -> Vec<u8> {
 fn resumes_to_the_same_bits(more: &[&str]) {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = common::tiny_scene(folder.path());
+    resumes_on(folder.path(), &scene, more, &[17, 33]);
+}
+
+/// A run on `scene`, one that is interrupted after `stops`, and one with a single thread.
+fn resumes_on(folder: &Path, scene: &Path, more: &[&str], stops: &[usize]) {
     let overrides: Vec<&str> = OVERRIDES.iter().chain(more).copied().collect();
     let config = common::config(STEPS, &overrides);
-    let whole = common::job(&scene, &folder.path().join("whole"), &config);
+    let whole = common::job(scene, &folder.join("whole"), &config);
     common::finish(&whole);
-    let resumed = common::job(&scene, &folder.path().join("resumed"), &config);
-    common::finish_interrupted(&resumed, &[17, 33]);
+    let resumed = common::job(scene, &folder.join("resumed"), &config);
+    common::finish_interrupted(&resumed, stops);
     assert!(last_checkpoint(&whole) == last_checkpoint(&resumed), "the resumed run differs");
 
     let steps = |job: &Job| -> Vec<usize> {
@@ -29,7 +43,7 @@ fn resumes_to_the_same_bits(more: &[&str]) {
     };
     assert_eq!(steps(&whole), steps(&resumed), "metrics are continued without gaps or repetitions");
 
-    let one_thread = common::job(&scene, &folder.path().join("one"), &config);
+    let one_thread = common::job(scene, &folder.join("one"), &config);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     pool.install(|| common::finish(&one_thread));
     assert!(last_checkpoint(&whole) == last_checkpoint(&one_thread), "one thread gives other bits");
@@ -38,6 +52,19 @@ fn resumes_to_the_same_bits(more: &[&str]) {
 #[test]
 fn relocation_resumes_to_the_same_bits() {
     resumes_to_the_same_bits(&["density.strategy=mcmc"]);
+}
+
+/// Photos of half their width up to step 25, growth that follows the run (20 refinements, the cap at 45 %), rates of a short run and points
+/// on which photos agree: interrupted before the switch of the width, at it, right after it, and after a growth step.
+#[test]
+fn measures_that_follow_the_run_resume_to_the_same_bits() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("scene");
+    let options =
+        DemoOptions { train_views: 5, test_views: 2, width: 400, height: 60, points: common::POINTS, seed: 1 };
+    demo_scene(&scene, &options).expect("the scene is written");
+    let keys = ["data.coarse_share=0.5", "density.full=0.45", "density.growth=0.5", "init.dense_share=0.9"];
+    resumes_on(folder.path(), &scene, &keys, &[11, 25, 26, 31]);
 }
 
 #[test]

@@ -74,7 +74,9 @@ mod tests {
     fn a_pixel_has_the_depths_around_it_or_those_of_the_photo() {
         let intrinsics = Intrinsics { fx: 320.0, fy: 320.0, cx: 160.0, cy: 120.0 };
         // A near wall on the left, a far one on the right, and nothing in the middle or behind the camera.
-        let wall = |x: f64, z: f64| (0..40).map(move |i| [(x * z) as f32, ((i as f64 / 40.0 - 0.5) * 0.6 * z) as f32, z as f32]);
+        let wall = |x: f64, z: f64| {
+            (0..40).map(move |i| [(x * z) as f32, ((i as f64 / 40.0 - 0.5) * 0.6 * z) as f32, z as f32])
+        };
         let mut points: Vec<[f32; 3]> = wall(-0.45, 2.0).chain(wall(0.45, 10.0)).collect();
         points.push([0.0, 0.0, -3.0]);
         let range = DepthRange::of(&points, &DMat4::IDENTITY, &intrinsics, 320, 240);

@@ -2,7 +2,7 @@
 //! random ones in the camera frusta.
 //!
 //! A dense start ([`InitConfig::dense_share`]) sweeps near the depths of what is known: the data set's points, or in a set without any
-//! the first [`SEEDS`] positions of a sweep over all depths.
+//! the first positions of a sweep over all depths.
 //!
 //! The scale of a Gaussian is the mean distance to its three nearest neighbours (3DGS, section 5.1).
 

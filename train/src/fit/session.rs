@@ -125,6 +125,6 @@ fn photos_of<'a, M: Method>(
     let extra = move |view: &View, index, device: &Device| {
         M::extra(view, index, &Step { step: 0, config, facts: &facts, cues: &data.cues }, device)
     };
-    let views = if halvings == 0 { &data.scene.train } else { data.coarse.views(halvings) };
+    let views = if halvings == 0 { &data.scene.train[..] } else { data.coarse.views(halvings) };
     Photos::new(views, device, config.data.cache_mb << 20, extra)
 }

@@ -29,8 +29,8 @@ use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
 
-pub use plan::StepPlan;
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
+pub use plan::StepPlan;
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.

@@ -77,12 +77,7 @@ pub fn plan_steps<M: Method>(path: &Path, config: &Table, minutes: f64, device: 
 }
 
 /// Mean seconds of a step from the state of `trainer`.
-fn cost<M: Method>(
-    data: &Data<M>,
-    config: &FitConfig<M::Config>,
-    trainer: Trainer<M>,
-    device: &Device,
-) -> f64 {
+fn cost<M: Method>(data: &Data<M>, config: &FitConfig<M::Config>, trainer: Trainer<M>, device: &Device) -> f64 {
     let mut session = Session::begin(data, config, Some(trainer), device);
     for _ in 0..WARM_UP {
         session.step();

@@ -1,8 +1,8 @@
 //! Points where photos agree lie on surfaces, and there are none where nothing can agree.
 
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
-use gs_datasets::{LoadOptions, Scene, load};
-use gs_multiview::plane_sweep;
+use gs_datasets::{LoadOptions, PointCloud, Scene, load};
+use gs_multiview::{plane_sweep, plane_sweep_around};
 
 use crate::fixture::written;
 
@@ -20,13 +20,9 @@ fn still_world() -> Scene {
     load(folder.path(), &LoadOptions::default()).expect("a scene")
 }
 
-/// Against the true depth in the held-out camera, which the sweep does not see.
-#[test]
-fn points_lie_on_surfaces() {
-    let scene = still_world();
-    let points = plane_sweep(&scene.train, 1.0, 12.0, 800, 3);
-    assert!(points.len() > 400, "{} points", points.len());
-    assert_eq!(points, plane_sweep(&scene.train, 1.0, 12.0, 800, 3), "the same seed gives the same points");
+/// Of the points before the held-out camera, which the sweep does not see: how many there are, how many lie on or behind what is seen, and
+/// their depths over the true ones, sorted.
+fn against_truth(scene: &Scene, points: &PointCloud) -> (i32, i32, Vec<f64>) {
     let view = &scene.held_out[0].views[0];
     let depth = view.truth.depth.as_ref().expect("the true depth");
     let (mut seen, mut near, mut floating) = (0, 0, Vec::new());
@@ -44,13 +40,61 @@ fn points_lie_on_surfaces() {
             let pixel = (y as i32 + v) as usize * view.width + (x as i32 + u) as usize;
             position.z / f64::from(depth[pixel])
         });
-        near += usize::from(ratios.any(|ratio| ratio > 0.95));
+        near += i32::from(ratios.any(|ratio| ratio > 0.95));
         floating.push(position.z / f64::from(depth[y as usize * view.width + x as usize]));
     }
-    assert!(seen > 300 && near as f64 > 0.9 * f64::from(seen), "{near} of {seen} points lie on or behind what is seen");
     floating.sort_by(f64::total_cmp);
+    (seen, near, floating)
+}
+
+#[test]
+fn points_lie_on_surfaces() {
+    let scene = still_world();
+    let points = plane_sweep(&scene.train, 1.0, 12.0, 800, 3);
+    assert!(points.len() > 400, "{} points", points.len());
+    assert_eq!(points, plane_sweep(&scene.train, 1.0, 12.0, 800, 3), "the same seed gives the same points");
+    let (seen, near, floating) = against_truth(&scene, &points);
+    assert!(
+        seen > 300 && f64::from(near) > 0.9 * f64::from(seen),
+        "{near} of {seen} points lie on or behind what is seen"
+    );
     let median = floating[floating.len() / 2];
     assert!((median - 1.0).abs() < 0.02, "half the points are within 2 % of the surface, the median is {median}");
+}
+
+/// Points near known ones lie on surfaces as well, and closer to them: the parabola finds depths between two steps.
+#[test]
+fn known_points_lead_to_more() {
+    let scene = still_world();
+    let known = plane_sweep(&scene.train, 1.0, 12.0, 300, 3);
+    let around = |seed| plane_sweep_around(&scene.train, &known.positions, 4.0, 800, seed);
+    let points = around(4);
+    assert!(points.len() > 400, "{} points", points.len());
+    assert_eq!(points, around(4), "the same seed gives the same points");
+    let (seen, near, floating) = against_truth(&scene, &points);
+    assert!(
+        seen > 300 && f64::from(near) > 0.9 * f64::from(seen),
+        "{near} of {seen} points lie on or behind what is seen"
+    );
+    let off = |ratios: &[f64]| {
+        let mut off: Vec<f64> = ratios.iter().map(|ratio| (ratio - 1.0).abs()).collect();
+        off.sort_by(f64::total_cmp);
+        off[off.len() / 2]
+    };
+    let (before, after) = (off(&against_truth(&scene, &known).2), off(&floating));
+    assert!(after < before, "the median distance from the surface is {after}, {before} without the parabola");
+}
+
+#[test]
+fn nothing_known_gives_nothing() {
+    let scene = still_world();
+    assert_eq!(plane_sweep_around(&scene.train, &[], 4.0, 100, 0).len(), 0);
+    assert_eq!(plane_sweep_around(&scene.train, &[[0.0; 3]; 3], 4.0, 100, 0).len(), 0, "too few to span depths");
+    assert_eq!(plane_sweep_around(&scene.train, &[[f32::NAN; 3]; 100], 4.0, 100, 0).len(), 0, "not finite");
+    for distance in [0.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(plane_sweep_around(&scene.train, &[[0.0; 3]; 100], distance, 100, 0).len(), 0, "{distance}");
+    }
+    assert_eq!(plane_sweep_around(&scene.train[..2], &[[0.0; 3]; 100], 4.0, 100, 0).len(), 0, "two photos");
 }
 
 #[test]

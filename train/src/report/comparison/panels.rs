@@ -40,7 +40,8 @@ impl Panels {
             true => (moving, "Moving parts", "held-out PSNR of moving parts, dB"),
             false => (whole, "Whole image", "held-out PSNR, dB"),
         };
-        let over_time = |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(runs, title, (time, cost), y, shown) };
+        let over_time =
+            |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(runs, title, (time, cost), y, shown) };
         let mut charts = vec![over_time(&format!("{best_title} against time"), (best_axis, best), decibels)];
         if measured {
             charts.push(over_time("Whole image against time", ("held-out PSNR, dB", whole), decibels));
