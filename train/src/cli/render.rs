@@ -1,4 +1,4 @@
-//! Arguments of `render` and `export`, the commands that write a trained scene for other programs.
+//! Arguments of `render`.
 
 use std::path::PathBuf;
 
@@ -68,35 +68,6 @@ pub struct RenderArgs {
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
-}
-
-/// Arguments of `export`.
-#[derive(Debug, Args)]
-pub struct ExportArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply)
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub scene: PathBuf,
-
-    /// The PLY file to write (3DGS layout, in the data set's own world); of a network, the .safetensors file to write without
-    /// the state of its optimiser
-    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    pub out: PathBuf,
-
-    /// Time of a moving scene, in its data set's unit [default: the middle of the recording]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
-    pub time: Option<f64>,
-
-    /// One file for each of N times spread over the recording, numbered
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub frames: Option<u32>,
-
-    /// Leave out nearly transparent, oversized and isolated Gaussians
-    #[arg(long)]
-    pub no_floaters: bool,
-
-    /// Keep SH only up to this degree
-    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
-    pub sh_degree: Option<u8>,
 }
 
 /// A finite number.
