@@ -78,7 +78,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
 /// # Errors
 /// As [`load`], and when a frame has neither `w` and `h` nor an image to take the size from.
 pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
-    if path.is_dir() && formats::transforms::cameras_in(path).is_none()
+    if path.is_dir()
+        && formats::transforms::cameras_in(path).is_none()
         && let Some(files) = formats::colmap::find(path)
     {
         return formats::colmap::cameras(&files);

@@ -73,7 +73,8 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
     limits.max_alloc = Some(DECODE_MAX);
     reader.limits(limits);
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
-    let is_read = matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP | ImageFormat::Tiff));
+    let is_read =
+        matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP | ImageFormat::Tiff));
     if let Some(foreign) = Foreign::of_bytes(bytes).filter(|_| !is_read) {
         return Err(wrong(foreign.advice()));
     }

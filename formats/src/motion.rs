@@ -175,18 +175,33 @@ impl Motion {
         let is_right = match &self.law {
             Law::Series(law) => {
                 let series = |s: &Series| s.vectors.len() == m * s.functions.len() && vectors(&s.vectors);
-                law.half.is_finite() && law.half > 0.0 && law.t0.is_finite() && series(&law.position) && series(&law.rotation)
+                law.half.is_finite()
+                    && law.half > 0.0
+                    && law.t0.is_finite()
+                    && series(&law.position)
+                    && series(&law.rotation)
             }
             Law::Keys(keys) => {
                 let n = keys.times.len() * m;
                 let rising = keys.times.windows(2).all(|pair| pair[0] < pair[1]);
-                let finite = keys.times.iter().all(|t| t.is_finite()) && vectors(&keys.means) && vectors(&keys.log_scales);
+                let finite =
+                    keys.times.iter().all(|t| t.is_finite()) && vectors(&keys.means) && vectors(&keys.log_scales);
                 let quats = keys.quats.iter().flatten().all(|x| x.is_finite());
                 let sizes = keys.log_scales.is_empty() || keys.log_scales.len() == n;
-                !keys.times.is_empty() && rising && finite && quats && sizes && keys.means.len() == n && keys.quats.len() == n
+                !keys.times.is_empty()
+                    && rising
+                    && finite
+                    && quats
+                    && sizes
+                    && keys.means.len() == n
+                    && keys.quats.len() == n
             }
         };
-        if is_right { Ok(()) } else { Err("expected a motion with whole arrays of finite numbers, found another".into()) }
+        if is_right {
+            Ok(())
+        } else {
+            Err("expected a motion with whole arrays of finite numbers, found another".into())
+        }
     }
 
     /// Velocities of the moving rows at `t`, `[M]`, scene units per unit of time.
@@ -199,7 +214,8 @@ impl Motion {
 
     /// The motion of the Gaussians `kept` alone, in this order: row `kept[i]` becomes `i`.
     pub fn select(&self, kept: &[u32]) -> Self {
-        let mut index_of: Vec<Option<u32>> = vec![None; self.rows.iter().chain(kept).max().map_or(0, |row| *row as usize + 1)];
+        let mut index_of: Vec<Option<u32>> =
+            vec![None; self.rows.iter().chain(kept).max().map_or(0, |row| *row as usize + 1)];
         for (index, row) in kept.iter().enumerate() {
             index_of[*row as usize] = Some(index as u32);
         }

@@ -115,7 +115,8 @@ mod tests {
                 let z = 1.0 - (2 * i + 1) as f64 / 40.0;
                 let (a, r) = (2.4 * i as f64, (1.0 - z * z).sqrt());
                 let d = DVec3::new(r * a.cos(), r * a.sin(), z);
-                let colour = |sh: &[[f32; 3]], d| basis(d).iter().zip(sh).map(|(y, b)| y * f64::from(b[0])).sum::<f64>();
+                let colour =
+                    |sh: &[[f32; 3]], d| basis(d).iter().zip(sh).map(|(y, b)| y * f64::from(b[0])).sum::<f64>();
                 let (before, after) = (colour(&splats.sh, rotation.transpose() * d), colour(&turned, d));
                 assert!((before - after).abs() < 1e-6, "{before} and {after}");
             }

@@ -40,7 +40,8 @@ pub fn encode(splats: &Splats, samples: &[Splats]) -> Result<String, String> {
     let _ = writeln!(out, "    metersPerUnit = 1");
     if !samples.is_empty() {
         let _ = writeln!(out, "    startTimeCode = 0\n    endTimeCode = {last}");
-        let _ = writeln!(out, "    timeCodesPerSecond = {FRAMES_PER_SECOND}\n    framesPerSecond = {FRAMES_PER_SECOND}");
+        let _ =
+            writeln!(out, "    timeCodesPerSecond = {FRAMES_PER_SECOND}\n    framesPerSecond = {FRAMES_PER_SECOND}");
     }
     out.push_str(")\n\ndef Xform \"Scene\"\n{\n    def ParticleField3DGaussianSplat \"Splats\"\n    {\n");
     let every = || std::iter::once(&splats).chain(&samples);

@@ -97,7 +97,8 @@ impl KeyFrames {
         let share = along - from as f64;
         let at = |offset: isize| {
             let place = from as isize + offset;
-            let place = if self.closed { place.rem_euclid(self.keys.len() as isize) } else { place.clamp(0, last as isize) };
+            let place =
+                if self.closed { place.rem_euclid(self.keys.len() as isize) } else { place.clamp(0, last as isize) };
             self.keys[place as usize]
         };
         let (before, a, b, after) = (at(-1), at(0), at(1), at(2));
@@ -133,9 +134,9 @@ fn ranged(keys: &Keys, name: &str, otherwise: f64, [least, most]: [f64; 2]) -> R
 
 fn key(value: &Value, index: usize, file: &Path) -> Result<Key, DatasetError> {
     let location = format!("key frame {index}");
-    let object = value.as_object().ok_or_else(|| {
-        DatasetError::malformed(file, location.clone(), "an object", json::kind(value))
-    })?;
+    let object = value
+        .as_object()
+        .ok_or_else(|| DatasetError::malformed(file, location.clone(), "an object", json::kind(value)))?;
     let keys = Keys { file, location, objects: vec![object] };
     let numbers = |name: &str, count: usize| -> Result<Option<Vec<f64>>, DatasetError> {
         let Some(value) = keys.get(name) else { return Ok(None) };

@@ -41,7 +41,8 @@ pub fn spiral(cameras: &[CameraPose], count: usize) -> Option<Vec<CameraPose>> {
     let view = looking(middle, subject, up)?;
     let (right, over) = (view.x_axis.truncate(), -view.y_axis.truncate());
     let spread = |axis: DVec3| {
-        SPIRAL_SHARE * centres.iter().map(|centre| (*centre - middle).dot(axis).abs()).sum::<f64>() / centres.len() as f64
+        SPIRAL_SHARE * centres.iter().map(|centre| (*centre - middle).dot(axis).abs()).sum::<f64>()
+            / centres.len() as f64
     };
     let (wide, high) = (spread(right), spread(over));
     let camera = |index: usize| {

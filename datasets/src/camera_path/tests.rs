@@ -91,7 +91,8 @@ fn key_frames_are_met() {
     assert!((path[0].intrinsics.fy - 50.0).abs() < 1e-9 && path[0].width == 200);
     assert_eq!(path[1].time, Some(0.5));
     assert!(sees_origin(&path[0].c2w) && sees_origin(&path[2].c2w) && sees_origin(&path[4].c2w));
-    let closed = read(&text.replace("\"images\": 5", "\"images\": 6, \"closed\": true")).expect("read").expect("key frames");
+    let closed =
+        read(&text.replace("\"images\": 5", "\"images\": 6, \"closed\": true")).expect("read").expect("key frames");
     let closed = closed.cameras();
     assert!((closed[4].c2w.w_axis.truncate() - DVec3::Z * 4.0).length() < 1e-9 && closed.len() == 6);
 }

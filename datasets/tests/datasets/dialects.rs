@@ -108,7 +108,11 @@ fn tables_of_realityscan_load() {
         assert!((a.c2w.w_axis.truncate() - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
         assert!((a.c2w.z_axis.truncate() - DVec3::Y).length() < 1e-9, "looks north: {}", a.c2w.z_axis);
         assert!((a.c2w.y_axis.truncate() - DVec3::NEG_Z).length() < 1e-9, "is upright");
-        assert!((b.c2w.z_axis.truncate() - DVec3::X).length() < 1e-9, "a heading of 90 degrees is east: {}", b.c2w.z_axis);
+        assert!(
+            (b.c2w.z_axis.truncate() - DVec3::X).length() < 1e-9,
+            "a heading of 90 degrees is east: {}",
+            b.c2w.z_axis
+        );
         let k = a.intrinsics;
         assert_eq!((k.fx, k.cx, k.cy), (40.0, 22.0, 14.0), "36 mm is one longer side");
         assert_eq!((b.intrinsics.fx, b.width), (20.0, 30));
@@ -117,7 +121,11 @@ fn tables_of_realityscan_load() {
         assert!(told.contains("1 of 3 photos does not exist") && told.contains("gone.png"), "{told}");
     }
     assert!(check(folder.path(), &options()).to_string().contains("RealityScan"));
-    for (row, word) in [("a.png,1,2,3,0,90,0,x", "column f"), ("a.png,1,2,3,0,inf,0,36", "column pitch"), ("a.png,1", "column heading")] {
+    for (row, word) in [
+        ("a.png,1,2,3,0,90,0,x", "column f"),
+        ("a.png,1,2,3,0,inf,0,36", "column pitch"),
+        ("a.png,1", "column heading"),
+    ] {
         folder.write("cameras.csv", format!("#name,x,y,alt,heading,pitch,roll,f\n{row}\n"));
         let error = load(folder.path(), &options()).expect_err("broken").to_string();
         assert!(error.contains(word) && error.contains("line 2"), "{error}");
@@ -171,6 +179,9 @@ fn a_turned_photo_is_told() {
     model.images[3].name = "z.jpg".into();
     model.write_text(&folder, "sparse/0");
     let report = check(folder.path(), &options());
-    assert!(report.is_ok() && report.to_string().contains("1 image has an EXIF orientation, which is not applied"), "{report}");
+    assert!(
+        report.is_ok() && report.to_string().contains("1 image has an EXIF orientation, which is not applied"),
+        "{report}"
+    );
     assert_eq!(load_all(&folder).train[3].width, 40);
 }

@@ -19,15 +19,19 @@ pub(super) fn to_json(motion: &Motion, arrays: &mut Arrays) -> Value {
         "middle": motion.middle,
         "rows": arrays.indices(&motion.rows),
     });
-    let series = |series: &Series, arrays: &mut Arrays| {
+    let series = |series: &Series, arrays: &mut Arrays| -> Value {
         let functions: Vec<Value> = series.functions.iter().map(function).collect();
         json!({"functions": functions, "vectors": arrays.floats(series.vectors.iter().copied())})
     };
     match &motion.law {
         Law::Series(law) => {
             value["window"] = json!({"t0": law.t0, "half": law.half});
-            value["position"] = series(&law.position, arrays);
-            value["rotation"] = series(&law.rotation, arrays);
+            // glTF knows no accessor without values.
+            for (name, part) in [("position", &law.position), ("rotation", &law.rotation)] {
+                if !part.vectors.is_empty() {
+                    value[name] = series(part, arrays);
+                }
+            }
         }
         Law::Keys(keys) => {
             let rotations = keys.quats.iter().map(|q| {
@@ -73,8 +77,8 @@ pub(super) fn of_json(value: &Value, accessors: &Accessors) -> Result<Motion, St
         None => Law::Series(SeriesLaw {
             t0: number(value, "/window/t0")?,
             half: number(value, "/window/half")?,
-            position: series(at(value, "/position")?, accessors)?,
-            rotation: series(at(value, "/rotation")?, accessors)?,
+            position: series(value.get("position"), accessors)?,
+            rotation: series(value.get("rotation"), accessors)?,
         }),
     };
     let span = [number(value, "/span/0")?, number(value, "/span/1")?];
@@ -96,7 +100,8 @@ fn keys(value: &Value, accessors: &Accessors) -> Result<Keys, String> {
     })
 }
 
-fn series(value: &Value, accessors: &Accessors) -> Result<Series, String> {
+fn series(value: Option<&Value>, accessors: &Accessors) -> Result<Series, String> {
+    let Some(value) = value else { return Ok(Series::default()) };
     let functions = list(value, "/functions")?;
     if functions.len() > FUNCTIONS_MAX {
         return Err(format!("expected at most {FUNCTIONS_MAX} time functions, found {}", functions.len()));

@@ -138,8 +138,9 @@ impl Accessors<'_> {
 
 fn splats(primitive: &Value, accessors: &Accessors) -> Result<Splats, String> {
     let named = |name: &str| primitive.get("attributes").and_then(|attributes| attributes.get(name)?.as_u64());
-    let wanted =
-        |name: &str| named(name).map(|index| index as usize).ok_or_else(|| format!("expected the attribute {name}, found none"));
+    let wanted = |name: &str| {
+        named(name).map(|index| index as usize).ok_or_else(|| format!("expected the attribute {name}, found none"))
+    };
     let means = accessors.floats::<3>(wanted("POSITION")?)?;
     if means.len() > COUNT_MAX {
         return Err(format!("expected at most {COUNT_MAX} Gaussians, found {}", means.len()));

@@ -56,7 +56,8 @@ fn a_motion_comes_back_to_the_bit() {
         log_scales: vec![[0.0; 3]; 6],
     };
     let motion = Motion { span: [0.0, 1.0], middle: 0.5, rows: vec![1, 5], law: Law::Keys(keys.clone()) };
-    let back = decode(&encode(&splats, Some(&motion), false).expect("encoded")).expect("decoded").motion.expect("moves");
+    let back =
+        decode(&encode(&splats, Some(&motion), false).expect("encoded")).expect("decoded").motion.expect("moves");
     let Law::Keys(found) = back.law else { panic!("key frames") };
     assert_eq!((&found.times, &found.means, &found.log_scales), (&keys.times, &keys.means, &keys.log_scales));
     // Written with norm 1 in f32.

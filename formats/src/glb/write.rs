@@ -12,7 +12,7 @@ use crate::{FormatError, MARK, Motion, Splats, write_file};
 /// Writes a scene, and its motion if it moves; `linear` says that colours are linear light and not as a display takes them.
 ///
 /// # Errors
-/// When the file cannot be written, a value is not finite, a row of the motion is none of the scene, or the file would be longer
+/// When the file cannot be written, there is no Gaussian, a value is not finite, a row of the motion is none of the scene, or the file would be longer
 /// than 4 GiB, which glTF cannot say.
 pub fn write(path: &Path, splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<(), FormatError> {
     let bytes = encode(splats, motion, linear);
@@ -25,6 +25,9 @@ pub fn write(path: &Path, splats: &Splats, motion: Option<&Motion>, linear: bool
 /// A sentence without the file's name.
 pub fn encode(splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<Vec<u8>, String> {
     splats.check()?;
+    if splats.is_empty() {
+        return Err("expected Gaussians for glTF, which knows no empty arrays, found none".into());
+    }
     motion.map_or(Ok(()), |motion| motion.check(splats.len()))?;
     let splats = flip(splats);
     let mut arrays = Arrays::default();
@@ -33,7 +36,7 @@ pub fn encode(splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<
     let space = if linear { "lin_rec709_display" } else { "srgb_rec709_display" };
     let mut extensions = Map::new();
     extensions.insert(SPLATS.into(), json!({"kernel": "ellipse", "colorSpace": space}));
-    if let Some(motion) = motion {
+    if let Some(motion) = motion.filter(|motion| !motion.rows.is_empty()) {
         used.push(MOTION);
         extensions.insert(MOTION.into(), motion::to_json(&flip_motion(motion), &mut arrays));
     }
@@ -92,10 +95,8 @@ fn attributes(splats: &Splats, arrays: &mut Arrays, linear: bool) -> Value {
     let corner = |start: f32, choose: fn(f32, f32) -> f32| {
         splats.means.iter().fold([start; 3], |best, mean| [0, 1, 2].map(|a| choose(best[a], mean[a])))
     };
-    if !splats.is_empty() {
-        arrays.accessors[position]["min"] = json!(corner(f32::INFINITY, f32::min));
-        arrays.accessors[position]["max"] = json!(corner(f32::NEG_INFINITY, f32::max));
-    }
+    arrays.accessors[position]["min"] = json!(corner(f32::INFINITY, f32::min));
+    arrays.accessors[position]["max"] = json!(corner(f32::NEG_INFINITY, f32::max));
     set("POSITION".into(), position);
     let rotation = |q: &[f32; 4]| {
         let [w, x, y, z] = unit(*q);
@@ -132,7 +133,8 @@ fn container(document: &Value, mut buffer: Vec<u8>) -> Result<Vec<u8>, String> {
     text.resize(text.len().next_multiple_of(4), b' ');
     buffer.resize(buffer.len().next_multiple_of(4), 0);
     let total = 12 + 8 + text.len() + 8 + buffer.len();
-    let length = u32::try_from(total).map_err(|_| format!("expected a file below 4 GiB for glTF, found {total} bytes"))?;
+    let length =
+        u32::try_from(total).map_err(|_| format!("expected a file below 4 GiB for glTF, found {total} bytes"))?;
     let mut bytes = Vec::with_capacity(total);
     for number in [MAGIC, 2, length, text.len() as u32, JSON_CHUNK] {
         bytes.extend(number.to_le_bytes());

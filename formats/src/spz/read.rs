@@ -41,7 +41,9 @@ pub fn decode(file: &[u8]) -> Result<Splats, String> {
     }
     let mut stream = MultiGzDecoder::new(file);
     let mut header = [0; HEADER];
-    stream.read_exact(&mut header).map_err(|error| format!("expected an SPZ file, which is gzip, found other bytes: {error}"))?;
+    stream
+        .read_exact(&mut header)
+        .map_err(|error| format!("expected an SPZ file, which is gzip, found other bytes: {error}"))?;
     let header = Header::parse(header)?;
     let length = header.length();
     if length / DEFLATE_MOST > file.len() {

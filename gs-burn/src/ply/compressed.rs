@@ -48,13 +48,15 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
         *table = Table::read(&mut source, &element, &names)?;
     }
     let room = Records::with_capacity(count, rest.min(REST_KEPT));
-    let mut records = room.map_err(|error| PlyError::Io { path: source.path.clone(), source: io::Error::other(error) })?;
+    let mut records =
+        room.map_err(|error| PlyError::Io { path: source.path.clone(), source: io::Error::other(error) })?;
     let mut record = Vec::new();
     for index in 0..count {
         record.clear();
         unpack(chunks.row(index / CHUNK), words.row(index), &mut record);
         let harmonic = |k: usize| harmonic(harmonics.row(index)[k]);
-        record.extend((0..rest.min(REST_KEPT)).flat_map(|k| (0..3).map(move |channel| channel * rest + k)).map(harmonic));
+        record
+            .extend((0..rest.min(REST_KEPT)).flat_map(|k| (0..3).map(move |channel| channel * rest + k)).map(harmonic));
         if record.iter().any(|value| !value.is_finite()) {
             let (path, property) = (source.path, "a range of its chunk".to_owned());
             return Err(PlyError::NotFinite { path, vertex: index, property, found: "another value".into() });
@@ -75,7 +77,8 @@ fn counted(source: &Source) -> Result<usize, PlyError> {
     }
     let mut expected = header.len;
     for element in &header.elements {
-        let stride = element.stride().ok_or_else(|| wrong("expected no lists in a compressed PLY file, found one".into()))?;
+        let stride =
+            element.stride().ok_or_else(|| wrong("expected no lists in a compressed PLY file, found one".into()))?;
         expected = expected.saturating_add(element.count.saturating_mul(stride as u64));
     }
     if expected > *file_len {
@@ -83,7 +86,9 @@ fn counted(source: &Source) -> Result<usize, PlyError> {
     }
     let chunks = count.div_ceil(CHUNK as u64);
     let is_right = count_of("chunk") == chunks && [0, count].contains(&count_of("sh"));
-    let message = || format!("expected {chunks} chunks of {CHUNK} and harmonics of each Gaussian for {count} of them, found others");
+    let message = || {
+        format!("expected {chunks} chunks of {CHUNK} and harmonics of each Gaussian for {count} of them, found others")
+    };
     if is_right { Ok(count as usize) } else { Err(wrong(message())) }
 }
 
@@ -136,9 +141,8 @@ impl Table {
         }
         for _ in 0..element.count {
             source.file.read_exact(&mut record).map_err(io)?;
-            let value = |(_, offset, scalar): &(&str, usize, Scalar)| {
-                scalar.decode(&record[*offset..], source.header.encoding)
-            };
+            let value =
+                |(_, offset, scalar): &(&str, usize, Scalar)| scalar.decode(&record[*offset..], source.header.encoding);
             table.values.extend(columns.iter().map(value));
         }
         Ok(table)

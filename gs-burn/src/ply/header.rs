@@ -3,8 +3,8 @@
 use std::io::{BufRead, Read};
 use std::path::Path;
 
-use super::{PlyError, RENDER_MODE, SplatRenderMode};
 use super::printable::printable;
+use super::{PlyError, RENDER_MODE, SplatRenderMode};
 
 /// Longest header that is read; a header of Gaussians has 2 KB.
 const HEADER_MAX: u64 = 1 << 16;

@@ -258,7 +258,8 @@ fn rest_per_channel(element: &Element) -> Result<usize, String> {
     if let Some(rest) = REST_PER_CHANNEL.into_iter().find(|rest| 3 * rest == found) {
         return Ok(rest);
     }
-    let higher = (REST_PER_CHANNEL.len()..=SH_DEGREE_KNOWN).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == found);
+    let higher =
+        (REST_PER_CHANNEL.len()..=SH_DEGREE_KNOWN).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == found);
     Err(match higher {
         Some(degree) => format!(
             "SH degree {degree} is not supported (at most {SH_DEGREE_MAX}): found {found} properties `f_rest_*`, expected 0, 9, 24, \

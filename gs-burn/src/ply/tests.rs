@@ -303,7 +303,9 @@ fn compressed_files_are_read() {
         assert!(read_ply(&path, &device()).is_err(), "{length} bytes");
     }
     let header = String::from_utf8_lossy(&bytes[..header_len(&bytes)]).into_owned();
-    let with = |from: &str, to: &str| [header.replacen(from, to, 1).into_bytes(), bytes[header_len(&bytes)..].to_vec()].concat();
+    let with = |from: &str, to: &str| {
+        [header.replacen(from, to, 1).into_bytes(), bytes[header_len(&bytes)..].to_vec()].concat()
+    };
     assert_refused(&path, &with("vertex 2", "vertex 3"), "cut short");
     assert_refused(&path, &with("chunk 1", "chunk 0"), "chunks of 256");
     assert_refused(&path, &with("sh 2", "sh 1"), "harmonics");
@@ -327,7 +329,9 @@ fn compressed() -> Vec<u8> {
          end_header\n"
     );
     let mut bytes = header.into_bytes();
-    [-1.0_f32, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 0.0, -5.0, 0.0, -5.0, 0.0].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    [-1.0_f32, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 0.0, -5.0, 0.0, -5.0, 0.0]
+        .iter()
+        .for_each(|x| bytes.extend(x.to_le_bytes()));
     let middle = 511 << 20 | 511 << 10 | 511;
     [0, middle, 0, 0xff00_8000, u32::MAX, 1 << 30 | middle, u32::MAX, 0x0000_00ff]
         .iter()

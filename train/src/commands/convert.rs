@@ -29,7 +29,10 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode> {
     }
     let packed = read_packed(&args.from, &device)?
         .with_context(|| format!("{}: expected a .ply, .spz or .glb file", args.from.display()))?;
-    outputs::check(std::slice::from_ref(&args.to), std::slice::from_ref(&args.from))?;
+    if args.to.exists() && args.from.canonicalize().ok() == args.to.canonicalize().ok() {
+        bail!("{}: this is the file to read; name another to write", args.to.display());
+    }
+    outputs::check_one(&args.to)?;
     let mut packed = Packed { samples: SAMPLES, ..packed };
     if let Some(degree) = args.sh_degree {
         packed = packed.cut(usize::from(degree));

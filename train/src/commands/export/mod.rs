@@ -34,10 +34,9 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     let format = match Format::of(&args.out) {
         Some(format) => format,
         None if args.out.extension().is_some_and(|ending| ending == "safetensors") => return network(args, &device),
-        None => bail!(
-            "{}: expected the name of a {ENDINGS} file, or of a network a .safetensors file",
-            args.out.display()
-        ),
+        None => {
+            bail!("{}: expected the name of a {ENDINGS} file, or of a network a .safetensors file", args.out.display())
+        }
     };
     let loaded = load_scene(&args.scene, &device)?;
     if args.time.is_some() || args.frames.is_some() {
@@ -52,7 +51,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     let is_numbered = args.frames.is_some() && !format.moves();
     let path = |index| if is_numbered { numbered(&args.out, index) } else { args.out.clone() };
     let paths: Vec<PathBuf> = (0..times.len()).map(path).collect();
-    outputs::check(&paths, std::slice::from_ref(&args.scene))?;
+    outputs::check(&paths, &[])?;
     let turn = args.up.map(|up| rotation(args, &loaded, up)).transpose()?;
     let samples = args.frames.map_or(SAMPLES, |count| count as usize);
     let mut scenes: Vec<Packed> = times.iter().map(|t| Packed::of(&loaded, *t, samples)).collect();
@@ -77,7 +76,10 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     }
     for ((path, scene), note) in paths.iter().zip(scenes).zip(notes) {
         let scene = scene.translated(loaded.origin);
-        let scene = turn.map_or(scene.clone(), |turn| scene.turned(turn));
+        let scene = match turn {
+            Some(turn) => scene.turned(turn),
+            None => scene,
+        };
         write_one(path, &scene, format, note, &device)?;
     }
     Ok(ExitCode::SUCCESS)
