@@ -38,6 +38,8 @@ pub(crate) struct ViewNote {
     pub masked: Option<f64>,
     /// No pixel of the view counts.
     pub is_blank: bool,
+    /// The photo is stored turned or mirrored, by EXIF. Known only of frames that were [examined](Decoder::examine).
+    pub is_turned: bool,
     pub sides: SideNotes,
 }
 
@@ -87,7 +89,8 @@ impl Decoder {
         let size = (image.width() as usize, image.height() as usize);
         drop(image);
         let camera = Camera::of(frame, size)?;
-        Ok(camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes))
+        let note = camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes);
+        Ok(ViewNote { is_turned: pixels::is_turned(&frame.image_path), ..note })
     }
 
     /// Camera to world of the frame's view.
@@ -150,6 +153,7 @@ impl Camera {
             off_photo: self.resolved.off_photo,
             masked: self.masked,
             is_blank: self.masked == Some(1.0),
+            is_turned: false,
             sides,
         }
     }

@@ -14,9 +14,7 @@ impl Foreign {
     /// Told from the first bytes of a file.
     pub fn of_bytes(bytes: &[u8]) -> Option<Self> {
         let at = |place: usize, word: &[u8]| bytes.get(place..).is_some_and(|rest| rest.starts_with(word));
-        let starts: [(&[u8], Self); 9] = [
-            (b"II*\0", Self::Photo("TIFF")),
-            (b"MM\0*", Self::Photo("TIFF")),
+        let starts: [(&[u8], Self); 7] = [
             (b"GIF8", Self::Photo("GIF")),
             (b"BM", Self::Photo("BMP")),
             (&[0x76, 0x2f, 0x31, 0x01], Self::Photo("OpenEXR")),
@@ -28,7 +26,7 @@ impl Foreign {
             (&[0, 0, 1, 0xba], Self::Video),
         ];
         if at(0, b"RIFF") {
-            return if at(8, b"WEBP") { Some(Self::Photo("WebP")) } else { at(8, b"AVI ").then_some(Self::Video) };
+            return at(8, b"AVI ").then_some(Self::Video);
         }
         // The ISO base media file format: its brand says whether it holds an image or a video.
         if at(4, b"ftyp") {
@@ -44,8 +42,6 @@ impl Foreign {
     /// Told from the extension of a file.
     pub fn of_extension(path: &Path) -> Option<Self> {
         Some(match extension(path).as_str() {
-            "webp" => Self::Photo("WebP"),
-            "tif" | "tiff" => Self::Photo("TIFF"),
             "heic" | "heif" => Self::Photo("HEIC"),
             "avif" => Self::Photo("AVIF"),
             "gif" => Self::Photo("GIF"),
@@ -81,7 +77,7 @@ pub(crate) const POSES: &str = "COLMAP finds the poses (`colmap automatic_recons
 
 /// Whether the extension is a photo's that is read.
 pub(crate) fn is_photo(path: &Path) -> bool {
-    ["png", "jpg", "jpeg"].contains(&extension(path).as_str())
+    ["png", "jpg", "jpeg", "webp", "tif", "tiff"].contains(&extension(path).as_str())
 }
 
 fn extension(path: &Path) -> String {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
+use crate::camera_path::KeyFrames;
 use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::findings::Findings;
@@ -68,13 +69,26 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     })
 }
 
-/// Reads the cameras of a transforms.json file for rendering, in file order; images need not exist if the file gives
-/// `w` and `h`. In a folder, the first of transforms_render.json, transforms.json, transforms_test.json and
-/// transforms_train.json is read.
+/// Reads cameras for rendering; images need not exist where the sizes are given.
+///
+/// Of a transforms.json file, in file order; in a folder, the first of transforms_render.json, transforms.json, transforms_test.json
+/// and transforms_train.json. Of a folder with a COLMAP model, by name. Of a JSON file of key frames, the path through them
+/// (see [`camera_path`](crate::camera_path)).
 ///
 /// # Errors
 /// As [`load`], and when a frame has neither `w` and `h` nor an image to take the size from.
 pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
+    if path.is_dir()
+        && formats::transforms::cameras_in(path).is_none()
+        && let Some(files) = formats::colmap::find(path)
+    {
+        return formats::colmap::cameras(&files);
+    }
+    if !path.is_dir()
+        && let Some(path) = KeyFrames::find(path)?
+    {
+        return Ok(path.cameras());
+    }
     formats::transforms::read_cameras(path)
 }
 

@@ -12,7 +12,7 @@ use crate::printable::{is_steering, printable};
 const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "gif"];
 
 /// Tried, in this order, where a data set leaves the extension out.
-const TRIED: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
+const TRIED: [&str; 9] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG", "webp", "tif", "tiff"];
 
 /// The path with `/` for separators: data sets exported on Windows have backslashes.
 pub(crate) fn with_slashes(written: &str) -> String {

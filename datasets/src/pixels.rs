@@ -3,6 +3,7 @@
 use std::io::{BufReader, Cursor, Seek};
 use std::path::Path;
 
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::error::DatasetError;
@@ -72,7 +73,8 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
     limits.max_alloc = Some(DECODE_MAX);
     reader.limits(limits);
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
-    let is_read = matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg));
+    let is_read =
+        matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP | ImageFormat::Tiff));
     if let Some(foreign) = Foreign::of_bytes(bytes).filter(|_| !is_read) {
         return Err(wrong(foreign.advice()));
     }
@@ -84,6 +86,10 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
     let (width, height) = decoder.dimensions();
     if decoder.total_bytes() / DECODED_PER_BYTE > bytes.len() as u64 {
         return Err(wrong(format!("a header of {width} x {height} pixels on a file of {} bytes", bytes.len())));
+    }
+    // Not every decoder asks its limits before it answers with an image.
+    if decoder.total_bytes() > DECODE_MAX {
+        return Err(wrong(format!("an image of {width} x {height} pixels, which takes more than 1 GiB")));
     }
     let image = DynamicImage::from_decoder(decoder).map_err(|error| wrong(error.to_string()))?;
     if image.width() == 0 || image.height() == 0 {
@@ -102,6 +108,19 @@ pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     file.rewind().map_err(|error| DatasetError::read(path, error))?;
     let reader = ImageReader::new(file).with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })
+}
+
+/// Whether the file says by EXIF that its pixels are to be turned or mirrored when they are shown. Nothing here does that: poses and
+/// intrinsics are of the pixels as stored, in COLMAP's and nerfstudio's data sets. `false` where nothing is said or the file cannot
+/// be read.
+pub(crate) fn is_turned(path: &Path) -> bool {
+    let Ok(file) = guarded::open_regular(path, guarded::IMAGE_MAX) else { return false };
+    let Ok(mut reader) = ImageReader::new(BufReader::new(file)).with_guessed_format() else { return false };
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(DECODE_MAX);
+    reader.limits(limits);
+    let orientation = reader.into_decoder().and_then(|mut decoder| decoder.orientation());
+    orientation.is_ok_and(|orientation| orientation != Orientation::NoTransforms)
 }
 
 /// The background of transparent pixels.

@@ -22,6 +22,8 @@ pub enum SceneFormat {
     Panoptic,
     /// LLFF's poses_bounds.npy with the frames of several cameras in folders (N3DV), or with photos.
     Llff,
+    /// A table of cameras by RealityScan (RealityCapture), with points as PLY.
+    RealityScan,
 }
 
 impl fmt::Display for SceneFormat {
@@ -32,6 +34,7 @@ impl fmt::Display for SceneFormat {
             Self::ColmapBinary => "COLMAP binary",
             Self::Panoptic => "Panoptic (train_meta.json)",
             Self::Llff => "LLFF (poses_bounds.npy)",
+            Self::RealityScan => "RealityScan (CSV)",
         })
     }
 }

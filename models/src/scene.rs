@@ -3,6 +3,7 @@
 use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
+use gs_formats::SeriesLaw;
 
 /// A scene that may move.
 ///
@@ -22,6 +23,11 @@ pub trait DynamicScene {
     /// The Gaussians at each of `times`. A model that integrates its motion over time overrides this, to integrate once.
     fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
         times.iter().map(|t| self.at(*t)).collect()
+    }
+
+    /// The moving rows and their motion as series of functions of time, where it is that; `None` where only times can be asked for.
+    fn series(&self) -> Option<(Vec<u32>, SeriesLaw)> {
+        None
     }
 }
 

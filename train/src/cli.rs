@@ -1,5 +1,6 @@
 //! Arguments exactly as typed. A command with many arguments has a file of its own.
 
+mod export;
 mod extrapolate;
 mod flow;
 mod import;
@@ -12,6 +13,7 @@ mod chart;
 mod sweep;
 
 pub use chart::ChartArgs;
+pub use export::{ConvertArgs, ExportArgs, Up};
 pub use extrapolate::ExtrapolateArgs;
 pub use flow::FlowArgs;
 pub use sweep::SweepArgs;
@@ -25,7 +27,7 @@ use crate::pipelines::examples;
 
 pub use import::ImportArgs;
 pub use reconstruct::ReconstructArgs;
-pub use render::{ExportArgs, ImageFormat, RenderArgs};
+pub use render::{ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
 
@@ -53,10 +55,12 @@ pub enum Command {
     Reconstruct(ReconstructArgs),
     /// Find the scene flow of a driving log from its LiDAR sweeps alone, and score it where there are labels
     Flow(FlowArgs),
-    /// Render a scene along the cameras of a transforms.json
+    /// Render a scene along the cameras of a data set, or along a path: orbit, spiral, key frames
     Render(RenderArgs),
-    /// Write a trained scene as PLY for other viewers
+    /// Write a trained scene for other viewers: PLY, SPZ, glTF or OpenUSD
     Export(ExportArgs),
+    /// Turn a file of Gaussians into another: PLY, SPZ, glTF, OpenUSD
+    Convert(ConvertArgs),
     /// Predict frames after a recording, with paths, maps, rigid parts and uncertainty
     Extrapolate(Box<ExtrapolateArgs>),
     /// Make a data set whose ground truth is known, or blur a sharp one

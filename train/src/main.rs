@@ -33,6 +33,7 @@ fn call(command: &Command) -> Result<ExitCode> {
         Command::Flow(args) => commands::flow::run(args),
         Command::Render(args) => commands::render::run(args),
         Command::Export(args) => commands::export::run(args),
+        Command::Convert(args) => commands::convert::run(args),
         Command::Extrapolate(args) => commands::extrapolate::run(args),
         Command::Synth(args) => commands::synth::run(args),
         Command::Import(args) => commands::import::run(args),

@@ -8,6 +8,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::lens::off_photo_warning;
 use crate::mask;
+use crate::names::some_names;
 use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
@@ -52,6 +53,16 @@ pub(super) fn describe(
             "There {} {} more.",
             agree(sizes.len() - 5, "is", "are"),
             counted(sizes.len() - 5, "image size")
+        ));
+    }
+    let turned: Vec<&str> = decoded.iter().filter(|value| value.is_turned).map(|value| value.name.as_str()).collect();
+    if !turned.is_empty() {
+        report.facts.push(format!(
+            "{} {} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are stored, \
+             and those of COLMAP are ({}).",
+            counted(turned.len(), "image"),
+            agree(turned.len(), "has", "have"),
+            some_names(&turned)
         ));
     }
     let rescaled = decoded.iter().filter(|value| value.rescaled.is_some()).count();

@@ -11,7 +11,7 @@ use crate::consistency;
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::formats::{self, Layout, colmap, llff, panoptic, transforms};
+use crate::formats::{self, Layout, colmap, llff, panoptic, realityscan, transforms};
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::plural::{agree, counted};
@@ -67,6 +67,10 @@ fn fill(
         Layout::Llff(poses) => {
             report.facts.push(format!("The poses are in {}.", poses.path.display()));
             llff::read(&poses, options, findings)?
+        }
+        Layout::RealityScan(table) => {
+            report.facts.push(format!("The cameras are in {}.", table.file.display()));
+            realityscan::read(&table, options, findings)?
         }
     };
     report.format = Some(raw.format);

@@ -38,7 +38,7 @@ const ROW: usize = 17;
 const CAMERA_PREFIX: &str = "cam";
 
 /// Extensions of frames.
-const IMAGES: [&str; 3] = ["png", "jpg", "jpeg"];
+const IMAGES: [&str; 6] = ["png", "jpg", "jpeg", "webp", "tif", "tiff"];
 
 /// Videos that would have to be taken apart first.
 const VIDEOS: [&str; 3] = ["mp4", "mov", "avi"];

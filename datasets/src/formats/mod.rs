@@ -5,6 +5,8 @@ pub(crate) mod json;
 pub(crate) mod llff;
 pub(crate) mod panoptic;
 mod poseless;
+pub(crate) mod realityscan;
+pub(crate) mod renamed;
 pub(crate) mod transforms;
 
 use std::path::Path;
@@ -20,6 +22,7 @@ pub(crate) enum Layout {
     Colmap(colmap::ModelFiles),
     Panoptic(panoptic::MetaFiles),
     Llff(llff::PoseFile),
+    RealityScan(realityscan::CameraTable),
 }
 
 /// Recognises the layout. JSON wins over a COLMAP model beside it: converters that write both (nerfstudio) put the
@@ -47,7 +50,10 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     if let Some(poses) = poses {
         return Ok(Layout::Llff(poses));
     }
-    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, or a COLMAP \
+    if let Some(table) = realityscan::find(path) {
+        return Ok(Layout::RealityScan(table));
+    }
+    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of RealityScan, or a COLMAP \
                    model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
                    sparse_bin/0 or dense/sparse";
     let (expected, found) = match poseless::found(path, metadata.is_dir()) {
@@ -64,6 +70,7 @@ pub(crate) fn read(path: &Path, options: &LoadOptions, findings: &mut Findings) 
         Layout::Colmap(files) => colmap::read(&files, options, findings),
         Layout::Panoptic(files) => panoptic::read(&files, options, findings),
         Layout::Llff(poses) => llff::read(&poses, options, findings),
+        Layout::RealityScan(table) => realityscan::read(&table, options, findings),
     }
 }
 

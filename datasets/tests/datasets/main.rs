@@ -6,6 +6,7 @@ mod colmap;
 mod colmap_writer;
 mod consistency;
 mod deblur;
+mod dialects;
 mod fixtures;
 mod foreign;
 mod guards;

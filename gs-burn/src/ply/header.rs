@@ -3,8 +3,8 @@
 use std::io::{BufRead, Read};
 use std::path::Path;
 
-use super::PlyError;
 use super::printable::printable;
+use super::{PlyError, RENDER_MODE, SplatRenderMode};
 
 /// Longest header that is read; a header of Gaussians has 2 KB.
 const HEADER_MAX: u64 = 1 << 16;
@@ -114,6 +114,8 @@ pub fn start_of(text: &str) -> String {
 pub struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
+    /// What a comment says about drawing; `None` without it, or where it says a word that is not known.
+    pub render_mode: Option<SplatRenderMode>,
     /// Bytes up to and including the line `end_header`.
     pub len: u64,
 }
@@ -138,6 +140,7 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
+        let mut render_mode = None;
         loop {
             let Some(line) = next(&mut file)? else {
                 return Err(
@@ -154,6 +157,7 @@ impl Header {
                         _ => return Err(unclear()),
                     });
                 }
+                ["comment", RENDER_MODE, word] => render_mode = SplatRenderMode::of_word(word),
                 ["comment" | "obj_info", ..] | [] => {}
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| unclear())?;
@@ -173,6 +177,6 @@ impl Header {
             }
         }
         let encoding = encoding.ok_or_else(|| bad("expected a line `format`, found none".into()))?;
-        Ok(Self { encoding, elements, len })
+        Ok(Self { encoding, elements, render_mode, len })
     }
 }

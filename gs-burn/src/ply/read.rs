@@ -1,6 +1,5 @@
 //! Reading a scene.
 
-use std::collections::TryReserveError;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -9,73 +8,63 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use super::header::{Element, Encoding, Header, Scalar, start_of};
 use super::printable::printable;
-use super::{
-    PlyError, RECORD_LOG_SCALES, RECORD_MEANS, RECORD_OPACITY, RECORD_QUATS, RECORD_SH, REST_PER_CHANNEL, VERTICES_MAX,
-    record_names,
-};
+use super::source::{Records, Source};
+use super::{PlyError, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names};
 use crate::Gaussians;
+
+/// A scene and what its file says of it.
+#[derive(Debug, Clone)]
+pub struct PlyScene {
+    /// The Gaussians.
+    pub gaussians: Gaussians,
+    /// How they are to be drawn, where the file says so.
+    pub render_mode: Option<SplatRenderMode>,
+    /// Degree of the harmonics in the file, 0 to 4; above 3 they were left out.
+    pub sh_degree: usize,
+}
 
 /// Reads a scene onto a device.
 ///
 /// # Errors
 /// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
 pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, PlyError> {
-    let records = Reader::open(path.as_ref())?.read()?;
+    Ok(read_ply_scene(path, device)?.gaussians)
+}
+
+/// [`read_ply`], with what the file says beside its Gaussians.
+///
+/// # Errors
+/// As [`read_ply`].
+pub fn read_ply_scene(path: impl AsRef<Path>, device: &Device) -> Result<PlyScene, PlyError> {
+    let source = Source::open(path.as_ref())?;
+    let render_mode = source.header.render_mode;
+    let (records, rest) = if compressed::is_compressed(&source.header) {
+        compressed::read(source)?
+    } else {
+        let reader = Reader::of(source)?;
+        let rest = reader.rest;
+        (reader.read()?, rest)
+    };
+    Ok(PlyScene { gaussians: gaussians(records, device), render_mode, sh_degree: (rest + 1).isqrt() - 1 })
+}
+
+fn gaussians(records: Records, device: &Device) -> Gaussians {
     let count = records.opacity_logits.len();
     let coefficients = records.rest + 1;
     fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
         Tensor::from_data(TensorData::new(values, shape), device)
     }
-    Ok(Gaussians::from_tensors(
+    Gaussians::from_tensors(
         tensor(records.means, [count, 3], device),
         tensor(records.quats, [count, 4], device),
         tensor(records.log_scales, [count, 3], device),
         tensor(records.opacity_logits, [count], device),
         tensor(records.sh, [count, coefficients, 3], device),
-    ))
+    )
 }
 
 /// Longest line of a text file, bytes: a vertex of degree 3 has 62 numbers, and a face a few more.
 const LINE_MAX: u64 = 1 << 16;
-
-/// Gaussians on the host.
-#[derive(Default)]
-struct Records {
-    means: Vec<f32>,
-    quats: Vec<f32>,
-    log_scales: Vec<f32>,
-    opacity_logits: Vec<f32>,
-    sh: Vec<f32>,
-    /// Coefficients per channel above degree 0.
-    rest: usize,
-}
-
-impl Records {
-    /// With room for `count` Gaussians, if the machine has it.
-    fn with_capacity(count: usize, rest: usize) -> Result<Self, TryReserveError> {
-        let floats = |each: usize| -> Result<Vec<f32>, TryReserveError> {
-            let mut values = Vec::new();
-            values.try_reserve_exact(count * each)?;
-            Ok(values)
-        };
-        Ok(Self {
-            means: floats(3)?,
-            quats: floats(4)?,
-            log_scales: floats(3)?,
-            opacity_logits: floats(1)?,
-            sh: floats(3 * (rest + 1))?,
-            rest,
-        })
-    }
-
-    fn push(&mut self, record: &[f32]) {
-        self.means.extend_from_slice(&record[RECORD_MEANS]);
-        self.quats.extend_from_slice(&record[RECORD_QUATS]);
-        self.log_scales.extend_from_slice(&record[RECORD_LOG_SCALES]);
-        self.opacity_logits.push(record[RECORD_OPACITY]);
-        self.sh.extend_from_slice(&record[RECORD_SH..]);
-    }
-}
 
 /// The position of a value of the packed record in a vertex.
 struct Column {
@@ -94,24 +83,14 @@ struct Reader {
     header: Header,
     /// Index of the element `vertex`.
     vertex: usize,
+    /// Coefficients per channel above degree 0 in the file.
     rest: usize,
     columns: Vec<Column>,
 }
 
 impl Reader {
-    fn open(path: &Path) -> Result<Self, PlyError> {
-        let io = |source| PlyError::Io { path: path.to_owned(), source };
-        // Asked before it is opened: a pipe without a writer would be waited for.
-        let metadata = std::fs::metadata(path).map_err(io)?;
-        if !metadata.is_file() {
-            let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
-            return Err(PlyError::NotAFile { path: path.to_owned(), found });
-        }
-        let file = File::open(path).map_err(io)?;
-        let file_len = file.metadata().map_err(io)?.len();
-        let mut file = BufReader::with_capacity(1 << 20, file);
-        let header = Header::read(path, &mut file)?;
-        let bad = |message: String| PlyError::Header { path: path.to_owned(), message };
+    fn of(Source { path, file, file_len, header }: Source) -> Result<Self, PlyError> {
+        let bad = |message: String| PlyError::Header { path: path.clone(), message };
         let vertex = header.elements.iter().position(|element| element.name == "vertex");
         let vertex = vertex.ok_or_else(|| bad("expected an element `vertex`, found none".into()))?;
         let element = &header.elements[vertex];
@@ -122,8 +101,8 @@ impl Reader {
             )));
         }
         let rest = rest_per_channel(element).map_err(bad)?;
-        let columns = columns(path, element, rest)?;
-        Ok(Self { path: path.to_owned(), file, file_len, header, vertex, rest, columns })
+        let columns = columns(&path, element, rest)?;
+        Ok(Self { path, file, file_len, header, vertex, rest, columns })
     }
 
     fn read(mut self) -> Result<Records, PlyError> {
@@ -154,7 +133,7 @@ impl Reader {
     }
 
     fn room(&self, count: usize) -> Result<Records, PlyError> {
-        Records::with_capacity(count, self.rest).map_err(|error| self.io(io::Error::other(error)))
+        Records::with_capacity(count, self.rest.min(REST_KEPT)).map_err(|error| self.io(io::Error::other(error)))
     }
 
     /// Bytes of header and of the elements in front of the vertices, which are skipped.
@@ -267,8 +246,8 @@ impl Reader {
     }
 }
 
-/// Highest degree of spherical harmonics that is read.
-const SH_DEGREE_MAX: usize = REST_PER_CHANNEL.len() - 1;
+/// Highest degree of spherical harmonics that a scene holds.
+const SH_DEGREE_MAX: usize = 3;
 
 /// Highest degree that an error recognises by its number of properties.
 const SH_DEGREE_KNOWN: usize = 10;
@@ -279,13 +258,14 @@ fn rest_per_channel(element: &Element) -> Result<usize, String> {
     if let Some(rest) = REST_PER_CHANNEL.into_iter().find(|rest| 3 * rest == found) {
         return Ok(rest);
     }
-    let higher = (SH_DEGREE_MAX + 1..=SH_DEGREE_KNOWN).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == found);
+    let higher =
+        (REST_PER_CHANNEL.len()..=SH_DEGREE_KNOWN).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == found);
     Err(match higher {
         Some(degree) => format!(
-            "SH degree {degree} is not supported (at most {SH_DEGREE_MAX}): found {found} properties `f_rest_*`, expected 0, 9, 24 \
-             or 45"
+            "SH degree {degree} is not supported (at most {SH_DEGREE_MAX}): found {found} properties `f_rest_*`, expected 0, 9, 24, \
+             45 or 72"
         ),
-        None => format!("expected 0, 9, 24 or 45 properties `f_rest_*`, found {found}"),
+        None => format!("expected 0, 9, 24, 45 or 72 properties `f_rest_*`, found {found}"),
     })
 }
 

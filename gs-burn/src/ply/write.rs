@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Tensor;
 
-use super::{PlyError, RECORD_OPACITY, RECORD_SH, record_names};
+use super::{PlyError, RECORD_OPACITY, RECORD_SH, RENDER_MODE, SplatRenderMode, record_names};
 use crate::Gaussians;
 
 /// Writes a scene as little-endian binary in the layout of 3DGS.
@@ -16,12 +16,24 @@ use crate::Gaussians;
 /// # Errors
 /// When the file cannot be written, or a Gaussian holds a value that is not finite, which no viewer could show.
 pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<(), PlyError> {
+    write_ply_as(path, gaussians, None)
+}
+
+/// [`write_ply`] with a comment that says how the scene is to be drawn.
+///
+/// # Errors
+/// As [`write_ply`].
+pub fn write_ply_as(
+    path: impl AsRef<Path>,
+    gaussians: &Gaussians,
+    mode: Option<SplatRenderMode>,
+) -> Result<(), PlyError> {
     let path = path.as_ref();
     let records = Records::of(gaussians);
     records.check(path)?;
     let io = |source| PlyError::Io { path: path.to_owned(), source };
     let partial = beside(path);
-    let written = write(&partial, &records).and_then(|()| fs::rename(&partial, path));
+    let written = write(&partial, &records, mode).and_then(|()| fs::rename(&partial, path));
     if written.is_err() {
         // The error at hand is more useful than one about the temporary file.
         let _ = fs::remove_file(&partial);
@@ -82,14 +94,14 @@ impl Records {
     }
 }
 
-fn write(path: &Path, records: &Records) -> io::Result<()> {
+fn write(path: &Path, records: &Records, mode: Option<SplatRenderMode>) -> io::Result<()> {
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     let layout = layout(records.rest);
-    writeln!(
-        file,
-        "ply\nformat binary_little_endian 1.0\ncomment written by gsburn\nelement vertex {}",
-        records.count
-    )?;
+    writeln!(file, "ply\nformat binary_little_endian 1.0\ncomment written by gsburn")?;
+    if let Some(mode) = mode {
+        writeln!(file, "comment {RENDER_MODE} {}", mode.word())?;
+    }
+    writeln!(file, "element vertex {}", records.count)?;
     for (name, _) in &layout {
         writeln!(file, "property float {name}")?;
     }

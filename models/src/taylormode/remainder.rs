@@ -12,6 +12,7 @@ use std::f64::consts::PI;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
+use gs_formats::Shape;
 use serde::{Deserialize, Serialize};
 
 use super::velocity_map::row;
@@ -88,6 +89,16 @@ impl Remainder {
             continued(s, || best_line(|s| function(s).value), function)
         });
         functions.collect()
+    }
+
+    /// The time functions by name.
+    pub(super) fn shapes(&self) -> Vec<Shape> {
+        let wave = |j: usize| Shape::Wave {
+            power: self.order as u32 + 1,
+            n: j.div_ceil(2) as u32,
+            sine: j > 0 && j.is_multiple_of(2),
+        };
+        (0..FUNCTIONS).map(wave).collect()
     }
 
     /// `s^(n+1) phi_j(s)`.

@@ -7,6 +7,7 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use gs_burn::ops::rows::take_rows;
 use gs_burn::{Gaussians, RowMap};
+use gs_formats::SeriesLaw;
 use serde::{Deserialize, Serialize};
 
 use super::kinks::{Contact, Kinks};
@@ -272,5 +273,9 @@ impl DynamicScene for TaylorScene {
     fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
         let paths = self.paths();
         times.iter().map(|t| paths.moved(&self.gaussians, *t)).collect()
+    }
+
+    fn series(&self) -> Option<(Vec<u32>, SeriesLaw)> {
+        (!self.motion.is_empty()).then(|| (self.motion.rows.clone(), self.paths().series()))
     }
 }

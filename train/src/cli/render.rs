@@ -1,4 +1,4 @@
-//! Arguments of `render` and `export`, the commands that write a trained scene for other programs.
+//! Arguments of `render`.
 
 use std::path::PathBuf;
 
@@ -16,16 +16,54 @@ pub enum ImageFormat {
     Exr,
 }
 
+const RENDER_EXAMPLES: &str = "\
+Examples:
+  gsburn render runs/my-photos --out frames                              the cameras of the data set
+  gsburn render runs/my-photos --orbit --video --out film
+  gsburn render runs/my-video --between DSC_01 DSC_09 --images 240 --size 1920x1080 --video --out film
+  gsburn render scene.ply --cameras path.json --out frames               key frames, see docs/formats.md
+  gsburn render runs/my-video --cameras my-video --time 0.5 --out frames";
+
 /// Arguments of `render`.
 #[derive(Debug, Args)]
+#[command(after_help = RENDER_EXAMPLES)]
 pub struct RenderArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply)
+    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb)
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 
-    /// Cameras: a transforms.json (its images need not exist); images are named after its frames
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    pub cameras: PathBuf,
+    /// Cameras: a transforms.json, a folder with one or with a COLMAP model (photos need not exist), or a JSON file of key frames;
+    /// images are named after its frames [default: the run's data set]
+    #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
+    pub cameras: Option<PathBuf>,
+
+    /// In place of the cameras: a circle round what they look at, at their median distance and height
+    #[arg(long, conflicts_with_all = ["spiral", "between", "frames"])]
+    pub orbit: bool,
+
+    /// In place of the cameras: a spiral about their middle
+    #[arg(long, conflicts_with_all = ["between", "frames"])]
+    pub spiral: bool,
+
+    /// In place of the cameras: the straight way from one to another, by their names
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with = "frames")]
+    pub between: Vec<String>,
+
+    /// Images of the path; a moving scene goes through its recording meanwhile [default: 120]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub images: Option<u32>,
+
+    /// Size of the images, with the same angle of view over the height [default: the cameras' own]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+
+    /// Also one film of all images in their order, video.mp4 (by ffmpeg; a GIF where that is not installed)
+    #[arg(long)]
+    pub video: bool,
+
+    /// Images a second of the film
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub fps: u32,
 
     /// Folder for the images
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
@@ -70,33 +108,11 @@ pub struct RenderArgs {
     pub device: DeviceArgs,
 }
 
-/// Arguments of `export`.
-#[derive(Debug, Args)]
-pub struct ExportArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply)
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub scene: PathBuf,
-
-    /// The PLY file to write (3DGS layout, in the data set's own world); of a network, the .safetensors file to write without
-    /// the state of its optimiser
-    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    pub out: PathBuf,
-
-    /// Time of a moving scene, in its data set's unit [default: the middle of the recording]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
-    pub time: Option<f64>,
-
-    /// One file for each of N times spread over the recording, numbered
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub frames: Option<u32>,
-
-    /// Leave out nearly transparent, oversized and isolated Gaussians
-    #[arg(long)]
-    pub no_floaters: bool,
-
-    /// Keep SH only up to this degree
-    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
-    pub sh_degree: Option<u8>,
+impl RenderArgs {
+    /// Whether images are along a path and not at the cameras themselves.
+    pub fn is_path(&self) -> bool {
+        self.orbit || self.spiral || !self.between.is_empty()
+    }
 }
 
 /// A finite number.

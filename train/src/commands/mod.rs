@@ -5,6 +5,7 @@ pub mod chart;
 pub mod check;
 pub mod choose;
 mod combinations;
+pub mod convert;
 pub mod demo;
 pub mod eval;
 pub mod export;

@@ -31,7 +31,7 @@ use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
 use crate::run::progress;
 use crate::run::resources::Stopwatch;
-use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply};
+use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply_as};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
 
@@ -107,7 +107,7 @@ fn finish<M: Method>(
 ) -> Result<Ending> {
     let (step, at) = (trainer.step, trainer.at(&data.cues, config));
     run.save(step, &Snapshot::of(trainer))?;
-    write_ply(&job.folder.ply(), trainer.gaussians(), data.scene.origin)
+    write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased)
         .map_err(|error| error.context("the finished scene could not be exported"))?;
     let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);

@@ -25,6 +25,7 @@ use crate::fit::foresight::Foresight;
 use crate::fit::snapshot::Snapshot;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::evaluate::{Comparison, Measured};
+use crate::run::exchange::read_scene;
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
@@ -217,11 +218,14 @@ pub fn names() -> String {
     PIPELINES.map(|pipeline| pipeline.name()).join(", ")
 }
 
-/// Reads a scene from a run folder (its newest checkpoint), a checkpoint (`.safetensors`) or a PLY file.
+/// Reads a scene from a run folder (its newest checkpoint), a checkpoint (`.safetensors`) or a PLY, SPZ or glTF file.
 ///
 /// # Errors
 /// A sentence naming the file, what was expected and what was found.
 pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
+    if let Some(loaded) = path.is_file().then(|| read_scene(path, device)).transpose()?.flatten() {
+        return Ok(loaded);
+    }
     match read_file(path, device)? {
         SceneFile::Ply(gaussians) => Ok(LoadedScene::of_gaussians(gaussians)),
         SceneFile::Checkpoint(checkpoint) => of_checkpoint(&checkpoint)?.open(&checkpoint, device),

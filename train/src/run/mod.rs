@@ -6,11 +6,12 @@
 //! | [`folder`], [`lock`] | where a run's files are, what is in them, and who may write them |
 //! | [`checkpoint`], [`fingerprint`] | saved states, and whether a run goes on with the views it began on |
 //! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
-//! | [`scene`], [`outputs`] | finished scenes in and out, and files that are never written over |
+//! | [`scene`], [`exchange`], [`outputs`] | finished scenes in and out, those of other programs, and files that are never written over |
 //! | [`progress`], [`resources`], [`memory`], [`profile`], [`interrupt`] | what a user sees while it runs |
 
 pub mod checkpoint;
 pub mod evaluate;
+pub mod exchange;
 pub mod fingerprint;
 pub mod folder;
 pub mod interrupt;

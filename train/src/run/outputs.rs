@@ -2,12 +2,12 @@
 //! make. A file of ours is known by a mark in its first bytes.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 
-/// The mark: a text chunk of a PNG, a comment of PLY, GIF, SVG, HTML and Markdown, an attribute of EXR, a field of JSON.
+/// The mark: a text chunk of a PNG, a comment of PLY, SPZ, GIF, SVG, HTML and Markdown, the generator of glTF, the last box of an MP4, an attribute of EXR, a field of JSON.
 pub const MARK: &str = "written by gsburn";
 
 /// What the first line of a CSV table of ours begins with and contains: a table has no place for a comment, and these columns are in each.
@@ -53,12 +53,22 @@ pub fn check_one(path: &Path) -> Result<()> {
 }
 
 fn is_ours(path: &Path) -> bool {
-    let mut begin = Vec::new();
+    let (mut begin, mut end) = (Vec::new(), Vec::new());
     // What cannot be read is not ours; a pipe or a device is not opened.
     let is_read =
         path.is_file() && File::open(path).and_then(|file| file.take(LOOKED_AT).read_to_end(&mut begin)).is_ok();
     let is_csv = path.extension().is_some_and(|extension| extension == "csv") && is_our_table(&begin);
-    is_read && (is_csv || begin.windows(MARK.len()).any(|bytes| bytes == MARK.as_bytes()))
+    // A film has its mark behind everything else.
+    let is_end_read = is_read && read_end(path, &mut end).is_ok();
+    let has_mark = |bytes: &[u8]| bytes.windows(MARK.len()).any(|bytes| bytes == MARK.as_bytes());
+    is_read && (is_csv || has_mark(&begin) || is_end_read && has_mark(&end))
+}
+
+fn read_end(path: &Path, end: &mut Vec<u8>) -> std::io::Result<()> {
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len().min(MARK.len() as u64);
+    file.seek(SeekFrom::End(-(length as i64)))?;
+    file.take(length).read_to_end(end).map(drop)
 }
 
 fn is_our_table(begin: &[u8]) -> bool {

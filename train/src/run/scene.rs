@@ -5,17 +5,18 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use burn::tensor::{Device, Tensor};
 use glam::DVec3;
-use gs_burn::ply;
+use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
+use gs_formats::{glb, spz};
 use gs_models::{DynamicScene, Static};
 
 use super::checkpoint::Checkpoint;
+use super::exchange::host::gaussians_of;
 use super::folder::RunFolder;
 use super::metrics::median;
 use crate::config::{Config, RenderConfig};
 use crate::fit::density::ops::Draft;
 use crate::fit::facts::SceneFacts;
-use crate::fit::parameters::{self, Group, Table, indices};
 
 /// A scene from a file, with its metadata.
 pub struct LoadedScene {
@@ -53,7 +54,7 @@ pub struct SceneRun {
 pub enum SceneFile {
     /// A saved state.
     Checkpoint(Box<Checkpoint>),
-    /// Gaussians at one time.
+    /// Gaussians at one time, of a PLY, SPZ or glTF file.
     Ply(Gaussians),
 }
 
@@ -111,7 +112,7 @@ impl LoadedScene {
     }
 }
 
-/// Reads a run folder's newest checkpoint, a checkpoint (`.safetensors`) or a PLY file.
+/// Reads a run folder's newest checkpoint, a checkpoint (`.safetensors`), or the Gaussians of a PLY, SPZ or glTF file.
 ///
 /// # Errors
 /// A sentence naming the file, what was expected and what was found.
@@ -130,7 +131,11 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("safetensors") => checkpoint(path),
         Some("ply") => Ok(SceneFile::Ply(ply::read_ply(path, device)?)),
-        _ => bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply file", path.display()),
+        Some("spz") => Ok(SceneFile::Ply(gaussians_of(&spz::read(path)?, device))),
+        Some("glb") => Ok(SceneFile::Ply(gaussians_of(&glb::read(path)?.splats, device))),
+        _ => {
+            bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply, .spz or .glb file", path.display())
+        }
     }
 }
 
@@ -145,6 +150,15 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()
     ply::write_ply(path, &translated(gaussians, origin)).context("cannot write the scene")
 }
 
+/// [`write_ply`] with a comment that says whether the scene is to be drawn with antialiasing.
+///
+/// # Errors
+/// As [`write_ply`].
+pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: bool) -> Result<()> {
+    let mode = if antialiased { SplatRenderMode::Mip } else { SplatRenderMode::Default };
+    ply::write_ply_as(path, &translated(gaussians, origin), Some(mode)).context("cannot write the scene")
+}
+
 /// The Gaussians moved by `offset`, scene units.
 pub fn translated(gaussians: &Gaussians, offset: DVec3) -> Gaussians {
     if offset == DVec3::ZERO {
@@ -157,16 +171,7 @@ pub fn translated(gaussians: &Gaussians, offset: DVec3) -> Gaussians {
     Gaussians::from_tensors(means + offset, quats, log_scales, opacities, sh)
 }
 
-/// The Gaussians with SH coefficients up to `degree` only.
-pub fn truncate_sh(gaussians: &Gaussians, degree: usize) -> Gaussians {
-    let mut gaussians = gaussians.clone();
-    let columns = Group::Sh.columns(degree.min(gaussians.sh_degree()));
-    let sh = gaussians.group(Group::Sh).narrow(1, 0, columns);
-    gaussians.set(Group::Sh, sh);
-    gaussians
-}
-
-/// Thresholds of [`without_floaters`].
+/// Thresholds of [`no_floaters`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FloaterFilter {
     /// Gaussians of lower opacity are removed.
@@ -183,15 +188,15 @@ impl Default for FloaterFilter {
     }
 }
 
-/// The Gaussians without nearly transparent, oversized and isolated ones.
-pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussians {
+/// The rows that are neither nearly transparent nor oversized nor isolated.
+pub fn no_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Vec<u32> {
     use kiddo::{ImmutableKdTree, SquaredEuclidean};
     use rayon::prelude::*;
 
     let draft = Draft::read(gaussians);
     let rows = draft.len();
     if rows == 0 {
-        return gaussians.clone();
+        return Vec::new();
     }
     let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&draft.means);
     let wanted = std::num::NonZero::new(9).expect("a positive constant");
@@ -205,10 +210,8 @@ pub fn without_floaters(gaussians: &Gaussians, filter: &FloaterFilter) -> Gaussi
     let sizes: Vec<f64> = (0..rows).map(|row| draft.size(row)).collect();
     let times = |factor: f64, values: &[f64]| factor * median(values.to_vec()).expect("there are Gaussians");
     let (largest, widest) = (times(filter.max_size, &sizes), times(filter.max_gap, &gaps));
-    let kept: Vec<u32> = (0..rows)
+    (0..rows)
         .filter(|row| draft.opacity(*row) >= filter.min_opacity && sizes[*row] <= largest && gaps[*row] <= widest)
         .map(|row| row as u32)
-        .collect();
-    let kept = indices(&kept, &gaussians.device());
-    parameters::gaussians(Group::ALL.map(|group| gaussians.group(group).select(0, kept.clone())))
+        .collect()
 }

@@ -9,8 +9,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use self::model::Model;
+use super::renamed::Renamed;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::frame::CameraPose;
 use crate::guarded;
 use crate::lens::Lens;
 use crate::mask::{MaskFile, White};
@@ -108,6 +110,40 @@ pub(crate) fn read(
     scene(files, model, options, findings)
 }
 
+/// The cameras of a model, one for each image, by name; no photo needs to exist. A lens distortion is left out.
+pub(crate) fn cameras(files: &ModelFiles) -> Result<Vec<CameraPose>, DatasetError> {
+    let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
+    let is_binary = files.format == SceneFormat::ColmapBinary;
+    let cameras = if is_binary { binary::cameras(&cameras_file)? } else { text::cameras(&cameras_file)? };
+    let cameras: HashMap<u32, model::Camera> = cameras.into_iter().collect();
+    let images = if is_binary { binary::images(&images_file, false)? } else { text::images(&images_file, false)? };
+    let pose = |image: &model::Image| {
+        let camera = cameras.get(&image.camera_id).ok_or_else(|| {
+            let expected = format!("a camera that {} lists", cameras_file.display());
+            let found = format!("camera {}", image.camera_id);
+            DatasetError::malformed(&images_file, format!("image {:?}", image.name), expected, found)
+        })?;
+        let size = (camera.width.try_into().unwrap_or(u32::MAX), camera.height.try_into().unwrap_or(u32::MAX));
+        let lens = camera.lens(image.camera_id, &cameras_file)?;
+        Ok(CameraPose {
+            name: names::output_name(Path::new(""), &image.name, &images_file)?,
+            c2w: pose::from_world_to_camera(image.q, image.t, &images_file, &image.name)?,
+            intrinsics: lens.resolve(size, &cameras_file, &cameras_file)?.intrinsics,
+            width: size.0 as usize,
+            height: size.1 as usize,
+            time: None,
+        })
+    };
+    let mut poses = images.iter().map(pose).collect::<Result<Vec<_>, DatasetError>>()?;
+    poses.sort_by(|a, b| a.name.cmp(&b.name));
+    names::make_unique(poses.iter_mut().map(|pose| &mut pose.name));
+    if poses.is_empty() {
+        let found = format!("no image in {}", images_file.display());
+        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
+    }
+    Ok(poses)
+}
+
 /// The scene of a model that was read.
 pub(crate) fn scene(
     files: &ModelFiles,
@@ -119,12 +155,20 @@ pub(crate) fn scene(
     let image_folder = image_folder(files, &model, options)?;
     let mask_folder = mask_folder(&image_folder, options.masks);
     let mut lenses: HashMap<u32, Lens> = HashMap::new();
-    let (mut frames, mut missing) = (Vec::new(), Vec::new());
+    let (mut frames, mut missing, mut elsewhere) = (Vec::new(), Vec::new(), Vec::new());
+    let mut renamed = None;
     let total = model.images.len();
     for image in &model.images {
         let name = names::output_name(&image_folder, &image.name, &images_file);
         let Some(name) = findings.take(name)? else { continue };
-        let Some(image_path) = names::find_image(&image_folder, &image.name) else {
+        let image_path = names::find_image(&image_folder, &image.name).or_else(|| {
+            // The folder is listed once, and only if a photo is not where it should be.
+            let renamed = renamed.get_or_insert_with(|| Renamed::of(&image_folder));
+            let path = renamed.find(&image.name)?;
+            elsewhere.push(format!("{} as {}", image.name, renamed.shown(&path)));
+            Some(path)
+        });
+        let Some(image_path) = image_path else {
             missing.push(image.name.as_str());
             continue;
         };
@@ -161,6 +205,16 @@ pub(crate) fn scene(
             split: None,
             file: cameras_file.clone(),
         });
+    }
+    if !elsewhere.is_empty() {
+        findings.warn(format!(
+            "{}: {} {} found under another name below {} ({})",
+            images_file.display(),
+            counted(elsewhere.len(), "image"),
+            agree(elsewhere.len(), "was", "were"),
+            image_folder.display(),
+            some_names(&elsewhere)
+        ));
     }
     if !missing.is_empty() {
         findings.warn(format!(

@@ -86,16 +86,23 @@ pub(crate) fn read(
     Ok(scene)
 }
 
+/// Files whose cameras are rendered, in the order in which they are looked for in a folder.
+const CAMERA_FILES: [&str; 4] =
+    ["transforms_render.json", "transforms.json", "transforms_test.json", "transforms_train.json"];
+
+/// The file of cameras in a folder.
+pub(crate) fn cameras_in(folder: &Path) -> Option<PathBuf> {
+    CAMERA_FILES.iter().map(|name| folder.join(name)).find(|file| file.exists())
+}
+
 /// Reads the cameras of a JSON file, or of the first of transforms_render.json, transforms.json, transforms_test.json
 /// and transforms_train.json in a folder. Images are only opened for their size, where the file gives none.
 pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
     let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
     let file = if metadata.is_dir() {
-        let choices = ["transforms_render.json", "transforms.json", "transforms_test.json", "transforms_train.json"];
-        let found = choices.iter().map(|name| path.join(name)).find(|file| file.exists());
-        found.ok_or_else(|| DatasetError::UnknownFormat {
+        cameras_in(path).ok_or_else(|| DatasetError::UnknownFormat {
             path: path.to_path_buf(),
-            expected: format!("one of {}", choices.join(", ")),
+            expected: format!("one of {}, or a COLMAP model", CAMERA_FILES.join(", ")),
             found: "none of them".to_string(),
         })?
     } else {

@@ -10,6 +10,7 @@ mod losses;
 mod order;
 mod paths;
 mod remainder;
+mod series;
 mod shrinkage;
 mod summary;
 mod taylor_motion;

@@ -1,12 +1,15 @@
 //! `gsburn render`.
 
+mod film;
+mod path;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use gs_burn::{Camera, Extras, RenderOptions, Rendering, render_with};
 use gs_datasets::image_io::{encode_exr, encode_png, write_atomic};
-use gs_datasets::{CameraPose, counted, load_cameras};
+use gs_datasets::{CameraPose, counted};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::cli::{ImageFormat, RenderArgs};
@@ -19,17 +22,20 @@ use crate::report::pictures::image_bytes;
 use crate::run::outputs::{self, MARK, marked_png};
 use crate::run::scene::LoadedScene;
 
+use film::Film;
+
 /// Steps of depth in a 16-bit PNG per scene unit: millimetres if the unit is a metre, as in nerfstudio.
 const DEPTH_STEPS: f32 = 1000.0;
 
-/// Renders every camera of a file.
+/// Renders every camera of a file, or of a path.
 ///
 /// # Errors
 /// One sentence saying what was wrong with the scene, the cameras or the disk.
 pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let loaded = load_scene(&args.scene, &device)?;
-    let mut cameras = load_cameras(&args.cameras)?;
+    let source = path::source(args, &loaded)?;
+    let mut cameras = path::cameras(args, &source, &loaded)?;
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
         loaded.warn_outside(args.time);
@@ -54,8 +60,11 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
             (pose, moments.map(|(suffix, t)| (args.out.join(format!("{}{suffix}", pose.name)), t)).collect())
         })
         .collect();
-    check_outputs(args, &jobs, loaded.scene.span().is_some())?;
+    check_outputs(args, &source, &jobs, loaded.scene.span().is_some())?;
     let mut count = 0;
+    let mut film = None;
+    let film_path = args.video.then(|| film_path(args));
+    check_film(args, film_path.as_deref())?;
     for (pose, moments) in jobs {
         // A scene far from its world's origin was trained near zero.
         let c2w = glam::DMat4::from_translation(-loaded.origin) * pose.c2w;
@@ -66,6 +75,14 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
             let features = (args.maps && loaded.scene.span().is_some()).then(|| loaded.scene.velocity(t));
             let rendering = render_with(&gaussians, &camera, &options, Extras { features, screen: None });
             write(&stem, pose, &rendering, args.format)?;
+            if let Some(path) = &film_path {
+                let size = (pose.width, pose.height);
+                let film = match &mut film {
+                    Some(film) => film,
+                    None => film.insert(Film::begin(path.clone(), size, args.fps)?),
+                };
+                film.add(size, &image_bytes(rendering.color.clone()))?;
+            }
             if args.maps {
                 write_maps(&stem, pose, &rendering)?;
             }
@@ -79,11 +96,19 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         }
     }
     print(format!("{} in {}", counted(count, "image"), args.out.display()));
+    if let Some(film) = film {
+        print(format!("{}: a film of them", film.finish()?.display()));
+    }
     Ok(ExitCode::SUCCESS)
 }
 
 /// That nothing is written over but earlier renderings: neither photos that the cameras' file names, nor other files of the user.
-fn check_outputs(args: &RenderArgs, jobs: &[(&CameraPose, Vec<(PathBuf, f64)>)], moves: bool) -> Result<()> {
+fn check_outputs(
+    args: &RenderArgs,
+    source: &Path,
+    jobs: &[(&CameraPose, Vec<(PathBuf, f64)>)],
+    moves: bool,
+) -> Result<()> {
     let mut suffixes = match args.format {
         ImageFormat::Png => vec![".png", "_alpha.png", "_depth.png"],
         ImageFormat::Exr => vec![".exr"],
@@ -93,7 +118,7 @@ fn check_outputs(args: &RenderArgs, jobs: &[(&CameraPose, Vec<(PathBuf, f64)>)],
     let stems = jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(stem, _)| stem));
     let mut paths: Vec<PathBuf> = stems.flat_map(|stem| suffixes.iter().map(|suffix| appended(stem, suffix))).collect();
     paths.extend(jobs.iter().filter(|_| args.gif).map(|(pose, _)| gif(args, pose)));
-    let folder = args.cameras.parent().unwrap_or(Path::new(""));
+    let folder = if source.is_dir() { source } else { source.parent().unwrap_or(Path::new("")) };
     // Names are those of the frames without their extension.
     let extensions = ["png", "exr", "gif"];
     let named: Vec<PathBuf> = jobs
@@ -101,6 +126,22 @@ fn check_outputs(args: &RenderArgs, jobs: &[(&CameraPose, Vec<(PathBuf, f64)>)],
         .flat_map(|(pose, _)| extensions.map(|extension| appended(&folder.join(&pose.name), &format!(".{extension}"))))
         .collect();
     outputs::check(&paths, &named)
+}
+
+/// OUT/video.mp4, or OUT/video.gif where there is no ffmpeg, which is said.
+fn film_path(args: &RenderArgs) -> PathBuf {
+    if film::has_ffmpeg() {
+        return args.out.join("video.mp4");
+    }
+    tracing::warn!("ffmpeg is not installed: the film becomes a GIF, of 256 colours an image");
+    args.out.join("video.gif")
+}
+
+fn check_film(args: &RenderArgs, film: Option<&Path>) -> Result<()> {
+    if args.video && args.format == ImageFormat::Exr {
+        bail!("--video: expected --format png, found exr");
+    }
+    film.map_or(Ok(()), outputs::check_one)
 }
 
 fn gif(args: &RenderArgs, pose: &CameraPose) -> PathBuf {

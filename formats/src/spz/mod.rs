@@ -1,0 +1,29 @@
+//! SPZ, the compressed format of Niantic: versions 2 and 3 are read, 3 is written.
+//!
+//! One gzip stream: a header of 16 bytes, then arrays over all Gaussians: positions, alphas, colours, scales, rotations, harmonics.
+//! Everything is quantised; see `docs/formats.md` for the bytes and what they lose.
+
+mod read;
+mod rotation;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use read::{decode, read};
+pub use write::{encode, fractional_bits, write};
+
+/// "NGSP", little-endian.
+const MAGIC: u32 = 0x5053_474e;
+/// Bytes before the arrays.
+const HEADER: usize = 16;
+/// Bit of the header's flags: trained with antialiasing.
+const ANTIALIASED: u8 = 1;
+/// Bits behind the point of a position where the scene fits into 2048 units.
+const FRACTIONAL_BITS: u32 = 12;
+/// Steps of the logarithm of a scale, and its least value.
+const SCALE_STEPS: f32 = 16.0;
+const SCALE_LEAST: f32 = -10.0;
+/// Share of a colour's byte that a unit of `f_dc` takes.
+const COLOUR: f32 = 0.15;
+/// The half-step by which alphas 0 and 255 are read: their logits would be infinite.
+const ALPHA_LEAST: f64 = 0.5 / 255.0;

@@ -1,0 +1,140 @@
+use std::io::Write;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use super::*;
+use crate::Splats;
+use crate::splats::testing::random;
+use crate::splats::{sigmoid, unit};
+
+/// Largest difference, component by component.
+fn apart<const D: usize>(a: &[[f32; D]], b: &[[f32; D]]) -> f32 {
+    a.iter().flatten().zip(b.iter().flatten()).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
+}
+
+fn packed(raw: &[u8]) -> Vec<u8> {
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+    gzip.write_all(raw).and_then(|()| gzip.finish()).expect("memory")
+}
+
+fn header(version: u32, count: u32, degree: u8, bits: u8) -> Vec<u8> {
+    [&MAGIC.to_le_bytes()[..], &version.to_le_bytes(), &count.to_le_bytes(), &[degree, bits, 0, 0]].concat()
+}
+
+/// Half a step of each quantisation: positions 1/4096, alphas and colours 1/255, log scales 1/16, harmonics buckets of 8 and 16 of
+/// 1/128 (and half a step before that). A component of a rotation is off by half of 1/(511 sqrt 2) or, the largest one, by at most
+/// three times that; 1e-5 is for rounding.
+#[test]
+fn what_is_written_is_read_to_half_a_step() {
+    for degree in 0..=3 {
+        let splats = random(500, degree, 7 + degree as u64);
+        let back = decode(&encode(&splats).expect("encoded")).expect("decoded");
+        assert_eq!((back.len(), back.degree, back.antialiased), (500, degree, Some(false)));
+        assert!(apart(&back.means, &splats.means) <= 0.5 / 4096.0 + 1e-6);
+        assert!(apart(&back.log_scales, &splats.log_scales) <= 0.5 / 16.0 + 1e-5);
+        for (a, b) in back.opacity_logits.iter().zip(&splats.opacity_logits) {
+            assert!((sigmoid(*a) - sigmoid(*b)).abs() <= 0.5 / 255.0 + 1e-6);
+        }
+        for (a, b) in back.quats.iter().zip(&splats.quats) {
+            let (a, b) = (unit(*a), unit(*b));
+            let sign = if a.iter().zip(&b).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+            let most = a.iter().zip(&b).map(|(a, b)| (a - sign * b).abs()).fold(0.0, f64::max);
+            assert!(most <= 3.0 * 0.5 / 511.0 / 2_f64.sqrt() + 1e-5, "{most}");
+        }
+        let s = splats.coefficients();
+        for (i, (a, b)) in back.sh.iter().zip(&splats.sh).enumerate() {
+            // The clamp at the byte 255 takes one step more.
+            let bound = match i % s {
+                0 => 0.5 / 255.0 / 0.15 + 1e-5,
+                1..4 => 4.5 / 128.0 + 1e-5,
+                _ => 8.5 / 128.0 + 1e-5,
+            };
+            // A colour beyond the range of its byte is clamped.
+            let clamped = if i % s == 0 { b.map(|x| x.clamp(-0.5 / 0.15, 0.5 / 0.15)) } else { *b };
+            assert!(apart(&[*a], &[clamped]) <= bound, "coefficient {}: {a:?} {b:?}", i % s);
+        }
+    }
+}
+
+/// What was read once is written again to the same bytes: every quantised value is its own nearest step. Ties of the largest
+/// component of a rotation may fall to another component, so rotations are compared by their turn.
+#[test]
+fn a_second_trip_changes_nothing() {
+    let once = decode(&encode(&random(300, 3, 5)).expect("encoded")).expect("decoded");
+    let twice = decode(&encode(&once).expect("encoded")).expect("decoded");
+    assert_eq!((&once.means, &once.log_scales, &once.sh), (&twice.means, &twice.log_scales, &twice.sh));
+    assert_eq!(once.opacity_logits, twice.opacity_logits);
+    assert!(apart(&once.quats, &twice.quats) < 0.003);
+}
+
+#[test]
+fn opaque_and_clear_gaussians_stay_finite() {
+    let mut splats = random(2, 0, 1);
+    splats.opacity_logits = vec![40.0, -40.0];
+    splats.log_scales = vec![[9.0; 3], [-30.0; 3]];
+    let back = decode(&encode(&splats).expect("encoded")).expect("decoded");
+    assert!(back.opacity_logits.iter().all(|x| x.is_finite() && x.abs() > 6.0), "{:?}", back.opacity_logits);
+    assert_eq!(back.log_scales, [[255.0 / 16.0 - 10.0; 3], [-10.0; 3]]);
+}
+
+/// Map coordinates: six digits before the point leave fewer bits behind it, and half a step is then larger.
+#[test]
+fn far_scenes_keep_their_positions() {
+    let mut splats = random(50, 0, 2);
+    splats.means.iter_mut().for_each(|mean| mean[0] += 500_000.0);
+    assert_eq!(fractional_bits(&splats), Some(4));
+    let back = decode(&encode(&splats).expect("encoded")).expect("decoded");
+    assert!(apart(&back.means, &splats.means) <= 0.5 / 16.0 + 1e-6);
+    splats.means[0][1] = 1e9;
+    assert!(encode(&splats).is_err());
+}
+
+/// A file of version 2 by hand: one Gaussian.
+#[test]
+fn version_2_is_read() {
+    let position = |x: f32| ((x * 4096.0) as i32).to_le_bytes()[..3].to_vec();
+    let mut raw = header(2, 1, 1, 12);
+    [1.5, -2.0, 0.25].map(position).iter().for_each(|bytes| raw.extend(bytes));
+    // Half opaque, colours, scales, a rotation of 90 degrees about x, harmonics of which the first is 0.5.
+    raw.extend([128, 255, 128, 0, 160, 96, 0, 218, 128, 128]);
+    raw.extend([192, 128, 128, 128, 128, 128, 128, 128, 128]);
+    let splats = decode(&packed(&raw)).expect("decoded");
+    assert_eq!(splats.means, [[1.5, 2.0, -0.25]]);
+    assert_eq!(splats.log_scales, [[0.0, -4.0, -10.0]]);
+    assert!((splats.quats[0][0] - 0.7045).abs() < 0.003 && (splats.quats[0][1] - 0.7098).abs() < 0.003);
+    assert_eq!(splats.sh[1], [-0.5, 0.0, 0.0], "the first harmonic is of y, which is reversed");
+    assert!((splats.sh[0][0] - 3.3333).abs() < 1e-3 && (splats.sh[0][2] + 3.3333).abs() < 1e-3);
+}
+
+/// Every length of the file is refused, and so are headers that promise what no file holds.
+#[test]
+fn broken_files_are_refused() {
+    let bytes = encode(&random(20, 1, 3)).expect("encoded");
+    for length in 0..bytes.len() {
+        assert!(decode(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+    }
+    let wrong = |raw: &[u8]| decode(&packed(raw)).expect_err("broken");
+    assert!(wrong(&header(3, 67_000_000, 3, 12)).contains("no "));
+    assert!(wrong(&header(3, u32::MAX, 0, 12)).contains("at most"));
+    assert!(wrong(&header(1, 1, 0, 12)).contains("version 1"));
+    assert!(wrong(&header(3, 1, 9, 12)).contains("degree"));
+    assert!(wrong(&header(3, 1, 0, 60)).contains("fractional"));
+    assert!(wrong(b"a text of more than sixteen bytes").contains("NGSP"));
+    assert!(decode(b"plain bytes, no gzip").is_err());
+    assert!(decode(&header(4, 1, 0, 12)).expect_err("newer").contains("splat-transform"));
+}
+
+/// A bomb: 64 MB of zeros in 64 kB. Only what the header asks for is unpacked.
+#[test]
+fn a_bomb_is_not_unpacked() {
+    let mut raw = header(3, 1, 0, 12);
+    raw.resize(64 << 20, 0);
+    assert!(decode(&packed(&raw)).expect_err("too long").contains("found more"));
+}
+
+#[test]
+fn an_empty_scene_comes_back() {
+    let back = decode(&encode(&Splats::default()).expect("encoded")).expect("decoded");
+    assert!(back.is_empty());
+}

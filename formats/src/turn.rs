@@ -1,0 +1,135 @@
+//! Turning a world: exactly by 180 degrees about x, or by any rotation.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::sh_rotation::BandTurn;
+use crate::splats::unit;
+use crate::{Law, Motion, Splats};
+
+/// Signs of the 16 harmonics when y and z are reversed.
+pub(crate) const FLIPPED_SH: [f32; 16] =
+    [1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+
+/// Turned by 180 degrees about x: from y down to y up, and back. To the bit: only signs change.
+pub fn flip(splats: &Splats) -> Splats {
+    let s = splats.coefficients();
+    Splats {
+        means: splats.means.iter().copied().map(flip_vector).collect(),
+        // The Gaussian's own axes y and z are reversed with the world's, which its shape does not see.
+        quats: splats.quats.iter().map(|[w, x, y, z]| [*w, *x, -y, -z]).collect(),
+        sh: splats.sh.iter().enumerate().map(|(i, c)| c.map(|c| FLIPPED_SH[i % s] * c)).collect(),
+        log_scales: splats.log_scales.clone(),
+        opacity_logits: splats.opacity_logits.clone(),
+        degree: splats.degree,
+        antialiased: splats.antialiased,
+    }
+}
+
+/// [`flip`] of a motion.
+pub fn flip_motion(motion: &Motion) -> Motion {
+    turned_law(motion, flip_vector, |[w, x, y, z]| [w, x, -y, -z])
+}
+
+fn flip_vector([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [x, -y, -z]
+}
+
+/// Turned by any rotation: means, orientations and harmonics. A Gaussian that was at `p` is at `rotation p`, and looks from there as
+/// it looked.
+pub fn turn(splats: &Splats, rotation: DMat3) -> Splats {
+    let (quat, bands) = (quaternion(rotation), BandTurn::new(rotation));
+    let s = splats.coefficients();
+    let mut sh = splats.sh.clone();
+    sh.chunks_mut(s).for_each(|sh| bands.turn(sh));
+    Splats {
+        means: splats.means.iter().map(|mean| turn_vector(rotation, *mean)).collect(),
+        quats: splats.quats.iter().map(|q| turn_quaternion(quat, *q)).collect(),
+        sh,
+        log_scales: splats.log_scales.clone(),
+        opacity_logits: splats.opacity_logits.clone(),
+        degree: splats.degree,
+        antialiased: splats.antialiased,
+    }
+}
+
+/// [`turn`] of a motion.
+pub fn turn_motion(motion: &Motion, rotation: DMat3) -> Motion {
+    let quat = quaternion(rotation);
+    turned_law(motion, |v| turn_vector(rotation, v), |q| turn_quaternion(quat, q))
+}
+
+/// The smallest rotation after which `up`, a direction of the world, is -y: up in the axes of [`Splats`].
+/// `None` when `up` has no direction.
+pub fn upright(up: DVec3) -> Option<DMat3> {
+    let up = up.try_normalize()?;
+    Some(DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::NEG_Y)))
+}
+
+fn turned_law(motion: &Motion, vector: impl Fn([f32; 3]) -> [f32; 3], quat: impl Fn([f32; 4]) -> [f32; 4]) -> Motion {
+    let mut motion = motion.clone();
+    match &mut motion.law {
+        // A rotation vector turns like any other vector.
+        Law::Series(law) => {
+            law.position.vectors.iter_mut().chain(&mut law.rotation.vectors).for_each(|v| *v = vector(*v));
+        }
+        Law::Keys(keys) => {
+            keys.means.iter_mut().for_each(|v| *v = vector(*v));
+            keys.quats.iter_mut().for_each(|q| *q = quat(*q));
+        }
+    }
+    motion
+}
+
+fn quaternion(rotation: DMat3) -> DQuat {
+    DQuat::from_mat3(&rotation).normalize()
+}
+
+fn turn_vector(rotation: DMat3, v: [f32; 3]) -> [f32; 3] {
+    (rotation * DVec3::from_array(v.map(f64::from))).to_array().map(|x| x as f32)
+}
+
+fn turn_quaternion(turn: DQuat, q: [f32; 4]) -> [f32; 4] {
+    let [w, x, y, z] = unit(q);
+    let q = turn * DQuat::from_xyzw(x, y, z, w);
+    [q.w, q.x, q.y, q.z].map(|x| x as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splats::testing::random;
+
+    fn covariance(splats: &Splats, i: usize) -> DMat3 {
+        let [w, x, y, z] = unit(splats.quats[i]);
+        let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
+        let scales = DVec3::from_array(splats.log_scales[i].map(|s| f64::from(s).exp()));
+        let m = axes * DMat3::from_diagonal(scales);
+        m * m.transpose()
+    }
+
+    /// Covariances turn as `R C R^T`. Entries are at most exp(-4) and rounded at 6e-8 of them in the quaternion: below 1e-7.
+    #[test]
+    fn both_turns_turn_the_shapes() {
+        let splats = random(10, 3, 1);
+        let half = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+        let other = DMat3::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1);
+        for (rotation, turned) in [(half, flip(&splats)), (half, turn(&splats, half)), (other, turn(&splats, other))] {
+            for i in 0..splats.len() {
+                let expected = rotation * covariance(&splats, i) * rotation.transpose();
+                let difference = expected - covariance(&turned, i);
+                assert!(difference.to_cols_array().iter().all(|x| x.abs() < 1e-7), "{difference}");
+            }
+        }
+        assert_eq!(flip(&flip(&splats)), splats);
+    }
+
+    #[test]
+    fn up_becomes_minus_y() {
+        for up in [DVec3::Z, DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::new(0.1, -0.2, 3.0)] {
+            let turned = upright(up).expect("a direction") * up.normalize();
+            assert!((turned - DVec3::NEG_Y).length() < 1e-12, "{turned}");
+        }
+        assert_eq!(upright(DVec3::NEG_Y), Some(DMat3::IDENTITY));
+        assert!(upright(DVec3::ZERO).is_none());
+    }
+}
