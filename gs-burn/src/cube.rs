@@ -2,6 +2,7 @@
 //! Everything computes in `f32`. Only the number of intersections, and the rows from which an exposure's lists are made, leave the
 //! device.
 
+mod dispatches;
 mod sparse_conv;
 
 use burn::backend::Backend;
@@ -243,8 +244,10 @@ impl RasterizeKernels for CubeBackend {
         let saved = saved.expect("a tracked forward pass saves its state");
         let saved = rasterize::Saved { attributes: launch.floats(saved.rows), pixels: launch.ints(saved.pixels) };
         let v_output = launch.floats(v_output);
-        let gradients = Blended::of(&launch, inputs)
-            .with(|inputs| rasterize::backward(&launch.client, &config, inputs, &saved, &v_output, of_background));
+        let bytes = dispatches::pair_bytes(&launch.device);
+        let gradients = Blended::of(&launch, inputs).with(|inputs| {
+            rasterize::backward_within(&launch.client, &config, inputs, &saved, &v_output, of_background, bytes)
+        });
         let gradients = unwrap(gradients);
         RasterizeGradients {
             projected: launch.float_tensor(gradients.projected, [count, PROJECTED]),

@@ -8,6 +8,14 @@
 //! # Ok::<(), gs_burn::device::DeviceError>(())
 //! ```
 
+#[cfg(feature = "cube")]
+mod adapters;
+mod auto;
+#[cfg(any(feature = "cube", test))]
+mod choice;
+#[cfg(feature = "vulkan")]
+mod spirv;
+
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::str::FromStr;
@@ -18,8 +26,8 @@ use burn::tensor::{Device, Tensor};
 /// A backend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceKind {
-    /// The first that works of CUDA, Metal, Vulkan, wgpu, Flex and NdArray; never a software GPU, which is slower than the CPU
-    /// backends.
+    /// The best GPU of this build that can train, else Flex, else NdArray. Cards go before GPUs in the processor, then CUDA before
+    /// Metal, Vulkan and wgpu. A software adapter is never taken, since it is slower than the CPU backends.
     Auto,
     /// CPU, Burn's Flex.
     Flex,
@@ -37,7 +45,7 @@ pub enum DeviceKind {
 
 use DeviceKind::{Auto, Cuda, Flex, Metal, NdArray, Vulkan, Wgpu};
 
-/// All kinds, the order in which [`DeviceKind::Auto`] tries them.
+/// All kinds, those of GPUs in the order in which [`DeviceKind::Auto`] prefers them.
 const KINDS: [DeviceKind; 7] = [Auto, Cuda, Metal, Vulkan, Wgpu, Flex, NdArray];
 
 /// All backends that a build can have, those on the CPU first.
@@ -96,13 +104,34 @@ pub enum DeviceError {
     },
 }
 
+/// A device, and for `auto` why it was taken.
+#[derive(Clone, Debug)]
+pub struct Selected {
+    /// The device, without gradient tracking.
+    pub device: Device,
+    /// What `auto` took and what it passed over, as a sentence without its full stop; `None` where there was nothing to choose from:
+    /// for every other name, and in a build for the CPU alone.
+    pub why: Option<String>,
+}
+
 /// Finds the device called `name`: `auto`, `flex`, `ndarray`, `wgpu`, `vulkan`, `metal` or `cuda`, for a GPU optionally
 /// with an index (`cuda:1`). Call [`Device::autodiff`] on it to record gradients.
 ///
 /// # Errors
 /// When the name is unknown, its backend is not part of this build, or the device does not work. Never panics.
 pub fn select(name: &str) -> Result<Device, DeviceError> {
-    name.parse::<DeviceChoice>()?.open()
+    Ok(select_explained(name)?.device)
+}
+
+/// [`select`], with the reason for what `auto` took.
+///
+/// # Errors
+/// As [`select`].
+pub fn select_explained(name: &str) -> Result<Selected, DeviceError> {
+    match name.parse::<DeviceChoice>()? {
+        DeviceChoice { kind: Auto, .. } => auto::open_best(),
+        choice => Ok(Selected { device: choice.open()?, why: None }),
+    }
 }
 
 impl FromStr for DeviceChoice {
@@ -144,7 +173,7 @@ impl DeviceChoice {
     /// When its backend is not part of this build, or the device does not work. Never panics.
     pub fn open(self) -> Result<Device, DeviceError> {
         if self.kind == Auto {
-            return open_best();
+            return Ok(auto::open_best()?.device);
         }
         if !self.kind.is_built() {
             return Err(DeviceError::NotBuilt { kind: self.kind });
@@ -164,20 +193,24 @@ impl DeviceChoice {
                 devices.into_iter().nth(index).ok_or(missing)?
             }
         };
+        if let Some(reason) = refusal(&device) {
+            return Err(unavailable(reason));
+        }
         probe(&device).map_err(unavailable)?;
         Ok(device)
     }
 }
 
-/// The first device that works.
-fn open_best() -> Result<Device, DeviceError> {
-    for kind in KINDS.into_iter().filter(|kind| kind.is_built()) {
-        let works = |device: &Device| probe(device).is_ok();
-        if let Some(device) = kind.hardware().into_iter().find(works) {
-            return Ok(device);
-        }
-    }
-    Err(DeviceError::NotBuilt { kind: Flex })
+/// Why a driver must not be given this build's kernels.
+#[cfg(feature = "vulkan")]
+fn refusal(device: &Device) -> Option<String> {
+    quietly(|| spirv::refusal(device)).unwrap_or_else(Some)
+}
+
+/// Only kernels in SPIR-V are known to crash a driver.
+#[cfg(not(feature = "vulkan"))]
+fn refusal(_: &Device) -> Option<String> {
+    None
 }
 
 impl DeviceKind {
@@ -246,25 +279,6 @@ impl DeviceKind {
             Cuda => Device::enumerate(DeviceType::Cuda).into_vec(),
             other => unreachable!("{other} has no index or is not built"),
         }
-    }
-
-    /// Candidates for [`DeviceKind::Auto`] of a kind that is built: no software GPU among them.
-    fn hardware(self) -> Vec<Device> {
-        #[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal"))]
-        {
-            use burn::tensor::DeviceKind::{DiscreteGpu, IntegratedGpu, VirtualGpu};
-            let gpus = [DiscreteGpu(0), IntegratedGpu(0), VirtualGpu(0)].into_iter();
-            match self {
-                #[cfg(feature = "wgpu")]
-                Wgpu => return gpus.map(Device::wgpu).collect(),
-                #[cfg(feature = "vulkan")]
-                Vulkan => return gpus.map(Device::vulkan).collect(),
-                #[cfg(feature = "metal")]
-                Metal => return gpus.map(Device::metal).collect(),
-                _ => {}
-            }
-        }
-        vec![self.default_device()]
     }
 }
 
@@ -357,7 +371,9 @@ mod tests {
 
     #[test]
     fn every_built_device_opens_or_says_why() {
-        assert!(select("auto").is_ok());
+        let auto = select_explained("auto").unwrap();
+        assert_eq!(auto.why.is_some(), cfg!(feature = "cube"), "{:?}", auto.why);
+        assert!(auto.why.is_none_or(|why| why.starts_with("auto took ")));
         for kind in KINDS.into_iter().filter(|kind| kind.is_built()) {
             match select(kind.name()) {
                 Ok(_) => {}

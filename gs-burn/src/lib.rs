@@ -39,6 +39,11 @@
 #[doc = include_str!("../../README.md")]
 struct Readme;
 
+/// So does that of this crate's README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct OwnReadme;
+
 pub mod adam;
 pub mod camera;
 #[cfg(feature = "cube")]

@@ -88,7 +88,8 @@ pub enum Command {
 /// The compute device.
 #[derive(Debug, Clone, Args)]
 pub struct DeviceArgs {
-    /// Compute device: auto, flex, ndarray, wgpu, vulkan, metal or cuda, with an index as in cuda:1
+    /// Compute device: auto (the best GPU of this build, never a software one, else the CPU), flex, ndarray, wgpu, vulkan, metal
+    /// or cuda, with an index as in cuda:1
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     pub device: String,
 }

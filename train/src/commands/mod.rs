@@ -35,9 +35,14 @@ use crate::run::evaluate::Quality;
 use crate::run::metrics::NO_LPIPS;
 use crate::run::outputs::MARK;
 
-/// The device named by the arguments, without autodiff.
+/// The device named by the arguments, without autodiff. In a build with a GPU backend it says on standard error what `auto` took, and
+/// why: the wrong choice costs hours.
 fn device(args: &DeviceArgs) -> Result<Device> {
-    Ok(gs_burn::device::select(&args.device)?)
+    let selected = gs_burn::device::select_explained(&args.device)?;
+    if let Some(why) = selected.why {
+        eprintln!("{}", printable(&why));
+    }
+    Ok(selected.device)
 }
 
 /// A device for people: its backend and, for a GPU, its name.
