@@ -87,8 +87,10 @@ fn near(distance: Option<f64>, share: Option<f64>) -> f64 {
     }
 }
 
+/// The colour along the photos' borders, if most are of one; else the mean colour of the photos, the best constant guess at what no
+/// training camera sees.
 fn found_background(views: &[View]) -> [f32; 3] {
-    let found = border_color(views).unwrap_or([0; 3]);
+    let Some(found) = border_color(views) else { return mean_color(views) };
     if found != [0; 3] {
         tracing::warn!(
             "most of the photos' borders are of one colour, {found:?} of 255, which is taken for the background's; \
@@ -96,6 +98,23 @@ fn found_background(views: &[View]) -> [f32; 3] {
         );
     }
     found.map(|level| f32::from(level) / 255.0)
+}
+
+/// The mean over all pixels of all photos that count, 0 to 1; black without any.
+fn mean_color(views: &[View]) -> [f32; 3] {
+    let (mut sums, mut count) = ([0u64; 3], 0u64);
+    for view in views {
+        for (pixel, color) in view.image.data.as_chunks::<3>().0.iter().enumerate().filter(|(i, _)| counts(view, *i)) {
+            (0..3).for_each(|channel| sums[channel] += u64::from(color[channel]));
+            count += 1;
+        }
+    }
+    sums.map(|sum| (sum as f64 / (255 * count.max(1)) as f64) as f32)
+}
+
+/// Whether no mask ignores a pixel. Pixels that a lens never reaches are black, whatever is behind the scene.
+fn counts(view: &View, pixel: usize) -> bool {
+    view.mask.as_ref().is_none_or(|mask| mask[pixel] != 0)
 }
 
 /// The colour along the borders of most photos, if there is one.
@@ -112,12 +131,13 @@ fn border_color(views: &[View]) -> Option<[u8; 3]> {
     (share > BORDER).then_some(color)
 }
 
-/// The outermost pixels of a view.
+/// The outermost pixels of a view that count.
 fn border(view: &View) -> impl Iterator<Item = [u8; 3]> {
     let (width, height) = (view.width, view.height);
     let rows = (0..width).flat_map(move |x| [x, (height - 1) * width + x]);
     let columns = (0..height).flat_map(move |y| [y * width, y * width + width - 1]);
-    rows.chain(columns).map(|pixel| [0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]))
+    let pixels = rows.chain(columns).filter(|pixel| counts(view, *pixel));
+    pixels.map(|pixel| [0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]))
 }
 
 #[cfg(test)]
@@ -187,6 +207,21 @@ mod tests {
         for (i, view) in scene.train.iter_mut().enumerate() {
             view.image.data.iter_mut().for_each(|level| *level = level.saturating_sub(5 * i as u8));
         }
-        assert_eq!(SceneFacts::of(&scene, &Config::default(), None).background, [0.0; 3]);
+        let levels = scene.train.iter().flat_map(|view| &view.image.data).map(|level| f64::from(*level));
+        let mean = (levels.sum::<f64>() / (12.0 * 36.0 * 3.0 * 255.0)) as f32;
+        let found = SceneFacts::of(&scene, &Config::default(), None).background;
+        assert!(found.iter().all(|channel| (channel - mean).abs() < 1e-6), "{found:?}, not {mean}");
+    }
+
+    /// Black where an undistorted photo has no colour is no background.
+    #[test]
+    fn borders_that_a_mask_ignores_are_no_background() {
+        let mut scene = ring(0);
+        let inner = |pixel: usize| (1..5).contains(&(pixel % 6)) && (1..5).contains(&(pixel / 6));
+        let mask: Vec<u8> = (0..36).map(|pixel| if inner(pixel) { 255 } else { 0 }).collect();
+        scene.train.iter_mut().for_each(|view| view.mask = Some(mask.clone()));
+        let found = SceneFacts::of(&scene, &Config::default(), None).background;
+        // Four of the sixteen pixels that count have level 40, the others are black.
+        assert!((found[0] - 10.0 / 255.0).abs() < 1e-6, "{found:?}");
     }
 }
