@@ -4,6 +4,10 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 
+use serde::Serialize;
+
+use crate::basis::MotionBasis;
+
 /// A scene that may move.
 ///
 /// `t` is in the data set's own time unit (seconds, or 0 to 1 where the format normalises); a model states which one it
@@ -23,6 +27,26 @@ pub trait DynamicScene {
     fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
         times.iter().map(|t| self.at(*t)).collect()
     }
+
+    /// The motion as a sum of fixed functions of time; `None` where it is none, or nothing moves.
+    fn basis(&self) -> Option<MotionBasis> {
+        None
+    }
+
+    /// How long the shutter was open for the photos that the scene was learned from, in the unit of time; `None` where the model
+    /// does not know.
+    fn exposure(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// How the exposures of photos are formed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Shutter {
+    /// How long it is open, the unit of time.
+    pub exposure: f64,
+    /// Whether light adds up, as in a sensor; otherwise encoded colours do.
+    pub linear: bool,
 }
 
 /// A scene that does not move.
