@@ -7,6 +7,7 @@ mod reconstruct;
 mod render;
 mod stability;
 mod synth;
+mod view;
 
 mod chart;
 mod sweep;
@@ -27,6 +28,8 @@ pub use import::ImportArgs;
 pub use reconstruct::ReconstructArgs;
 pub use render::{ExportArgs, ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
+pub use view::{ViewArgs, WatchArgs};
+
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
 
 /// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.
@@ -55,6 +58,10 @@ pub enum Command {
     Flow(FlowArgs),
     /// Render a scene along the cameras of a transforms.json
     Render(RenderArgs),
+    /// Write one page that shows a scene in a browser, in three dimensions and through time
+    View(ViewArgs),
+    /// Show a run in a browser while it trains: its newest checkpoint and its curves
+    Watch(WatchArgs),
     /// Write a trained scene as PLY for other viewers
     Export(ExportArgs),
     /// Predict frames after a recording, with paths, maps, rigid parts and uncertainty

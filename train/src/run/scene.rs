@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::ply;
 use gs_burn::{Gaussians, RenderOptions};
-use gs_models::{DynamicScene, Static};
+use gs_models::{DynamicScene, Shutter, Static};
 
 use super::checkpoint::Checkpoint;
 use super::folder::RunFolder;
@@ -31,6 +31,8 @@ pub struct LoadedScene {
     pub render: RenderConfig,
     /// The default time at which it is shown.
     pub middle: f64,
+    /// How the photos' exposures are formed, if it has a blur model.
+    pub shutter: Option<Shutter>,
     /// Its run; `None` for a PLY file.
     pub run: Option<SceneRun>,
 }
@@ -68,6 +70,7 @@ impl LoadedScene {
             facts: SceneFacts::unknown(&config),
             render: config.render,
             middle: 0.0,
+            shutter: None,
             run: None,
         }
     }
