@@ -107,6 +107,12 @@ pub struct Keys {
 }
 
 impl TimeFunction {
+    /// `shape`, which returns to `line` (value at `s = 0`, slope) within `fade` past the edge.
+    pub fn returning(shape: Shape, line: [f64; 2], fade: f64) -> Self {
+        let edges = [-1.0, 1.0].map(|edge| [shape.at(edge), shape.slope(edge)]);
+        Self { shape, beyond: Some(Beyond { line, edges, fade }) }
+    }
+
     /// The value at `s`.
     pub fn at(&self, s: f64) -> f64 {
         let Some(beyond) = self.beyond.filter(|_| s.abs() > 1.0) else { return self.shape.at(s) };
@@ -133,8 +139,25 @@ impl Shape {
                 0.5 * share * share * (far - near) + (s - far).max(0.0)
             }
             Self::Wave { power, n, sine } => {
-                let angle = std::f64::consts::PI * f64::from(n) * s;
-                s.powi(power as i32) * if sine { angle.sin() } else { angle.cos() }
+                let (sin, cos) = (std::f64::consts::PI * f64::from(n) * s).sin_cos();
+                s.powi(power as i32) * if sine { sin } else { cos }
+            }
+        }
+    }
+
+    fn slope(&self, s: f64) -> f64 {
+        let power_slope = |k: u32| if k == 0 { 0.0 } else { f64::from(k) * s.powi(k as i32 - 1) };
+        match *self {
+            Self::Power(k) => power_slope(k),
+            Self::Ramp { near, far } => {
+                let side = far.signum();
+                side * ((s * side - near.abs()) / (far.abs() - near.abs())).clamp(0.0, 1.0)
+            }
+            Self::Wave { power, n, sine } => {
+                let rate = std::f64::consts::PI * f64::from(n);
+                let (sin, cos) = (rate * s).sin_cos();
+                let [wave, steepness] = if sine { [sin, rate * cos] } else { [cos, -rate * sin] };
+                power_slope(power) * wave + s.powi(power as i32) * steepness
             }
         }
     }

@@ -25,6 +25,7 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+pub mod basis;
 pub mod bits;
 pub mod depth_prior;
 pub mod flux4d;
@@ -40,4 +41,4 @@ pub mod taylormode;
 
 pub use mlp::{Activation, Mlp, MlpConfig};
 pub use pixels::Pixels;
-pub use scene::{DynamicScene, Static};
+pub use scene::{DynamicScene, Shutter, Static};

@@ -3,7 +3,10 @@
 use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
-use gs_formats::SeriesLaw;
+
+use serde::Serialize;
+
+use crate::basis::MotionBasis;
 
 /// A scene that may move.
 ///
@@ -25,10 +28,25 @@ pub trait DynamicScene {
         times.iter().map(|t| self.at(*t)).collect()
     }
 
-    /// The moving rows and their motion as series of functions of time, where it is that; `None` where only times can be asked for.
-    fn series(&self) -> Option<(Vec<u32>, SeriesLaw)> {
+    /// The motion as a sum of fixed functions of time; `None` where it is none, or nothing moves.
+    fn basis(&self) -> Option<MotionBasis> {
         None
     }
+
+    /// How long the shutter was open for the photos that the scene was learned from, in the unit of time; `None` where the model
+    /// does not know.
+    fn exposure(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// How the exposures of photos are formed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Shutter {
+    /// How long it is open, the unit of time.
+    pub exposure: f64,
+    /// Whether light adds up, as in a sensor; otherwise encoded colours do.
+    pub linear: bool,
 }
 
 /// A scene that does not move.

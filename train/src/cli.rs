@@ -8,6 +8,7 @@ mod reconstruct;
 mod render;
 mod stability;
 mod synth;
+mod view;
 
 mod chart;
 mod sweep;
@@ -30,6 +31,7 @@ pub use reconstruct::ReconstructArgs;
 pub use render::{ImageFormat, RenderArgs};
 pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
+pub use view::{ViewArgs, WatchArgs};
 
 /// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.
 #[derive(Debug, Parser)]
@@ -57,6 +59,10 @@ pub enum Command {
     Flow(FlowArgs),
     /// Render a scene along the cameras of a data set, or along a path: orbit, spiral, key frames
     Render(RenderArgs),
+    /// Write one page that shows a scene in a browser, in three dimensions and through time
+    View(ViewArgs),
+    /// Show a run in a browser while it trains: its newest checkpoint and its curves
+    Watch(WatchArgs),
     /// Write a trained scene for other viewers: PLY, SPZ, glTF or OpenUSD
     Export(ExportArgs),
     /// Turn a file of Gaussians into another: PLY, SPZ, glTF, OpenUSD

@@ -32,6 +32,8 @@ fn call(command: &Command) -> Result<ExitCode> {
         Command::Reconstruct(args) => commands::reconstruct::run(args),
         Command::Flow(args) => commands::flow::run(args),
         Command::Render(args) => commands::render::run(args),
+        Command::View(args) => commands::view::run(args),
+        Command::Watch(args) => commands::watch::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Extrapolate(args) => commands::extrapolate::run(args),

@@ -99,6 +99,6 @@ fn a_chart_names_what_it_leaves_out() {
     let folder_a = RunFolder::at(folder.join("a"));
     let (config, _) = folder_a.read_config().expect("a run");
     let eval = folder_a.read_eval().expect("figures");
-    gs_train::report::write(&folder_a, &eval, &[], &[], None, &config.to_string()).expect("written");
+    gs_train::report::write(&folder_a, &eval, &[], &[], (None, None), &config.to_string()).expect("written");
     assert!(fs::read_to_string(folder_a.report()).expect("read").contains("gsburn chart a b c"));
 }

@@ -9,6 +9,7 @@ use gs_burn::{Gaussians, MovingSample};
 
 use super::error::{FluxError, check_length, check_range};
 use super::motion::PolynomialMotion;
+use crate::basis::{MotionBasis, TimeFunction};
 use crate::scene::DynamicScene;
 
 /// Slowest speed that counts as motion, metres per second: half the speed below which the bucketed metrics call a point
@@ -142,6 +143,26 @@ impl DynamicScene for FluxScene {
 
     fn span(&self) -> Option<[f64; 2]> {
         (self.moving() > 0).then_some(self.window)
+    }
+
+    /// `sum_j v_j u^(j+1) / (j + 1)` from the scene at the window's begin, where `u` is 0.
+    fn basis(&self) -> Option<MotionBasis> {
+        if self.moving() == 0 {
+            return None;
+        }
+        let blocks = 0..=self.motion.degree();
+        let velocity = self.velocity.val().inner();
+        let scaled = blocks.clone().map(|j| velocity.clone().narrow(1, 3 * j, 3) / (j + 1) as f64);
+        Some(MotionBasis {
+            base: self.at(self.window[0]),
+            rows: (self.resting() as u32..self.gaussians.len() as u32).collect(),
+            t0: self.window[0],
+            half: self.window[1] - self.window[0],
+            functions: blocks.map(|j| TimeFunction::power(j as u32 + 1)).collect(),
+            position: Tensor::cat(scaled.collect(), 1),
+            turns: Vec::new(),
+            rotation: Tensor::zeros([self.moving(), 0], &self.gaussians.device()),
+        })
     }
 }
 

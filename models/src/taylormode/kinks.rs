@@ -13,7 +13,8 @@ use burn::module::{Module, Param, ParamId};
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
 
-use super::window::{Sample, TimeWindow, best_line, continued};
+use super::window::{FADE, Sample, TimeWindow, best_line, continued};
+use crate::basis::{Form, Past, TimeFunction};
 
 /// When a contact begins and ends, in window units; both on the same side of 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -47,14 +48,25 @@ impl Contact {
 
     /// The ramp at `s`.
     pub fn ramp(&self, s: f64) -> Sample {
-        let inside = |s: f64| {
-            // Distances outwards from t0.
-            let side = self.far.signum();
-            let (near, far, s) = (self.near.abs(), self.far.abs(), s * side);
-            let share = ((s - near) / (far - near)).clamp(0.0, 1.0);
-            Sample { value: 0.5 * share * share * (far - near) + (s - far).max(0.0), slope: side * share }
-        };
-        continued(s, || best_line(|s| inside(s).value), inside)
+        continued(s, || self.line(), |s| self.inside(s))
+    }
+
+    /// The ramp as a description for readers without this module.
+    pub fn described(&self) -> TimeFunction {
+        let past = Past { line: self.line(), fade: FADE };
+        TimeFunction { form: Form::Ramp { near: self.near, far: self.far }, past: Some(past) }
+    }
+
+    fn line(&self) -> [f64; 2] {
+        best_line(|s| self.inside(s).value)
+    }
+
+    fn inside(&self, s: f64) -> Sample {
+        // Distances outwards from t0.
+        let side = self.far.signum();
+        let (near, far, s) = (self.near.abs(), self.far.abs(), s * side);
+        let share = ((s - near) / (far - near)).clamp(0.0, 1.0);
+        Sample { value: 0.5 * share * share * (far - near) + (s - far).max(0.0), slope: side * share }
     }
 }
 

@@ -33,7 +33,6 @@ pub mod losses;
 pub mod order;
 pub mod paths;
 pub mod remainder;
-mod series;
 pub mod shrinkage;
 pub mod summary;
 pub mod taylor_motion;

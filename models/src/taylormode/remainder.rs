@@ -12,11 +12,11 @@ use std::f64::consts::PI;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use gs_formats::Shape;
 use serde::{Deserialize, Serialize};
 
 use super::velocity_map::row;
-use super::window::{Sample, best_line, continued};
+use super::window::{FADE, Sample, best_line, continued};
+use crate::basis::{Form, Past, TimeFunction};
 use crate::mlp::{Mlp, MlpConfig};
 
 /// Oscillations in half a window that the time functions reach. More resolve shorter shocks and fit more noise.
@@ -91,21 +91,23 @@ impl Remainder {
         functions.collect()
     }
 
-    /// The time functions by name.
-    pub(super) fn shapes(&self) -> Vec<Shape> {
-        let wave = |j: usize| Shape::Wave {
-            power: self.order as u32 + 1,
-            n: j.div_ceil(2) as u32,
-            sine: j > 0 && j.is_multiple_of(2),
+    /// The time functions as descriptions for readers without this module.
+    pub fn described(&self) -> Vec<TimeFunction> {
+        let power = self.order as u32 + 1;
+        let one = |j: usize| {
+            let rate = rate(j);
+            let form = if is_sine(j) { Form::Sine { power, rate } } else { Form::Cosine { power, rate } };
+            let line = best_line(|s| self.function(j, s).value);
+            TimeFunction { form, past: Some(Past { line, fade: FADE }) }
         };
-        (0..FUNCTIONS).map(wave).collect()
+        (0..FUNCTIONS).map(one).collect()
     }
 
     /// `s^(n+1) phi_j(s)`.
     fn function(&self, j: usize, s: f64) -> Sample {
-        let rate = PI * j.div_ceil(2) as f64;
+        let rate = rate(j);
         let (sin, cos) = (rate * s).sin_cos();
-        let phi = if j > 0 && j.is_multiple_of(2) {
+        let phi = if is_sine(j) {
             Sample { value: sin, slope: rate * cos }
         } else {
             // j = 0 has rate 0: the constant.
@@ -115,4 +117,13 @@ impl Remainder {
         let (power, derivative) = (s.powi(n), f64::from(n) * s.powi(n - 1));
         Sample { value: power * phi.value, slope: derivative * phi.value + power * phi.slope }
     }
+}
+
+/// Radians a unit of `s` of `phi_j`.
+fn rate(j: usize) -> f64 {
+    PI * j.div_ceil(2) as f64
+}
+
+fn is_sine(j: usize) -> bool {
+    j > 0 && j.is_multiple_of(2)
 }

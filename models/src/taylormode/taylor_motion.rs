@@ -7,14 +7,14 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use gs_burn::ops::rows::take_rows;
 use gs_burn::{Gaussians, RowMap};
-use gs_formats::SeriesLaw;
 use serde::{Deserialize, Serialize};
 
 use super::kinks::{Contact, Kinks};
 use super::paths::Paths;
 use super::remainder::{RemainderFrame, RemainderNetwork};
-use super::window::TimeWindow;
+use super::window::{TimeWindow, described_powers};
 use crate::DynamicScene;
+use crate::basis::MotionBasis;
 
 /// All of a [`TaylorMotion`] that is not learned: its configuration, and beside its tensors all that a checkpoint needs. As
 /// JSON to the bit.
@@ -275,7 +275,36 @@ impl DynamicScene for TaylorScene {
         times.iter().map(|t| paths.moved(&self.gaussians, *t)).collect()
     }
 
-    fn series(&self) -> Option<(Vec<u32>, SeriesLaw)> {
-        (!self.motion.is_empty()).then(|| (self.motion.rows.clone(), self.paths().series()))
+    fn basis(&self) -> Option<MotionBasis> {
+        if self.motion.is_empty() {
+            return None;
+        }
+        let paths = self.paths();
+        let mut functions = described_powers(paths.order());
+        let mut position = vec![paths.position.inner()];
+        if let Some(remainder) = paths.remainder {
+            functions.extend(remainder.described());
+            position.push(remainder.weights.inner());
+        }
+        if let Some(kinks) = paths.kinks {
+            functions.extend(kinks.contacts.iter().map(Contact::described));
+            position.push(kinks.jumps.val().inner());
+        }
+        // A tensor without columns cannot be joined.
+        position.retain(|part| part.dims()[1] > 0);
+        let position = match position.len() {
+            0 => Tensor::zeros([self.motion.len(), 0], &self.gaussians.device()),
+            _ => Tensor::cat(position, 1),
+        };
+        Some(MotionBasis {
+            base: self.gaussians.clone(),
+            rows: self.motion.rows.clone(),
+            t0: self.motion.window.t0,
+            half: self.motion.window.half,
+            functions,
+            position,
+            turns: described_powers(self.motion.rotation_order()),
+            rotation: paths.rotation.inner(),
+        })
     }
 }

@@ -8,6 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::basis::{Past, TimeFunction};
+
 /// Over which stretch of `s` past the edge a function returns to its straight line; the same for all, so that what
 /// cancels between the powers at the edge keeps cancelling. Shorter, and the velocity jerks at the edge; longer, and a
 /// steep edge carries the Gaussian away before it turns: a slope `d` at the edge, relative to the line, adds at most
@@ -44,12 +46,24 @@ impl TimeWindow {
 /// The powers `s^k`, `k = 1..=order`, continued past the window.
 pub fn powers(s: f64, order: usize) -> impl Iterator<Item = Sample> {
     (1..=order).map(move |k| {
-        let k = k as i32;
-        let power = |s: f64| Sample { value: s.powi(k), slope: f64::from(k) * s.powi(k - 1) };
-        // The best line a + b s in the least squares sense: odd powers have only b, even ones only a.
-        let line = || if k % 2 == 0 { [1.0 / f64::from(k + 1), 0.0] } else { [0.0, 3.0 / f64::from(k + 2)] };
-        continued(s, line, power)
+        let n = k as i32;
+        let power = |s: f64| Sample { value: s.powi(n), slope: f64::from(n) * s.powi(n - 1) };
+        continued(s, || power_line(k), power)
     })
+}
+
+/// [`powers`] as a description for readers without this module.
+pub fn described_powers(order: usize) -> Vec<TimeFunction> {
+    let one = |k: usize| {
+        let past = Past { line: power_line(k), fade: FADE };
+        TimeFunction { past: Some(past), ..TimeFunction::power(k as u32) }
+    };
+    (1..=order).map(one).collect()
+}
+
+/// The best line a + b s to `s^k` in the least squares sense: odd powers have only b, even ones only a.
+fn power_line(k: usize) -> [f64; 2] {
+    if k.is_multiple_of(2) { [1.0 / (k + 1) as f64, 0.0] } else { [0.0, 3.0 / (k + 2) as f64] }
 }
 
 /// `function` at `s` inside the window; outside, its return to `line` (value at 0, slope).

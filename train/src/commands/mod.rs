@@ -20,6 +20,8 @@ pub mod stability;
 pub mod sweep;
 pub mod synth;
 pub mod train;
+pub mod view;
+pub mod watch;
 
 use std::fs::File;
 use std::io::{ErrorKind, Write};

@@ -10,6 +10,7 @@ Examples:
   gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
   gsburn train sphere --recipe taylormode/base
   gsburn render runs/my-photos --cameras path/transforms.json --out frames
+  gsburn view runs/my-photos                        one page with the scene in 3D; gsburn watch shows it while it trains
   gsburn export runs/my-photos --out scene.ply
   gsburn extrapolate runs/my-video --to 1.5         frames after the recording, of a run that moves";
 

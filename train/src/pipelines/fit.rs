@@ -8,11 +8,12 @@ use anyhow::{Error, Result, bail};
 use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::{CheckReport, LoadOptions, Scene};
+use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
 use super::plan::{StepPlan, plan_steps};
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
-use crate::config::{Background, ConfigError, FitConfig, RenderConfig, tables};
+use crate::config::{Background, ConfigError, FitConfig, tables};
 use crate::fit::facts::SceneFacts;
 use crate::fit::method::{ChartKey, Method, Step};
 use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
@@ -23,6 +24,7 @@ use crate::report;
 use crate::report::charts::Chart;
 use crate::report::future::{self, Known, Studio};
 use crate::report::timetable;
+use crate::report::viewer::{self, Viewed};
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::evaluate::{Evaluator, HeldOut};
 use crate::run::fingerprint::Fingerprint;
@@ -113,7 +115,8 @@ fn finish<M: Method>(
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
     let file = run.record(step, measured)?;
     let history = run.finish()?;
-    report::write(&job.folder, &file, &history, &pictures, schedule(data, &at), &config.to_toml())?;
+    let shown = (schedule(data, &at), Some(report_viewer(data, trainer, config, &file.name)));
+    report::write(&job.folder, &file, &history, &pictures, shown, &config.to_toml())?;
     report_future(job, data, trainer, config)?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
@@ -124,6 +127,22 @@ fn finish<M: Method>(
 /// The chart of the schedule, if the method has one.
 fn schedule<M: Method>(data: &Data<M>, at: &Step<M>) -> Option<Chart> {
     M::timetable(&data.scene, at).as_ref().map(timetable::chart)
+}
+
+/// The scene with its cameras, for the report.
+fn report_viewer<M: Method>(data: &Data<M>, trainer: &Trainer<M>, config: &FitConfig<M::Config>, name: &str) -> String {
+    let gaussians = trainer.gaussians();
+    let scene = trainer.method().scene(gaussians.clone());
+    let viewed = Viewed {
+        name: name.into(),
+        scene: &*scene,
+        options: trainer.facts.render_options(&config.render, gaussians.sh_degree()),
+        middle: trainer.method().middle(),
+        cameras: viewer::cameras(&data.scene),
+        distance: trainer.facts.subject_distance,
+        shutter: shutter(&*scene, &config.to_table()),
+    };
+    viewer::section(&viewed.packed())
 }
 
 /// Adds the future to the report, where cameras that are held out saw one.
@@ -289,7 +308,7 @@ impl<M: Method> Pipeline for Fit<M> {
 
     fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {
         let (model, config, notes) = read_model::<M>(checkpoint, device)?;
-        Ok(loaded(&model, config.shared.render, &notes, checkpoint))
+        Ok(loaded(&model, &config, &notes, checkpoint))
     }
 
     fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen> {
@@ -300,7 +319,7 @@ impl<M: Method> Pipeline for Fit<M> {
         views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
         photos.origin -= shift;
         let foresight = model.method.foresight(&model.gaussians, &photos.train, &config);
-        Ok(Foreseen { loaded: loaded(&model, config.shared.render, &notes, checkpoint), photos, foresight })
+        Ok(Foreseen { loaded: loaded(&model, &config, &notes, checkpoint), photos, foresight })
     }
 
     fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
@@ -345,14 +364,21 @@ impl<M: Method> Pipeline for Fit<M> {
 }
 
 /// A model as a scene.
-fn loaded<M: Method>(model: &Model<M>, render: RenderConfig, notes: &Notes, checkpoint: &Checkpoint) -> LoadedScene {
+fn loaded<M: Method>(
+    model: &Model<M>,
+    config: &FitConfig<M::Config>,
+    notes: &Notes,
+    checkpoint: &Checkpoint,
+) -> LoadedScene {
     let Model { gaussians, method } = model;
+    let scene = method.scene(gaussians.clone());
     LoadedScene {
-        scene: method.scene(gaussians.clone()),
+        shutter: shutter(&*scene, &config.to_table()),
+        scene,
         gaussians: gaussians.clone(),
         origin: checkpoint.origin.world(),
         facts: notes.facts(),
-        render,
+        render: config.render.clone(),
         middle: method.middle(),
         run: Some(SceneRun {
             pipeline: M::NAME.into(),
@@ -361,6 +387,14 @@ fn loaded<M: Method>(model: &Model<M>, render: RenderConfig, notes: &Notes, chec
             described: method.described(),
         }),
     }
+}
+
+/// How exposures are formed, where the configuration has a blur model and the scene knows its exposure.
+fn shutter(scene: &dyn DynamicScene, config: &Table) -> Option<Shutter> {
+    let blur = config.get("blur")?;
+    let models_it = blur.get("mode")?.as_str()? != "none";
+    let linear = blur.get("linear").and_then(|linear| linear.as_bool()).unwrap_or(true);
+    scene.exposure().filter(|_| models_it).map(|exposure| Shutter { exposure, linear })
 }
 
 /// The model of a checkpoint with its configuration and notes, on `device` without autodiff.

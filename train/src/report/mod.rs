@@ -11,6 +11,7 @@ pub mod pictures;
 mod profile;
 pub mod scatter;
 pub mod timetable;
+pub mod viewer;
 
 use anyhow::Result;
 use gs_datasets::guarded;
@@ -28,7 +29,8 @@ use pictures::SideBySide;
 /// nobody.
 const SECTION_MAX: u64 = 64 << 20;
 
-/// Writes renders/, plots/ and report.html of a run. `schedule` is the chart of its schedule, if it has one.
+/// Writes renders/, plots/ and report.html of a run. `schedule` is the chart of its schedule and `viewer` the section with its scene, if it
+/// has them.
 ///
 /// # Errors
 /// When a file cannot be written; files written before are kept.
@@ -37,7 +39,7 @@ pub fn write(
     eval: &EvalFile,
     history: &[MetricsLine],
     comparisons: &[Comparison],
-    schedule: Option<Chart>,
+    (schedule, viewer): (Option<Chart>, Option<String>),
     config: &str,
 ) -> Result<()> {
     let pictures: Vec<SideBySide> = comparisons.iter().map(SideBySide::new).collect();
@@ -52,7 +54,7 @@ pub fn write(
         write_atomic(&folder.plots().join(format!("{name}.svg")), svg.as_bytes())?;
         plots.push(svg);
     }
-    let page = page::html(eval, &plots, &pictures, Profile::read(folder).as_ref(), config)?;
+    let page = page::html(eval, &plots, &pictures, (viewer, Profile::read(folder).as_ref()), config)?;
     // Sections that later commands put into an earlier report are kept.
     let kept = [(folder.comparison(), COMPARISON), (folder.future(), FUTURE)];
     let page = kept.into_iter().fold(page, |page, (path, place)| {

@@ -42,12 +42,12 @@ pub fn with_section(report: &str, place: Place, section: &str) -> Option<String>
     Some([before, place[0], section, place[1], after].concat())
 }
 
-/// The whole page: verdict, curves, profile, comparison, pictures, views, configuration.
+/// The whole page: verdict, scene, curves, profile, comparison, pictures, views, configuration.
 pub(super) fn html(
     eval: &EvalFile,
     plots: &[String],
     pictures: &[SideBySide],
-    profile: Option<&Profile>,
+    (viewer, profile): (Option<String>, Option<&Profile>),
     config: &str,
 ) -> Result<String> {
     let name = escaped(&eval.name);
@@ -60,6 +60,7 @@ pub(super) fn html(
     )?;
     write!(page, "<header>\n<h1>{name}</h1>\n<p>{}</p>\n</header>\n", summary(eval))?;
     verdict(&mut page, eval)?;
+    page.extend(viewer);
     for table in &eval.last.measured.tables {
         figure_table(&mut page, table)?;
     }

@@ -8,7 +8,7 @@ use glam::DVec3;
 use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
 use gs_formats::{glb, spz};
-use gs_models::{DynamicScene, Static};
+use gs_models::{DynamicScene, Shutter, Static};
 
 use super::checkpoint::Checkpoint;
 use super::exchange::host::gaussians_of;
@@ -32,6 +32,8 @@ pub struct LoadedScene {
     pub render: RenderConfig,
     /// The default time at which it is shown.
     pub middle: f64,
+    /// How the photos' exposures are formed, if it has a blur model.
+    pub shutter: Option<Shutter>,
     /// Its run; `None` for a PLY file.
     pub run: Option<SceneRun>,
 }
@@ -69,6 +71,7 @@ impl LoadedScene {
             facts: SceneFacts::unknown(&config),
             render: config.render,
             middle: 0.0,
+            shutter: None,
             run: None,
         }
     }

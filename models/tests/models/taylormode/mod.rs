@@ -10,7 +10,6 @@ mod losses;
 mod order;
 mod paths;
 mod remainder;
-mod series;
 mod shrinkage;
 mod summary;
 mod taylor_motion;

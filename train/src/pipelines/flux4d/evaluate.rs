@@ -19,11 +19,13 @@ use super::moving;
 use super::network::FluxNetwork;
 use super::prepare::{HostSnippet, HostView, inverse};
 use super::sample::{camera, photo};
+use super::snippet_page;
 use super::world::in_world;
 use crate::fit::figure::{Better, Figure};
 use crate::fit::method::MOVING;
 use crate::fit::parameters::to_host;
 use crate::report::maps::velocity_colors;
+use crate::report::viewer::Packed;
 use crate::run::evaluate::{Comparison, Evaluator, Measured, ModelSize, Scores, ViewScores};
 use crate::run::metrics::{psnr, psnr_masked};
 use gs_models::flux4d::scene::REST_SPEED;
@@ -36,6 +38,8 @@ pub struct Measurement {
     pub pictures: Vec<Comparison>,
     /// The first snippet at its middle time, with its origin in the world.
     pub scene: Option<(gs_burn::Gaussians, glam::DVec3)>,
+    /// The first snippet for the viewer.
+    pub viewer: Option<Packed>,
 }
 
 /// The snippets to measure.
@@ -64,6 +68,7 @@ struct Sums {
     moving_share: Vec<f64>,
     skipped: usize,
     scene: Option<(gs_burn::Gaussians, glam::DVec3)>,
+    viewer: Option<Packed>,
 }
 
 /// PSNR of other Gaussians on the same views, dB.
@@ -172,6 +177,9 @@ fn snippet(
     sums.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
     sums.gaussians.push(scene.gaussians.len());
     let middle = 0.5 * (host.window[0] + host.window[1]);
+    if kept > 0 {
+        sums.viewer.get_or_insert_with(|| snippet_page::packed(&scene, host, log));
+    }
     sums.scene.get_or_insert_with(|| in_world(&scene.at(middle), &host.to_world, log.origin()));
     Ok(())
 }
@@ -208,7 +216,7 @@ fn finish(sums: Sums, evaluator: &Evaluator, name: &str, network: &FluxNetwork) 
     let size = ModelSize { gaussians, bytes: 4 * 14 * gaussians };
     let tables = sums.flow.table().into_iter().collect();
     let measured = Measured { split: name.into(), quality, size, figures, tables };
-    Measurement { measured, pictures: sums.pictures, scene: sums.scene }
+    Measurement { measured, pictures: sums.pictures, scene: sums.scene, viewer: sums.viewer }
 }
 
 fn mean(values: &[f64]) -> Option<f64> {

@@ -28,6 +28,7 @@ pub mod prepare;
 pub mod reconstruct;
 pub mod sample;
 pub mod saved;
+mod snippet_page;
 pub mod stability;
 pub mod start;
 pub mod sweep_flow;

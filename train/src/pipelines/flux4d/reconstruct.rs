@@ -24,10 +24,12 @@ use super::logs::{open, snippets};
 use super::prepare::{HostSnippet, HostView, prepare};
 use super::sample::{camera, photo};
 use super::saved::SavedNetwork;
+use super::snippet_page;
 use super::world::in_world;
 use crate::fit::figure::Figure;
 use crate::pipelines::Reconstruction;
 use crate::report::pictures::image_bytes;
+use crate::report::viewer;
 use crate::run::metrics::psnr;
 use crate::run::outputs::{MARK, check_one, marked_png};
 use crate::run::scene::write_ply;
@@ -190,6 +192,8 @@ impl Work<'_> {
         let ply = self.request.out.join(format!("{name}.ply"));
         let (gaussians, origin) = in_world(&edited.at(middle), &host.to_world, self.log.origin());
         write_ply(&ply, &gaussians, origin)?;
+        let page = viewer::page(&name, &snippet_page::packed(&edited, &host, &self.log));
+        write_atomic(&ply.with_extension("html"), page.as_bytes())?;
         let world = glam::DMat4::from_translation(self.log.origin()) * host.to_world;
         self.actors.add(&name, actors, &world, self.log.frames()[0].time);
         Ok(())

@@ -15,6 +15,7 @@ use super::network::FluxNetwork;
 use super::saved::{parameters, restore, snapshot};
 use super::trainer::Trainer;
 use crate::report;
+use crate::report::viewer::section;
 use crate::run::checkpoint::Origin;
 use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
@@ -73,14 +74,14 @@ pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
 
 fn finish(mut run: Run, job: &Job, trainer: &Trainer, logs: &Arc<Logs>, config: &FluxConfig) -> Result<Ending> {
     run.save(trainer.step, &snapshot(trainer))?;
-    let Measurement { measured, pictures, scene } = held_out(trainer, logs, config, job, config.eval.images)?;
+    let Measurement { measured, pictures, scene, viewer } = held_out(trainer, logs, config, job, config.eval.images)?;
     if let Some((gaussians, origin)) = scene {
         write_ply(&job.folder.ply(), &gaussians, origin)
             .map_err(|error| error.context("the first held-out snippet could not be exported"))?;
     }
     let file = run.record(trainer.step, measured)?;
     let history = run.finish()?;
-    report::write(&job.folder, &file, &history, &pictures, None, &config.to_toml())?;
+    report::write(&job.folder, &file, &history, &pictures, (None, viewer.as_ref().map(section)), &config.to_toml())?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }

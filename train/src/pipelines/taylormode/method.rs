@@ -11,6 +11,7 @@ use gs_models::DynamicScene;
 use super::config::Sections;
 use super::curriculum::Opening;
 use super::model::Frame;
+use super::scene::ExposedScene;
 use super::{Config, Cues, PhotoPriors, Step, Taylormode, begin, config, cues, figures, likelihood, select};
 use crate::config::FitConfig;
 use crate::fit::figure::Figures;
@@ -102,7 +103,7 @@ impl Method for Taylormode {
     }
 
     fn scene(&self, gaussians: Gaussians) -> Box<dyn DynamicScene> {
-        Box::new(self.moving_scene(gaussians))
+        Box::new(ExposedScene { scene: self.moving_scene(gaussians), exposure: self.exposure_on_host() })
     }
 
     fn middle(&self) -> f64 {

@@ -25,6 +25,7 @@ pub mod initial_points;
 pub mod likelihood;
 mod method;
 pub mod model;
+mod scene;
 pub mod select;
 pub mod stability;
 pub mod update;

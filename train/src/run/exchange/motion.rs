@@ -2,16 +2,17 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Gaussians;
-use gs_formats::{Keys, Law, Motion, Splats};
+use gs_formats::{Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction};
 use gs_models::DynamicScene;
+use gs_models::basis::{self, Form, MotionBasis};
 
 use super::host::{gaussians_of, splats_of};
 
 /// How a scene moves: as series where it is that, else by `count` key frames spread over the recording. `None` where nothing moves.
 pub fn motion_of(scene: &dyn DynamicScene, middle: f64, count: usize) -> Option<Motion> {
     let span = scene.span()?;
-    if let Some((rows, law)) = scene.series() {
-        return Some(Motion { span, middle, rows, law: Law::Series(law) });
+    if let Some(basis) = scene.basis() {
+        return Some(Motion { span, middle, law: Law::Series(series_of(&basis)), rows: basis.rows });
     }
     let count = count.max(2);
     let step = (span[1] - span[0]) / (count - 1) as f64;
@@ -36,10 +37,46 @@ pub fn motion_of(scene: &dyn DynamicScene, middle: f64, count: usize) -> Option<
     let keys = Keys {
         means: picked(&frames, &rows, |frame| frame.means.as_slice()).collect(),
         quats: picked(&frames, &rows, |frame| frame.quats.as_slice()).collect(),
-        log_scales: picked(&frames, if grows { rows.as_slice() } else { &[] }, |frame| frame.log_scales.as_slice()).collect(),
+        log_scales: picked(&frames, if grows { rows.as_slice() } else { &[] }, |frame| frame.log_scales.as_slice())
+            .collect(),
         times,
     };
     Some(Motion { span, middle, rows, law: Law::Keys(keys) })
+}
+
+/// A motion as the series of a file. Nothing is lost but the rounding to `f32`.
+fn series_of(basis: &MotionBasis) -> SeriesLaw {
+    let series = |functions: &[basis::TimeFunction], vectors: &Tensor<2>| Series {
+        functions: functions.iter().map(time_function).collect(),
+        vectors: if functions.is_empty() { Vec::new() } else { vectors_of(vectors) },
+    };
+    SeriesLaw {
+        t0: basis.t0,
+        half: basis.half,
+        position: series(&basis.functions, &basis.position),
+        rotation: series(&basis.turns, &basis.rotation),
+    }
+}
+
+fn time_function(function: &basis::TimeFunction) -> TimeFunction {
+    // Rates of a scene are whole numbers of half oscillations a window.
+    let wave = |power, rate: f64, sine| Shape::Wave { power, n: (rate / std::f64::consts::PI).round() as u32, sine };
+    let shape = match function.form {
+        Form::Cosine { power, rate: 0.0 } => Shape::Power(power),
+        Form::Cosine { power, rate } => wave(power, rate, false),
+        Form::Sine { power, rate } => wave(power, rate, true),
+        Form::Ramp { near, far } => Shape::Ramp { near, far },
+    };
+    match function.past {
+        Some(past) => TimeFunction::returning(shape, past.line, past.fade),
+        None => TimeFunction { shape, beyond: None },
+    }
+}
+
+/// The vectors of all rows, `[M, 3 J]` as `[M * J]`.
+fn vectors_of(table: &Tensor<2>) -> Vec<[f32; 3]> {
+    let values: Vec<f32> = table.to_data().iter::<f32>().collect();
+    values.as_chunks::<3>().0.to_vec()
 }
 
 /// A scene that was read from a file with its motion.
@@ -73,5 +110,37 @@ impl DynamicScene for MotionScene {
 
     fn span(&self) -> Option<[f64; 2]> {
         (!self.motion.rows.is_empty()).then_some(self.motion.span)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gs_models::taylormode::window::{described_powers, powers};
+    use gs_models::taylormode::{Contact, Remainder};
+
+    use super::*;
+
+    /// Inside the window, at its edges, in the return past them and beyond it.
+    const TIMES: [f64; 11] = [-2.0, -1.1, -1.0, -0.3, 0.0, 0.45, 0.9, 1.0, 1.05, 1.2, 1.9];
+
+    /// Both sides compute in f64 with some ten operations of numbers below ten.
+    #[test]
+    fn functions_of_files_are_those_of_the_model() {
+        let none = Tensor::zeros([1, 3], &Device::flex());
+        let remainder = Remainder { weights: none, order: 3 };
+        let contacts = [Contact { near: 0.2, far: 0.7 }, Contact { near: -0.1, far: -0.4 }];
+        let described =
+            described_powers(4).into_iter().chain(remainder.described()).chain(contacts.iter().map(Contact::described));
+        let functions: Vec<TimeFunction> = described.map(|function| time_function(&function)).collect();
+        for s in TIMES {
+            let exact = powers(s, 4)
+                .chain(remainder.functions(s))
+                .chain(contacts.iter().map(|contact| contact.ramp(s)))
+                .map(|sample| sample.value);
+            for (index, (function, exact)) in functions.iter().zip(exact).enumerate() {
+                let value = function.at(s);
+                assert!((value - exact).abs() < 1e-12, "function {index} at s = {s}: {value}, not {exact}");
+            }
+        }
     }
 }

@@ -1,0 +1,97 @@
+//! `gsburn view`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Result;
+use burn::tensor::Device;
+use gs_datasets::image_io::write_atomic;
+
+use crate::cli::ViewArgs;
+use crate::commands::{device, print};
+use crate::pipelines::{Foreseen, of_checkpoint};
+use crate::report::viewer::{self, Camera, Packed, Viewed};
+use crate::run::folder::full_path;
+use crate::run::memory::megabytes;
+use crate::run::outputs;
+use crate::run::scene::{LoadedScene, SceneFile, read_file};
+
+/// Name of the page in a run folder.
+const PAGE: &str = "view.html";
+
+/// Writes the page of a scene.
+///
+/// # Errors
+/// One sentence saying what was wrong with the scene or the disk.
+pub fn run(args: &ViewArgs) -> Result<ExitCode> {
+    let device = device(&args.device)?;
+    let default = || if args.scene.is_dir() { args.scene.join(PAGE) } else { args.scene.with_extension("html") };
+    let out: PathBuf = args.out.clone().unwrap_or_else(default);
+    outputs::check_one(&out)?;
+    let name = name_of(&args.scene);
+    let file = read_file(&args.scene, &device)?;
+    let packed = Opened::with_photos(&file, args.data.as_deref(), &device)?.packed(&name);
+    write_atomic(&out, viewer::page(&name, &packed).as_bytes())?;
+    let size = std::fs::metadata(&out).map_or(0, |metadata| metadata.len());
+    print(format!("{}: {}, to be opened in a browser", out.display(), megabytes(size)));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The name of a scene: of its folder or its file.
+fn name_of(path: &Path) -> String {
+    full_path(path).file_stem().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// A scene with everything that its page shows.
+pub struct Opened {
+    /// The scene.
+    pub loaded: LoadedScene,
+    /// Its cameras; empty where no data set is known.
+    pub cameras: Vec<Camera>,
+}
+
+impl Opened {
+    /// A scene with the cameras and photos of `data`, or of its run's data set, where that can be read.
+    ///
+    /// # Errors
+    /// A sentence when the scene cannot be opened.
+    pub fn with_photos(file: &SceneFile, data: Option<&Path>, device: &Device) -> Result<Self> {
+        let SceneFile::Checkpoint(checkpoint) = file else { return Self::alone(file, device) };
+        let dataset = data.unwrap_or(&checkpoint.origin.dataset);
+        match of_checkpoint(checkpoint)?.foresee(checkpoint, dataset, device) {
+            Ok(Foreseen { loaded, photos, .. }) => Ok(Self { loaded, cameras: viewer::cameras(&photos) }),
+            Err(error) => {
+                let opened = Self::alone(file, device)?;
+                tracing::warn!("the page has no cameras and photos: {error:#}");
+                Ok(opened)
+            }
+        }
+    }
+
+    /// A scene without cameras.
+    ///
+    /// # Errors
+    /// A sentence when the scene cannot be opened.
+    pub fn alone(file: &SceneFile, device: &Device) -> Result<Self> {
+        let loaded = match file {
+            SceneFile::Ply(gaussians) => LoadedScene::of_gaussians(gaussians.clone()),
+            SceneFile::Checkpoint(checkpoint) => of_checkpoint(checkpoint)?.open(checkpoint, device)?,
+        };
+        Ok(Self { loaded, cameras: Vec::new() })
+    }
+
+    /// The scene for its page.
+    pub fn packed(self, name: &str) -> Packed {
+        let Self { loaded, cameras } = self;
+        let viewed = Viewed {
+            name: name.into(),
+            scene: &*loaded.scene,
+            options: loaded.render_options(loaded.gaussians.sh_degree()),
+            middle: loaded.middle,
+            cameras,
+            distance: loaded.facts.subject_distance,
+            shutter: loaded.shutter,
+        };
+        viewed.packed()
+    }
+}
