@@ -14,7 +14,7 @@ pub struct EvalConfig {
     pub images: usize,
     /// Whether MS-SSIM is measured (some seconds per view on a CPU).
     pub ms_ssim: bool,
-    /// Whether LPIPS is measured if Burn's cache has its weights.
+    /// Whether LPIPS is measured, in a build with the feature `lpips`, if Burn's cache has its weights.
     pub lpips: bool,
 }
 
