@@ -36,7 +36,8 @@ pub fn motion_of(scene: &dyn DynamicScene, middle: f64, count: usize) -> Option<
     let keys = Keys {
         means: picked(&frames, &rows, |frame| frame.means.as_slice()).collect(),
         quats: picked(&frames, &rows, |frame| frame.quats.as_slice()).collect(),
-        log_scales: picked(&frames, if grows { rows.as_slice() } else { &[] }, |frame| frame.log_scales.as_slice()).collect(),
+        log_scales: picked(&frames, if grows { rows.as_slice() } else { &[] }, |frame| frame.log_scales.as_slice())
+            .collect(),
         times,
     };
     Some(Motion { span, middle, rows, law: Law::Keys(keys) })
