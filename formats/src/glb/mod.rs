@@ -3,6 +3,7 @@
 //! Every value is a float as it is in the scene, but for opacities and scales, which the extension wants after the sigmoid and the
 //! exponential. `docs/formats.md` has the layout.
 
+mod arrays;
 mod json;
 mod motion;
 mod read;

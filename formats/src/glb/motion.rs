@@ -2,9 +2,8 @@
 
 use serde_json::{Value, json};
 
+use super::arrays::{Accessors, Arrays};
 use super::json::{at, index, list, number};
-use super::read::Accessors;
-use super::write::Arrays;
 use super::{MOTION, MOTION_VERSION};
 use crate::splats::unit;
 use crate::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::json::{at, index, index_or_0, list};
-use super::{BIN_CHUNK, FLOAT, JSON_CHUNK, MAGIC, MOTION, OPACITY_LEAST, SPLATS, UNSIGNED_INT, harmonic_name, motion};
+use super::arrays::Accessors;
+use super::json::{at, list};
+use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, OPACITY_LEAST, SPLATS, harmonic_name, motion};
 use crate::bounded::Bytes;
 use crate::splats::logit;
 use crate::turn::{flip, flip_motion};
@@ -71,69 +72,6 @@ fn chunk<'a>(rest: &mut Bytes<'a>, kind: u32) -> Result<&'a [u8], String> {
         return Err(format!("expected the chunk {kind:#010x} of glTF, found {found:#010x}"));
     }
     rest.take(length)
-}
-
-/// The arrays of a document.
-pub(super) struct Accessors<'a> {
-    document: &'a Value,
-    buffer: &'a [u8],
-}
-
-impl Accessors<'_> {
-    /// An array of `D` floats each.
-    pub fn floats<const D: usize>(&self, accessor: usize) -> Result<Vec<[f32; D]>, String> {
-        let kind = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][D];
-        self.array(accessor, FLOAT, kind, 4 * D, |bytes| {
-            std::array::from_fn(|i| f32::from_le_bytes(std::array::from_fn(|k| bytes[4 * i + k])))
-        })
-    }
-
-    /// An array of whole numbers.
-    pub fn indices(&self, accessor: usize) -> Result<Vec<u32>, String> {
-        self.array(accessor, UNSIGNED_INT, "SCALAR", 4, |b| u32::from_le_bytes(std::array::from_fn(|k| b[k])))
-    }
-
-    fn array<T>(
-        &self,
-        accessor: usize,
-        component: u64,
-        kind: &str,
-        each: usize,
-        value: impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>, String> {
-        let found = at(self.document, &format!("/accessors/{accessor}"))?;
-        let is_kind = found.get("componentType").and_then(Value::as_u64) == Some(component)
-            && found.get("type").and_then(Value::as_str) == Some(kind)
-            && found.get("sparse").is_none();
-        if !is_kind {
-            return Err(format!("accessor {accessor}: expected {kind} of component type {component}, found another"));
-        }
-        let count = index(found, "/count")?;
-        if count == 0 {
-            return Ok(Vec::new());
-        }
-        if count > COUNT_MAX * 64 {
-            return Err(format!("accessor {accessor}: expected fewer values, found {count}"));
-        }
-        let view = at(self.document, &format!("/bufferViews/{}", index(found, "/bufferView")?))?;
-        if index_or_0(view, "/buffer")? != 0 {
-            return Err("expected one buffer inside the file, found another".into());
-        }
-        let stride = match index_or_0(view, "/byteStride")? {
-            0 => each,
-            stride => stride,
-        };
-        let (offset, length) = (index_or_0(view, "/byteOffset")?, index(view, "/byteLength")?);
-        let view = offset.checked_add(length).and_then(|end| self.buffer.get(offset..end));
-        let own = view.and_then(|view| view.get(index_or_0(found, "/byteOffset").ok()?..));
-        let needed = (count - 1).checked_mul(stride).and_then(|before| before.checked_add(each));
-        match (own, needed) {
-            (Some(own), Some(needed)) if needed <= own.len() && stride >= each => {
-                Ok((0..count).map(|i| value(&own[i * stride..])).collect())
-            }
-            _ => Err(format!("accessor {accessor}: expected {count} values, found fewer bytes; the file is cut short")),
-        }
-    }
 }
 
 fn splats(primitive: &Value, accessors: &Accessors) -> Result<Splats, String> {

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::{BIN_CHUNK, FLOAT, JSON_CHUNK, MAGIC, MOTION, SPLATS, UNSIGNED_INT, harmonic_name, motion};
+use super::arrays::Arrays;
+use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, SPLATS, harmonic_name, motion};
 use crate::splats::{sigmoid, unit};
 use crate::turn::{flip, flip_motion};
 use crate::{FormatError, MARK, Motion, Splats, write_file};
@@ -53,39 +54,6 @@ pub fn encode(splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<
         "buffers": [{"byteLength": arrays.bytes.len()}],
     });
     container(&document, arrays.bytes)
-}
-
-/// Arrays that become accessors of the one buffer.
-#[derive(Default)]
-pub(super) struct Arrays {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-}
-
-impl Arrays {
-    /// Adds an array of floats and returns the index of its accessor.
-    pub fn floats<const D: usize>(&mut self, values: impl IntoIterator<Item = [f32; D]>) -> usize {
-        let begin = self.bytes.len();
-        values.into_iter().flatten().for_each(|x| self.bytes.extend(x.to_le_bytes()));
-        let kind = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][D];
-        self.add(begin, 4 * D, FLOAT, kind)
-    }
-
-    /// Adds an array of whole numbers.
-    pub fn indices(&mut self, values: &[u32]) -> usize {
-        let begin = self.bytes.len();
-        values.iter().for_each(|x| self.bytes.extend(x.to_le_bytes()));
-        self.add(begin, 4, UNSIGNED_INT, "SCALAR")
-    }
-
-    fn add(&mut self, begin: usize, each: usize, component: u64, kind: &str) -> usize {
-        let length = self.bytes.len() - begin;
-        self.views.push(json!({"buffer": 0, "byteOffset": begin, "byteLength": length}));
-        let (view, count) = (self.views.len() - 1, length / each);
-        self.accessors.push(json!({"bufferView": view, "componentType": component, "count": count, "type": kind}));
-        self.accessors.len() - 1
-    }
 }
 
 fn attributes(splats: &Splats, arrays: &mut Arrays, linear: bool) -> Value {
