@@ -157,13 +157,13 @@ fn agrees(what: &str, picture: &[u8], truth: &[u8]) {
     assert!(psnr >= LEAST, "{what}: {psnr:.2} dB");
 }
 
-/// Compares the page of a moving scene at the begin, the middle and the end.
+/// Compares the page of a moving scene at the begin, the middle and the end, and at a time that is no simple share of its span.
 fn compare_through_time(what: &str, scene: &dyn DynamicScene) {
     let folder = tempfile::tempdir().expect("a folder");
     let page = folder.path().join("page.html");
     std::fs::write(&page, viewer::page(what, &viewed(scene, what).packed())).expect("written");
     let [first, last] = scene.span().expect("it moves");
-    let times = [first, 0.5 * (first + last), last];
+    let times = [first, 0.5 * (first + last), last, first + 0.3719 * (last - first)];
     let Some(drawn) = pictures(&page, &times.map(|t| format!("0@{t}")).join(",")) else { return };
     for (picture, t) in drawn.iter().zip(times) {
         let truth = bytes(render(&scene.at(t), &camera(), &options()).color);
@@ -269,7 +269,7 @@ impl DynamicScene for Circles {
         let faded: Tensor<1> = table(1, &|_, _| -2.0 * t).squeeze_dim(1);
         Gaussians::from_tensors(
             means.val() + shift,
-            quats.val() * 0.3 + turned,
+            quats.val() + turned * 0.4,
             log_scales.val() + grown,
             opacity_logits.val() + faded,
             sh.val(),
