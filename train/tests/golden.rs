@@ -41,8 +41,8 @@ struct Golden {
     moving: Option<f64>,
 }
 
-/// Seeds 42, 43, 44: 20.37, 20.14, 20.17.
-const STATIC: Golden = Golden { recipe: "static/base", whole: 20.23, moving: None };
+/// Seeds 42, 43, 44: 25.23, 25.59, 25.20. As published, without the measures that follow the run: 20.37, 20.14, 20.17.
+const STATIC: Golden = Golden { recipe: "static/base", whole: 25.34, moving: None };
 
 /// Seeds 42, 43, 44, whole and moving:
 ///

@@ -60,6 +60,7 @@ mod median;
 mod noise;
 mod objects;
 mod options;
+mod patch;
 mod pinhole;
 mod pixels;
 mod plane_sweep;

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use gs_datasets::{Intrinsics, PointCloud, View};
 
 use crate::depth_range::DepthRange;
+use crate::patch::{Compared, Patch, Pixels, RowPatch};
 
 /// Photos are reduced to about this width, so that patches span enough of the scene to be distinctive.
 const WIDTH: usize = 320;
@@ -24,9 +25,6 @@ const DEPTHS: usize = 96;
 
 /// Ratio of two neighbouring depths where known points give the range; at the preferred baseline the patch moves by two pixels.
 const STEP: f64 = 1.0245;
-
-/// Half the patch, pixels: 7 x 7.
-const RADIUS: i32 = 3;
 
 /// Photos searched, and how many of them must agree. The best ones count: in the others something may be in between.
 const OTHERS: (usize, usize) = (5, 3);
@@ -53,9 +51,7 @@ const TRIES: usize = 6;
 
 /// A reduced grey photo.
 struct Grey {
-    width: usize,
-    height: usize,
-    values: Vec<f32>,
+    pixels: Pixels,
     intrinsics: Intrinsics,
     viewmat: glam::DMat4,
     /// Original pixels along a side of a reduced one.
@@ -82,7 +78,9 @@ pub fn plane_sweep_around(views: &[View], known: &[[f32; 3]], distance: f64, cou
         return PointCloud::default();
     }
     let photos: Vec<Grey> = views.par_iter().map(Grey::of).collect();
-    let of = |photo: &Grey| DepthRange::of(known, &photo.viewmat, &photo.intrinsics, photo.width, photo.height);
+    let of = |photo: &Grey| {
+        DepthRange::of(known, &photo.viewmat, &photo.intrinsics, photo.pixels.width, photo.pixels.height)
+    };
     let ranges: Vec<DepthRange> = photos.par_iter().map(of).collect();
     let depths = |from: usize, pixel| {
         let [near, far] = ranges[from].at(pixel)?;
@@ -133,7 +131,8 @@ fn sweep(
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(ray as u64);
         let from = rng.random_range(0..views.len());
-        let pixel = [rng.random_range(0..photos[from].width), rng.random_range(0..photos[from].height)];
+        let Pixels { width, height, .. } = photos[from].pixels;
+        let pixel = [rng.random_range(0..width), rng.random_range(0..height)];
         let view = &views[from];
         let at = pixel.map(|x| x * photos[from].step + photos[from].step / 2);
         let (column, row) = (at[0].min(view.width - 1), at[1].min(view.height - 1));
@@ -141,7 +140,11 @@ fn sweep(
             return None;
         }
         let (depths, peak) = depths(from, pixel)?;
-        let depth = depth_at(photos, from, &beside[from], pixel, &depths, peak)?;
+        let search = Search { photos, from, beside: &beside[from], pixel, depths: &depths };
+        let depth = match peak {
+            Peak::Best => search.depth::<Patch>(peak),
+            Peak::Parabola => search.depth::<RowPatch>(peak),
+        }?;
         let position =
             view.c2w.transform_point3(view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5) * depth).as_vec3();
         let color = [0, 1, 2].map(|c| view.image.data[3 * (row * view.width + column) + c]);
@@ -176,60 +179,11 @@ impl Grey {
         }
         let scale = 1.0 / step as f64;
         Self {
-            width,
-            height,
-            values,
+            pixels: Pixels { width, height, values },
             intrinsics: view.intrinsics.scaled(scale, scale),
             viewmat: view.c2w.inverse(),
             step,
         }
-    }
-
-    /// The value at a position in pixels, bilinear; `None` outside.
-    fn at(&self, position: DVec2) -> Option<f32> {
-        let (x, y) = (position.x - 0.5, position.y - 0.5);
-        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
-            return None;
-        }
-        let (column, row) = (x as usize, y as usize);
-        let (u, v) = ((x - column as f64) as f32, (y - row as f64) as f32);
-        let at = row * self.width + column;
-        let [a, b] = [&self.values[at..at + 2], &self.values[at + self.width..at + self.width + 2]];
-        Some((a[0] * (1.0 - u) + a[1] * u) * (1.0 - v) + (b[0] * (1.0 - u) + b[1] * u) * v)
-    }
-
-    /// The patch around a position, its pixels `spacing` apart.
-    fn patch(&self, position: DVec2, spacing: f64) -> Option<Patch> {
-        let mut values = [0.0; PATCH];
-        let offsets = (-RADIUS..=RADIUS).flat_map(|y| (-RADIUS..=RADIUS).map(move |x| DVec2::new(x.into(), y.into())));
-        for (value, offset) in values.iter_mut().zip(offsets) {
-            *value = self.at(position + spacing * offset)?;
-        }
-        Some(Patch::normalised(values))
-    }
-}
-
-/// Pixels of a patch.
-const PATCH: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
-
-/// A patch minus its mean, of length 1 (or 0, if it is even), and its former standard deviation.
-struct Patch {
-    values: [f32; PATCH],
-    deviation: f64,
-}
-
-impl Patch {
-    fn normalised(mut values: [f32; PATCH]) -> Self {
-        let mean = values.iter().sum::<f32>() / PATCH as f32;
-        values.iter_mut().for_each(|value| *value -= mean);
-        let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
-        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
-        values.iter_mut().for_each(|value| *value *= scale);
-        Self { values, deviation: f64::from(length) / (PATCH as f64).sqrt() }
-    }
-
-    fn correlation(&self, other: &Self) -> f64 {
-        f64::from(self.values.iter().zip(&other.values).map(|(a, b)| a * b).sum::<f32>())
     }
 }
 
@@ -250,52 +204,59 @@ fn neighbours(views: &[View], subject: f64) -> Vec<Vec<usize>> {
     views.iter().map(of).collect()
 }
 
-/// Depth at which a pixel's patch is found again; `None` if ambiguous.
-fn depth_at(
-    photos: &[Grey],
+/// The search for a pixel's depth.
+struct Search<'a> {
+    photos: &'a [Grey],
+    /// The pixel's photo.
     from: usize,
-    beside: &[usize],
+    /// Photos in which its patch is looked for.
+    beside: &'a [usize],
     pixel: [usize; 2],
-    depths: &Depths,
-    peak: Peak,
-) -> Option<f64> {
-    let photo = &photos[from];
-    let position = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
-    let patch = photo.patch(position, 1.0).filter(|patch| patch.deviation >= TEXTURE)?;
-    let ray = photo.intrinsics.ray(position.x, position.y);
-    let to_world = photo.viewmat.inverse();
-    let scores: Vec<f64> = depths
-        .0
-        .iter()
-        .map(|depth| {
-            let world = to_world.transform_point3(ray * *depth);
-            let found = |other: &usize| {
-                let other = &photos[*other];
-                let seen = other.viewmat.transform_point3(world);
-                if seen.z <= 0.0 {
-                    return None;
-                }
-                let k = &other.intrinsics;
-                let at = k.project(seen);
-                // Size of a pixel at that depth in the other camera.
-                let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
-                Some(patch.correlation(&other.patch(at, spacing)?))
-            };
-            let mut agreed: Vec<f64> = beside.iter().filter_map(found).collect();
-            agreed.sort_by(|a, b| b.total_cmp(a));
-            if agreed.len() < OTHERS.1 { -1.0 } else { agreed[..OTHERS.1].iter().sum::<f64>() / OTHERS.1 as f64 }
+    depths: &'a Depths,
+}
+
+impl Search<'_> {
+    /// Depth at which the pixel's patch is found again; `None` if ambiguous.
+    fn depth<P: Compared>(&self, peak: Peak) -> Option<f64> {
+        let Self { photos, from, beside, pixel, depths } = self;
+        let photo = &photos[*from];
+        let position = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
+        let patch = P::around(&photo.pixels, position, 1.0).filter(|patch| patch.deviation() >= TEXTURE)?;
+        let ray = photo.intrinsics.ray(position.x, position.y);
+        let to_world = photo.viewmat.inverse();
+        let scores: Vec<f64> = depths
+            .0
+            .iter()
+            .map(|depth| {
+                let world = to_world.transform_point3(ray * *depth);
+                let found = |other: &usize| {
+                    let other = &photos[*other];
+                    let seen = other.viewmat.transform_point3(world);
+                    if seen.z <= 0.0 {
+                        return None;
+                    }
+                    let k = &other.intrinsics;
+                    let at = k.project(seen);
+                    // Size of a pixel at that depth in the other camera.
+                    let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
+                    Some(patch.correlation(&P::around(&other.pixels, at, spacing)?))
+                };
+                let mut agreed: Vec<f64> = beside.iter().filter_map(found).collect();
+                agreed.sort_by(|a, b| b.total_cmp(a));
+                if agreed.len() < OTHERS.1 { -1.0 } else { agreed[..OTHERS.1].iter().sum::<f64>() / OTHERS.1 as f64 }
+            })
+            .collect();
+        let count = scores.len();
+        let best = (0..count).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
+        let elsewhere = (0..count).filter(|i| i.abs_diff(best) > APART).map(|i| scores[i]).fold(-1.0, f64::max);
+        // At either end the true depth may lie beyond.
+        let inside = best > 0 && best + 1 < count;
+        let is_clear = inside && scores[best] >= CORRELATION.0 && scores[best] - elsewhere >= CORRELATION.1;
+        is_clear.then(|| match peak {
+            Peak::Best => depths.0[best],
+            Peak::Parabola => depths.at(best as f64 + top(scores[best - 1], scores[best], scores[best + 1])),
         })
-        .collect();
-    let count = scores.len();
-    let best = (0..count).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
-    let elsewhere = (0..count).filter(|i| i.abs_diff(best) > APART).map(|i| scores[i]).fold(-1.0, f64::max);
-    // At either end the true depth may lie beyond.
-    let inside = best > 0 && best + 1 < count;
-    let is_clear = inside && scores[best] >= CORRELATION.0 && scores[best] - elsewhere >= CORRELATION.1;
-    is_clear.then(|| match peak {
-        Peak::Best => depths.0[best],
-        Peak::Parabola => depths.at(best as f64 + top(scores[best - 1], scores[best], scores[best + 1])),
-    })
+    }
 }
 
 /// Where a parabola through three values at -1, 0 and 1 is highest, from -0.5 to 0.5, if the middle one is the largest. A neighbour without

@@ -14,13 +14,11 @@ pub struct LossConfig {
     pub opacity_reg: f64,
     /// Weight of the mean scale, in scene extents. It keeps Gaussians from growing in regions that no photo shows.
     pub scale_reg: f64,
-    /// Share of the run before which neither counts, 0 to 1. Later: the first shapes come sooner, and floaters are cleared later.
-    pub regularise_from: f64,
 }
 
 impl Default for LossConfig {
     fn default() -> Self {
-        Self { dssim: 0.2, opacity_reg: 0.01, scale_reg: 0.01, regularise_from: 0.0 }
+        Self { dssim: 0.2, opacity_reg: 0.01, scale_reg: 0.01 }
     }
 }
 
@@ -28,8 +26,6 @@ impl LossConfig {
     pub(super) fn validate(&self) -> Result<(), ConfigError> {
         check("loss.dssim", self.dssim, (0.0..=1.0).contains(&self.dssim), "from 0 to 1")?;
         check("loss.opacity_reg", self.opacity_reg, not_negative(self.opacity_reg), "0 or more")?;
-        check("loss.scale_reg", self.scale_reg, not_negative(self.scale_reg), "0 or more")?;
-        let from = self.regularise_from;
-        check("loss.regularise_from", from, (0.0..=1.0).contains(&from), "from 0 to 1")
+        check("loss.scale_reg", self.scale_reg, not_negative(self.scale_reg), "0 or more")
     }
 }

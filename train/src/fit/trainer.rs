@@ -169,10 +169,7 @@ impl<M: Method> Trainer<M> {
         let at = self.at(cues, config);
         let Forward { images, loss, drawn, notes, remainder } =
             tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
-        let loss = match at.progress() >= config.loss.regularise_from {
-            true => regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss),
-            false => loss,
-        };
+        let loss = regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
         let mut screens = screens.into_iter();

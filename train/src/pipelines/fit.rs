@@ -303,7 +303,10 @@ impl<M: Method> Pipeline for Fit<M> {
     }
 
     fn plan_steps(&self, dataset: &Path, config: &Table, minutes: f64, device: &Device) -> Result<StepPlan> {
-        plan_steps::<M>(dataset, config, minutes, device)
+        let watch = Stopwatch::start();
+        let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
+        let scene = load::<M>(dataset, &config)?;
+        plan_steps::<M>((dataset, scene), &config, minutes, device, &watch)
     }
 
     fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {

@@ -5,9 +5,8 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use gs_burn::device::is_gpu;
-use toml::Table;
+use gs_datasets::Scene;
 
-use super::fit::load;
 use crate::config::{FitConfig, Strategy};
 use crate::fit::budget::{StepCost, steps_within};
 use crate::fit::method::Method;
@@ -32,17 +31,21 @@ pub struct StepPlan {
     pub step: [f64; 2],
 }
 
-/// The steps of `config` that fit into `minutes` on the data set at `path`: of processor time on a CPU, as the clock shows on a GPU. The
-/// measuring itself is not counted.
+/// The steps of `config` that fit into `minutes` on `scene`: of processor time on a CPU, as the clock shows on a GPU. `watch` began before the
+/// scene was read from `path`; what it shows is part of the budget, the measuring is not.
 ///
 /// # Errors
-/// A sentence about the data, or a budget that is too small for a single step.
-pub fn plan_steps<M: Method>(path: &Path, config: &Table, minutes: f64, device: &Device) -> Result<StepPlan> {
-    let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
-    let watch = Stopwatch::start();
-    let data = Data::<M>::new(load::<M>(path, &config)?, &config);
-    let first = Session::begin(&data, &config, None, device).into_trainer();
-    let start = seconds(&watch, device);
+/// A sentence, if the budget is too small for a single step.
+pub fn plan_steps<M: Method>(
+    (path, scene): (&Path, Scene),
+    config: &FitConfig<M::Config>,
+    minutes: f64,
+    device: &Device,
+    watch: &Stopwatch,
+) -> Result<StepPlan> {
+    let data = Data::<M>::new(scene, config);
+    let first = Session::begin(&data, config, None, device).into_trainer();
+    let start = seconds(watch, device);
     let count = first.gaussians().len();
 
     // Nothing changes the count, and photos have their full width.
@@ -65,8 +68,8 @@ pub fn plan_steps<M: Method>(path: &Path, config: &Table, minutes: f64, device: 
         Strategy::Default | Strategy::None => (count, few),
     };
     let line = StepCost::through((count, few), (many, at_many));
-    let coarse = Data::<M>::coarse_of(&full.scene, &config);
-    let steps = steps_within(60.0 * minutes - start, &line, count, &coarse, &config);
+    let coarse = Data::<M>::coarse_of(&full.scene, config);
+    let steps = steps_within(60.0 * minutes - start, &line, count, &coarse, config);
     if steps == 0 {
         bail!(
             "--minutes {minutes}: expected more: reading {} and finding the first Gaussians takes {start:.1} s, and a step {few:.2} s",

@@ -1,0 +1,208 @@
+//! Square patches of a grey photo, compared by zero-mean normalised cross-correlation.
+//!
+//! [`Patch`] takes any distance between its pixels. [`RowPatch`] is some ten times as quick: near a distance of one pixel all its pixels lie
+//! at one fraction between those of the photo, and its rows are added up side by side.
+
+use glam::DVec2;
+
+/// Half the patch, pixels: 7 x 7.
+const RADIUS: i32 = 3;
+
+/// Pixels along a side.
+const SIDE: usize = (2 * RADIUS + 1) as usize;
+
+/// Pixels of a patch.
+const PATCH: usize = SIDE * SIDE;
+
+/// A row of a [`RowPatch`]: its pixels, and one that is zero.
+const ROW: usize = SIDE + 1;
+
+/// Largest departure from a distance of one pixel at which a [`RowPatch`] takes one pixel: its corners are then off by a third of a pixel.
+const UNIT: f64 = 0.1;
+
+/// The pixels of a reduced grey photo, 0 to 1.
+pub(crate) struct Pixels {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row.
+    pub values: Vec<f32>,
+}
+
+impl Pixels {
+    /// The value at a position in pixels, bilinear; `None` outside.
+    fn at(&self, position: DVec2) -> Option<f32> {
+        let (x, y) = (position.x - 0.5, position.y - 0.5);
+        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
+            return None;
+        }
+        let (column, row) = (x as usize, y as usize);
+        let (u, v) = ((x - column as f64) as f32, (y - row as f64) as f32);
+        let at = row * self.width + column;
+        let [a, b] = [&self.values[at..at + 2], &self.values[at + self.width..at + self.width + 2]];
+        Some((a[0] * (1.0 - u) + a[1] * u) * (1.0 - v) + (b[0] * (1.0 - u) + b[1] * u) * v)
+    }
+
+    /// The patch around a position, its pixels `spacing` apart; `None` where it leaves the photo.
+    fn patch(&self, position: DVec2, spacing: f64) -> Option<[f32; PATCH]> {
+        let mut values = [0.0; PATCH];
+        let offsets = (-RADIUS..=RADIUS).flat_map(|y| (-RADIUS..=RADIUS).map(move |x| DVec2::new(x.into(), y.into())));
+        for (value, offset) in values.iter_mut().zip(offsets) {
+            *value = self.at(position + spacing * offset)?;
+        }
+        Some(values)
+    }
+
+    /// The patch around a position, its pixels one apart; `None` where it leaves the photo.
+    fn unit_patch(&self, position: DVec2) -> Option<[[f32; ROW]; SIDE]> {
+        let (x, y) = (position.x - 0.5 - f64::from(RADIUS), position.y - 0.5 - f64::from(RADIUS));
+        // One pixel more than the patch has, between which the last ones lie.
+        let inside = x >= 0.0 && y >= 0.0 && x < (self.width.checked_sub(SIDE)?) as f64;
+        if !(inside && y < (self.height.checked_sub(SIDE)?) as f64) {
+            return None;
+        }
+        let (column, row) = (x as usize, y as usize);
+        let (u, v) = ((x - column as f64) as f32, (y - row as f64) as f32);
+        let across = |row: usize| -> [f32; ROW] {
+            let pixels = &self.values[row * self.width + column..][..ROW];
+            let mut out = [0.0; ROW];
+            for i in 0..SIDE {
+                out[i] = pixels[i] + u * (pixels[i + 1] - pixels[i]);
+            }
+            out
+        };
+        let mut above = across(row);
+        let mut rows = [[0.0; ROW]; SIDE];
+        for (i, out) in rows.iter_mut().enumerate() {
+            let below = across(row + i + 1);
+            for (out, (a, b)) in out.iter_mut().zip(above.iter().zip(&below)) {
+                *out = a + v * (b - a);
+            }
+            above = below;
+        }
+        Some(rows)
+    }
+}
+
+/// A patch that can be compared with others.
+pub(crate) trait Compared: Sized {
+    /// The patch around a position in pixels, its pixels `spacing` apart; `None` where it leaves the photo.
+    fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self>;
+
+    /// Standard deviation of its values.
+    fn deviation(&self) -> f64;
+
+    /// Correlation with another, -1 to 1; 0 if either is even.
+    fn correlation(&self, other: &Self) -> f64;
+}
+
+/// A patch minus its mean, of length 1 (or 0, if it is even), and its former standard deviation.
+pub(crate) struct Patch {
+    values: [f32; PATCH],
+    deviation: f64,
+}
+
+impl Compared for Patch {
+    fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self> {
+        let mut values = photo.patch(position, spacing)?;
+        let mean = values.iter().sum::<f32>() / PATCH as f32;
+        values.iter_mut().for_each(|value| *value -= mean);
+        let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
+        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+        values.iter_mut().for_each(|value| *value *= scale);
+        Some(Self { values, deviation: f64::from(length) / (PATCH as f64).sqrt() })
+    }
+
+    fn deviation(&self) -> f64 {
+        self.deviation
+    }
+
+    fn correlation(&self, other: &Self) -> f64 {
+        f64::from(self.values.iter().zip(&other.values).map(|(a, b)| a * b).sum::<f32>())
+    }
+}
+
+/// The same by rows.
+pub(crate) struct RowPatch {
+    rows: [[f32; ROW]; SIDE],
+    deviation: f64,
+}
+
+impl Compared for RowPatch {
+    fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self> {
+        let mut rows = if (spacing - 1.0).abs() <= UNIT {
+            photo.unit_patch(position)?
+        } else {
+            let values = photo.patch(position, spacing)?;
+            let mut rows = [[0.0; ROW]; SIDE];
+            rows.iter_mut()
+                .zip(values.chunks_exact(SIDE))
+                .for_each(|(row, values)| row[..SIDE].copy_from_slice(values));
+            rows
+        };
+        let mean = total(|i| rows[i]) / PATCH as f32;
+        // The last of a row stays zero.
+        rows.iter_mut().for_each(|row| row[..SIDE].iter_mut().for_each(|value| *value -= mean));
+        let length = total(|i| rows[i].map(|value| value * value)).sqrt();
+        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+        rows.iter_mut().for_each(|row| row.iter_mut().for_each(|value| *value *= scale));
+        Some(Self { rows, deviation: f64::from(length) / (PATCH as f64).sqrt() })
+    }
+
+    fn deviation(&self) -> f64 {
+        self.deviation
+    }
+
+    fn correlation(&self, other: &Self) -> f64 {
+        let product = |i: usize| std::array::from_fn(|k| self.rows[i][k] * other.rows[i][k]);
+        f64::from(total(product))
+    }
+}
+
+/// The sum of rows, side by side first.
+fn total(row: impl Fn(usize) -> [f32; ROW]) -> f32 {
+    let mut sums = [0.0; ROW];
+    for i in 0..SIDE {
+        let row = row(i);
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+    sums.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn photo() -> Pixels {
+        let values = (0..20 * 15).map(|i| ((i * 7919) % 251) as f32 / 251.0).collect();
+        Pixels { width: 20, height: 15, values }
+    }
+
+    /// Positions inside, and where either patch leaves the photo; distances of one pixel and of two thirds.
+    #[test]
+    fn both_patches_agree() {
+        let photo = photo();
+        for (x, y) in [(5.5, 6.5), (8.3, 7.9), (3.5, 3.5), (16.4, 11.4), (10.0, 4.2)] {
+            for spacing in [1.0, 2.0 / 3.0] {
+                let of = |x: f64, y: f64| {
+                    let at = DVec2::new(x, y);
+                    (Patch::around(&photo, at, spacing), RowPatch::around(&photo, at, spacing))
+                };
+                let ((Some(a), Some(b)), (Some(c), Some(d))) = (of(x, y), of(9.1, 8.2)) else {
+                    panic!("inside: {x} {y}")
+                };
+                // Sums of 49 values of about 1 in another order.
+                assert!((a.deviation() - b.deviation()).abs() < 1e-5, "{x} {y}");
+                assert!((a.correlation(&c) - b.correlation(&d)).abs() < 1e-5, "{x} {y}");
+                assert!((b.correlation(&b) - 1.0).abs() < 1e-5);
+            }
+        }
+        for (x, y) in [(3.4, 6.0), (6.0, 3.4), (16.6, 6.0), (6.0, 11.6), (f64::NAN, 6.0), (-50.0, 1e9)] {
+            let at = DVec2::new(x, y);
+            assert!(Patch::around(&photo, at, 1.0).is_none() && RowPatch::around(&photo, at, 1.0).is_none(), "{x} {y}");
+        }
+        let small = Pixels { width: 3, height: 3, values: vec![0.5; 9] };
+        assert!(RowPatch::around(&small, DVec2::splat(1.5), 1.0).is_none());
+    }
+}
