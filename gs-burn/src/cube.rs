@@ -3,6 +3,8 @@
 //! device.
 
 mod dispatches;
+mod images;
+mod products;
 mod sparse_conv;
 
 use burn::backend::Backend;
@@ -13,17 +15,12 @@ use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
 use gs_kernels::config::{Activation, AdamConfig, NoiseConfig, ProjectionConfig, ShConfig};
-use gs_kernels::constants::TILE;
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{
-    adam, channels, exposure, intersect, noise, opacity, projection, rasterize, rows_of, sh, ssim, sum,
-};
+use gs_kernels::cube::{adam, intersect, noise, opacity, projection, rasterize, rows_of, sh, sum};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::adam::{AdamKernels, AdamState};
-use crate::ops::channels::ChannelsKernels;
-use crate::ops::exposure::{AverageConfig, AverageKernels, TileShares};
 use crate::ops::intersect::{IntersectKernels, IntersectionLists};
 use crate::ops::noise::NoiseKernels;
 use crate::ops::opacity::OpacityKernels;
@@ -31,7 +28,6 @@ use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
 use crate::ops::rows::{RowsKernels, columns, with_rows};
 use crate::ops::sh::{ShGradients, ShKernels};
-use crate::ops::ssim::{SsimForward, SsimKernels};
 use crate::ops::sum::SumKernels;
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
@@ -278,73 +274,6 @@ impl Blended {
     }
 }
 
-impl ChannelsKernels for CubeBackend {
-    fn channels_forward(image: CubeTensor, first: usize, count: usize) -> CubeTensor {
-        let launch = Launch::of(&image);
-        let [height, width, total] = image.meta.shape().dims();
-        let part = channels::forward(&launch.client, &launch.floats(image), total, first, count);
-        launch.float_tensor(unwrap(part), [height, width, count])
-    }
-
-    fn channels_backward(v: CubeTensor, first: usize, total: usize) -> CubeTensor {
-        let launch = Launch::of(&v);
-        let [height, width, count] = v.meta.shape().dims();
-        let whole = channels::backward(&launch.client, &launch.floats(v), total, first, count);
-        launch.float_tensor(unwrap(whole), [height, width, total])
-    }
-}
-
-impl AverageKernels for CubeBackend {
-    fn average_forward(tiles: CubeTensor, shares: &TileShares, config: &AverageConfig) -> CubeTensor {
-        let launch = Launch::of(&tiles);
-        let image = exposure::average(&launch.client, config, shares, &launch.floats(tiles));
-        launch.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.channels])
-    }
-
-    fn average_backward(
-        tiles: CubeTensor,
-        shares: &TileShares,
-        config: &AverageConfig,
-        v_image: CubeTensor,
-    ) -> CubeTensor {
-        let launch = Launch::of(&tiles);
-        let [tiles, v_image] = [tiles, v_image].map(|t| launch.floats(t));
-        let v_tiles = exposure::average_backward(&launch.client, config, shares, &tiles, &v_image);
-        launch.float_tensor(unwrap(v_tiles), [shares.tiles(), TILE * TILE, config.channels])
-    }
-}
-
-impl SsimKernels for CubeBackend {
-    fn ssim_forward(image: CubeTensor, target: CubeTensor) -> SsimForward<Self> {
-        let launch = Launch::of(&image);
-        let [height, width, channels] = image.meta.shape().dims();
-        let [image, target] = [image, target].map(|t| launch.floats(t));
-        let result = unwrap(ssim::forward(&launch.client, &image, &target, width, height, channels));
-        SsimForward {
-            terms: launch.float_tensor(result.means, [2]),
-            saved: launch.float_tensor(result.saved, [3, height, width, channels]),
-        }
-    }
-
-    fn ssim_loss(terms: CubeTensor, dssim: f64) -> CubeTensor {
-        let launch = Launch::of(&terms);
-        launch.float_tensor(unwrap(ssim::loss(&launch.client, &launch.floats(terms), dssim as f32)), [1])
-    }
-
-    fn ssim_loss_backward(v: CubeTensor, dssim: f64) -> CubeTensor {
-        let launch = Launch::of(&v);
-        launch.float_tensor(unwrap(ssim::loss_backward(&launch.client, &launch.floats(v), dssim as f32)), [2])
-    }
-
-    fn ssim_backward(image: CubeTensor, target: CubeTensor, saved: CubeTensor, v_terms: CubeTensor) -> CubeTensor {
-        let launch = Launch::of(&image);
-        let [height, width, channels] = image.meta.shape().dims();
-        let [image, target, saved, v_terms] = [image, target, saved, v_terms].map(|t| launch.floats(t));
-        let v_image = ssim::backward(&launch.client, &image, &target, &saved, width, height, channels, &v_terms);
-        launch.float_tensor(unwrap(v_image), [height, width, channels])
-    }
-}
-
 impl OpacityKernels for CubeBackend {
     fn opacity_forward(logits: CubeTensor) -> CubeTensor {
         let (launch, count) = (Launch::of(&logits), logits.meta.shape()[0]);
@@ -383,6 +312,11 @@ impl SumKernels for CubeBackend {
         let mark = owned(mark);
         sum::mark_not_finite(&launch.client, &launch.floats(tensor), &launch.floats(mark.clone()));
         mark
+    }
+
+    fn largest_of(tensor: CubeTensor) -> CubeTensor {
+        let launch = Launch::of(&tensor);
+        launch.float_tensor(unwrap(sum::largest(&launch.client, &launch.floats(tensor))), [1])
     }
 }
 

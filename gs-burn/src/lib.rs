@@ -54,6 +54,7 @@ pub mod exposure;
 pub mod gaussians;
 #[cfg(feature = "cube")]
 pub mod launches;
+pub mod limits;
 pub mod named_parameters;
 pub mod ops;
 pub mod ply;
@@ -71,7 +72,7 @@ pub use exact::exact_matmul;
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;
-pub use gs_kernels::{constants, limits};
+pub use gs_kernels::constants;
 pub use named_parameters::{
     NamedGradients, NamedParameter, map_parameters, named_parameters, parameter_bytes, try_map_parameters,
 };

@@ -10,9 +10,17 @@ pub fn too_many_pairs(pairs: Option<u64>) -> String {
     format!("expected at most 2^31 pairs of tile and Gaussian{found}: {ADVICE}")
 }
 
-/// A buffer above the size that every graphics API can bind.
+/// A buffer above the size that the device, or every graphics API, can bind.
 pub fn buffer_too_large(what: &str, bytes: u64, most: u64) -> String {
     format!("{what} needs {bytes} bytes on the device, and one buffer holds at most {most}: {ADVICE}")
+}
+
+/// More Gaussians than the buffers of a device hold.
+pub fn too_many_gaussians(gaussians: u64, sh_degree: usize, bytes: u64, most: u64) -> String {
+    format!(
+        "{gaussians} Gaussians of SH degree {sh_degree} do not fit this device, whose buffers hold at most {bytes} bytes: at most {most} \
+         fit; lower density.cap or model.sh_degree"
+    )
 }
 
 /// Whether a panic's message is a sentence of this module.

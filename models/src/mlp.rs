@@ -5,6 +5,7 @@ use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::{relu, silu};
 use burn::tensor::{DType, Device, Tensor, TensorData};
+use gs_burn::ops::products::affine;
 use gs_burn::profile;
 
 use crate::random::SplitMix64;
@@ -76,8 +77,7 @@ impl Mlp {
     /// `[R, in]` to `[R, out]`, each row by itself; differentiable by input and weights.
     pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
         let _stage = profile::stage("networks");
-        let first = input.matmul(self.layers[0].weight.val()) + bias(&self.layers[0]);
-        self.after_first(first)
+        self.after_first(affine(input, self.layers[0].weight.val(), bias(&self.layers[0])))
     }
 
     /// [`forward`](Self::forward) on rows that all end in the same columns: `input` is `[R, a]`, `shared` `[1, c]`, and the
@@ -87,17 +87,16 @@ impl Mlp {
         let own = input.dims()[1];
         let total = self.inputs();
         let weight = self.layers[0].weight.val();
-        let shared = shared.matmul(weight.clone().narrow(0, own, total - own)) + bias(&self.layers[0]);
-        self.after_first(input.matmul(weight.narrow(0, 0, own)) + shared)
+        let shared = affine(shared, weight.clone().narrow(0, own, total - own), bias(&self.layers[0]));
+        self.after_first(affine(input, weight.narrow(0, 0, own), shared.squeeze_dim(0)))
     }
 
-    // Not `Linear::forward`: a backend may add the bias inside its product, in another order.
     fn after_first(&self, first: Tensor<2>) -> Tensor<2> {
         let activation = |x| match self.activation {
             Activation::Relu => relu(x),
             Activation::Silu => silu(x),
         };
-        self.layers.iter().skip(1).fold(first, |x, layer| activation(x).matmul(layer.weight.val()) + bias(layer))
+        self.layers.iter().skip(1).fold(first, |x, layer| affine(activation(x), layer.weight.val(), bias(layer)))
     }
 
     /// Numbers a row takes.
@@ -111,7 +110,7 @@ impl Mlp {
     }
 }
 
-/// `[1, out]`.
-fn bias(layer: &Linear) -> Tensor<2> {
-    layer.bias.as_ref().expect("MlpConfig gives every layer a bias").val().unsqueeze()
+/// `[out]`.
+fn bias(layer: &Linear) -> Tensor<1> {
+    layer.bias.as_ref().expect("MlpConfig gives every layer a bias").val()
 }

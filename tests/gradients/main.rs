@@ -1,6 +1,7 @@
 //! Derivatives: central differences in `f64`, twin against twin, and a fit that only right gradients can make.
 #![recursion_limit = "256"]
 
+mod bilinear;
 mod channels;
 mod exposure;
 mod projection;

@@ -9,6 +9,7 @@ mod hostile;
 mod intersect;
 mod noise;
 mod opacity;
+mod products;
 mod projection;
 mod rasterize;
 mod render;

@@ -1,7 +1,7 @@
 //! `gs_burn::ops::sum`.
 
 use burn::tensor::Tensor;
-use gs_burn::ops::sum::{mark_not_finite, mean, sum};
+use gs_burn::ops::sum::{largest, mark_not_finite, mean, sum};
 use gs_tests::devices::everywhere;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{bits, values};
@@ -17,6 +17,20 @@ fn sums_of_small_whole_numbers_are_exact() {
             let numbers: Vec<f64> = (0..length).map(|i| (i % 5) as f64 - 1.0).collect();
             let total: f64 = numbers.iter().sum();
             assert_eq!(values(&sum(place.tensor(&numbers, [length]))), [total], "{length} on {}", place.name);
+        }
+    }
+}
+
+#[test]
+fn the_largest_is_found_wherever_it_is() {
+    for place in everywhere() {
+        for length in LENGTHS {
+            for at in [0, length / 2, length - 1] {
+                let mut numbers = vec![-3.0; length];
+                numbers[at] = -1.5;
+                let found = values(&largest(place.tensor(&numbers, [length])));
+                assert_eq!(found, [-1.5], "{at} of {length} on {}", place.name);
+            }
         }
     }
 }

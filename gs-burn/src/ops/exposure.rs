@@ -15,6 +15,7 @@ use gs_kernels::rows::PROJECTED;
 use super::assert_same_dtype;
 use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
 use super::intersect::TileIntersections;
+use crate::device::is_gpu;
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
@@ -48,8 +49,7 @@ pub fn intersect_instants(
     assert_same_dtype("features", &features, "projected", &projected);
     let _stage = profile::stage("sort into tiles");
     let device = projected.clone().inner().device();
-    let [projected, features] = [projected, features].map(|tensor| tensor.inner().into_data());
-    let opacities = opacities.inner().into_data();
+    let [projected, opacities, features] = on_host(projected.inner(), opacities.inner(), features.inner());
 
     macro_rules! lists {
         ($float:ty) => {{
@@ -75,6 +75,23 @@ pub fn intersect_instants(
         places: Some(tensor(lists.places)),
     };
     (lists, Arc::new(shares))
+}
+
+/// The tables' numbers on the host. From a GPU they come in one read, because every read waits for the device.
+fn on_host(projected: Tensor<2>, opacities: Tensor<1>, features: Tensor<2>) -> [TensorData; 3] {
+    if !is_gpu(&projected.device()) {
+        return [projected.into_data(), opacities.into_data(), features.into_data()];
+    }
+    let [rows, channels] = features.dims();
+    let joined = Tensor::cat(vec![projected.flatten(0, 1), opacities, features.flatten(0, 1)], 0).into_data();
+    let joined = joined.as_slice::<f32>().expect("a GPU computes in f32");
+    let (projected, rest) = joined.split_at(rows * PROJECTED);
+    let (opacities, features) = rest.split_at(rows);
+    [
+        TensorData::new(projected.to_vec(), [rows, PROJECTED]),
+        TensorData::new(opacities.to_vec(), [rows]),
+        TensorData::new(features.to_vec(), [rows, channels]),
+    ]
 }
 
 /// The mean image `[H, W, C]` over all instants, from the tiles drawn for them, `[tiles, 256, C]`.

@@ -13,11 +13,13 @@
 //! Counts may be zero: an empty scene has `[0, ...]` tensors, and kernels must return what the shapes say.
 
 pub mod adam;
+pub mod bilinear;
 pub mod channels;
 pub mod exposure;
 pub mod intersect;
 pub mod noise;
 pub mod opacity;
+pub mod products;
 pub mod projection;
 pub mod rasterize;
 pub mod rows;

@@ -39,6 +39,11 @@ pub fn mark_not_finite<const D: usize>(mark: Option<Tensor<1>>, tensor: Tensor<D
     Tensor::from_dispatch(Dispatch::mark_not_finite(mark.inner().into_dispatch(), tensor.into_dispatch()))
 }
 
+/// The largest number of `tensor`, `[1]`. Gradient tracking is dropped.
+pub fn largest<const D: usize>(tensor: Tensor<D>) -> Tensor<1> {
+    Tensor::from_dispatch(Dispatch::largest(tensor.inner().into_dispatch()))
+}
+
 /// Burn's dispatch for [`sum`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
@@ -54,7 +59,7 @@ pub trait SumOps: Backend {
     fn activated_sum(tensor: FloatTensor<Self>, activation: Activation, factor: f64) -> FloatTensor<Self>;
 }
 
-/// Burn's dispatch for [`mark_not_finite`].
+/// Burn's dispatch for [`mark_not_finite`] and [`largest`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
@@ -63,6 +68,9 @@ pub trait SumOps: Backend {
 pub trait FiniteOps: Backend {
     /// See [`mark_not_finite`].
     fn mark_not_finite(mark: FloatTensor<Self>, tensor: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// See [`largest`].
+    fn largest(tensor: FloatTensor<Self>) -> FloatTensor<Self>;
 }
 
 /// Both on a backend's primitives, without gradient tracking. Tensors may be strided.
@@ -83,6 +91,11 @@ pub trait SumKernels: Backend {
 
     /// `mark` `[1]`, or NaN if a number of `tensor` is not finite.
     fn finite_mark(mark: FloatTensor<Self>, tensor: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// The largest number, `[1]`.
+    fn largest_of(tensor: FloatTensor<Self>) -> FloatTensor<Self> {
+        Self::float_max(tensor)
+    }
 }
 
 impl<B: SumKernels> SumOps for B {
@@ -98,6 +111,10 @@ impl<B: SumKernels> SumOps for B {
 impl<B: SumKernels> FiniteOps for B {
     fn mark_not_finite(mark: FloatTensor<B>, tensor: FloatTensor<B>) -> FloatTensor<B> {
         B::finite_mark(mark, tensor)
+    }
+
+    fn largest(tensor: FloatTensor<B>) -> FloatTensor<B> {
+        B::largest_of(tensor)
     }
 }
 

@@ -106,6 +106,14 @@ fn larger_than_the_image() {
     check(&scene.projected(), &scene.opacities, &[0.5; 60], 100, 40);
 }
 
+/// Many units emit the pairs of one Gaussian, and begin in the middle of its rows.
+#[test]
+fn a_few_over_many_tiles_among_small_ones() {
+    let mut scene = Scene::random(66, 300, 310, 210);
+    scene.log_scales[300..330].iter_mut().for_each(|s| *s += 4.0);
+    check(&scene.projected(), &scene.opacities, &[0.5; 300], 310, 210);
+}
+
 #[test]
 fn needles() {
     let mut scene = Scene::random(64, 200, 100, 100);

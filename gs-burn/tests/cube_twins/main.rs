@@ -6,6 +6,7 @@
 mod support;
 
 mod adam;
+mod bilinear;
 mod channels;
 #[cfg(feature = "flex")]
 mod exposure;

@@ -2,7 +2,7 @@
 
 use gs_kernels::config::RasterizeConfig;
 use gs_kernels::cpu;
-use gs_kernels::cube::intersect::Intersections;
+use gs_kernels::cube::intersect::{Intersections, PAIRS_OF_A_UNIT};
 use gs_kernels::cube::rasterize::{self, Inputs, RasterizeGradients};
 
 use crate::support::{Random, Scene, assert_gradient, client, down, up, up_u32, wide};
@@ -215,6 +215,37 @@ fn long_lists() {
     scene.log_scales.fill(-0.5);
     scene.opacities.fill(0.008);
     Case::new(&scene, 3, false, 15).check(16, 1e-3);
+}
+
+/// Gaussians over all 130 tiles have chunks of pairs of their own, in any number of ranges of tiles.
+#[test]
+fn over_all_tiles() {
+    let mut scene = Scene::random(84, 60, 200, 150);
+    scene.log_scales[..9].fill(2.0);
+    scene.opacities[..3].fill(0.05);
+    let case = Case::new(&scene, 3, false, 27);
+    let most = case.lists.gaussian_offsets.windows(2).map(|pair| pair[1] - pair[0]).max();
+    assert!(most >= Some(2 * rasterize::CHUNK as i32), "{most:?} pairs of one Gaussian");
+    case.check(28, 1e-3);
+    let v = Random(29).list(200 * 150 * 4, -1.0, 1.0);
+    let (whole, part) = (case.backward(&v), case.backward_within(&v, 300 * 4 * 11));
+    assert_eq!(down(&whole.projected), down(&part.projected), "little memory");
+    assert_eq!(down(&whole.features), down(&part.features), "little memory");
+}
+
+/// No unit that adds pairs, and none that emits them, does much more than the others, however many tiles a Gaussian has.
+#[test]
+fn long_lists_are_shared_among_units() {
+    let chunk = rasterize::CHUNK;
+    // None to all tiles of an image of 3840 x 2160.
+    for pairs in [0, 1, chunk - 1, chunk, 2 * chunk - 1, 200, 8_160, 32_400] {
+        let most = (0..2 * chunk).map(|begin| rasterize::added_by_a_unit(begin, begin + pairs)).max();
+        assert!(most <= Some(2 * chunk - 2 + pairs / chunk), "{pairs} pairs: {most:?} additions");
+    }
+    // At 1920 x 1080, no more than twice what a Gaussian of a hundred pairs costs that meets no whole chunk.
+    assert!(rasterize::added_by_a_unit(0, 8_160) <= 2 * 100);
+    let units = 8_160u32.div_ceil(PAIRS_OF_A_UNIT);
+    assert!(units >= 500, "a Gaussian over all tiles is emitted by {units} units");
 }
 
 #[test]

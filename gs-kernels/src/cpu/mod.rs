@@ -4,6 +4,7 @@
 //! (AVX-512, AVX2 with FMA, NEON) run one sequence of roundings, so `f32` results do not depend on the machine either.
 
 pub mod adam;
+pub mod bilinear;
 pub mod blend;
 pub mod camera;
 pub mod covariance;

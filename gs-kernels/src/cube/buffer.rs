@@ -5,8 +5,20 @@ use cubecl::server::Handle;
 
 use crate::cube::error::CubeError;
 
-/// Largest buffer that is allocated: graphics APIs count the bytes of a binding in signed 32-bit numbers.
-pub const MAX_BYTES: u64 = i32::MAX as u64;
+/// Largest buffer on any device: graphics APIs count the bytes of a binding in signed 32-bit numbers.
+const MAX_BYTES: u64 = i32::MAX as u64;
+
+/// Largest buffer of a device: what its driver allocates at once, and what a kernel binds at once.
+pub fn most_bytes(client: &Client) -> u64 {
+    client.properties().memory.max_page_size.min(MAX_BYTES)
+}
+
+/// # Errors
+/// When `bytes` exceed [`most_bytes`].
+fn check_bytes(client: &Client, what: &'static str, bytes: u64) -> Result<(), CubeError> {
+    let most = most_bytes(client);
+    if bytes > most { Err(CubeError::BufferTooLarge { what, bytes, most }) } else { Ok(()) }
+}
 
 /// Units of a one-dimensional cube.
 pub const UNITS: usize = 256;
@@ -28,12 +40,9 @@ impl Buffer {
     /// Room for `len` values, not initialised; `what` names them in an error.
     ///
     /// # Errors
-    /// When the buffer would exceed [`MAX_BYTES`].
+    /// When the buffer would exceed [`most_bytes`].
     pub fn empty(client: &Client, what: &'static str, len: usize) -> Result<Self, CubeError> {
-        let bytes = len as u64 * 4;
-        if bytes > MAX_BYTES {
-            return Err(CubeError::BufferTooLarge { what, bytes });
-        }
+        check_bytes(client, what, len as u64 * 4)?;
         // No API binds zero bytes.
         let handle = client.empty((len * 4).max(4));
         Ok(Self { handle, len })
@@ -42,7 +51,7 @@ impl Buffer {
     /// One allocation cut into parts of the given lengths: one binding where a kernel has many outputs.
     ///
     /// # Errors
-    /// When the whole would exceed [`MAX_BYTES`].
+    /// When the whole would exceed [`most_bytes`].
     pub fn slab<const P: usize>(client: &Client, what: &'static str, lens: [usize; P]) -> Result<Slab<P>, CubeError> {
         let mut starts = [0; P];
         let mut end = 0;
@@ -70,12 +79,10 @@ impl Buffer {
     /// Uploads `values`.
     ///
     /// # Errors
-    /// When they exceed [`MAX_BYTES`].
+    /// When they exceed [`most_bytes`].
     pub fn upload<T: CubeElement>(client: &Client, what: &'static str, values: &[T]) -> Result<Self, CubeError> {
         let bytes = T::as_bytes(values);
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(CubeError::BufferTooLarge { what, bytes: bytes.len() as u64 });
-        }
+        check_bytes(client, what, bytes.len() as u64)?;
         let handle = client.create_from_slice(if bytes.is_empty() { &[0; 4] } else { bytes });
         Ok(Self { handle, len: values.len() })
     }

@@ -1,18 +1,19 @@
 //! Errors before a kernel is launched.
 
-use crate::cube::buffer::MAX_BYTES;
 use crate::limits;
 
 /// A request beyond the device's limits.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CubeError {
-    /// A buffer would exceed the size that every graphics API can bind.
-    #[error("{}", limits::buffer_too_large(what, *bytes, MAX_BYTES))]
+    /// A buffer would exceed the size that the device can bind.
+    #[error("{}", limits::buffer_too_large(what, *bytes, *most))]
     BufferTooLarge {
         /// Content of the buffer.
         what: &'static str,
         /// Bytes requested.
         bytes: u64,
+        /// Most bytes of a buffer.
+        most: u64,
     },
     /// More pairs of tile and Gaussian than a signed 32-bit offset counts.
     #[error("{}", limits::too_many_pairs(None))]

@@ -6,6 +6,7 @@
 //! shared memory, launches more than 65,535 cubes along an axis, or assumes the width of a plane.
 
 pub mod adam;
+pub mod bilinear;
 pub(crate) mod blend;
 pub mod buffer;
 pub(crate) mod camera;
@@ -18,6 +19,7 @@ pub(crate) mod light;
 pub(crate) mod math;
 pub mod noise;
 pub mod opacity;
+pub mod products;
 pub mod projection;
 pub mod rasterize;
 pub(crate) mod reduce;

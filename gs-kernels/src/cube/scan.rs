@@ -23,7 +23,7 @@ fn saturating_sum(a: u32, b: u32) -> u32 {
 }
 
 /// Each cube scans its block of `input` (0 beyond `count`) into `output`, and writes the block's sum.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn scan_block_kernel(input: &[u32], output: &mut [u32], sums: &mut [u32], count: u32, out_count: u32, blocks: u32) {
     if CUBE_POS >= blocks as usize {
         terminate!();
@@ -117,7 +117,7 @@ fn scan_finish_kernel(output: &mut [u32], sums: &[u32], count: u32, blocks: u32)
 }
 
 /// Adds to every value of block `b` the sum of all blocks before it.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn scan_add_kernel(output: &mut [u32], sums: &[u32], count: u32) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index < count as usize {
@@ -137,17 +137,20 @@ pub fn exclusive_scan(client: &Client, input: &Buffer, out_len: usize) -> Result
     }
     let blocks = out_len.div_ceil(BLOCK);
     let sums = Buffer::empty(client, "prefix sums of blocks", blocks)?;
-    scan_block_kernel::launch(
-        client,
-        grid(blocks),
-        cube_dim(),
-        input.arg(),
-        output.arg(),
-        sums.arg(),
-        input.len() as u32,
-        out_len as u32,
-        blocks as u32,
-    );
+    // SAFETY: `input` is read below its length, `output` written below `out_len`, `sums` below `blocks`.
+    unsafe {
+        scan_block_kernel::launch_unchecked(
+            client,
+            grid(blocks),
+            cube_dim(),
+            input.arg(),
+            output.arg(),
+            sums.arg(),
+            input.len() as u32,
+            out_len as u32,
+            blocks as u32,
+        );
+    }
     if (2..=ADDED_BY_CUBES).contains(&blocks) {
         let (count, blocks_u32) = (out_len as u32, blocks as u32);
         // SAFETY: `output` is indexed below `count`, `sums` below `blocks`.
@@ -158,7 +161,17 @@ pub fn exclusive_scan(client: &Client, input: &Buffer, out_len: usize) -> Result
     } else if blocks > 1 {
         let sums = exclusive_scan(client, &sums, blocks)?;
         let cubes = out_len.div_ceil(UNITS);
-        scan_add_kernel::launch(client, grid(cubes), cube_dim(), output.arg(), sums.arg(), out_len as u32);
+        // SAFETY: `output` is indexed below `out_len`; `sums` holds a value for each block of it.
+        unsafe {
+            scan_add_kernel::launch_unchecked(
+                client,
+                grid(cubes),
+                cube_dim(),
+                output.arg(),
+                sums.arg(),
+                out_len as u32,
+            );
+        }
     }
     Ok(output)
 }

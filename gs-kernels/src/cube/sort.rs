@@ -7,7 +7,7 @@
 
 use cubecl::prelude::*;
 
-use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid, grid_for};
 use crate::cube::error::CubeError;
 use crate::cube::scan::exclusive_scan;
 
@@ -28,7 +28,7 @@ fn digit(key: u32, shift: u32) -> usize {
 }
 
 /// Each cube counts the digits of its block; `counts` is `[digit, block]`.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn sort_count_kernel(keys: &[u32], counts: &mut [u32], count: u32, blocks: u32, shift: u32) {
     if CUBE_POS >= blocks as usize {
         terminate!();
@@ -48,7 +48,7 @@ fn sort_count_kernel(keys: &[u32], counts: &mut [u32], count: u32, blocks: u32, 
 }
 
 /// Each cube moves the pairs of its block to their positions; `offsets` is the prefix sum of the counts.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn sort_move_kernel(
     keys: &[u32],
     values: &[u32],
@@ -138,32 +138,71 @@ pub fn sort_pairs(
     let mut keys_out = Buffer::empty(client, "sorted keys", count)?;
     let mut values_out = Buffer::empty(client, "sorted values", count)?;
     for shift in (0..bits).step_by(DIGIT_BITS as usize) {
-        sort_count_kernel::launch(
-            client,
-            grid(blocks),
-            cube_dim(),
-            keys.arg(),
-            counts.arg(),
-            count as u32,
-            blocks as u32,
-            shift,
-        );
+        // SAFETY: keys below `count`; `counts` holds a value for each digit and block.
+        unsafe {
+            sort_count_kernel::launch_unchecked(
+                client,
+                grid(blocks),
+                cube_dim(),
+                keys.arg(),
+                counts.arg(),
+                count as u32,
+                blocks as u32,
+                shift,
+            );
+        }
         let offsets = exclusive_scan(client, &counts, DIGITS * blocks)?;
-        sort_move_kernel::launch(
-            client,
-            grid(blocks),
-            cube_dim(),
-            keys.arg(),
-            values.arg(),
-            offsets.arg(),
-            keys_out.arg(),
-            values_out.arg(),
-            count as u32,
-            blocks as u32,
-            shift,
-        );
+        // SAFETY: as above; positions are a permutation of the `count` pairs, because the offsets are the sums of their digits' counts.
+        unsafe {
+            sort_move_kernel::launch_unchecked(
+                client,
+                grid(blocks),
+                cube_dim(),
+                keys.arg(),
+                values.arg(),
+                offsets.arg(),
+                keys_out.arg(),
+                values_out.arg(),
+                count as u32,
+                blocks as u32,
+                shift,
+            );
+        }
         std::mem::swap(&mut keys, &mut keys_out);
         std::mem::swap(&mut values, &mut values_out);
     }
     Ok((keys, values))
+}
+
+/// One unit per key that may occur, and one behind: finds the first place of a key that is not below it, by bisection.
+#[cube(launch_unchecked)]
+fn first_of_keys_kernel(sorted: &[u32], starts: &mut [u32], keys: u32, count: u32) {
+    let key = (CUBE_POS * UNITS) as u32 + UNIT_POS;
+    if key > keys {
+        terminate!();
+    }
+    let mut low = 0u32;
+    let mut high = count;
+    while low < high {
+        let middle = low + (high - low) / 2u32;
+        if sorted[middle as usize] < key {
+            low = middle + 1u32;
+        } else {
+            high = middle;
+        }
+    }
+    starts[key as usize] = low;
+}
+
+/// Where each of the keys `0..keys` begins in `sorted`, and where the last ends: `[keys + 1]`.
+///
+/// # Errors
+/// When the result exceeds one buffer.
+pub fn first_of_keys(client: &Client, sorted: &Buffer, keys: usize) -> Result<Buffer, CubeError> {
+    let starts = Buffer::empty(client, "offsets of sorted keys", keys + 1)?;
+    let (cubes, key_count, count) = (grid_for(keys + 1), keys as u32, sorted.len() as u32);
+    let (sorted, out) = (sorted.arg(), starts.arg());
+    // SAFETY: `sorted` is read below `count`; `starts` is written up to `keys`.
+    unsafe { first_of_keys_kernel::launch_unchecked(client, cubes, cube_dim(), sorted, out, key_count, count) };
+    Ok(starts)
 }

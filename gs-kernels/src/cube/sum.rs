@@ -1,6 +1,6 @@
 //! The sum of many numbers in a fixed order, and the search for a number that is not finite; the twin of [`crate::cpu::sum`].
 //!
-//! A sum takes two launches: at most [`PARTS`] cubes add parts of equal length, then one cube adds the parts. The order depends on
+//! A sum takes two launches: at most 1,024 cubes add parts of equal length, then one cube adds the parts. The order depends on
 //! the length alone.
 
 use cubecl::prelude::*;
@@ -145,6 +145,66 @@ pub fn activated_backward(
         }
     }
     Ok(out)
+}
+
+/// Below every number.
+const LOWEST: f32 = f32::MIN;
+
+/// Each cube finds the largest of `rows` rows of [`UNITS`] numbers. A number that is none is never the largest.
+#[cube(launch_unchecked)]
+fn largest_kernel(values: &[f32], parts: &mut [f32], count: u32, rows: u32, cubes: u32) {
+    if CUBE_POS >= cubes as usize {
+        terminate!();
+    }
+    let unit = UNIT_POS as usize;
+    let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let mut index = CUBE_POS * rows as usize * UNITS + unit;
+    let mut largest = LOWEST.runtime();
+    for _ in 0..rows {
+        if index < count as usize {
+            let value = values[index];
+            largest = select(value > largest, value, largest);
+        }
+        index += UNITS;
+    }
+    slots[unit] = largest;
+    sync_cube();
+    #[unroll]
+    for step in 0..comptime!(UNITS.ilog2() as usize) {
+        let half = comptime!(UNITS >> (step + 1));
+        if unit < half {
+            let (one, other) = (slots[unit], slots[unit + half]);
+            slots[unit] = select(other > one, other, one);
+        }
+        sync_cube();
+    }
+    if unit == 0 {
+        parts[CUBE_POS] = slots[0];
+    }
+}
+
+/// The largest of `values`, `[1]`; the smallest finite number without values.
+///
+/// # Errors
+/// When the parts exceed one buffer.
+pub fn largest(client: &Client, values: &Buffer) -> Result<Buffer, CubeError> {
+    let mut from = values.clone();
+    loop {
+        let most = if from.len() <= UNITS * ITEMS { 1 } else { PARTS };
+        let rows = from.len().div_ceil(UNITS).div_ceil(most).max(ITEMS);
+        let cubes = from.len().div_ceil(rows * UNITS).max(1);
+        let parts = Buffer::empty(client, "parts of a maximum", cubes)?;
+        let (count, rows, all) = (from.len() as u32, rows as u32, cubes as u32);
+        // SAFETY: numbers are read below `count`, parts are written below `cubes`.
+        unsafe {
+            let (values, out) = (from.arg(), parts.arg());
+            largest_kernel::launch_unchecked(client, grid(cubes), cube_dim(), values, out, count, rows, all);
+        }
+        if cubes == 1 {
+            return Ok(parts);
+        }
+        from = parts;
+    }
 }
 
 /// Numbers that a unit of [`mark_kernel`] looks at.

@@ -6,6 +6,7 @@
 //! it is, and the point itself is never needed.
 
 use burn::tensor::{Tensor, TensorData};
+use gs_burn::ops::products::scaled;
 use gs_burn::{Intrinsics, exact_matmul, profile};
 
 use crate::pixels::Pixels;
@@ -59,7 +60,6 @@ pub fn blur_path(
 ) -> Tensor<3> {
     let _stage = profile::stage("blur path");
     let count = pixels.len();
-    let samples = offsets.dims()[0];
     let options = (&depth.device(), depth.dtype());
     let (offset, [fx, fy]) = from_centre(pixels, &depth, intrinsics);
     let known = depth.clone().greater_equal_scalar(NEAREST).float().cast(depth.dtype());
@@ -69,9 +69,9 @@ pub fn blur_path(
     let approach = exact_matmul(velocity.clone(), forward);
     let flow = exact_matmul(velocity, lateral) - offset * approach.clone();
 
-    let offsets = offsets.cast(depth.dtype()).reshape([samples, 1, 1]);
-    let depth = depth.reshape([1, count, 1]) + offsets.clone() * approach.reshape([1, count, 1]);
-    let path = offsets * flow.reshape([1, count, 2]) / depth.clamp_min(NEAREST);
+    let offsets = offsets.cast(depth.dtype());
+    let depth = depth.reshape([1, count, 1]) + scaled(offsets.clone(), approach);
+    let path = scaled(offsets, flow) / depth.clamp_min(NEAREST);
     path + pixels.centres.clone().cast(options.1).reshape([1, count, 2])
 }
 

@@ -4,9 +4,9 @@
 //! decode before the sum and encode after it.
 
 use burn::tensor::Tensor;
+use gs_burn::ops::bilinear::bilinear;
 use gs_burn::profile;
 
-use super::bilinear::bilinear;
 use crate::light::Mixing;
 
 /// Blurred colours `[P, 3]`, encoded, of the sharp image `[H, W, 3]`, encoded.

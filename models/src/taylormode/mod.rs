@@ -15,7 +15,7 @@
 //! | 3.3, Eq. 7: exposure samples, learnable exposure | [`exposure`] |
 //! | 3.3, Eq. 8 to 10: back-projection, camera-space velocity, re-projection | [`blur_path`], on rows of [`pixels`](crate::pixels) |
 //! | 3.3, Eq. 11: blur weight network | [`blur_weights`] |
-//! | 3.3, Eq. 12: blurred colour | [`blur_synthesis`], reading the image with [`bilinear`](mod@bilinear) |
+//! | 3.3, Eq. 12: blurred colour | [`blur_synthesis`], reading the image with [`bilinear`](gs_burn::ops::bilinear::bilinear()) |
 //! | 3.4: gradient decoupling | [`blur_synthesis::decoupled`] |
 //! | 3.4, Eq. 13 to 19: losses | [`losses`]; Eq. 16 in [`depth_prior`](crate::depth_prior) |
 //! | not in the paper: no more motion than a scene needs | [`shrinkage`], [`order`], [`summary`] |
@@ -23,7 +23,6 @@
 //! Two words that the code uses throughout: a *contact* is a stretch of time in which an object is hit (it lands, bounces, is
 //! thrown), the same for the whole scene; a *kink* is the change of a Gaussian's velocity at a contact.
 
-pub mod bilinear;
 pub mod blur_path;
 pub mod blur_synthesis;
 pub mod blur_weights;
@@ -39,7 +38,6 @@ pub mod taylor_motion;
 pub mod velocity_map;
 pub mod window;
 
-pub use bilinear::bilinear;
 pub use blur_synthesis::{blurred_color, decoupled};
 pub use blur_weights::{BlurWeights, BlurWeightsConfig};
 pub use exposure::{Exposure, Samples};

@@ -7,6 +7,7 @@
 //! nothing. Outside the window see [`window`](super::window).
 
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
+use gs_burn::ops::products::scaled;
 use gs_burn::ops::rows::{add_rows, take_rows};
 use gs_burn::{Gaussians, exact_matmul, profile};
 
@@ -108,11 +109,12 @@ impl Paths {
     fn moved_by(&self, instant: &Instant) -> (Tensor<2>, Tensor<2>) {
         let (displacement, rotation) = (self.displacement(instant.t), self.rotation_vector(instant.t));
         let Some(shift) = &instant.shift else { return (displacement, rotation) };
-        let shift = shift.clone().unsqueeze::<2>().cast(displacement.dtype());
+        let shift = shift.clone().cast(displacement.dtype());
+        let by_shift = |rate: Tensor<2>| -> Tensor<2> { scaled(shift.clone(), rate).squeeze_dim(0) };
         let half = self.window.half;
         let velocity = self.velocity(instant.t).detach();
         let turning = self.rotation_sum(instant.t, |sample| sample.slope / half).detach();
-        (displacement + velocity * shift.clone(), rotation + turning * shift)
+        (displacement + by_shift(velocity), rotation + by_shift(turning))
     }
 
     /// All centres at `t`: `means` `[N, 3]` of `t0` with the moving rows moved.

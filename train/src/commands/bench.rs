@@ -16,14 +16,11 @@ use rand::Rng;
 
 use crate::cli::BenchArgs;
 use crate::commands::{device, print};
-use crate::config::{FitConfig, NoSection, Strategy};
-use crate::fit::facts::SceneFacts;
+use crate::config::LossConfig;
 use crate::fit::losses::{photometric, regularised};
 use crate::fit::parameters::{from_host, gaussians as gaussians_of};
-use crate::fit::photos::Photo;
 use crate::fit::random::{Purpose, stream};
-use crate::fit::trainer::{Model, Trainer};
-use crate::pipelines::still::Still;
+use crate::pipelines::bench::BENCH_STEPS;
 
 /// Pixels in a tile, and so the cost of one intersection to the rasterizer.
 const PIXELS_PER_TILE: f64 = (TILE * TILE) as f64;
@@ -108,19 +105,17 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     });
     row("rasterize, both ways", both, true);
     row("render", time(&mut || drop(render(&gaussians, &camera, &options))), true);
-    let photo = Photo { camera: camera.clone(), image: target, mask: None, time: 0.0, extra: () };
-    let mut config = FitConfig::default();
+    let loss_config = LossConfig::default();
     let both = time(&mut || {
         let tracked = gaussians.clone().train();
         let color = render(&tracked, &camera, &options).color;
-        let loss = photometric(color, photo.image.clone(), None, &config.loss);
-        drop(regularised(loss, &tracked, 1.0, &config.loss).backward());
+        let loss = photometric(color, target.clone(), None, &loss_config);
+        drop(regularised(loss, &tracked, 1.0, &loss_config).backward());
     });
     row("render and loss, both ways", both, true);
 
-    let mut trainer = trainer(gaussians, Strategy::Mcmc, &mut config);
-    let photos = [photo];
-    row("whole training step", time(&mut || drop(trainer.step(&photos, &[], &(), &config))), true);
+    let mut step = (BENCH_STEPS[0].begin)(gaussians, &camera);
+    row("whole training step", time(&mut step), true);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -129,18 +124,6 @@ fn camera(args: &BenchArgs, device: &Device) -> Camera {
     let (width, height) = (args.width as usize, args.height as usize);
     let k = Intrinsics { fx: width as f64, fy: width as f64, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
     Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, device)
-}
-
-/// A training in the middle of its run, whose density control keeps the count.
-fn trainer(gaussians: Gaussians, strategy: Strategy, config: &mut FitConfig<NoSection>) -> Trainer<Still> {
-    config.shared.steps = 1_000_000;
-    config.shared.model.sh_degree = gaussians.sh_degree();
-    config.shared.density.strategy = strategy;
-    config.shared.density.start = config.shared.steps;
-    let facts = SceneFacts::unknown(config);
-    let mut trainer = Trainer::from_model(Model { gaussians, method: Still {} }, facts, config);
-    trainer.step = 5000;
-    trainer
 }
 
 /// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as those of a trained scene.

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::path::Path;
 
-use anyhow::{Error, Result, bail};
+use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
+use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::{CheckReport, LoadOptions, Scene};
 use gs_models::{DynamicScene, Shutter};
@@ -13,7 +14,7 @@ use toml::Table;
 
 use super::plan::{StepPlan, plan_steps};
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
-use crate::config::{Background, ConfigError, FitConfig, tables};
+use crate::config::{Background, Config, ConfigError, FitConfig, RenderConfig, tables};
 use crate::fit::facts::SceneFacts;
 use crate::fit::method::{ChartKey, Method, Step};
 use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
@@ -53,12 +54,25 @@ impl<M> Fit<M> {
     }
 }
 
+/// Refuses a scene that would outgrow the device's buffers, before anything is read.
+///
+/// # Errors
+/// A sentence with the number of Gaussians that fit.
+fn check_capacity(config: &Config, device: &Device) -> Result<()> {
+    let (cap, sh_degree) = (config.density.cap as u64, config.model.sh_degree);
+    let Some(bytes) = largest_buffer(device) else { return Ok(()) };
+    let most = gaussians_within(bytes, sh_degree);
+    ensure!(cap <= most, too_many_gaussians(cap, sh_degree, bytes, most));
+    Ok(())
+}
+
 /// Trains a scene: begin or resume, step until done while the run observes, measure, save, report.
 fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     if let Some(eval) = watch::finished(job, &config.to_toml()) {
         return Ok(Ending::Finished(Box::new(eval)));
     }
     let held = watch::enter(job)?;
+    check_capacity(config, &job.device)?;
     let watch = Stopwatch::start();
     // Photos, cues and initial Gaussians take from seconds to minutes.
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);

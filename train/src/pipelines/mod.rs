@@ -3,6 +3,7 @@
 //! The program sees a [`Pipeline`]; the loop that fits one scene sees a [`Method`](crate::fit::method::Method), and
 //! [`Fit`](fit::Fit) makes the one of the other.
 
+pub mod bench;
 pub mod brightness;
 pub mod examples;
 pub mod fit;

@@ -8,7 +8,7 @@ use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 use crate::cube::error::CubeError;
 use crate::cube::rows::read_row;
 use crate::cube::scan::exclusive_scan;
-use crate::cube::sort::sort_pairs;
+use crate::cube::sort::{first_of_keys, sort_pairs};
 use crate::rows::PROJECTED;
 
 /// Tiles and the Gaussians that touch them, on the device; see [`crate::cpu::intersect::Intersections`].
@@ -28,7 +28,7 @@ pub struct Intersections {
 }
 
 /// `out[k] = values[order[k]]`.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn gather_kernel(values: &[u32], order: &[u32], out: &mut [u32], count: u32) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index < count as usize {
@@ -36,9 +36,14 @@ fn gather_kernel(values: &[u32], order: &[u32], out: &mut [u32], count: u32) {
     }
 }
 
-/// One unit per Gaussian in depth order: writes its pairs. `pairs` has three parts of one length: the tile of each pair, the pair's
-/// slot in the list by Gaussian, and the Gaussian of each slot.
-#[cube(launch)]
+/// Pairs that a unit writes: enough to pay for the search for the first one's Gaussian, few enough that a Gaussian over all tiles is
+/// written by many units.
+pub const PAIRS_OF_A_UNIT: u32 = 16;
+
+/// One unit per [`PAIRS_OF_A_UNIT`] pairs in depth order of their Gaussians: writes them. `pairs` has three parts of one length: the tile
+/// of each pair, the pair's slot in the list by Gaussian, and the Gaussian of each slot. The unit searches the Gaussian of its first pair
+/// and walks over that Gaussian's tile rows up to the pair, so a unit walks over at most a column of tiles more than it writes.
+#[cube(launch_unchecked)]
 fn emit_kernel(
     projected: &[f32],
     opacities: &[f32],
@@ -47,6 +52,7 @@ fn emit_kernel(
     emit_offsets: &[u32],
     pairs: &mut [u32],
     count: u32,
+    pair_count: u32,
     width: f32,
     height: f32,
     tile_columns: u32,
@@ -54,61 +60,60 @@ fn emit_kernel(
     start_slots: u32,
     start_owners: u32,
 ) {
-    let rank = CUBE_POS * UNITS + UNIT_POS as usize;
-    if rank >= count as usize {
+    let first = (CUBE_POS * UNITS) as u32 + UNIT_POS;
+    let mut pair = first * PAIRS_OF_A_UNIT;
+    if pair >= pair_count {
         terminate!();
     }
-    let gaussian = order[rank];
-    let slot = gaussian_offsets[gaussian as usize];
-    let room = gaussian_offsets[gaussian as usize + 1] - slot;
-    let to = emit_offsets[rank];
-    let mut written = 0u32;
-    if room > 0u32 {
-        let row = read_row(projected, gaussian as usize);
-        let ellipse = ellipse(row, opacities[gaussian as usize], height);
-        for tile_row in ellipse.rows.first..ellipse.rows.last + 1u32 {
-            let columns = columns_in(row, ellipse, tile_row, width, height);
-            for column in columns.first..columns.last + 1u32 {
-                if written < room {
-                    pairs[(to + written) as usize] = tile_row * tile_columns + column;
-                    written += 1u32;
-                }
-            }
-        }
-    }
-    // A compiler may round this kernel and the counting one differently. If a tile is missing now, its pair goes to a tile behind
-    // the last, which is never drawn.
-    for pair in 0..room {
-        if pair >= written {
-            pairs[(to + pair) as usize] = tiles;
-        }
-        pairs[(start_slots + to + pair) as usize] = slot + pair;
-        pairs[(start_owners + slot + pair) as usize] = gaussian;
-    }
-}
-
-/// One unit per tile: finds the offset of its pairs in the sorted list of tiles, by bisection.
-#[cube(launch)]
-fn tile_offset_kernel(sorted_tiles: &[u32], tile_offsets: &mut [u32], tiles: u32, pairs: u32) {
-    let tile = (CUBE_POS * UNITS) as u32 + UNIT_POS;
-    if tile > tiles {
-        terminate!();
-    }
-    let mut low = 0u32;
-    let mut high = pairs;
-    while low < high {
-        let middle = low + (high - low) / 2u32;
-        if sorted_tiles[middle as usize] < tile {
-            low = middle + 1u32;
+    let end = select(pair_count - pair > PAIRS_OF_A_UNIT, pair + PAIRS_OF_A_UNIT, pair_count);
+    // The last Gaussian whose pairs begin at `pair` or before; those without pairs are behind all others.
+    let mut rank = 0u32;
+    let mut high = count;
+    while high - rank > 1u32 {
+        let middle = rank + (high - rank) / 2u32;
+        if emit_offsets[middle as usize] <= pair {
+            rank = middle;
         } else {
             high = middle;
         }
     }
-    tile_offsets[tile as usize] = low;
+    while pair < end && rank < count {
+        let gaussian = order[rank as usize];
+        let slot = gaussian_offsets[gaussian as usize];
+        let begin = emit_offsets[rank as usize];
+        let own_end = begin + (gaussian_offsets[gaussian as usize + 1] - slot);
+        let stop = select(own_end < end, own_end, end);
+        let row = read_row(projected, gaussian as usize);
+        let ellipse = ellipse(row, opacities[gaussian as usize], height);
+        // Pairs in the rows above.
+        let mut above = begin;
+        let mut tile_row = ellipse.rows.first;
+        while pair < stop && tile_row <= ellipse.rows.last {
+            let columns = columns_in(row, ellipse, tile_row, width, height);
+            let below = above + (columns.last + 1u32 - columns.first);
+            while pair < stop && pair < below {
+                pairs[pair as usize] = tile_row * tile_columns + columns.first + (pair - above);
+                pairs[(start_slots + pair) as usize] = slot + (pair - begin);
+                pairs[(start_owners + slot + (pair - begin)) as usize] = gaussian;
+                pair += 1u32;
+            }
+            above = below;
+            tile_row += 1u32;
+        }
+        // A compiler may round this kernel and the counting one differently. If a tile is missing now, its pair goes to a tile behind
+        // the last, which is never drawn.
+        while pair < stop {
+            pairs[pair as usize] = tiles;
+            pairs[(start_slots + pair) as usize] = slot + (pair - begin);
+            pairs[(start_owners + slot + (pair - begin)) as usize] = gaussian;
+            pair += 1u32;
+        }
+        rank += 1u32;
+    }
 }
 
 /// One unit per pair in tile order: writes its Gaussian, and its position into the Gaussian's list.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn place_kernel(slots: &[u32], owners: &[u32], gaussian_ids: &mut [u32], positions: &mut [u32], pairs: u32) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index < pairs as usize {
@@ -150,28 +155,34 @@ pub fn intersect(
     let keys = Buffer::empty(client, "depth keys", count)?;
     let ids = Buffer::empty(client, "indices", count)?;
     if count > 0 {
-        tile_count_kernel::launch(
-            client,
-            grid_for(count),
-            cube_dim(),
-            projected.arg(),
-            opacities.arg(),
-            features.arg(),
-            counts.arg(),
-            keys.arg(),
-            ids.arg(),
-            count as u32,
-            channels as u32,
-            width,
-            height,
-        );
+        // SAFETY: rows below `count`; the buffers' lengths are checked above.
+        unsafe {
+            tile_count_kernel::launch_unchecked(
+                client,
+                grid_for(count),
+                cube_dim(),
+                projected.arg(),
+                opacities.arg(),
+                features.arg(),
+                counts.arg(),
+                keys.arg(),
+                ids.arg(),
+                count as u32,
+                channels as u32,
+                width,
+                height,
+            );
+        }
     }
     let gaussian_offsets = exclusive_scan(client, &counts, count + 1)?;
     let (_, order) = sort_pairs(client, keys, ids, u32::BITS)?;
     let counts_in_order = Buffer::empty(client, "tile counts in depth order", count)?;
     if count > 0 {
-        let out = counts_in_order.arg();
-        gather_kernel::launch(client, grid_for(count), cube_dim(), counts.arg(), order.arg(), out, count as u32);
+        let (counts, order, out) = (counts.arg(), order.arg(), counts_in_order.arg());
+        // SAFETY: `order` is a permutation of the `count` rows.
+        unsafe {
+            gather_kernel::launch_unchecked(client, grid_for(count), cube_dim(), counts, order, out, count as u32)
+        };
     }
     let emit_offsets = exclusive_scan(client, &counts_in_order, count)?;
 
@@ -182,53 +193,50 @@ pub fn intersect(
 
     let slab = Buffer::slab(client, "pairs of tile and Gaussian", [pairs; 3])?;
     if pairs > 0 {
-        emit_kernel::launch(
-            client,
-            grid_for(count),
-            cube_dim(),
-            projected.arg(),
-            opacities.arg(),
-            order.arg(),
-            gaussian_offsets.arg(),
-            emit_offsets.arg(),
-            slab.whole.arg(),
-            count as u32,
-            width,
-            height,
-            columns as u32,
-            tiles as u32,
-            slab.starts[1] as u32,
-            slab.starts[2] as u32,
-        );
+        // SAFETY: ranks and Gaussians are below `count`, as the sort permutes them; pairs and slots are below the number of pairs, in
+        // which the offsets end; the slab's parts are that long.
+        unsafe {
+            emit_kernel::launch_unchecked(
+                client,
+                grid_for(pairs.div_ceil(PAIRS_OF_A_UNIT as usize)),
+                cube_dim(),
+                projected.arg(),
+                opacities.arg(),
+                order.arg(),
+                gaussian_offsets.arg(),
+                emit_offsets.arg(),
+                slab.whole.arg(),
+                count as u32,
+                pairs as u32,
+                width,
+                height,
+                columns as u32,
+                tiles as u32,
+                slab.starts[1] as u32,
+                slab.starts[2] as u32,
+            );
+        }
     }
     let [pair_tiles, slots, owners] = slab.parts;
     let (sorted_tiles, slots) = sort_pairs(client, pair_tiles, slots, u32::BITS - (tiles as u32).leading_zeros())?;
 
-    let tile_offsets = Buffer::empty(client, "tile offsets", tiles + 1)?;
-    let tile_arg = tile_offsets.arg();
-    let (tile_count, pair_count) = (tiles as u32, pairs as u32);
-    tile_offset_kernel::launch(
-        client,
-        grid_for(tiles + 1),
-        cube_dim(),
-        sorted_tiles.arg(),
-        tile_arg,
-        tile_count,
-        pair_count,
-    );
+    let tile_offsets = first_of_keys(client, &sorted_tiles, tiles)?;
     let gaussian_ids = Buffer::empty(client, "Gaussians by tile", pairs)?;
     let positions = Buffer::empty(client, "places by Gaussian", pairs)?;
     if pairs > 0 {
-        place_kernel::launch(
-            client,
-            grid_for(pairs),
-            cube_dim(),
-            slots.arg(),
-            owners.arg(),
-            gaussian_ids.arg(),
-            positions.arg(),
-            pair_count,
-        );
+        // SAFETY: slots are a permutation of the pairs.
+        unsafe {
+            place_kernel::launch_unchecked(
+                client,
+                grid_for(pairs),
+                cube_dim(),
+                slots.arg(),
+                owners.arg(),
+                gaussian_ids.arg(),
+                positions.arg(),
+                pairs as u32,
+            );
+        }
     }
     Ok(Intersections { tile_offsets, placed: 0, gaussian_ids, gaussian_offsets, positions })
 }

@@ -137,7 +137,7 @@ fn held(value: f32, low: f32, high: f32) -> f32 {
 }
 
 /// One unit per Gaussian: counts its tiles and writes its depth as a key that sorts as an unsigned number.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 pub(super) fn tile_count_kernel(
     projected: &[f32],
     opacities: &[f32],

@@ -46,7 +46,7 @@ fn pose_sums(
 
 /// Backward: one unit per Gaussian reads 26 values and writes 10; all outputs are parts of one buffer, to stay within eight
 /// bindings.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn projection_backward_kernel(
     means: &[f32],
     quats: &[f32],
@@ -139,7 +139,7 @@ fn masked(v: Vec3, kept: bool) -> Vec3 {
 
 /// One cube: adds the cubes' rows of pose sums `[rows, 12]` into the gradient of `viewmat` `[4, 4]`, which is zero if a sum is not
 /// finite.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn pose_sum_kernel(sums: &[f32], viewmat: &mut [f32], rows: u32) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
     let mut totals = Array::<f32>::new(POSE);
@@ -201,32 +201,38 @@ pub fn backward(
     let lens = [count * 3, count * 4, count * 3, cubes * POSE];
     let slab = Buffer::slab(client, "gradients of the projection", lens)?;
     if count > 0 {
-        projection_backward_kernel::launch(
-            client,
-            grid(cubes),
-            cube_dim(),
-            means.arg(),
-            quats.arg(),
-            log_scales.arg(),
-            viewmat.arg(),
-            projected.arg(),
-            v_projected.arg(),
-            slab.whole.arg(),
-            count as u32,
-            cubes as u32,
-            slab.starts[1] as u32,
-            slab.starts[2] as u32,
-            slab.starts[3] as u32,
-            PinholeLaunch::of(config),
-            config.antialiased,
-            of_pose,
-        );
+        // SAFETY: rows below `count`, which the checks above found in every buffer; the slab's parts are that long.
+        unsafe {
+            projection_backward_kernel::launch_unchecked(
+                client,
+                grid(cubes),
+                cube_dim(),
+                means.arg(),
+                quats.arg(),
+                log_scales.arg(),
+                viewmat.arg(),
+                projected.arg(),
+                v_projected.arg(),
+                slab.whole.arg(),
+                count as u32,
+                cubes as u32,
+                slab.starts[1] as u32,
+                slab.starts[2] as u32,
+                slab.starts[3] as u32,
+                PinholeLaunch::of(config),
+                config.antialiased,
+                of_pose,
+            );
+        }
     }
     let [v_means, v_quats, v_log_scales, sums] = slab.parts;
     let mut v_viewmat = None;
     if of_pose {
         let pose = Buffer::empty(client, "gradient of the camera", 16)?;
-        pose_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), pose.arg(), cubes as u32);
+        // SAFETY: `rows` rows of twelve sums, sixteen values of a pose.
+        unsafe {
+            pose_sum_kernel::launch_unchecked(client, grid(1), cube_dim(), sums.arg(), pose.arg(), cubes as u32);
+        }
         v_viewmat = Some(pose);
     }
     Ok(ProjectionGradients { means: v_means, quats: v_quats, log_scales: v_log_scales, viewmat: v_viewmat })

@@ -16,7 +16,7 @@ use crate::rows::PROJECTED;
 const CUTOFF_SIGMAS: f32 = constants::CUTOFF_SIGMAS as f32;
 
 /// Forward: one unit per Gaussian reads 10 values and writes its row of 8.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn projection_forward_kernel(
     means: &[f32],
     quats: &[f32],
@@ -82,19 +82,22 @@ pub fn forward(
     let count = check(means, quats, log_scales, viewmat);
     let projected = Buffer::empty(client, "projected Gaussians", count * PROJECTED)?;
     if count > 0 {
-        projection_forward_kernel::launch(
-            client,
-            grid_for(count),
-            cube_dim(),
-            means.arg(),
-            quats.arg(),
-            log_scales.arg(),
-            viewmat.arg(),
-            projected.arg(),
-            count as u32,
-            PinholeLaunch::of(config),
-            config.antialiased,
-        );
+        // SAFETY: rows below `count`, which `check` found in every buffer.
+        unsafe {
+            projection_forward_kernel::launch_unchecked(
+                client,
+                grid_for(count),
+                cube_dim(),
+                means.arg(),
+                quats.arg(),
+                log_scales.arg(),
+                viewmat.arg(),
+                projected.arg(),
+                count as u32,
+                PinholeLaunch::of(config),
+                config.antialiased,
+            );
+        }
     }
     Ok(projected)
 }

@@ -99,25 +99,28 @@ impl Plan {
     ) -> Result<Buffer, CubeError> {
         let attributes = Buffer::empty(client, "attributes of the rasterizer", self.count * self.stride())?;
         if self.count > 0 {
-            pack_kernel::launch(
-                client,
-                grid_for(self.count),
-                cube_dim(),
-                projected.arg(),
-                opacities.arg(),
-                features.arg(),
-                attributes.arg(),
-                self.count as u32,
-                self.channels as u32,
-                self.depth,
-            );
+            // SAFETY: rows below `count`, which `Plan::new` found in every buffer.
+            unsafe {
+                pack_kernel::launch_unchecked(
+                    client,
+                    grid_for(self.count),
+                    cube_dim(),
+                    projected.arg(),
+                    opacities.arg(),
+                    features.arg(),
+                    attributes.arg(),
+                    self.count as u32,
+                    self.channels as u32,
+                    self.depth,
+                );
+            }
         }
         Ok(attributes)
     }
 }
 
 /// One unit per Gaussian packs its attribute row.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn pack_kernel(
     projected: &[f32],
     opacities: &[f32],

@@ -10,7 +10,7 @@
 //! ellipse are moments of `s` over pixels.
 //!
 //! Every (tile, Gaussian) pair has a row of moments of its own, written by its tile alone, and the rows of a Gaussian are added in
-//! tile order ([`super::gather`]): no atomic addition of floats, so equal inputs give equal bits. Inside the tile a unit first adds
+//! a fixed order ([`super::pair_sum`]): no atomic addition of floats, so equal inputs give equal bits. Inside the tile a unit first adds
 //! its four pixels in registers; the 64 units' sums are then added in shared memory, for as many Gaussians at once as fit there. No
 //! plane operation is used, so the width of a plane does not matter.
 
@@ -19,12 +19,13 @@ use cubecl::prelude::*;
 use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
 use super::blocks::{self, blocks_reached};
 use super::forward::{Inputs, Saved, UNROLLED};
-use super::gather::{MOMENTS, PAIR_BYTES, RasterizeGradients, add_pairs, finish, tile_ranges};
+use super::gather::{MOMENTS, PAIR_BYTES, RasterizeGradients, finish, tile_ranges};
+use super::pair_sum::PairSums;
 use super::slots::{SLOT, SLOTS, UNITS, sum_slots};
 use crate::config::RasterizeConfig;
 use crate::constants::TILE;
 use crate::cube::blend::{ALPHA_MAX, ALPHA_MIN, capped, place, raw_alpha};
-use crate::cube::buffer::{Buffer, grid};
+use crate::cube::buffer::{Buffer, grid, most_bytes};
 use crate::cube::error::CubeError;
 
 /// Pixels of a unit: one in each of four blocks below each other.
@@ -308,8 +309,9 @@ pub fn backward_within(
     let row_len = MOMENTS + plan.blended();
     let parts = if of_background { plan.tiles * plan.channels } else { 0 };
     let backgrounds = Buffer::empty(client, "gradients of the background by tile", parts)?;
-    let sums = Buffer::empty(client, "sums of moments", plan.count * row_len)?;
+    let sums = PairSums::new(client, &plan, lists)?;
 
+    let pair_bytes = pair_bytes.min(usize::try_from(most_bytes(client)).unwrap_or(usize::MAX));
     let (ranges, most) = tile_ranges(client, lists, plan.tiles, pair_bytes / (4 * row_len))?;
     let pairs = Buffer::empty(client, "gradients by tile and Gaussian", most * row_len)?;
     for tiles in ranges {
@@ -342,7 +344,7 @@ pub fn backward_within(
                 );
             }
         }
-        add_pairs(client, &plan, lists, &pairs, &sums, tiles);
+        sums.add(client, &plan, lists, &pairs, tiles);
     }
-    finish(client, &plan, projected, opacities, &sums, &backgrounds, of_background)
+    finish(client, &plan, projected, opacities, &sums.sums, &backgrounds, of_background)
 }

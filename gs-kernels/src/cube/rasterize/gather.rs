@@ -36,44 +36,8 @@ pub struct RasterizeGradients {
 /// million pairs.
 pub const PAIR_BYTES: usize = 512 << 20;
 
-/// One unit per Gaussian and column: adds the column over the Gaussian's pairs in tiles `first_tile..last_tile`, in tile order, to
-/// the sums of earlier ranges of tiles. Neighbouring units read neighbouring columns of one row.
-#[cube(launch)]
-fn pair_sum_kernel(
-    pairs: &[f32],
-    gaussian_offsets: &[u32],
-    positions: &[u32],
-    tile_offsets: &[u32],
-    sums: &mut [f32],
-    count: u32,
-    first_tile: u32,
-    last_tile: u32,
-    #[comptime] row_len: u32,
-) {
-    let index = CUBE_POS * UNITS + UNIT_POS as usize;
-    if index >= (count * row_len) as usize {
-        terminate!();
-    }
-    let gaussian = index / row_len as usize;
-    let column = index % row_len as usize;
-    // Pairs behind the last tile's belong to no tile, and their rows are not written.
-    let begin = tile_offsets[first_tile as usize];
-    let end = tile_offsets[last_tile as usize];
-    let mut sum = 0.0f32;
-    if first_tile > 0u32 {
-        sum = sums[index];
-    }
-    for k in gaussian_offsets[gaussian]..gaussian_offsets[gaussian + 1] {
-        let position = positions[k as usize];
-        if position >= begin && position < end {
-            sum += pairs[(position - begin) as usize * row_len as usize + column];
-        }
-    }
-    sums[index] = sum;
-}
-
 /// One unit per Gaussian: from moments to gradients; all zero if one is not finite. All outputs are parts of one buffer.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn finish_kernel(
     sums: &[f32],
     projected: &[f32],
@@ -145,7 +109,7 @@ fn finish_kernel(
 }
 
 /// One cube: adds the tiles' parts of the background's gradient `[tiles, C]`; zero if a sum is not finite.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn background_sum_kernel(backgrounds: &[f32], v_background: &mut [f32], tiles: u32, #[comptime] channels: usize) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
     let mut all_finite = true;
@@ -191,35 +155,6 @@ pub(super) fn tile_ranges(
     Ok((ranges, most))
 }
 
-/// Adds the rows of the pairs in `tiles` to the Gaussians' sums `[N, row]`; a range that begins with tile 0 resets them.
-pub(super) fn add_pairs(
-    client: &Client,
-    plan: &Plan,
-    lists: &Intersections,
-    pairs: &Buffer,
-    sums: &Buffer,
-    tiles: Range<usize>,
-) {
-    if plan.count == 0 {
-        return;
-    }
-    let row_len = MOMENTS + plan.blended();
-    pair_sum_kernel::launch(
-        client,
-        grid_for(plan.count * row_len),
-        cube_dim(),
-        pairs.arg(),
-        lists.gaussian_offsets.arg(),
-        lists.positions.arg(),
-        lists.tile_offsets.arg(),
-        sums.arg(),
-        plan.count as u32,
-        tiles.start as u32,
-        tiles.end as u32,
-        row_len as u32,
-    );
-}
-
 /// From the Gaussians' sums of moments and the tiles' parts of the background to gradients.
 pub(super) fn finish(
     client: &Client,
@@ -234,27 +169,34 @@ pub(super) fn finish(
     let lens = [count * PROJECTED, count, count * plan.channels, count * SCREEN];
     let slab = Buffer::slab(client, "gradients of the rasterizer", lens)?;
     if count > 0 {
-        finish_kernel::launch(
-            client,
-            grid_for(count),
-            cube_dim(),
-            sums.arg(),
-            projected.arg(),
-            opacities.arg(),
-            slab.whole.arg(),
-            count as u32,
-            slab.starts[1] as u32,
-            slab.starts[2] as u32,
-            slab.starts[3] as u32,
-            plan.channels,
-            plan.depth,
-        );
+        // SAFETY: rows below `count` of buffers that `Plan::new` and the slab's lengths make that long.
+        unsafe {
+            finish_kernel::launch_unchecked(
+                client,
+                grid_for(count),
+                cube_dim(),
+                sums.arg(),
+                projected.arg(),
+                opacities.arg(),
+                slab.whole.arg(),
+                count as u32,
+                slab.starts[1] as u32,
+                slab.starts[2] as u32,
+                slab.starts[3] as u32,
+                plan.channels,
+                plan.depth,
+            );
+        }
     }
     let mut v_background = None;
     if of_background {
         let sums = Buffer::empty(client, "gradient of the background", plan.channels)?;
         let (tiles, channels) = (plan.tiles as u32, plan.channels);
-        background_sum_kernel::launch(client, grid(1), cube_dim(), backgrounds.arg(), sums.arg(), tiles, channels);
+        let (parts, total) = (backgrounds.arg(), sums.arg());
+        // SAFETY: a part for each tile and channel, a sum for each channel.
+        unsafe {
+            background_sum_kernel::launch_unchecked(client, grid(1), cube_dim(), parts, total, tiles, channels);
+        }
         v_background = Some(sums);
     }
     let [v_projected, v_opacities, v_features, screen] = slab.parts;

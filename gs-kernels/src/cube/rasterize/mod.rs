@@ -8,8 +8,10 @@ mod backward;
 mod blocks;
 mod forward;
 mod gather;
+mod pair_sum;
 mod slots;
 
 pub use backward::{backward, backward_within};
 pub use forward::{Inputs, Rendered, Saved, forward};
 pub use gather::{PAIR_BYTES, RasterizeGradients};
+pub use pair_sum::{CHUNK, added_by_a_unit};

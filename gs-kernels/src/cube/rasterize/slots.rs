@@ -18,6 +18,8 @@ pub(super) fn sum_slots(slots: &Shared<[f32]>, count: u32, out: &mut [f32], to: 
     while value < count {
         let base = value as usize * SLOT;
         let mut sum = 0.0f32;
+        // Unrolled, because a shader compiler that bounds every loop would more than double this one.
+        #[unroll]
         for unit in 0..UNITS {
             sum += slots[base + unit];
         }

@@ -13,18 +13,19 @@ use crate::cube::math::{Vec3, combine, dot, finite3, read3, scaled, write3};
 use crate::cube::reduce::{column_sum, cube_sum};
 use crate::cube::rows::read_radius;
 
-/// Backward: one unit per Gaussian; all outputs are parts of one buffer, to stay within eight bindings.
-#[cube(launch)]
+/// Backward: one unit per Gaussian. The coefficients' gradient is a buffer of its own, as large as the largest tensor of a scene; the other
+/// outputs are parts of one, to stay within eight bindings.
+#[cube(launch_unchecked)]
 fn sh_backward_kernel(
     means: &[f32],
     sh: &[f32],
     viewmat: &[f32],
     projected: &[f32],
     v_colors: &[f32],
+    v_sh: &mut [f32],
     gradients: &mut [f32],
     count: u32,
     cubes: u32,
-    start_sh: u32,
     start_sums: u32,
     #[comptime] degree: u32,
     #[comptime] coefficients: usize,
@@ -57,15 +58,15 @@ fn sh_backward_kernel(
         for k in 0..used {
             let coefficient = Vec3 { x: sh[base + 3 * k], y: sh[base + 3 * k + 1], z: sh[base + 3 * k + 2] };
             v_basis[k] = select(valid, dot(coefficient, v), 0.0f32);
-            let to = start_sh as usize + base + 3 * k;
+            let to = base + 3 * k;
             // The basis is at most 3 in magnitude.
-            gradients[to] = b[k] * v.x;
-            gradients[to + 1] = b[k] * v.y;
-            gradients[to + 2] = b[k] * v.z;
+            v_sh[to] = b[k] * v.x;
+            v_sh[to + 1] = b[k] * v.y;
+            v_sh[to + 2] = b[k] * v.z;
         }
         #[unroll]
         for k in comptime!(3 * used)..comptime!(3 * coefficients) {
-            gradients[start_sh as usize + base + k] = 0.0f32;
+            v_sh[base + k] = 0.0f32;
         }
     }
 
@@ -93,7 +94,7 @@ fn sh_backward_kernel(
 
 /// One cube: adds the cubes' sums of the gradient with respect to the means `[rows, 3]`, and propagates the camera centre's
 /// gradient, which is its negative, through `-R^T t` to `v_viewmat` `[4, 4]`; zero if it is not finite.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn centre_sum_kernel(sums: &[f32], viewmat: &[f32], v_viewmat: &mut [f32], rows: u32) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
     let x = column_sum(sums, rows, 0u32, 3usize, &mut slots);
@@ -155,32 +156,47 @@ pub fn backward(
     let count = check(means, sh, viewmat, projected, config);
     assert_eq!(v_colors.len(), count * 3, "v_colors must be [N, 3]");
     let cubes = count.div_ceil(UNITS);
-    let slab = Buffer::slab(client, "gradients of the colours", [count * 3, sh.len(), cubes * 3])?;
+    let v_sh = Buffer::empty(client, "gradients of the coefficients", sh.len())?;
+    let slab = Buffer::slab(client, "gradients of the colours", [count * 3, cubes * 3])?;
     if count > 0 {
-        sh_backward_kernel::launch(
-            client,
-            grid(cubes),
-            cube_dim(),
-            means.arg(),
-            sh.arg(),
-            viewmat.arg(),
-            projected.arg(),
-            v_colors.arg(),
-            slab.whole.arg(),
-            count as u32,
-            cubes as u32,
-            slab.starts[1] as u32,
-            slab.starts[2] as u32,
-            config.degree.min(3),
-            config.coefficients,
-            of_pose,
-        );
+        // SAFETY: rows below `count`, which the checks above found in every buffer; the slab's parts are that long.
+        unsafe {
+            sh_backward_kernel::launch_unchecked(
+                client,
+                grid(cubes),
+                cube_dim(),
+                means.arg(),
+                sh.arg(),
+                viewmat.arg(),
+                projected.arg(),
+                v_colors.arg(),
+                v_sh.arg(),
+                slab.whole.arg(),
+                count as u32,
+                cubes as u32,
+                slab.starts[1] as u32,
+                config.degree.min(3),
+                config.coefficients,
+                of_pose,
+            );
+        }
     }
-    let [v_means, v_sh, sums] = slab.parts;
+    let [v_means, sums] = slab.parts;
     let mut v_viewmat = None;
     if of_pose {
         let pose = Buffer::empty(client, "gradient of the camera", 16)?;
-        centre_sum_kernel::launch(client, grid(1), cube_dim(), sums.arg(), viewmat.arg(), pose.arg(), cubes as u32);
+        // SAFETY: `rows` rows of three sums, sixteen values of a pose.
+        unsafe {
+            centre_sum_kernel::launch_unchecked(
+                client,
+                grid(1),
+                cube_dim(),
+                sums.arg(),
+                viewmat.arg(),
+                pose.arg(),
+                cubes as u32,
+            );
+        }
         v_viewmat = Some(pose);
     }
     Ok(ShGradients { means: v_means, sh: v_sh, viewmat: v_viewmat })

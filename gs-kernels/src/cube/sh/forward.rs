@@ -21,7 +21,7 @@ fn shown(raw: f32, valid: bool) -> f32 {
 }
 
 /// Forward: one unit per Gaussian reads `3 (degree + 1)^2 + 4` values and writes 3.
-#[cube(launch)]
+#[cube(launch_unchecked)]
 fn sh_forward_kernel(
     means: &[f32],
     sh: &[f32],
@@ -69,19 +69,22 @@ pub fn forward(
     let count = check(means, sh, viewmat, projected, config);
     let colors = Buffer::empty(client, "colours", count * 3)?;
     if count > 0 {
-        sh_forward_kernel::launch(
-            client,
-            grid_for(count),
-            cube_dim(),
-            means.arg(),
-            sh.arg(),
-            viewmat.arg(),
-            projected.arg(),
-            colors.arg(),
-            count as u32,
-            config.coefficients as u32 * 3,
-            config.degree.min(3),
-        );
+        // SAFETY: rows below `count`, which `check` found in every buffer, and coefficients of the stored degree.
+        unsafe {
+            sh_forward_kernel::launch_unchecked(
+                client,
+                grid_for(count),
+                cube_dim(),
+                means.arg(),
+                sh.arg(),
+                viewmat.arg(),
+                projected.arg(),
+                colors.arg(),
+                count as u32,
+                config.coefficients as u32 * 3,
+                config.degree.min(3),
+            );
+        }
     }
     Ok(colors)
 }

@@ -1,6 +1,5 @@
 //! TaylorMoDe-GS: motion, blur, losses and model size.
 
-mod bilinear;
 mod blur_path;
 mod blur_synthesis;
 mod blur_weights;

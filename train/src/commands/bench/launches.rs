@@ -24,11 +24,9 @@ mod recorded {
     use gs_burn::launches::{KernelLaunch, LaunchRecorder};
 
     use super::*;
-    use crate::commands::bench::{camera, scene, trainer};
+    use crate::commands::bench::{camera, scene};
     use crate::commands::{describe, device, print};
-    use crate::config::{FitConfig, Strategy};
-    use crate::fit::photos::Photo;
-    use gs_burn::{RenderOptions, render};
+    use crate::pipelines::bench::{BENCH_STEPS, BenchStep};
 
     /// Fewest units of a launch whose work grows with the scene: a launch below it leaves most of a large GPU idle.
     const UNITS_MIN: u64 = 4096;
@@ -38,15 +36,16 @@ mod recorded {
     const UNITS_OF_A_CUBE: u64 = 64;
 
     /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
-    const SMALL_WORK: [(&str, &str); 9] = [
+    const SMALL_WORK: [(&str, &str); 10] = [
         ("sum::", "8 values a unit, or the second level: 1,024 parts"),
         ("scan::", "8 values a unit"),
+        ("products::group_sum_kernel", "at most 1,024 values a unit"),
         ("gather::background_sum_kernel", "a value a tile and channel"),
         ("backward::pose_sum_kernel", "12 values for 256 Gaussians"),
         ("backward::centre_sum_kernel", "3 values for 256 Gaussians"),
         ("ssim::ssim_mean_kernel", "two values a tile and channel"),
         ("ssim::loss", "two values"),
-        ("lists::tile_offset_kernel", "a bisection a tile"),
+        ("sort::first_of_keys_kernel", "a bisection a tile or pixel"),
         ("sort::", "4,096 keys a cube, 16 a unit"),
     ];
 
@@ -61,7 +60,7 @@ mod recorded {
         launch.cube_count() * UNITS_OF_A_CUBE < UNITS_MIN && !known(&small) && !known(&BY_ELEMENT)
     }
 
-    /// Prints the launches of a step of `static` with each density control.
+    /// Prints the launches of a step of each kind.
     ///
     /// # Errors
     /// When the device is not there, is a CPU or cannot be recorded.
@@ -71,15 +70,11 @@ mod recorded {
         let device = device(&args.device)?;
         ensure!(device.identity().is_some(), "--launches lists the kernels of a GPU: give one with --device");
         print(format!("{} Gaussians, {}x{}, {}", args.gaussians, args.width, args.height, describe(&device)));
-        for (name, strategy) in [("mcmc", Strategy::Mcmc), ("default", Strategy::Default)] {
-            let (gaussians, camera) = (scene(args, &device), camera(args, &device));
-            let image = render(&gaussians, &camera, &RenderOptions::default()).color * 0.5 + 0.25;
-            let photos = [Photo { camera, image, mask: None, time: 0.0, extra: () }];
-            let mut config = FitConfig::default();
-            let mut trainer = trainer(gaussians, strategy, &mut config);
+        for BenchStep { name, begin } in &BENCH_STEPS {
+            let mut step = begin(scene(args, &device), &camera(args, &device));
             // The first step makes the moments.
-            trainer.step(&photos, &[], &(), &config);
-            let launches = recorder.during(&device, || drop(trainer.step(&photos, &[], &(), &config)))?;
+            step();
+            let launches = recorder.during(&device, step)?;
             table(name, &launches);
         }
         // The log is the process's own; a copy that stays would only fill the folder.
@@ -104,7 +99,7 @@ mod recorded {
             row.time += launch.time.unwrap_or_default();
         }
         let serial = launches.iter().filter(|launch| is_serial(launch)).count();
-        print(format!("\nstatic, density.strategy = {name}: {} launches, {serial} serial", launches.len()));
+        print(format!("\n{name}: {} launches, {serial} serial", launches.len()));
         print(format!("{:52} {:>8} {:>12} {:>12} {:>10}", "kernel", "launches", "fewest cubes", "most cubes", "ms"));
         let mut rows: Vec<_> = rows.into_iter().collect();
         rows.sort_by_key(|(_, row)| std::cmp::Reverse(row.time));

@@ -72,7 +72,7 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
 }
 
 /// The networks that the configuration needs to form blur.
-fn networks(config: &Config) -> Networks {
+pub(super) fn networks(config: &Config) -> Networks {
     let blur = &config.method.blur;
     if blur.mode != BlurMode::Warp {
         return Networks::default();

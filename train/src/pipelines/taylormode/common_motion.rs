@@ -15,6 +15,8 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::AdamRate;
 use gs_burn::exact_matmul;
+use gs_burn::ops::products::transposed_product;
+use gs_burn::ops::sum::largest;
 
 /// The common motion of an object, as a parameter of Adam.
 #[derive(Module, Debug)]
@@ -98,7 +100,7 @@ impl CommonMotion {
 
     /// The gradient of the sum, from `gradients` `[M, 3 K]` of the paths' blocks through `basis`.
     pub fn gradient(basis: &Tensor<2>, gradients: Tensor<2>) -> Tensor<2> {
-        exact_matmul(basis.clone().transpose(), gradients)
+        transposed_product(basis.clone(), gradients)
     }
 
     /// The rate of the sum if single paths have the rate `paths`. A factor of the basis is a factor of the step, because Adam's
@@ -112,7 +114,7 @@ impl CommonMotion {
         let change = exact_matmul(basis, self.sum.val() - before);
         let [count, columns] = change.dims();
         let lengths = change.clone().reshape([count, columns / 3, 3]).powi_scalar(2).sum_dim(2).sqrt();
-        let farthest = lengths.sum_dim(1).max().clamp_min(f32::MIN_POSITIVE);
+        let farthest = largest(lengths.sum_dim(1)).clamp_min(f32::MIN_POSITIVE);
         let shortened = (farthest.recip() * (FARTHEST * lr)).clamp_max(1.0);
         change * shortened.reshape([1, 1])
     }

@@ -12,6 +12,7 @@
 //! | limits of the method | [`stability`] |
 
 pub mod begin;
+pub mod bench;
 pub mod blur;
 pub mod common_motion;
 pub mod config;

@@ -2,6 +2,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::ops::rows::take_rows;
 use gs_burn::{Gaussians, NamedGradients, RowMap};
 use gs_models::taylormode::TaylorMotion;
 
@@ -94,7 +95,7 @@ impl Taylormode {
         let rates = Rates::of(&self, at);
         let of_paths = gradients.get("method.motion.position").cloned();
         let common = of_paths.filter(|gradient| gradient.dims().iter().all(|size| *size > 0)).map(|gradient| {
-            let positions = gaussians.means.val().select(0, self.motion.row_tensor());
+            let positions = take_rows(gaussians.means.val(), &self.motion.row_tensor());
             let bases = bases(&self.objects, &positions, at.config.method.cues.turn);
             for (index, basis) in bases.iter().enumerate() {
                 // The sum is not part of the graph: its gradient is that of the paths.

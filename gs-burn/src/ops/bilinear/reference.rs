@@ -1,18 +1,15 @@
-//! An image between its pixels: bilinear sampling, differentiable by image and position (for Eq. 12).
+//! The bilinear lookup in plain tensor operations.
 
 use burn::tensor::Tensor;
 
-/// Colours of `image` `[H, W, C]` at `positions` `[P, 2]` (x, y in pixels, the first pixel's centre at (0.5, 0.5)), `[P, C]`.
-///
-/// Beyond the outermost centres the image goes on as it is at its border. The gradient by position is the slope of the
-/// bilinear patch, zero beyond the border; on a line between two patches the right or lower patch counts.
+/// Reference of [`bilinear`](super::bilinear()): the same arguments, result and gradients, one tensor operation at a time.
 ///
 /// # Panics
-/// When the image has no pixels.
-pub fn bilinear(image: Tensor<3>, positions: Tensor<2>) -> Tensor<2> {
+/// When the image has no pixels, the float types disagree, or the positions are not pairs.
+pub fn bilinear_reference(image: Tensor<3>, positions: Tensor<2>) -> Tensor<2> {
+    super::check(&image, &positions);
     let [height, width, channels] = image.dims();
     let count = positions.dims()[0];
-    assert!(height > 0 && width > 0, "an image to sample must have pixels, it has {width} x {height}");
     // Patches are named by their first pixel; an image one pixel wide has one patch, of which only that side is used.
     // Turned once, since every operation on a column of two would walk memory with a stride.
     let positions = positions.transpose();

@@ -1,6 +1,6 @@
-//! Sampling between pixels: values, borders, gradients by image and place.
+//! `gs_burn::ops::bilinear`: values, borders, gradients by image and place.
 
-use gs_models::taylormode::bilinear;
+use gs_burn::ops::bilinear::bilinear;
 use gs_tests::devices::{everywhere, reference};
 use gs_tests::finite_differences::assert_derivative;
 use gs_tests::scenes::Random;
