@@ -50,7 +50,7 @@ impl Splats {
         }
         let opacity = || self.opacity_logits.iter().position(|x| !x.is_finite());
         let sh = || bad(&self.sh).map(|index| index / self.coefficients());
-        let rotation = |q: &[f32; 4]| !(q.iter().map(|x| x * x).sum::<f32>() > 0.0);
+        let rotation = |q: &[f32; 4]| q.iter().all(|x| *x == 0.0);
         let found = bad(&self.means)
             .map(|i| (i, "position"))
             .or_else(|| bad(&self.quats).or_else(|| self.quats.iter().position(rotation)).map(|i| (i, "rotation")))

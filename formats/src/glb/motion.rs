@@ -131,7 +131,7 @@ fn time_function(value: &Value) -> Result<TimeFunction, String> {
         None => None,
         Some(_) => {
             let fade = number(value, "/beyond/fade")?;
-            if !(fade > 0.0) {
+            if fade.is_nan() || fade <= 0.0 {
                 return Err(format!("expected a positive fade of a time function, found {fade}"));
             }
             let edges = [pair("/beyond/edges/0")?, pair("/beyond/edges/1")?];
