@@ -91,7 +91,7 @@ mod tests {
     fn a_quality_that_a_run_never_reached_is_empty() {
         let runs = [run("short", &[(10.0, 20.0), (20.0, 22.0)]), run("long", &[(10.0, 20.0), (20.0, 25.0)])];
         let table = soonest(&runs).expect("curves");
-        assert_eq!(table.rows[0], ["short".to_string(), "15.2".into(), String::new()]);
+        assert_eq!(table.rows[0], ["short".to_string(), "14.1".into(), String::new()]);
         assert_eq!(soonest(&[testing::run("once", 30.0, None)]), None);
     }
 }
