@@ -104,7 +104,8 @@ fn found_background(views: &[View]) -> [f32; 3] {
 fn mean_color(views: &[View]) -> [f32; 3] {
     let (mut sums, mut count) = ([0u64; 3], 0u64);
     for view in views {
-        for (pixel, color) in view.image.data.as_chunks::<3>().0.iter().enumerate().filter(|(i, _)| counts(view, *i)) {
+        let pixels = view.image.data.as_chunks::<3>().0;
+        for (_, color) in pixels.iter().enumerate().filter(|(pixel, _)| counts(view, *pixel)) {
             (0..3).for_each(|channel| sums[channel] += u64::from(color[channel]));
             count += 1;
         }

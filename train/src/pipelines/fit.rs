@@ -14,7 +14,7 @@ use toml::Table;
 
 use super::plan::{StepPlan, plan_steps};
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
-use crate::config::{Background, Config, ConfigError, FitConfig, RenderConfig, tables};
+use crate::config::{Background, Config, ConfigError, FitConfig, tables};
 use crate::fit::facts::SceneFacts;
 use crate::fit::method::{ChartKey, Method, Step};
 use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
