@@ -88,7 +88,11 @@ pub trait ProductKernels: Backend {
 impl<B: HostBackend> ProductKernels for B {}
 
 fn product<B: Backend>(rows: FloatTensor<B>, weight: FloatTensor<B>, bias: FloatTensor<B>) -> FloatTensor<B> {
-    let outer = bias.shape()[0];
+    let (count, outer) = (rows.shape()[0], bias.shape()[0]);
+    if count == 0 {
+        // Burn's ndarray divides by the number of rows in a product.
+        return B::float_zeros(Shape::new([0, outer]), &rows.device(), rows.dtype().into());
+    }
     // Not in one operation: a backend may add the bias inside its product, in another order.
     B::float_add(B::float_matmul(rows, weight), B::float_reshape(bias, Shape::new([1, outer])))
 }

@@ -17,6 +17,15 @@ const BORDER: f64 = 0.5;
 /// Largest difference of equal colours, levels of 255.
 const ONE_COLOR: u8 = 2;
 
+/// The background where the photos' borders have no common colour: what no training camera sees has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unseen {
+    /// Black, as published.
+    Black,
+    /// The photos' mean colour, the best constant guess.
+    MeanColor,
+}
+
 /// Values fixed by the data set.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SceneFacts {
@@ -32,15 +41,16 @@ pub struct SceneFacts {
 
 impl SceneFacts {
     /// The facts of `scene`; values given by `config` take precedence. `near_share` is the method's near plane for a configuration
-    /// that leaves it open, as a share of the subject's distance; `None`: the renderer's own.
-    pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>) -> Self {
+    /// that leaves it open, as a share of the subject's distance; `None`: the renderer's own. `unseen` is its background where the photos
+    /// do not tell.
+    pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>, unseen: Unseen) -> Self {
         let subject_distance = scene.subject_distance();
         Self {
             extent: size_of(scene),
             near: if config.render.near > 0.0 { config.render.near } else { near(subject_distance, near_share) },
             background: match config.data.background {
                 Background::Color(color) => color,
-                Background::Found(_) => found_background(&scene.train),
+                Background::Found(_) => found_background(&scene.train, unseen),
             },
             subject_distance,
         }
@@ -87,10 +97,14 @@ fn near(distance: Option<f64>, share: Option<f64>) -> f64 {
     }
 }
 
-/// The colour along the photos' borders, if most are of one; else the mean colour of the photos, the best constant guess at what no
-/// training camera sees.
-fn found_background(views: &[View]) -> [f32; 3] {
-    let Some(found) = border_color(views) else { return mean_color(views) };
+/// The colour along the photos' borders, if most are of one; else that of `unseen`.
+fn found_background(views: &[View], unseen: Unseen) -> [f32; 3] {
+    let Some(found) = border_color(views) else {
+        return match unseen {
+            Unseen::Black => [0.0; 3],
+            Unseen::MeanColor => mean_color(views),
+        };
+    };
     if found != [0; 3] {
         tracing::warn!(
             "most of the photos' borders are of one colour, {found:?} of 255, which is taken for the background's; \
@@ -175,11 +189,11 @@ mod tests {
     #[test]
     fn what_is_left_open_is_found() {
         let config = Config::default();
-        let found = SceneFacts::of(&ring(250), &config, Some(0.3));
+        let found = SceneFacts::of(&ring(250), &config, Some(0.3), Unseen::MeanColor);
         assert!((found.near - 1.2).abs() < 1e-9, "{}", found.near);
         assert!((found.subject_distance.expect("the axes meet") - 4.0).abs() < 1e-9);
         assert_eq!(found.background, [250.0 / 255.0; 3]);
-        let plain = SceneFacts::of(&ring(0), &config, None);
+        let plain = SceneFacts::of(&ring(0), &config, None, Unseen::MeanColor);
         assert!((plain.near - 0.01).abs() < 1e-9, "{}", plain.near);
         assert_eq!(plain.background, [0.0; 3]);
     }
@@ -189,7 +203,7 @@ mod tests {
         let mut config = Config::default();
         config.render.near = 0.5;
         config.data.background = Background::Color([0.0, 1.0, 0.0]);
-        let found = SceneFacts::of(&ring(250), &config, Some(0.3));
+        let found = SceneFacts::of(&ring(250), &config, Some(0.3), Unseen::MeanColor);
         assert_eq!((found.near, found.background), (0.5, [0.0, 1.0, 0.0]));
     }
 
@@ -198,7 +212,7 @@ mod tests {
     fn a_small_world_has_a_near_plane_of_its_own() {
         let mut scene = ring(250);
         scene.train.iter_mut().for_each(|view| view.c2w.w_axis = (view.c2w.w_axis.truncate() * 1e-3).extend(1.0));
-        let found = SceneFacts::of(&scene, &Config::default(), None);
+        let found = SceneFacts::of(&scene, &Config::default(), None, Unseen::MeanColor);
         assert!((found.near - 4e-3 * NEAR_ADVISED).abs() < 1e-12, "{}", found.near);
     }
 
@@ -210,8 +224,9 @@ mod tests {
         }
         let levels = scene.train.iter().flat_map(|view| &view.image.data).map(|level| f64::from(*level));
         let mean = (levels.sum::<f64>() / (12.0 * 36.0 * 3.0 * 255.0)) as f32;
-        let found = SceneFacts::of(&scene, &Config::default(), None).background;
+        let found = SceneFacts::of(&scene, &Config::default(), None, Unseen::MeanColor).background;
         assert!(found.iter().all(|channel| (channel - mean).abs() < 1e-6), "{found:?}, not {mean}");
+        assert_eq!(SceneFacts::of(&scene, &Config::default(), None, Unseen::Black).background, [0.0; 3]);
     }
 
     /// Black where an undistorted photo has no colour is no background.
@@ -221,7 +236,7 @@ mod tests {
         let inner = |pixel: usize| (1..5).contains(&(pixel % 6)) && (1..5).contains(&(pixel / 6));
         let mask: Vec<u8> = (0..36).map(|pixel| if inner(pixel) { 255 } else { 0 }).collect();
         scene.train.iter_mut().for_each(|view| view.mask = Some(mask.clone()));
-        let found = SceneFacts::of(&scene, &Config::default(), None).background;
+        let found = SceneFacts::of(&scene, &Config::default(), None, Unseen::MeanColor).background;
         // Four of the sixteen pixels that count have level 40, the others are black.
         assert!((found[0] - 10.0 / 255.0).abs() < 1e-6, "{found:?}");
     }

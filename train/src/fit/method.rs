@@ -14,7 +14,7 @@ use gs_burn::{Gaussians, NamedGradients, RowMap};
 use gs_datasets::{LoadOptions, Scene, View};
 use gs_models::{DynamicScene, Static};
 
-use super::facts::SceneFacts;
+use super::facts::{SceneFacts, Unseen};
 use super::figure::Figures;
 use super::foresight::Foresight;
 use super::initialise::{InitialGaussians, initial_gaussians};
@@ -158,6 +158,8 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     const NAME: &'static str;
     /// Whether photos may be compared at a reduced width: nothing in [`Extra`](Self::Extra) or [`Cues`](Self::Cues) has their size.
     const ANY_WIDTH: bool = false;
+    /// The background where the photos do not tell.
+    const UNSEEN: Unseen = Unseen::Black;
     /// The method's sections of the configuration.
     type Config: Section;
     /// Cues inferred once from the data set, before the first step; never saved, never written into the data set.

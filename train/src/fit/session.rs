@@ -28,7 +28,7 @@ pub struct Data<M: Method> {
 impl<M: Method> Data<M> {
     /// Derives facts and cues from `scene`, once.
     pub fn new(scene: Scene, config: &FitConfig<M::Config>) -> Self {
-        let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config));
+        let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config), M::UNSEEN);
         let cues = M::cues(&scene, config);
         let coarse = Self::coarse_of(&scene, config);
         Self { scene, facts, cues, coarse }

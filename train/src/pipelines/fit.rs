@@ -344,7 +344,7 @@ impl<M: Method> Pipeline for Fit<M> {
         let scene = load::<M>(request.dataset, &config)?;
         let cues = M::cues(&scene, &config);
         // As in training: a checkpoint has its facts; those of a PLY file are derived again.
-        let found = SceneFacts::of(&scene, &config, M::near_share(&scene, &config));
+        let found = SceneFacts::of(&scene, &config, M::near_share(&scene, &config), M::UNSEEN);
         let (mut model, facts, step, origin) = match request.file {
             SceneFile::Checkpoint(checkpoint) => {
                 let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;

@@ -6,6 +6,7 @@ use gs_burn::{Extras, Gaussians, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View};
 
 use crate::config::{FitConfig, NoSection};
+use crate::fit::facts::Unseen;
 use crate::fit::initialise::InitialGaussians;
 use crate::fit::losses::photometric;
 use crate::fit::method::{Drawn, Forward, Method, Step, begin_static};
@@ -18,6 +19,7 @@ pub struct Still {}
 impl Method for Still {
     const NAME: &'static str = "static";
     const ANY_WIDTH: bool = true;
+    const UNSEEN: Unseen = Unseen::MeanColor;
     type Config = NoSection;
     type Cues = ();
     type Extra = ();

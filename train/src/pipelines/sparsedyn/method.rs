@@ -15,6 +15,7 @@ use super::order::Progressive;
 use super::scene::RolledScene;
 use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, discover, figures, timetable};
 use crate::config::FitConfig;
+use crate::fit::facts::Unseen;
 use crate::fit::figure::Figures;
 use crate::fit::foresight::Foresight;
 use crate::fit::initialise::InitialGaussians;
@@ -25,6 +26,7 @@ use crate::fit::timetable::Timetable;
 
 impl Method for Sparsedyn {
     const NAME: &'static str = "sparsedyn";
+    const UNSEEN: Unseen = Unseen::MeanColor;
     type Config = Sections;
     type Cues = Cues;
     type Extra = PhotoCues;

@@ -14,7 +14,7 @@ use gs_formats::{Law, Motion, Splats, glb, spz, turn, usda};
 use super::scene::LoadedScene;
 
 use host::{gaussians_of, splats_of};
-pub use motion::{MotionScene, motion_of};
+pub use motion::{MotionScene, motion_of, time_function};
 
 /// A format that is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
