@@ -16,7 +16,7 @@
 //! | [`parameters`] | Gaussians as a table |
 //! | [`density`] | adding, relocating and removing Gaussians |
 //! | [`snapshot`] | the state as named tensors, for checkpoints |
-//! | [`bench`] | steps without a data set, for `gsburn bench` |
+//! | [`bench`](mod@bench) | steps without a data set, for `gsburn bench` |
 
 pub mod bench;
 pub mod budget;

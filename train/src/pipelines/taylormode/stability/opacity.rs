@@ -37,6 +37,9 @@ const EVERY: usize = 15;
 const DROP: f64 = 3.0;
 const LASTING: f64 = 300.0;
 
+/// The background of all three scenes: lowered opacities show it, so only falls before one colour compare.
+const BACKGROUND: &str = "data.background=[0.0, 0.0, 0.0]";
+
 const POLICIES: [&str; 3] = ["reset", "decay", "none"];
 
 fn run(lab: &Lab) -> Result<Findings> {
@@ -90,7 +93,8 @@ fn reset_interval(lab: &Lab) -> usize {
 /// PSNR of the held-out views along a run of a moving scene.
 fn moving_curve(lab: &Lab, scene: &Scene, policy: &str, changes: &[&str]) -> Result<Vec<(f64, f64)>> {
     let strategy = strategy(lab, policy);
-    let changes: Vec<&str> = strategy.iter().map(String::as_str).chain(changes.iter().copied()).collect();
+    let strategy = strategy.iter().map(String::as_str);
+    let changes: Vec<&str> = strategy.chain([BACKGROUND]).chain(changes.iter().copied()).collect();
     let trial = Trial::new(scene, Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &changes)?);
     curve(lab, trial.begin(lab))
 }
@@ -98,7 +102,8 @@ fn moving_curve(lab: &Lab, scene: &Scene, policy: &str, changes: &[&str]) -> Res
 /// PSNR of the held-out views along a run of a static scene.
 fn static_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)>> {
     let strategy = strategy(lab, policy);
-    let changes: Vec<&str> = SHARED.into_iter().chain(strategy.iter().map(String::as_str)).collect();
+    let strategy = strategy.iter().map(String::as_str);
+    let changes: Vec<&str> = SHARED.into_iter().chain([BACKGROUND]).chain(strategy).collect();
     let config = lab.config::<Still>(lab.either(STEPS, STEPS_QUICK), &changes)?;
     let data = Data::<Still>::new(scene.clone(), &config);
     curve(lab, Session::begin(lab, &data, &config))
