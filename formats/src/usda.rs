@@ -20,7 +20,7 @@ pub fn write(path: &Path, splats: &Splats, samples: &[Splats]) -> Result<(), For
     write_file(path, text.map_err(|message| FormatError::Wrong { path: path.to_owned(), message })?.as_bytes())
 }
 
-/// The text of [`write`].
+/// The text of [`write()`].
 ///
 /// # Errors
 /// A sentence without the file's name.

@@ -20,7 +20,7 @@ pub fn write(path: &Path, splats: &Splats, motion: Option<&Motion>, linear: bool
     write_file(path, &bytes.map_err(|message| FormatError::Wrong { path: path.to_owned(), message })?)
 }
 
-/// The bytes of [`write`].
+/// The bytes of [`write()`].
 ///
 /// # Errors
 /// A sentence without the file's name.

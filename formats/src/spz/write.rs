@@ -32,7 +32,7 @@ pub fn fractional_bits(splats: &Splats) -> Option<u32> {
     (0..=FRACTIONAL_BITS).rev().find(|bits| (largest * f64::from(1_u32 << bits)).round() <= POSITION_MAX)
 }
 
-/// The bytes of [`write`].
+/// The bytes of [`write()`].
 ///
 /// # Errors
 /// A sentence without the file's name.
