@@ -132,6 +132,16 @@ impl Motion {
     }
 }
 
+/// The rotations as unit quaternions, `[4 N]`, w x y z.
+pub(super) fn unit_quats(gaussians: &Gaussians) -> Vec<f32> {
+    let mut quats = to_host(gaussians.quats.val().inner());
+    for quat in quats.as_chunks_mut::<4>().0 {
+        let norm = quat.iter().map(|q| q * q).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+        quat.iter_mut().for_each(|q| *q /= norm);
+    }
+    quats
+}
+
 /// All numbers of a scene at one time that may change with it.
 struct Frame {
     means: Vec<f32>,
@@ -142,14 +152,9 @@ struct Frame {
 
 impl Frame {
     fn of(gaussians: &Gaussians) -> Self {
-        let mut quats = to_host(gaussians.quats.val().inner());
-        for quat in quats.as_chunks_mut::<4>().0 {
-            let norm = quat.iter().map(|q| q * q).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
-            quat.iter_mut().for_each(|q| *q /= norm);
-        }
         Self {
             means: to_host(gaussians.means.val().inner()),
-            quats,
+            quats: unit_quats(gaussians),
             log_scales: to_host(gaussians.log_scales.val().inner()),
             logits: to_host(gaussians.opacity_logits.val().inner()),
         }

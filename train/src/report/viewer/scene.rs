@@ -5,7 +5,7 @@ use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 
 use super::block::{Array, Block};
-use super::motion::{Clock, Motion};
+use super::motion::{Clock, Motion, unit_quats};
 use super::views::{Camera, rows};
 use crate::fit::parameters::to_host;
 
@@ -191,14 +191,9 @@ struct Numbers {
 
 impl Numbers {
     fn of(gaussians: &Gaussians) -> Self {
-        let mut quats = to_host(gaussians.quats.val().inner());
-        for quat in quats.as_chunks_mut::<4>().0 {
-            let norm = quat.iter().map(|q| q * q).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
-            quat.iter_mut().for_each(|q| *q /= norm);
-        }
         Self {
             means: to_host(gaussians.means.val().inner()),
-            quats,
+            quats: unit_quats(gaussians),
             log_scales: to_host(gaussians.log_scales.val().inner()),
             logits: to_host(gaussians.opacity_logits.val().inner()),
             sh: to_host(gaussians.sh.val().inner()),
