@@ -11,6 +11,15 @@ const WIDTH_MIN: usize = 200;
 /// Most halvings of the width: a quarter.
 const HALVINGS: usize = 2;
 
+/// The dilation of splats, square pixels of a photo whose pixels are `pixel` times as wide as those of the scene's photos, at which they look as
+/// they do in the scene's photo after the area filter.
+///
+/// In pixels of the scene's photo, a filter over `pixel` of them adds the variance `(pixel^2 - 1) / 12` to the dilation `eps2d` there. The same
+/// dilation in wide pixels would teach the Gaussians to be thinner than they are.
+pub fn dilation(eps2d: f64, pixel: f64) -> f64 {
+    (eps2d + (pixel * pixel - 1.0) / 12.0) / (pixel * pixel)
+}
+
 /// Reduced views, by how often their width is halved.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
@@ -75,6 +84,14 @@ mod tests {
         assert_eq!(halvings(960, 0.0, 10), [0; 10]);
         assert_eq!(halvings(960, 0.05, 10), [0; 10]);
         assert_eq!(Coarse::of(&[], 1.0, 10).halvings(1), 0);
+    }
+
+    #[test]
+    fn dilation_is_the_variance_of_both_filters() {
+        assert_eq!(dilation(0.3, 1.0), 0.3);
+        assert!((dilation(0.3, 2.0) - 0.55 / 4.0).abs() < 1e-15);
+        // Many pixels in one: the variance of a box of width 1.
+        assert!((dilation(0.3, 1e6) - 1.0 / 12.0).abs() < 1e-9);
     }
 
     #[test]

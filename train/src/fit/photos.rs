@@ -18,6 +18,8 @@ pub struct Photo<X> {
     pub mask: Option<Tensor<3>>,
     /// Middle of the exposure, in the data set's unit; 0 if the view has no time.
     pub time: f64,
+    /// Width of a pixel, pixels of the scene's photo: 1, or more of a photo at a reduced width.
+    pub pixel: f64,
     /// The method's data.
     pub extra: X,
 }
@@ -43,6 +45,7 @@ pub struct Photos<'a, X> {
     device: Device,
     kept: Vec<Option<Photo<X>>>,
     room: usize,
+    pixel: f64,
     extra: MakeExtra<'a, X>,
 }
 
@@ -62,7 +65,19 @@ impl<'a, X: Extra> Photos<'a, X> {
         cache_bytes: usize,
         extra: impl Fn(&View, usize, &Device) -> X + 'a,
     ) -> Self {
-        Self { views, device: device.clone(), kept: vec![None; views.len()], room: cache_bytes, extra: Box::new(extra) }
+        Self {
+            views,
+            device: device.clone(),
+            kept: vec![None; views.len()],
+            room: cache_bytes,
+            pixel: 1.0,
+            extra: Box::new(extra),
+        }
+    }
+
+    /// The same, of views whose pixels are `pixel` times as wide as those of the scene's photos.
+    pub fn of_width(self, pixel: f64) -> Self {
+        Self { pixel, ..self }
     }
 
     /// The views themselves.
@@ -76,7 +91,7 @@ impl<'a, X: Extra> Photos<'a, X> {
             return photo.clone();
         }
         let view = &self.views[index];
-        let photo = upload(view, &self.device, (self.extra)(view, index, &self.device));
+        let photo = Photo { pixel: self.pixel, ..upload(view, &self.device, (self.extra)(view, index, &self.device)) };
         let channels = 3 + usize::from(photo.mask.is_some()) + photo.extra.floats_per_pixel();
         let bytes = 4 * view.width * view.height * channels;
         if bytes <= self.room {
@@ -94,6 +109,7 @@ fn upload<X>(view: &View, device: &Device, extra: X) -> Photo<X> {
         image: tensor(&view.image.data, 3),
         mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
         time: view.time.unwrap_or(0.0),
+        pixel: 1.0,
         extra,
     }
 }

@@ -126,5 +126,5 @@ fn photos_of<'a, M: Method>(
         M::extra(view, index, &Step { step: 0, config, facts: &facts, cues: &data.cues }, device)
     };
     let views = if halvings == 0 { &data.scene.train[..] } else { data.coarse.views(halvings) };
-    Photos::new(views, device, config.data.cache_mb << 20, extra)
+    Photos::new(views, device, config.data.cache_mb << 20, extra).of_width(f64::from(1 << halvings))
 }

@@ -2,10 +2,11 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use gs_burn::{Extras, Gaussians, render_with};
+use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View};
 
 use crate::config::{FitConfig, NoSection};
+use crate::fit::coarse::dilation;
 use crate::fit::facts::Unseen;
 use crate::fit::initialise::InitialGaussians;
 use crate::fit::losses::photometric;
@@ -43,8 +44,9 @@ impl Method for Still {
     fn extra(_view: &View, _index: usize, _at: &Step<Self>, _device: &Device) {}
 
     fn forward(&self, gaussians: &Gaussians, photos: &[Photo<()>], screens: &[Tensor<2>], at: &Step<Self>) -> Forward {
-        let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
         let photo = &photos[0];
+        let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+        let options = RenderOptions { eps2d: dilation(options.eps2d, photo.pixel), ..options };
         let extras = Extras { screen: screens.first().cloned(), features: None };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
         Forward {
