@@ -29,6 +29,39 @@ pub struct MovingSample {
     pub quats: Tensor<2>,
 }
 
+/// The moving Gaussians at all instants, one after another: one tensor each, so that a GPU gets few launches whatever the number of
+/// instants. A list of [`MovingSample`] is one too.
+#[derive(Clone, Debug)]
+pub struct MovingSamples {
+    /// Number of instants, `n`.
+    pub instants: usize,
+    /// Means `[n M, 3]`, world, scene units.
+    pub means: Tensor<2>,
+    /// Orientations `[n M, 4]`, w x y z of any norm.
+    pub quats: Tensor<2>,
+}
+
+impl From<&[MovingSample]> for MovingSamples {
+    /// # Panics
+    /// When there is no sample, or samples disagree in shape.
+    fn from(samples: &[MovingSample]) -> Self {
+        assert!(!samples.is_empty(), "an exposure needs at least one sample");
+        let moving = samples[0].means.dims()[0];
+        for MovingSample { means, quats } in samples {
+            assert_shape!(means, [moving, 3]);
+            assert_shape!(quats, [moving, 4]);
+        }
+        let all = |of: fn(&MovingSample) -> Tensor<2>| concatenated(samples.iter().map(of).collect());
+        Self { instants: samples.len(), means: all(|s| s.means.clone()), quats: all(|s| s.quats.clone()) }
+    }
+}
+
+impl From<&Vec<MovingSample>> for MovingSamples {
+    fn from(samples: &Vec<MovingSample>) -> Self {
+        samples.as_slice().into()
+    }
+}
+
 /// Options of [`render_exposure`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExposureOptions {
@@ -110,7 +143,7 @@ impl ExposureRendering {
 pub fn render_exposure(
     gaussians: &Gaussians,
     moving: &[u32],
-    samples: &[MovingSample],
+    samples: impl Into<MovingSamples>,
     camera: &Camera,
     options: &ExposureOptions,
     screen: Option<Tensor<2>>,
@@ -118,7 +151,8 @@ pub fn render_exposure(
     let render = &options.render;
     let (width, height) = (camera.width, camera.height);
     assert!(width > 0 && height > 0, "the camera's image must have pixels, it has {width} x {height}");
-    let table = Table::new(gaussians, moving, samples);
+    let samples = samples.into();
+    let table = Table::new(gaussians, moving, &samples);
     let viewmat = camera.viewmat.clone().cast(table.means.dtype());
 
     let log_scales = table.of_rows(gaussians.log_scales.val());
@@ -154,7 +188,7 @@ pub fn render_exposure(
         projected,
         intersections: lists.count(),
         tiles: shares.tiles(),
-        full_tiles: samples.len() * columns * rows,
+        full_tiles: samples.instants * columns * rows,
         shares,
         drawn,
         image,
@@ -183,39 +217,36 @@ struct Table {
 }
 
 impl Table {
-    fn new(gaussians: &Gaussians, moving: &[u32], samples: &[MovingSample]) -> Self {
+    fn new(gaussians: &Gaussians, moving: &[u32], samples: &MovingSamples) -> Self {
         let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
         let (scene, moving_count) = (gaussians.len(), moving.len());
-        assert!(!samples.is_empty(), "an exposure needs at least one sample");
+        let instants = samples.instants;
+        assert!(instants > 0, "an exposure needs at least one sample");
         assert!(moving.is_sorted_by(|a, b| a < b), "the numbers of what moves must rise");
         assert!(
             moving.last().is_none_or(|&last| (last as usize) < scene),
             "what moves must be among {scene} Gaussians"
         );
-        for MovingSample { means, quats } in samples {
-            assert_shape!(means, [moving_count, 3]);
-            assert_shape!(quats, [moving_count, 4]);
-        }
+        assert_shape!(samples.means, [instants * moving_count, 3]);
+        assert_shape!(samples.quats, [instants * moving_count, 4]);
         let indices = |values: Vec<i32>| Tensor::<1, Int>::from_data(values.as_slice(), (&means.device(), DType::I32));
         let rows = indices(moving.iter().map(|&row| row as i32).collect());
         if moving_count == 0 {
             return Self { means, quats, scene, further: 0, moving: rows };
         }
         // Rows are replaced by number, because a row that is not finite would remain in any product with zero.
+        let middle = instants / 2;
+        let at = |instant: usize| (0..moving_count).map(move |k| (scene + instant * moving_count + k) as i32);
         let mut taken: Vec<i32> = (0..scene as i32).collect();
-        moving.iter().enumerate().for_each(|(k, &row)| taken[row as usize] = (scene + k) as i32);
+        moving.iter().zip(at(middle)).for_each(|(&row, from)| taken[row as usize] = from);
+        taken.extend((0..instants).filter(|instant| *instant != middle).flat_map(at));
         let taken = indices(taken);
-        let middle = samples.len() / 2;
-        let table = |scene: Tensor<2>, of: fn(&MovingSample) -> Tensor<2>| {
-            let first = take_rows(Tensor::cat(vec![scene, of(&samples[middle])], 0), &taken);
-            let others = samples.iter().enumerate().filter(|(k, _)| *k != middle).map(|(_, sample)| of(sample));
-            concatenated(std::iter::once(first).chain(others).collect())
-        };
+        let table = |scene: Tensor<2>, moved: &Tensor<2>| take_rows(Tensor::cat(vec![scene, moved.clone()], 0), &taken);
         Self {
-            means: table(means, |sample| sample.means.clone()),
-            quats: table(quats, |sample| sample.quats.clone()),
+            means: table(means, &samples.means),
+            quats: table(quats, &samples.quats),
             scene,
-            further: samples.len() - 1,
+            further: instants - 1,
             moving: rows,
         }
     }
@@ -225,15 +256,21 @@ impl Table {
         if self.further == 0 {
             return parameter;
         }
-        let moving = take_rows(parameter.clone(), &self.moving);
-        let mut parts = vec![parameter];
-        parts.resize(1 + self.further, moving);
-        Tensor::cat(parts, 0)
+        let further = self.repeated(parameter.clone());
+        Tensor::cat(vec![parameter, further], 0)
     }
 
-    /// Colours of all rows. All instants read the same coefficients, by far the most numbers of a Gaussian.
+    /// The moving rows of a parameter of the scene, once for each further instant.
+    fn repeated<const D: usize>(&self, parameter: Tensor<D>) -> Tensor<D> {
+        let moving = take_rows(parameter, &self.moving);
+        let mut shape = moving.dims();
+        let numbers = shape.iter().product();
+        shape[0] *= self.further;
+        moving.reshape([1, numbers]).expand([self.further, numbers]).reshape(shape)
+    }
+
+    /// Colours of all rows. The coefficients of the scene, by far the most numbers of a Gaussian, are not copied; those of what moves are.
     fn colors(&self, sh: Tensor<3>, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
-        let moving_count = self.moving.dims()[0];
         let part = |first: usize, count: usize, sh: Tensor<3>| {
             let [means, rows] = [&self.means, projected].map(|rows| match self.further {
                 0 => rows.clone(),
@@ -243,8 +280,7 @@ impl Table {
         };
         let mut parts = vec![part(0, self.scene, sh.clone())];
         if self.further > 0 {
-            let sh = take_rows(sh, &self.moving);
-            parts.extend((0..self.further).map(|k| part(self.scene + k * moving_count, moving_count, sh.clone())));
+            parts.push(part(self.scene, self.further * self.moving.dims()[0], self.repeated(sh)));
         }
         concatenated(parts)
     }

@@ -69,7 +69,7 @@ mod testing;
 pub use adam::{Adam, AdamRate};
 pub use camera::{Camera, Intrinsics};
 pub use exact::exact_matmul;
-pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
+pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, MovingSamples, render_exposure};
 pub use gaussians::Gaussians;
 pub use glam;
 pub use gs_kernels::constants;

@@ -35,9 +35,14 @@ pub fn exp_less_one(rotation: Tensor<2>) -> Tensor<2> {
     Tensor::cat(vec![real, imaginary], 1)
 }
 
-/// Quaternion products `a b`, row by row, `[M, 4]` w x y z: first the turn `b`, then the turn `a`.
+/// Quaternion products `a b`, row by row, w x y z: first the turn `b`, then the turn `a`. `a` `[n M, 4]` may be `n` times as long as `b`
+/// `[M, 4]`, whose rows are then gone through `n` times.
+///
+/// # Panics
+/// When the rows of `a` are no multiple of those of `b`.
 pub fn product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
-    let rows = a.dims()[0];
+    let ([rows, _], [own, _]) = (a.dims(), b.dims());
+    assert!(rows == own || rows.is_multiple_of(own), "{rows} quaternions do not go {own} by {own}");
     let mut signs = [0.0; 64];
     for (i, row) in PRODUCT.iter().enumerate() {
         for (j, (entry, sign)) in row.iter().enumerate() {
@@ -46,11 +51,14 @@ pub fn product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     }
     let signs = Tensor::<2>::from_data(TensorData::new(signs.to_vec(), [16, 4]), (&b.device(), b.dtype()));
     // One product of matrices: taking eight columns apart and putting four together costs more than the arithmetic.
-    let outer = a.reshape([rows, 4, 1]) * b.reshape([rows, 1, 4]);
-    exact_matmul(outer.reshape([rows, 16]), signs)
+    let outer = match rows == own {
+        true => (a.reshape([rows, 4, 1]) * b.reshape([rows, 1, 4])).reshape([rows, 16]),
+        false => (a.reshape([rows / own, own, 4, 1]) * b.reshape([1, own, 1, 4])).reshape([rows, 16]),
+    };
+    exact_matmul(outer, signs)
 }
 
-/// The difference `[M, 4]` that turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[M, 3]` adds to them. For a rotation of
+/// The difference that turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[n M, 3]` adds to them, `[n M, 4]`; see [`product`]. For a rotation of
 /// zero it is so small (1e-17 of them) that the sum is `quats` to the last bit.
 pub fn turn(quats: Tensor<2>, rotation: Tensor<2>) -> Tensor<2> {
     product(exp_less_one(rotation), quats)

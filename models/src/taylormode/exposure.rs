@@ -3,7 +3,7 @@
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::paths::Instant;
+use super::paths::{Instants, Shift};
 
 /// The times of the samples in the exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,8 +30,8 @@ impl Samples {
     }
 
     /// The samples as moments around `t` of an exposure of `tau`, both in the data set's unit of time.
-    pub fn instants(self, t: f64, tau: f64, count: usize) -> Vec<Instant> {
-        self.offsets(count).into_iter().map(|offset| Instant::from(t + offset * tau)).collect()
+    pub fn instants(self, t: f64, tau: f64, count: usize) -> Instants {
+        self.offsets(count).into_iter().map(|offset| t + offset * tau).collect::<Vec<f64>>().into()
     }
 }
 
@@ -69,16 +69,12 @@ impl Exposure {
         tau * Tensor::<1>::from_data(TensorData::new(samples.offsets(count), [count]), options)
     }
 
-    /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, so is
-    /// each moment's [`shift`](Instant::shift), and the exposure is learned through where the Gaussians are; exact,
+    /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they have a
+    /// [`shift`](Instants::shift), and the exposure is learned through where the Gaussians are; exact,
     /// because the derivative of a position by time is its velocity. Reads `tau` back from the device.
-    pub fn instants(&self, t: f64, samples: Samples, count: usize) -> Vec<Instant> {
-        let tau = self.tau_on_host();
+    pub fn instants(&self, t: f64, samples: Samples, count: usize) -> Instants {
         let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
-        let instant = |offset: f64| Instant {
-            t: t + offset * tau,
-            shift: change.clone().filter(|_| offset != 0.0).map(|change| change * offset),
-        };
-        samples.offsets(count).into_iter().map(instant).collect()
+        let shift = change.map(|change| Shift { change, rates: samples.offsets(count) });
+        Instants { shift, ..samples.instants(t, self.tau_on_host(), count) }
     }
 }

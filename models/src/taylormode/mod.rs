@@ -43,7 +43,7 @@ pub use blur_weights::{BlurWeights, BlurWeightsConfig};
 pub use exposure::{Exposure, Samples};
 pub use kinks::{Contact, Kinks};
 pub use order::Evidence;
-pub use paths::{Instant, Paths};
+pub use paths::{Instants, Paths, Shift};
 pub use remainder::{Remainder, RemainderFrame, RemainderNetwork};
 pub use summary::{FixedOrder, Size, Summary};
 pub use taylor_motion::{MotionFrame, TaylorMotion, TaylorScene};

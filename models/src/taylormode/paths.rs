@@ -9,7 +9,7 @@
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
 use gs_burn::ops::products::scaled;
 use gs_burn::ops::rows::{add_rows, take_rows};
-use gs_burn::{Gaussians, exact_matmul, profile};
+use gs_burn::{Gaussians, MovingSamples, exact_matmul, profile};
 
 use super::kinks::Kinks;
 use super::remainder::Remainder;
@@ -34,19 +34,40 @@ pub struct Paths {
     pub kinks: Option<Kinks>,
 }
 
-/// A time at which to move the Gaussians, through which a gradient may reach the time itself.
+/// Times at which to move the Gaussians, through which a gradient may reach the times themselves.
 #[derive(Debug, Clone)]
-pub struct Instant {
+pub struct Instants {
     /// The data set's unit.
-    pub t: f64,
-    /// `[1]`, zero in value: its gradient is the loss's derivative by `t`. See
-    /// [`Exposure::instants`](super::Exposure::instants).
-    pub shift: Option<Tensor<1>>,
+    pub times: Vec<f64>,
+    /// How the times change together; `None`: not at all.
+    pub shift: Option<Shift>,
 }
 
-impl From<f64> for Instant {
-    fn from(t: f64) -> Self {
-        Self { t, shift: None }
+/// A change of times that is zero in value: time `k` is `times[k] + rates[k] change`, so that the change gets the loss's derivative.
+/// See [`Exposure::instants`](super::Exposure::instants).
+#[derive(Debug, Clone)]
+pub struct Shift {
+    /// `[1]`, zero in value.
+    pub change: Tensor<1>,
+    /// One for each time.
+    pub rates: Vec<f64>,
+}
+
+impl Instants {
+    /// Number of times.
+    pub fn len(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Whether there is no time.
+    pub fn is_empty(&self) -> bool {
+        self.times.is_empty()
+    }
+}
+
+impl From<Vec<f64>> for Instants {
+    fn from(times: Vec<f64>) -> Self {
+        Self { times, shift: None }
     }
 }
 
@@ -85,36 +106,55 @@ impl Paths {
 
     /// The turn since `t0` as a rotation vector, `[M, 3]`, radians, world axes.
     pub fn rotation_vector(&self, t: f64) -> Tensor<2> {
-        self.rotation_sum(t, |sample| sample.value)
+        self.rotation_sums(&[t], |_, sample| sample.value)
     }
 
     fn position_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
-        let s = self.window.normalised(t);
-        let mut sum = series(&self.position, powers(s, self.order()).map(&part).collect());
+        self.position_sums(&[t], |_, sample| part(sample))
+    }
+
+    /// `[M, 3 n]`, a block of three for each of the `n` times.
+    fn position_sums(&self, times: &[f64], part: impl Fn(usize, Sample) -> f64) -> Tensor<2> {
+        let mut sum = series(&self.position, self.factors(times, |s| powers(s, self.order()).collect(), &part));
         if let Some(rest) = &self.remainder {
-            sum = sum + series(&rest.weights, rest.functions(s).into_iter().map(&part).collect());
+            sum = sum + series(&rest.weights, self.factors(times, |s| rest.functions(s), &part));
         }
         if let Some(kinks) = &self.kinks {
-            sum = sum + series(&kinks.jumps.val(), kinks.functions(s).into_iter().map(&part).collect());
+            sum = sum + series(&kinks.jumps.val(), self.factors(times, |s| kinks.functions(s), &part));
         }
         sum
     }
 
-    fn rotation_sum(&self, t: f64, part: impl Fn(Sample) -> f64) -> Tensor<2> {
-        let s = self.window.normalised(t);
-        series(&self.rotation, powers(s, self.rotation_order()).map(part).collect())
+    /// Likewise of the rotation vector.
+    fn rotation_sums(&self, times: &[f64], part: impl Fn(usize, Sample) -> f64) -> Tensor<2> {
+        let powers = |s| powers(s, self.rotation_order()).collect();
+        series(&self.rotation, self.factors(times, powers, part))
     }
 
-    /// Displacement and rotation vector, with the gradient by the time where the instant asks for it.
-    fn moved_by(&self, instant: &Instant) -> (Tensor<2>, Tensor<2>) {
-        let (displacement, rotation) = (self.displacement(instant.t), self.rotation_vector(instant.t));
-        let Some(shift) = &instant.shift else { return (displacement, rotation) };
-        let shift = shift.clone().cast(displacement.dtype());
-        let by_shift = |rate: Tensor<2>| -> Tensor<2> { scaled(shift.clone(), rate).squeeze_dim(0) };
+    /// For each time, the factors of all blocks.
+    fn factors(
+        &self,
+        times: &[f64],
+        functions: impl Fn(f64) -> Vec<Sample>,
+        part: impl Fn(usize, Sample) -> f64,
+    ) -> Vec<Vec<f64>> {
+        let one = |(k, t): (usize, &f64)| {
+            functions(self.window.normalised(*t)).into_iter().map(|sample| part(k, sample)).collect()
+        };
+        times.iter().enumerate().map(one).collect()
+    }
+
+    /// Displacements and rotation vectors, `[M, 3 n]` each, with the gradient by the times where the instants ask for it.
+    fn moved_by(&self, Instants { times, shift }: &Instants) -> (Tensor<2>, Tensor<2>) {
+        let value = |_, sample: Sample| sample.value;
+        let (displacement, rotation) = (self.position_sums(times, value), self.rotation_sums(times, value));
+        let Some(Shift { change, rates }) = shift else { return (displacement, rotation) };
+        let change = change.clone().cast(displacement.dtype());
+        let by_change = |rate: Tensor<2>| -> Tensor<2> { scaled(change.clone(), rate.detach()).squeeze_dim(0) };
         let half = self.window.half;
-        let velocity = self.velocity(instant.t).detach();
-        let turning = self.rotation_sum(instant.t, |sample| sample.slope / half).detach();
-        (displacement + by_shift(velocity), rotation + by_shift(turning))
+        let slope = |k: usize, sample: Sample| rates[k] * sample.slope / half;
+        let (velocity, turning) = (self.position_sums(times, slope), self.rotation_sums(times, slope));
+        (displacement + by_change(velocity), rotation + by_change(turning))
     }
 
     /// All centres at `t`: `means` `[N, 3]` of `t0` with the moving rows moved.
@@ -159,42 +199,51 @@ impl Paths {
 
     /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, from all rows at `t0`
     /// (`[N, 3]`, `[N, 4]`).
-    pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, at: impl Into<Instant>) -> (Tensor<2>, Tensor<2>) {
-        self.samples(means, quats, &[at.into()]).remove(0)
+    pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, t: f64) -> (Tensor<2>, Tensor<2>) {
+        let MovingSamples { means, quats, .. } = self.samples(means, quats, &vec![t].into());
+        (means, quats)
     }
 
-    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure. The rows are picked out once, and
-    /// their gradients put back once.
-    pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &[Instant]) -> Vec<(Tensor<2>, Tensor<2>)> {
+    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure, one after another. The number of operations does not
+    /// depend on that of the instants.
+    pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &Instants) -> MovingSamples {
         let _stage = profile::stage("motion samples");
+        let (count, moving) = (instants.len(), self.len());
         if self.is_empty() {
             let none = |columns| Tensor::zeros([0, columns], (&means.device(), means.dtype()));
-            return instants.iter().map(|_| (none(3), none(4))).collect();
+            return MovingSamples { instants: count, means: none(3), quats: none(4) };
         }
-        let means = take_rows(means.clone(), &self.rows);
-        let quats = take_rows(quats.clone(), &self.rows);
-        let sample = |instant: &Instant| {
-            let (displacement, rotation) = self.moved_by(instant);
-            let turns = self.rotation_order() > 0;
-            let turned = if turns { quats.clone() + turn(quats.clone(), rotation) } else { quats.clone() };
-            (means.clone() + displacement, turned)
+        let by_instant = |rows: Tensor<2>| -> Tensor<3> { rows.reshape([moving, count, 3]).swap_dims(0, 1) };
+        let (displacement, rotation) = self.moved_by(instants);
+        let means = by_instant(displacement) + take_rows(means.clone(), &self.rows).unsqueeze_dim(0);
+        let own = take_rows(quats.clone(), &self.rows);
+        let still: Tensor<3> = own.clone().unsqueeze_dim(0);
+        let quats = match self.rotation_order() {
+            0 => still.expand([count, moving, 4]),
+            _ => turn(own, by_instant(rotation).reshape([count * moving, 3])).reshape([count, moving, 4]) + still,
         };
-        instants.iter().map(sample).collect()
+        MovingSamples {
+            instants: count,
+            means: means.reshape([count * moving, 3]),
+            quats: quats.reshape([count * moving, 4]),
+        }
     }
 }
 
-/// `sum_k factors[k] block_k` of `coefficients` `[M, 3 K]`, `[M, 3]`.
-fn series(coefficients: &Tensor<2>, factors: Vec<f64>) -> Tensor<2> {
-    let [rows, columns] = coefficients.dims();
-    assert_shape!(coefficients, [rows, 3 * factors.len()]);
+/// `sum_k factors[i][k] block_k` of `coefficients` `[M, 3 K]` for each `i` below `n`, `[M, 3 n]`.
+fn series(coefficients: &Tensor<2>, factors: Vec<Vec<f64>>) -> Tensor<2> {
+    let ([rows, columns], sums) = (coefficients.dims(), factors.len());
     let options = (&coefficients.device(), coefficients.dtype());
     if rows == 0 || columns == 0 {
-        return Tensor::zeros([rows, 3], options);
+        return Tensor::zeros([rows, 3 * sums], options);
     }
-    // One product with [f_1 I; f_2 I; ...] instead of K slices, products and sums.
-    let mut matrix = vec![0.0; 9 * factors.len()];
-    for (k, factor) in factors.into_iter().enumerate() {
-        (0..3).for_each(|axis| matrix[9 * k + 4 * axis] = factor);
+    // One product with a matrix of blocks f I instead of K slices, products and sums.
+    let mut matrix = vec![0.0; columns * 3 * sums];
+    for (i, factors) in factors.into_iter().enumerate() {
+        assert_shape!(coefficients, [rows, 3 * factors.len()]);
+        for (k, factor) in factors.into_iter().enumerate() {
+            (0..3).for_each(|axis| matrix[(3 * k + axis) * 3 * sums + 3 * i + axis] = factor);
+        }
     }
-    exact_matmul(coefficients.clone(), Tensor::from_data(TensorData::new(matrix, [columns, 3]), options))
+    exact_matmul(coefficients.clone(), Tensor::from_data(TensorData::new(matrix, [columns, 3 * sums]), options))
 }

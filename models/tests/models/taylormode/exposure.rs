@@ -2,7 +2,7 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
-use gs_models::taylormode::{Exposure, Instant, Samples};
+use gs_models::taylormode::{Exposure, Instants, Samples};
 use gs_tests::devices::{doubles, everywhere, reference};
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
@@ -40,12 +40,11 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
         let paths = paths(place, &mut random);
         let pull =
             [place.tensor(&random.values(9, -1.0, 1.0), [3, 3]), place.tensor(&random.values(12, -1.0, 1.0), [3, 4])];
-        let sum = |instants: Vec<Instant>| -> Tensor<1> {
-            let seen = instants.into_iter().map(|instant| {
-                let (means, quats) = paths.sample_rows(&still.means.val(), &still.quats.val(), instant);
-                (means * pull[0].clone()).square().sum() + (quats * pull[1].clone()).square().sum()
-            });
-            seen.reduce(|a, b| a + b).expect("samples")
+        let sum = |instants: Instants| -> Tensor<1> {
+            let count = instants.len();
+            let seen = paths.samples(&still.means.val(), &still.quats.val(), &instants);
+            let pull = pull.clone().map(|pull| pull.repeat_dim(0, count));
+            (seen.means * pull[0].clone()).square().sum() + (seen.quats * pull[1].clone()).square().sum()
         };
         let log_tau = 0.2_f64.ln();
         let exposure = |log_tau: f64| Exposure { log_tau: Param::from_tensor(place.tensor(&[log_tau], [1])) };

@@ -31,15 +31,19 @@ mod recorded {
     /// Fewest units of a launch whose work grows with the scene: a launch below it leaves most of a large GPU idle.
     const UNITS_MIN: u64 = 4096;
 
-    /// Units of a cube, of which this project's kernels use 64 or 256 and Burn's at least 32: taken low, so that no serial launch
-    /// passes.
+    /// Units of a cube where nothing is known: of the kernels of rasterization, and of most of Burn's, which have at least 32.
     const UNITS_OF_A_CUBE: u64 = 64;
 
+    /// This project's kernels that work on a row or a number a unit, 256 units a cube.
+    const OF_256_UNITS: [&str; 6] = ["rows_of::", "sh_forward", "sh_backward", "adam::", "opacity::", "products::"];
+
     /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
-    const SMALL_WORK: [(&str, &str); 10] = [
+    const SMALL_WORK: [(&str, &str); 12] = [
         ("sum::", "8 values a unit, or the second level: 1,024 parts"),
         ("scan::", "8 values a unit"),
         ("products::group_sum_kernel", "at most 1,024 values a unit"),
+        ("products::group_dot_kernel", "at most 256 values a unit"),
+        ("adam::", "a number a unit; networks and the exposure have few"),
         ("gather::background_sum_kernel", "a value a tile and channel"),
         ("backward::pose_sum_kernel", "12 values for 256 Gaussians"),
         ("backward::centre_sum_kernel", "3 values for 256 Gaussians"),
@@ -50,14 +54,24 @@ mod recorded {
     ];
 
     /// Burn's kernels that work on an element a unit: small launches have little work.
-    const BY_ELEMENT: [&str; 7] =
-        ["binary::", "unary_float::", "fill_device_dtype::", "slice", "cast", "concat", "mask"];
+    const BY_ELEMENT: [&str; 9] = [
+        "binary::",
+        "unary_float::",
+        "unary_numeric::",
+        "comparison::",
+        "fill_device_dtype::",
+        "slice",
+        "cast",
+        "concat",
+        "mask",
+    ];
 
     /// Whether the launch may leave most of a GPU idle although its work grows with the scene.
     fn is_serial(launch: &KernelLaunch) -> bool {
         let known = |names: &[&str]| names.iter().any(|name| launch.kernel.contains(name));
         let small = SMALL_WORK.map(|(name, _)| name);
-        launch.cube_count() * UNITS_OF_A_CUBE < UNITS_MIN && !known(&small) && !known(&BY_ELEMENT)
+        let units = if known(&OF_256_UNITS) { gs_kernels::cube::buffer::UNITS as u64 } else { UNITS_OF_A_CUBE };
+        launch.cube_count() * units < UNITS_MIN && !known(&small) && !known(&BY_ELEMENT)
     }
 
     /// Prints the launches of a step of each kind.

@@ -2,9 +2,9 @@
 //! renderings in place of warped images).
 
 use burn::tensor::Tensor;
-use gs_burn::exposure::{ExposureOptions, ExposureRendering, MovingSample, render_exposure};
+use gs_burn::exposure::{ExposureOptions, ExposureRendering, render_exposure};
 use gs_burn::{Camera, Gaussians};
-use gs_models::taylormode::{Instant, Paths};
+use gs_models::taylormode::{Instants, Paths};
 
 /// The mean of renderings over `instants` of `gaussians`, of which `rows` (ascending, the rows of `paths`) move; `screen` `[N, 4]`
 /// as in [`render_exposure`].
@@ -15,14 +15,11 @@ pub fn expose(
     gaussians: &Gaussians,
     paths: &Paths,
     rows: &[u32],
-    instants: &[Instant],
+    instants: &Instants,
     camera: &Camera,
     options: &ExposureOptions,
     screen: Option<Tensor<2>>,
 ) -> ExposureRendering {
     let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
-    // The rows are selected once for all samples, so that the backward pass scatters their gradients once.
-    let samples = paths.samples(&means, &quats, instants).into_iter();
-    let samples: Vec<MovingSample> = samples.map(|(means, quats)| MovingSample { means, quats }).collect();
-    render_exposure(gaussians, rows, &samples, camera, options, screen)
+    render_exposure(gaussians, rows, paths.samples(&means, &quats, instants), camera, options, screen)
 }
