@@ -1,6 +1,6 @@
 """Files that gsburn writes, read by the official readers, and theirs read by gsburn.
 
-    python3 -m venv tools && tools/bin/pip install usd-core && npm --prefix tools install @playcanvas/splat-transform
+    python3 -m venv tools && tools/bin/pip install usd-core trimesh && npm --prefix tools install @playcanvas/splat-transform
     tools/bin/python tests/official_readers.py target/release/gsburn tools/node_modules/.bin/splat-transform
 
 Outside the default tests, because it installs programs. What is not installed is named and left out.
@@ -97,6 +97,20 @@ EXACT = {"position": 1e-6, "opacity": 1e-6, "scale": 1e-5, "rotation": 1e-3, "co
 PACKED = {"position": 0.005, "opacity": 0.0041, "scale": 0.005, "rotation": 0.01, "colour": 0.04, "harmonics": 0.017}
 
 
+def points_of_gltf(scene, path):
+    """A reader of glTF that does not know the extension of Gaussians sees their middles as points."""
+    try:
+        import trimesh
+    except ImportError:
+        print("trimesh is not installed")
+        return
+    (points,) = trimesh.load(path).geometry.values()
+    assert len(points.vertices) == COUNT, f"{len(points.vertices)} points"
+    for row, (x, y, z) in zip(scene, points.vertices):
+        assert max(abs(row["x"] - x), abs(row["y"] + y), abs(row["z"] + z)) < 1e-6, "y is up"
+    print(f"our glTF, read by trimesh {trimesh.__version__}: {COUNT} points")
+
+
 def main(gsburn, transform):
     folder = tempfile.mkdtemp()
     at = lambda name: os.path.join(folder, name)
@@ -116,6 +130,7 @@ def main(gsburn, transform):
             compare("their glTF, read by gsburn", half_turn_about_y(scene), read_ply(at("from.ply")), EXACT)
     else:
         print(f"splat-transform: {transform} is not there")
+    points_of_gltf(scene, at("scene.glb"))
     try:
         from pxr import Usd
     except ImportError:
