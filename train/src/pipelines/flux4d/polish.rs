@@ -41,6 +41,8 @@ const LAST_SHARE: f64 = 0.1;
 pub struct Polished {
     /// Steps taken; fewer than asked for after Ctrl-C.
     pub steps: usize,
+    /// Steps asked for.
+    pub steps_asked: usize,
     /// Steps whose loss or gradient was not finite; they changed nothing.
     pub skipped: usize,
     /// Seconds of the steps, without the measurements before and after.
@@ -126,7 +128,14 @@ pub fn polish(
     (inferred.raw, inferred.velocity) = (optimiser.parameters().raw(), optimiser.parameters().velocity.val());
     let psnr = seen.zip(psnr_between(inferred, host, log)).map(|(before, after)| [before, after]);
     let (taken, skipped) = (optimiser.adam.updates as usize, optimiser.skipped as usize);
-    Some(Polished { steps: taken + skipped, skipped, seconds, loss: [loss, of_inputs(inferred)], psnr })
+    Some(Polished {
+        steps: taken + skipped,
+        steps_asked: steps,
+        skipped,
+        seconds,
+        loss: [loss, of_inputs(inferred)],
+        psnr,
+    })
 }
 
 /// Parameters with their moments.

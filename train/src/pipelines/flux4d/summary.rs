@@ -90,15 +90,13 @@ impl Summary {
 }
 
 fn of_polish(polish: &Polished) -> String {
-    let Polished { steps, skipped, seconds, loss: [before, after], psnr } = polish;
+    let Polished { steps, steps_asked, skipped, seconds, loss: [before, after], psnr } = polish;
+    let taken = if steps < steps_asked { format!("{steps} of {steps_asked} steps") } else { counted(*steps, "step") };
     let seen = psnr.map_or(String::new(), |[before, after]| {
         format!(", frames between the inputs from {before:.2} to {after:.2} dB")
     });
     let skipped = if *skipped > 0 { format!(" ({skipped} skipped)") } else { String::new() };
-    format!(
-        "polish: {}{skipped} in {seconds:.2} s, loss of the inputs from {before:.4} to {after:.4}{seen}",
-        counted(*steps, "step")
-    )
+    format!("polish: {taken}{skipped} in {seconds:.2} s, loss of the inputs from {before:.4} to {after:.4}{seen}")
 }
 
 /// The polish of several snippets: sums of steps and seconds, means of losses and PSNR.
@@ -110,6 +108,7 @@ pub fn of_all(polished: &[Polished]) -> Option<Polished> {
     };
     Some(Polished {
         steps: polished.iter().map(|one| one.steps).sum(),
+        steps_asked: polished.iter().map(|one| one.steps_asked).sum(),
         skipped: polished.iter().map(|one| one.skipped).sum(),
         seconds: polished.iter().map(|one| one.seconds).sum(),
         loss: mean(polished.iter().map(|one| one.loss).collect())?,
