@@ -99,8 +99,8 @@ pub struct LogsConfig {
     pub split: SplitChoice,
     /// Snippets of each held-out log that are measured, spread evenly; 0: all.
     pub validation_snippets: usize,
-    /// Memory for snippets that were read, MB; those beyond are read again. Beside it, the snippets of a step, three that
-    /// wait for the next ones and one of a measurement are in memory.
+    /// Memory for snippets that were read, MB; those beyond are read again. Beside it, the snippets of a step, three for
+    /// the next ones and one of a measurement are in memory.
     pub cache_mb: usize,
 }
 
