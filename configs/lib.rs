@@ -25,7 +25,8 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 47] = [
+pub const RECIPES: [Recipe; 49] = [
+    recipe!("flux4d/ablations/base-network"),
     recipe!("flux4d/ablations/constant-velocity"),
     recipe!("flux4d/ablations/no-alignment"),
     recipe!("flux4d/ablations/no-refinement"),
@@ -34,6 +35,7 @@ pub const RECIPES: [Recipe; 47] = [
     recipe!("flux4d/ablations/raw-feedback"),
     recipe!("flux4d/base"),
     recipe!("flux4d/paper"),
+    recipe!("flux4d/paper-future"),
     recipe!("flux4d/streets"),
     recipe!("sparsedyn/ablations/full-horizon"),
     recipe!("sparsedyn/ablations/no-regularisation"),

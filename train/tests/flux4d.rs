@@ -5,7 +5,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gs_burn::ply::read_ply;
+use gs_driving::Snippet;
 use gs_driving::synthetic::{StreetOptions, write};
+use gs_train::pipelines::flux4d::config::FluxConfig;
+use gs_train::pipelines::flux4d::infer::{Ready, infer};
+use gs_train::pipelines::flux4d::logs::{self, Logs};
+use gs_train::pipelines::flux4d::network::FluxNetwork;
+use gs_train::pipelines::flux4d::polish::polish;
+use gs_train::pipelines::flux4d::prepare::prepare;
 use gs_train::pipelines::{Reconstruction, of_checkpoint};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::{Ending, Job};
@@ -18,21 +26,24 @@ use common::program::{fails, succeeds};
 fn streets(folder: &Path, logs: u64) -> PathBuf {
     let path = folder.join("streets");
     for seed in 0..logs {
-        let options = StreetOptions {
-            frames: 11,
-            cameras: 1,
-            width: 64,
-            height: 36,
-            beams: 16,
-            columns: 450,
-            subpixels: 1,
-            movers: 12,
-            seed,
-            ..StreetOptions::default()
-        };
-        write(&path.join(format!("{seed:03}")), &options, |_, _| {}).expect("written");
+        write(&path.join(format!("{seed:03}")), &small_street(11, seed), |_, _| {}).expect("written");
     }
     path
+}
+
+fn small_street(frames: usize, seed: u64) -> StreetOptions {
+    StreetOptions {
+        frames,
+        cameras: 1,
+        width: 64,
+        height: 36,
+        beams: 16,
+        columns: 450,
+        subpixels: 1,
+        movers: 12,
+        seed,
+        ..StreetOptions::default()
+    }
 }
 
 const SMALL: [&str; 6] = [
@@ -61,7 +72,10 @@ fn a_short_training_beats_the_lifted_points_of_an_unseen_street() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = streets(temporary.path(), 3);
     let run = temporary.path().join("run");
-    let job = job(&data, &run, 40, &["eval.at=[1]", "learning.rate=5e-3", "learning.warm_up=5"]);
+    // Every Gaussian that moves is in an actor, however few they are.
+    let actors = ["actors.fewest=1", "actors.radius=2.0"];
+    let keys = ["eval.at=[1]", "learning.rate=5e-3", "learning.warm_up=5"];
+    let job = job(&data, &run, 40, &[&keys[..], &actors].concat());
     let eval = common::finish(&job);
     let first = eval.evaluations.first().expect("measured after step 1");
     let (begin, end) = (first.mean().psnr, eval.last.mean().psnr);
@@ -89,6 +103,7 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
         full: false,
         future: 0,
         times: &times,
+        polish: 0,
         shift: [0.0; 3],
         rest_speed: Some(0.0),
         edit: None,
@@ -102,6 +117,21 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     for file in ["actors.json", "reconstruction.json", "002-000.ply"] {
         assert!(out.join(file).is_file(), "{file}");
     }
+    assert!(lines.iter().any(|line| line.starts_with("Scene flow, bucketed")), "{lines:?}");
+    assert!(json(&out.join("reconstruction.json"))["tables"][0]["rows"].as_array().is_some_and(|rows| rows.len() > 1));
+    let actors = json(&out.join("actors.json"))["snippets"][0]["actors"].as_array().expect("a list").clone();
+    assert!(!actors.is_empty(), "twelve movers");
+    for actor in &actors {
+        let path = out.join(format!("actors/002-000-{:02}.ply", actor["actor"].as_u64().expect("a number")));
+        let gaussians = read_ply(&path, &device).expect("a PLY file");
+        assert_eq!(actor["gaussians"], gaussians.len(), "{}", path.display());
+        // In the world of the log, in the middle of the window, when the box was found.
+        let means: Vec<f64> = gaussians.means.val().to_data().iter::<f64>().collect();
+        let centre = |axis: usize| actor["centre"][axis].as_f64().expect("metres");
+        let size = actor["size"].as_array().expect("metres").iter().filter_map(|x| x.as_f64()).fold(0.0, f64::max);
+        assert!(means.chunks(3).all(|mean| (0..2).all(|axis| (mean[axis] - centre(axis)).abs() < size + 0.1)));
+    }
+    assert_eq!(count("actors"), actors.len());
     // An earlier reconstruction is written over, another folder is not, and a script that names no actor is told.
     pipeline.reconstruct(&checkpoint, &Reconstruction { full: true, ..request }).expect("again");
     let foreign = folder.join("foreign");
@@ -116,6 +146,81 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     fs::write(&script, "[[edits]]\ndo = \"paint\"\n").expect("written");
     assert!(refused(Reconstruction { edit: Some(&script), ..request }).contains("edits.toml"));
     assert!(refused(Reconstruction { start: 9, ..request }).contains("--start 9"));
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(path).expect("text")).expect("JSON")
+}
+
+/// A log whose second snippet has a broken sweep: what was made before is not taken for a reconstruction, and the same command
+/// makes all anew once the sweep is whole. Each time asked for is in the snippet that holds it.
+#[test]
+fn an_interrupted_reconstruction_is_made_anew() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    write(&folder.join("street"), &small_street(17, 3), |_, _| {}).expect("written");
+    let sweep = folder.join("street/lidar/14.pkl.gz");
+    let whole = fs::read(&sweep).expect("a sweep");
+    fs::write(&sweep, "broken").expect("written");
+    let (device, out) = (common::device_name(), folder.join("out"));
+    let args = ["reconstruct", "street", "--full", "--times", "0.25,1.35", "--out", "out", "--device", &device];
+    assert!(fails(folder, &args).contains("14.pkl.gz"));
+    let has = |name: &str| out.join(name).exists();
+    assert_eq!(["unfinished", "input", "reconstruction.json"].map(has), [true, false, false]);
+    fs::write(&sweep, whole).expect("written");
+    assert!(succeeds(folder, &args).contains("2 snippets, 19 images"));
+    assert_eq!(["unfinished", "input", "reconstruction.json"].map(has), [false, true, true]);
+    let times = fs::read_dir(out.join("times")).expect("a folder").count();
+    assert_eq!((times, has("street-000.ply"), has("street-006.ply")), (2, true, true));
+}
+
+/// A few steps of Adam on the snippet's own input images lower their loss; no step changes nothing, to the bit. What carries no
+/// velocity by evidence carries none afterwards.
+#[test]
+fn a_polish_lowers_the_loss_of_the_inputs() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let path = streets(temporary.path(), 1).join("000");
+    let (device, config) = (common::device(), common::config(1, &SMALL));
+    let config = FluxConfig::from_table(&config, "the test").expect("valid");
+    let log = logs::open(&path, &config.own.logs).expect("a log");
+    let host = prepare(&log, &Snippet::new(0, 11), "street", &config.own.lift, config.seed).expect("a snippet");
+    let ready = Ready::new(&FluxNetwork::new(&config, &device));
+    let mut inferred = infer(&ready, &host, &log, &config, &device).expect("applied");
+    let before = inferred.clone();
+    assert_eq!(polish(&mut inferred, (&host, &log), &config, 0, &device), None);
+    assert_eq!(inferred.raw.to_data(), before.raw.to_data());
+    assert_eq!(inferred.velocity.to_data(), before.velocity.to_data());
+    let polished = polish(&mut inferred, (&host, &log), &config, 20, &device).expect("twenty steps");
+    let [loss, polished_loss] = polished.loss;
+    assert!(polished_loss < 0.97 * loss, "{loss} to {polished_loss}");
+    assert_eq!((polished.steps, polished.skipped), (20, 0));
+    let rows = |velocity: &burn::tensor::Tensor<2>| -> Vec<f64> { velocity.to_data().iter::<f64>().collect() };
+    let (old, new) = (rows(&before.velocity), rows(&inferred.velocity));
+    let columns = before.velocity.dims()[1];
+    let rested = old.chunks(columns).map(|row| row.iter().all(|x| *x == 0.0));
+    let rests = new.chunks(columns).map(|row| row.iter().all(|x| *x == 0.0));
+    assert!(rested.zip(rests).all(|(before, after)| before == after));
+    assert_ne!(old, new);
+}
+
+/// C.1: of the logs 000, 001 and 002 the paper holds out 001; named logs come first, and a folder without any is told.
+#[test]
+fn the_split_of_the_paper_is_by_name() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let data = streets(temporary.path(), 3);
+    let of = |overrides: &[&str]| -> FluxConfig {
+        let all: Vec<&str> = SMALL.into_iter().chain(["logs.split=paper"]).chain(overrides.iter().copied()).collect();
+        FluxConfig::from_table(&common::config(1, &all), "the test").expect("valid")
+    };
+    let held_out = |config: &FluxConfig| -> Vec<String> {
+        let logs = Logs::open(&data, &config.own.logs).expect("logs");
+        logs.held_out.iter().map(|place| logs.logs[place.log].name().to_string()).collect()
+    };
+    assert_eq!(held_out(&of(&[])), ["001"]);
+    assert_eq!(held_out(&of(&["logs.validation=[\"002\"]"])), ["002"]);
+    fs::remove_dir_all(data.join("001")).expect("removed");
+    let error = Logs::open(&data, &of(&[]).own.logs).expect_err("no test log");
+    assert!(error.to_string().contains("001, 011"), "{error}");
 }
 
 /// Before any training the sweeps alone show most of the motion, and nothing that rests moves: the bounds are half of what
@@ -159,6 +264,12 @@ fn the_flow_of_sweeps_is_written_and_scored() {
     let figures = fs::read_to_string(folder.join("flow/flow.json")).expect("written");
     let figures: serde_json::Value = serde_json::from_str(&figures).expect("JSON");
     assert_eq!(figures["sweeps"], 11);
+    // Again into the folder of an earlier flow, and not into another.
+    succeeds(folder, &["flow", "streets/000", "--out", "flow"]);
+    fs::create_dir(folder.join("mine")).expect("made");
+    fs::write(folder.join("mine/00.npy"), "mine").expect("written");
+    assert!(fails(folder, &["flow", "streets/000", "--out", "mine"]).contains("expected an empty folder"));
+    assert_eq!(fs::read_to_string(folder.join("mine/00.npy")).expect("text"), "mine");
     let fitted = succeeds(folder, &["flow", "streets/000", "--window", "2", "--fit", "2"]);
     assert!(fitted.contains("a fit of each pair") && fitted.contains("EPE3D, moving"), "{fitted}");
     fs::remove_dir_all(&log).expect("a folder");
@@ -191,8 +302,10 @@ fn a_network_is_passed_on() {
         fails(folder, &["export", "run", "--out", "network.safetensors"]).contains("expected the name of a new file")
     );
     assert!(fails(folder, &["export", "run", "--out", "scene.obj"]).contains(".safetensors"));
-    let shipped = ["reconstruct", "streets/001", "--out", "shipped", "--device", &common::device_name()];
-    assert!(succeeds(folder, &shipped).contains("PSNR"));
+    let device = common::device_name();
+    let shipped = ["reconstruct", "streets/001", "--polish", "2", "--out", "shipped", "--device", &device];
+    let text = succeeds(folder, &shipped);
+    assert!(text.contains("PSNR") && text.contains("polish: 2 steps"), "{text}");
 }
 
 #[test]

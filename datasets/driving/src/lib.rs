@@ -47,7 +47,7 @@ pub use log::{DrivingLog, LogFormat};
 pub use options::{CameraUse, LogOptions};
 pub use project::{NEAR, colors, depth_image, project, sample};
 pub use snippet::{
-    INTERPOLATION_FRAMES, OVERLAP, PREDICTION_FRAMES, Snippet, SnippetKind, TEST_LOGS, snippets, snippets_without_gaps,
-    spaced,
+    INTERPOLATION_FRAMES, OVERLAP, PREDICTION_FRAMES, Snippet, SnippetKind, TEST_LOGS, TEST_LOGS_ARGOVERSE, runs,
+    snippets, snippets_without_gaps, spaced,
 };
 pub use sweep::{Cuboid, Labels, ObjectClass, RANGE_MAX, Sweep};

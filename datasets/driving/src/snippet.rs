@@ -1,7 +1,12 @@
 //! [`Snippet`]: the frames of a log that are reconstructed together (supplement of Flux4D, sections C.1 and C.2).
 
+use std::ops::Range;
+
 /// Logs of PandaSet that the paper tests on; all others train.
 pub const TEST_LOGS: [&str; 10] = ["001", "011", "016", "065", "084", "090", "106", "115", "123", "158"];
+
+/// Logs of Argoverse 2 that the paper tests on: the first ones by name. All others train.
+pub const TEST_LOGS_ARGOVERSE: usize = 100;
 
 /// Frames of a snippet for interpolation: one second at 10 Hz.
 pub const INTERPOLATION_FRAMES: usize = 11;
@@ -11,6 +16,10 @@ pub const PREDICTION_FRAMES: usize = 16;
 
 /// Frames that consecutive snippets share.
 pub const OVERLAP: usize = 5;
+
+/// Longest time between two frames of a snippet, in usual times between frames (their median). Where one frame is missing it is 2;
+/// clocks vary by a few percent.
+const GAP: f64 = 1.5;
 
 /// What a snippet is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,12 +71,12 @@ impl Snippet {
 /// log, it begins earlier instead, so that all frames are in one. A log that is shorter than one snippet is one short snippet, and an
 /// empty log has none.
 pub fn snippets(frames: usize, kind: SnippetKind) -> Vec<Snippet> {
-    spaced(frames, kind, kind.frames() - OVERLAP)
+    spaced(frames, kind.frames(), kind.frames() - OVERLAP)
 }
 
-/// Snippets that begin every `every` frames (20 in the main paper: four of a log with 80 frames); `every` of 0 counts as 1.
-pub fn spaced(frames: usize, kind: SnippetKind, every: usize) -> Vec<Snippet> {
-    let count = kind.frames();
+/// Snippets of `count` frames that begin every `every` frames (20 in the main paper: four of a log with 80 frames); `every` of 0 counts
+/// as 1. Ends are as in [`snippets`].
+pub fn spaced(frames: usize, count: usize, every: usize) -> Vec<Snippet> {
     if frames == 0 {
         return Vec::new();
     }
@@ -82,23 +91,28 @@ pub fn spaced(frames: usize, kind: SnippetKind, every: usize) -> Vec<Snippet> {
     starts.into_iter().map(|start| Snippet::new(start, count)).collect()
 }
 
-/// Snippets of runs of frames that follow each other: a gap in the recording, longer than `gap` seconds, is in no snippet.
-pub fn snippets_without_gaps(times: &[f64], kind: SnippetKind, gap: f64) -> Vec<Snippet> {
-    let mut found = Vec::new();
-    let mut start = 0;
-    for end in 1..=times.len() {
-        if end < times.len() && times[end] - times[end - 1] <= gap {
-            continue;
-        }
-        for mut snippet in snippets(end - start, kind) {
-            for list in [&mut snippet.frames, &mut snippet.inputs, &mut snippet.targets, &mut snippet.future] {
-                list.iter_mut().for_each(|frame| *frame += start);
-            }
-            found.push(snippet);
-        }
-        start = end;
-    }
-    found
+/// Runs of frames that follow each other without a gap in the recording; `times` are those of all frames, seconds, ascending. A gap is
+/// longer than 1.5 times the median time between frames.
+pub fn runs(times: &[f64]) -> Vec<Range<usize>> {
+    let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let is_gap = {
+        let own = intervals.clone();
+        intervals.sort_by(f64::total_cmp);
+        let usual = intervals.get(intervals.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
+        move |frame: usize| own[frame - 1] > GAP * usual
+    };
+    let begins: Vec<usize> = (0..times.len()).filter(|frame| *frame == 0 || is_gap(*frame)).collect();
+    let ends = begins.iter().skip(1).copied().chain([times.len()]);
+    begins.iter().copied().zip(ends).map(|(begin, end)| begin..end).collect()
+}
+
+/// [`spaced`] snippets of each of the [`runs`] of a recording: a gap lies inside no snippet.
+pub fn snippets_without_gaps(times: &[f64], count: usize, every: usize) -> Vec<Snippet> {
+    let of_run = |run: Range<usize>| {
+        let list = spaced(run.len(), count, every).into_iter();
+        list.map(move |snippet| Snippet::new(run.start + snippet.frames[0], snippet.frames.len()))
+    };
+    runs(times).into_iter().flat_map(of_run).collect()
 }
 
 #[cfg(test)]
@@ -130,17 +144,35 @@ mod tests {
             }
         }
         assert!(snippets(0, SnippetKind::Interpolation).is_empty());
-        let starts =
-            |every| spaced(80, SnippetKind::Interpolation, every).iter().map(|s| s.frames[0]).collect::<Vec<_>>();
+        let starts = |every| spaced(80, INTERPOLATION_FRAMES, every).iter().map(|s| s.frames[0]).collect::<Vec<_>>();
         assert_eq!(starts(20), [0, 20, 40, 60]);
     }
 
+    /// Gaps at every place of a recording, a missing frame and five seconds: no snippet has frames of both sides, and every frame is
+    /// in one. Clocks that vary by a tenth have no gap.
     #[test]
     fn a_gap_is_in_no_snippet() {
-        let mut times: Vec<f64> = (0..30).map(|i| 0.1 * f64::from(i)).collect();
-        times.iter_mut().skip(13).for_each(|time| *time += 5.0);
-        let list = snippets_without_gaps(&times, SnippetKind::Interpolation, 0.15);
-        assert!(list.iter().all(|s| s.frames.iter().all(|f| *f < 13) || s.frames.iter().all(|f| *f >= 13)), "{list:?}");
-        assert_eq!(list.last().map(|s| s.frames[10]), Some(29));
+        let times = |gap: usize, seconds: f64| -> Vec<f64> {
+            (0..30).map(|i| 0.1 * i as f64 + if i >= gap { seconds } else { 0.0 }).collect()
+        };
+        for gap in 1..30 {
+            for seconds in [0.1, 5.0] {
+                for (count, every) in [(INTERPOLATION_FRAMES, 6), (PREDICTION_FRAMES, 11), (4, 2)] {
+                    let list = snippets_without_gaps(&times(gap, seconds), count, every);
+                    let is_whole =
+                        |s: &Snippet| s.frames.iter().all(|f| *f < gap) || s.frames.iter().all(|f| *f >= gap);
+                    assert!(list.iter().all(is_whole), "gap of {seconds} s before {gap}: {list:?}");
+                    let covered: std::collections::BTreeSet<usize> =
+                        list.iter().flat_map(|s| s.frames.clone()).collect();
+                    assert_eq!(covered, (0..30).collect(), "gap before {gap}");
+                }
+            }
+        }
+        let list = snippets_without_gaps(&times(13, 5.0), INTERPOLATION_FRAMES, 6);
+        assert_eq!(list.last().map(|s| (s.frames[10], s.inputs[5])), Some((29, 29)));
+        let uneven: Vec<f64> = (0..30).map(|i| 0.1 * f64::from(i) + 0.005 * f64::from(i % 2)).collect();
+        let lengths = |times: &[f64]| runs(times).iter().map(Range::len).collect::<Vec<_>>();
+        assert_eq!(lengths(&uneven), [30]);
+        assert_eq!((lengths(&[]), lengths(&[3.0]), lengths(&[3.0, 9.0])), (vec![], vec![1], vec![2]));
     }
 }

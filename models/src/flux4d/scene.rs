@@ -108,6 +108,13 @@ impl FluxScene {
         (rows, times.iter().map(sample).collect())
     }
 
+    /// Some of the moving rows at time `t` (seconds), in the order of `rows`: places among the moving ones, 0 to M - 1, as an
+    /// [`Actor`](super::actors::Actor) has them. Outside autodiff.
+    pub fn moving_at(&self, t: f64, rows: &[u32]) -> Gaussians {
+        let rows: Vec<u32> = rows.iter().map(|row| self.resting() as u32 + row).collect();
+        reordered(&self.at(t), &rows)
+    }
+
     /// Velocities of the moving rows at time `t` (seconds), `[M, 3]`, metres per second.
     pub fn moving_velocity(&self, t: f64) -> Tensor<2> {
         let velocity = self.motion.velocity(self.velocity.val(), self.in_window(t));

@@ -37,9 +37,13 @@ pub struct ReconstructArgs {
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=100), value_name = "N")]
     pub future: u8,
 
-    /// Also render these times, seconds from the begin of the snippet
+    /// Also render these times, seconds from the begin of the snippet (with --full of the first; each by the snippet that holds it)
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true, value_parser = finite, value_name = "T,...")]
     pub times: Vec<f64>,
+
+    /// Optimise each snippet after the network, on its input images alone, by this many steps; Ctrl-C keeps what is reached
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1_000_000), value_name = "STEPS")]
+    pub polish: u32,
 
     /// Move the cameras forward, left and up, metres
     #[arg(long, default_value = "0,0,0", allow_hyphen_values = true, value_parser = shift, value_name = "F,L,U")]

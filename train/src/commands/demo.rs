@@ -89,6 +89,7 @@ fn driving(args: &DemoArgs, device: &Device) -> Result<ExitCode> {
         full: false,
         future: 5,
         times: &[],
+        polish: 0,
         shift: [0.0; 3],
         rest_speed: None,
         edit: None,

@@ -7,9 +7,10 @@ use anyhow::{Result, bail};
 use crate::cli::ReconstructArgs;
 use crate::commands::{device, print};
 use crate::pipelines::{Reconstruction, of_checkpoint, shipped};
+use crate::run::interrupt;
 use crate::run::scene::{SceneFile, read_file};
 
-/// Applies a trained network to a driving log.
+/// Applies a trained network to a driving log. After Ctrl-C what is done is kept.
 ///
 /// # Errors
 /// One sentence saying what was wrong with the network, the log or the folder.
@@ -31,13 +32,15 @@ pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
         full: args.full,
         future: usize::from(args.future),
         times: &args.times,
+        polish: args.polish as usize,
         shift: args.shift.0,
         rest_speed: args.rest_speed,
         edit: args.edit.as_deref(),
         device: &device,
     };
+    interrupt::watch();
     for line in of_checkpoint(&checkpoint)?.reconstruct(&checkpoint, &request)? {
         print(line);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(if interrupt::asked() { ExitCode::from(interrupt::exit_code()) } else { ExitCode::SUCCESS })
 }

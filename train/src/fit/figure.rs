@@ -109,6 +109,14 @@ pub struct FigureTable {
     pub rows: Vec<Vec<String>>,
 }
 
+impl FigureTable {
+    /// The table for a terminal: title and columns, then a line for each row.
+    pub fn lines(&self) -> Vec<String> {
+        let head = format!("{}: {}", self.title, self.columns.join(" | "));
+        [head].into_iter().chain(self.rows.iter().map(|row| format!("  {}", row.join(" | ")))).collect()
+    }
+}
+
 /// All figures and tables of a method.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Figures {

@@ -31,6 +31,8 @@ pub enum Purpose {
     Snippets = 10,
     /// The images that a snippet is compared with in a step.
     Supervision = 11,
+    /// The images that a polished snippet is compared with in a step.
+    Polish = 12,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

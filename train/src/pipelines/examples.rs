@@ -74,7 +74,7 @@ Experiments of flux4d, by the network that ships and on streets that it has not 
   beams        4 to 128 beams, and images of other sizes
   calibration  wrong camera poses, images that are late
   holes        a black image, a missing sweep, a LiDAR of one beam
-  degree       the degree of velocities that traffic needs
+  degree       constant velocity or acceleration for traffic
   bins         PSNR by distance, and of the sky
   baseline     a fit of every pair of sweeps on the same points
   cost         seconds by stage and PSNR over 10,000 to half a million points
@@ -102,6 +102,7 @@ Examples:
   gsburn reconstruct streets/003 --model runs/streets --out out        one snippet: frames between the inputs, actors, PLY
   gsburn reconstruct pandaset/002 --model runs/streets --full --out whole
   gsburn reconstruct streets/003 --model runs/streets --future 5 --times 0.25,0.55 --shift 0,2,1 --out moved
+  gsburn reconstruct streets/003 --model runs/streets --polish 100 --out polished
   gsburn reconstruct streets/003 --model runs/streets --edit edits.toml --out edited
 
 Edits name actors by their numbers in actors.json:

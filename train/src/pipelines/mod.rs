@@ -177,8 +177,10 @@ pub struct Reconstruction<'a> {
     pub full: bool,
     /// Frames after the last input that are predicted.
     pub future: usize,
-    /// Further times that are rendered, seconds from the begin of the first snippet.
+    /// Further times that are rendered, seconds from the begin of the first snippet; each by the snippet that holds it.
     pub times: &'a [f64],
+    /// Steps of an optimisation of each snippet after the network; 0: none.
+    pub polish: usize,
     /// How far the cameras are moved: forward, left, up, metres.
     pub shift: [f64; 3],
     /// Gaussians slower than this at all times carry no motion, metres per second; `None`: the method's own threshold.

@@ -6,7 +6,8 @@
 //! | [`folder`], [`lock`] | where a run's files are, what is in them, and who may write them |
 //! | [`checkpoint`], [`fingerprint`] | saved states, and whether a run goes on with the views it began on |
 //! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
-//! | [`scene`], [`exchange`], [`outputs`] | finished scenes in and out, those of other programs, and files that are never written over |
+//! | [`scene`], [`exchange`] | finished scenes in and out, and those of other programs |
+//! | [`outputs`], [`results`] | files that are never written over, and folders that appear whole |
 //! | [`progress`], [`resources`], [`memory`], [`profile`], [`interrupt`] | what a user sees while it runs |
 
 pub mod checkpoint;
@@ -22,5 +23,6 @@ pub mod outputs;
 pub mod profile;
 pub mod progress;
 pub mod resources;
+pub mod results;
 pub mod scene;
 pub mod watch;

@@ -16,5 +16,5 @@ mod pyramid;
 
 pub use block::ResidualBlock;
 pub use conv::{ConvNorm, SparseConv, SparseConvConfig};
-pub use network::{Decoder, Encoder, SparseUnet, SparseUnetConfig};
+pub use network::{BYTES_PER_VOXEL, Decoder, Encoder, SparseUnet, SparseUnetConfig};
 pub use pyramid::VoxelPyramid;

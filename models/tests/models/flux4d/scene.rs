@@ -50,6 +50,10 @@ fn rows_without_motion_carry_no_velocity() {
         assert_near("m/s", &speed[12..], &[3.0, 0.0, 0.0, 0.0, 0.0, 0.25], 1e-6);
         let own = values(&scene.at(11.0).quats.val());
         assert_eq!(own[16..20], values(&before.quats.val())[4..8]);
+        // The moving rows 1 and 0 are the rows 5 and 4 of the scene.
+        let some = scene.moving_at(12.0, &[1, 0]);
+        assert_eq!(values(&some.means.val()), [&at[15..18], &at[12..15]].concat());
+        assert_eq!(values(&some.quats.val())[4..8], own[16..20]);
     }
 }
 

@@ -1,12 +1,15 @@
 //! The configuration of Flux4D: the shared sections of any run, and those of a network over many logs.
 
+use gs_driving::OVERLAP;
 use gs_models::flux4d::actors::ActorConfig;
 use gs_models::flux4d::{Feedback, LossConfig, RefinementConfig};
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
+mod ranges;
+
 use super::NAME;
-use crate::config::{CheckpointConfig, ConfigError, EvalConfig, check, not_negative, positive, typed};
+use crate::config::{CheckpointConfig, ConfigError, EvalConfig, typed};
 
 /// The sections of a network that is trained on driving logs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -53,12 +56,6 @@ impl ActorsSection {
     pub fn config(self) -> ActorConfig {
         ActorConfig { speed: self.speed, eps: self.radius, min_points: self.fewest }
     }
-
-    fn validate(&self) -> Result<(), ConfigError> {
-        check("actors.speed", self.speed, not_negative(self.speed), "0 or more")?;
-        check("actors.radius", self.radius, (0.01..=100.0).contains(&self.radius), "0.01 to 100")?;
-        check("actors.fewest", self.fewest, self.fewest >= 1, "at least 1")
-    }
 }
 
 /// Cameras of a log.
@@ -72,25 +69,38 @@ pub enum CameraChoice {
     All,
 }
 
+/// The logs that are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SplitChoice {
+    /// One log in eight, the last ones by name, and at least one of several.
+    #[default]
+    LastEighth,
+    /// The paper's (C.1): 001, 011, 016, 065, 084, 090, 106, 115, 123 and 158 of PandaSet, the first hundred by name of Argoverse 2.
+    Paper,
+}
+
 /// The driving logs and their snippets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LogsConfig {
     /// Frames of a snippet. Of the first 11, every second is an input and the others are targets; those after them
-    /// are the future.
+    /// are the future, and targets of the training too. A snippet never reaches over a gap in the recording.
     pub frames: usize,
-    /// Frames from the begin of one snippet to that of the next.
+    /// Frames from the begin of one snippet to that of the next; 0: neighbours share 5 frames, as in the paper.
     pub every: usize,
     /// The cameras.
     pub camera: CameraChoice,
     /// Wider images are downscaled to this width, pixels; 0 keeps the full size.
     pub max_width: usize,
-    /// Names of the logs that are held out; with none, one log in eight, the last ones by name, and at least one of
-    /// several.
+    /// Names of the logs that are held out; with none, `logs.split` chooses them.
     pub validation: Vec<String>,
+    /// The logs that are held out where `logs.validation` names none.
+    pub split: SplitChoice,
     /// Snippets of each held-out log that are measured, spread evenly; 0: all.
     pub validation_snippets: usize,
-    /// Memory for snippets that were read, MB; those beyond are read again.
+    /// Memory for snippets that were read, MB; those beyond are read again. Beside it, the snippets of a step, three for
+    /// the next ones and one of a measurement are in memory.
     pub cache_mb: usize,
 }
 
@@ -178,7 +188,7 @@ pub struct RefinementSection {
 pub struct SupervisionConfig {
     /// Input images of a step; the gradient over these is fed back.
     pub input_views: usize,
-    /// Images between the inputs of a step; 0: the inputs alone.
+    /// Images between the inputs of a step, and after them where snippets have a future; 0: the inputs alone.
     pub target_views: usize,
     /// Share of 1 - SSIM in the photometric loss; the rest is L1.
     pub dssim: f64,
@@ -208,10 +218,11 @@ impl Default for LogsConfig {
     fn default() -> Self {
         Self {
             frames: 11,
-            every: 6,
+            every: 0,
             camera: CameraChoice::Front,
             max_width: 320,
             validation: Vec::new(),
+            split: SplitChoice::LastEighth,
             validation_snippets: 2,
             cache_mb: 512,
         }
@@ -352,68 +363,19 @@ impl FluxConfig {
         };
         RefinementConfig { passes, feedback }
     }
-
-    fn validate(&self) -> Result<(), ConfigError> {
-        check("steps", self.steps, self.steps >= 1, "at least 1")?;
-        self.eval.validate()?;
-        self.checkpoint.validate()?;
-        self.own.logs.validate()?;
-        self.own.lift.validate()?;
-        self.own.unet.validate()?;
-        let passes = self.own.refinement.passes;
-        check("refinement.passes", passes, (1..=20).contains(&passes), "1 to 20")?;
-        self.own.supervision.validate()?;
-        self.own.learning.validate()?;
-        self.own.actors.validate()
-    }
 }
 
 impl LogsConfig {
-    fn validate(&self) -> Result<(), ConfigError> {
-        check("logs.frames", self.frames, (3..=300).contains(&self.frames), "3 to 300")?;
-        check("logs.every", self.every, self.every >= 1, "at least 1")?;
-        let width = self.max_width;
-        check("logs.max_width", width, width == 0 || width >= 16, "0 or at least 16")
-    }
-}
-
-impl LiftSection {
-    fn validate(&self) -> Result<(), ConfigError> {
-        // The maps of the convolutions number rows by 32 bits.
-        const MOST: usize = 100_000_000;
-        check("lift.points", self.points, self.points <= MOST, "at most 100000000")?;
-        check("lift.sky_points", self.sky_points, self.sky_points <= MOST, "at most 100000000")?;
-        check("lift.random_points", self.random_points, self.random_points <= MOST, "at most 100000000")?;
-        let scale = self.scale_max;
-        check("lift.scale_max", scale, (0.01..=1e6).contains(&scale), "0.01 to 1000000")
-    }
-}
-
-impl UnetConfig {
-    fn validate(&self) -> Result<(), ConfigError> {
-        check("unet.voxel", self.voxel, (0.01..=100.0).contains(&self.voxel), "0.01 to 100")?;
-        check("unet.width", self.width, (0.01..=4.0).contains(&self.width), "0.01 to 4")?;
-        check("unet.degree", self.degree, self.degree <= 3, "0 to 3")
-    }
-}
-
-impl SupervisionConfig {
-    fn validate(&self) -> Result<(), ConfigError> {
-        check("supervision.input_views", self.input_views, self.input_views >= 1, "at least 1")?;
-        check("supervision.dssim", self.dssim, (0.0..=1.0).contains(&self.dssim), "0 to 1")?;
-        check("supervision.depth", self.depth, not_negative(self.depth), "0 or more")?;
-        check("supervision.velocity", self.velocity, not_negative(self.velocity), "0 or more")?;
-        check("supervision.reweight_clip", self.reweight_clip, not_negative(self.reweight_clip), "0 or more")
+    /// Frames from the begin of one snippet to that of the next, at least 1.
+    pub fn spacing(&self) -> usize {
+        match self.every {
+            0 => self.frames.saturating_sub(OVERLAP).max(1),
+            every => every,
+        }
     }
 }
 
 impl LearningConfig {
-    fn validate(&self) -> Result<(), ConfigError> {
-        check("learning.rate", self.rate, positive(self.rate), "above 0")?;
-        check("learning.last_rate", self.last_rate, positive(self.last_rate), "above 0")?;
-        check("learning.accumulate", self.accumulate, self.accumulate >= 1, "at least 1")
-    }
-
     /// The rate of `step`, counted from 1, of `steps`.
     pub fn at(&self, step: usize, steps: usize) -> f64 {
         let rise = (step as f64 / self.warm_up.max(1) as f64).min(1.0);

@@ -16,6 +16,12 @@ use crate::fit::random::{Purpose, stream};
 /// Snippets that wait for the training at most.
 const AHEAD: usize = 2;
 
+/// Snippets in memory at once beside those that a [`Library`] keeps, for steps over `accumulate` snippets: those of a step,
+/// those that wait, the one that is being prepared or waits for a place, and the one of a measurement.
+pub fn in_flight(accumulate: usize) -> usize {
+    accumulate + AHEAD + 2
+}
+
 /// A snippet, or the sentence that says why it cannot be used.
 pub type Prepared = Result<Arc<HostSnippet>, String>;
 

@@ -1,16 +1,19 @@
 //! The logs of a folder, which of them train, and their snippets.
 
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::some_names;
-use gs_driving::{CameraUse, DrivingLog, LogFormat, LogOptions, Snippet};
+use gs_datasets::{counted, printable, some_names};
+use gs_driving::{
+    CameraUse, DrivingLog, LogFormat, LogOptions, Snippet, TEST_LOGS, TEST_LOGS_ARGOVERSE, runs, snippets_without_gaps,
+};
 
-use super::config::{CameraChoice, LogsConfig};
+use super::config::{CameraChoice, LogsConfig, SplitChoice};
 use crate::run::fingerprint::Fingerprint;
 
-/// Of this many logs one is held out where the configuration names none.
+/// Of this many logs one is held out where the configuration names none and asks for no other split.
 const ONE_IN: usize = 8;
 
 /// A snippet of one of the logs.
@@ -44,10 +47,10 @@ impl Logs {
     pub fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
         let found = find(path)?;
         let logs: Vec<DrivingLog> = found.iter().map(|path| open(path, config)).collect::<Result<_>>()?;
-        let is_held_out = held_out(path, &logs, &config.validation)?;
+        let is_held_out = held_out(path, &logs, config)?;
         let (mut train, mut validation) = (Vec::new(), Vec::new());
         for (index, log) in logs.iter().enumerate() {
-            let places = snippets(log.frames().len(), config).into_iter();
+            let places = snippets(&times(log), config).into_iter();
             let places = places.map(|snippet| Place { log: index, snippet });
             match is_held_out[index] {
                 true => validation.extend(spread(places.collect(), config.validation_snippets)),
@@ -55,7 +58,10 @@ impl Logs {
             }
         }
         if train.is_empty() {
-            bail!("{}: expected a log to train on, found that all are held out (logs.validation)", path.display());
+            bail!(
+                "{}: expected a log to train on, found that all are held out (logs.validation, logs.split)",
+                path.display()
+            );
         }
         let (held_out, split) = match validation.is_empty() {
             true => (spread(train.clone(), config.validation_snippets), "train"),
@@ -103,20 +109,39 @@ pub fn open(path: &Path, config: &LogsConfig) -> Result<DrivingLog> {
     if frames < MIN_FRAMES {
         bail!("{}: expected a log of at least {MIN_FRAMES} frames, found {frames}", path.display());
     }
+    let longest = runs(&times(&log)).iter().map(Range::len).max().unwrap_or(0);
+    if longest < MIN_FRAMES {
+        bail!("{}: expected {MIN_FRAMES} frames without a gap in the recording, found {longest}", path.display());
+    }
+    if let Some(warning) = gaps(&log) {
+        tracing::warn!("{}: {}", printable(&path.to_string_lossy()), warning);
+    }
     Ok(log)
 }
 
 /// Two inputs and a target between them.
-const MIN_FRAMES: usize = 3;
+pub const MIN_FRAMES: usize = 3;
 
-/// The snippets of a log by the configuration. The last one begins earlier where it would reach beyond the log.
-pub fn snippets(frames: usize, config: &LogsConfig) -> Vec<Snippet> {
-    let count = config.frames.min(frames);
-    let mut starts: Vec<usize> = (0..=frames - count).step_by(config.every).collect();
-    if config.every < count && starts.last().is_some_and(|last| last + count < frames) {
-        starts.push(frames - count);
-    }
-    starts.into_iter().map(|start| Snippet::new(start, count)).collect()
+/// Times of the frames of a log, seconds.
+pub fn times(log: &DrivingLog) -> Vec<f64> {
+    log.frames().iter().map(|frame| frame.time).collect()
+}
+
+/// What the gaps of a recording cost, in a sentence; `None` without any.
+pub fn gaps(log: &DrivingLog) -> Option<String> {
+    let runs = runs(&times(log));
+    let short: usize = runs.iter().map(Range::len).filter(|frames| *frames < MIN_FRAMES).sum();
+    (runs.len() > 1).then(|| {
+        let gaps = counted(runs.len() - 1, "gap");
+        format!("the recording has {gaps}, over which no snippet reaches; {} are in none", counted(short, "frame"))
+    })
+}
+
+/// The snippets of a log whose frames have these times (seconds), by the configuration. None reaches over a gap in the
+/// recording. The last one of a run begins earlier where it would reach beyond the run.
+pub fn snippets(times: &[f64], config: &LogsConfig) -> Vec<Snippet> {
+    let all = snippets_without_gaps(times, config.frames, config.spacing()).into_iter();
+    all.filter(|snippet| snippet.frames.len() >= MIN_FRAMES).collect()
 }
 
 /// `count` of the places, spread evenly; all with 0.
@@ -148,10 +173,16 @@ fn find(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-fn held_out(path: &Path, logs: &[DrivingLog], names: &[String]) -> Result<Vec<bool>> {
+fn held_out(path: &Path, logs: &[DrivingLog], config: &LogsConfig) -> Result<Vec<bool>> {
+    let names = &config.validation;
     if names.is_empty() {
-        let count = if logs.len() > 1 { logs.len().div_ceil(ONE_IN) } else { 0 };
-        return Ok((0..logs.len()).map(|index| index + count >= logs.len()).collect());
+        return match config.split {
+            SplitChoice::LastEighth => {
+                let count = if logs.len() > 1 { logs.len().div_ceil(ONE_IN) } else { 0 };
+                Ok((0..logs.len()).map(|index| index + count >= logs.len()).collect())
+            }
+            SplitChoice::Paper => of_paper(path, logs),
+        };
     }
     if let Some(missing) = names.iter().find(|name| !logs.iter().any(|log| log.name() == name.as_str())) {
         let known: Vec<String> = logs.iter().map(|log| log.name().to_string()).collect();
@@ -161,17 +192,73 @@ fn held_out(path: &Path, logs: &[DrivingLog], names: &[String]) -> Result<Vec<bo
     Ok(logs.iter().map(|log| names.iter().any(|name| name == log.name())).collect())
 }
 
+/// The test logs of section C.1; `logs` are sorted by name.
+fn of_paper(path: &Path, logs: &[DrivingLog]) -> Result<Vec<bool>> {
+    if let Some(log) = logs.iter().find(|log| log.format() == LogFormat::Waymo) {
+        bail!(
+            "{}: the paper's split of the Waymo Open Dataset is a list of another project (NOTR); name its logs in logs.validation",
+            log.path().display()
+        );
+    }
+    let mut argoverse = 0;
+    let mut is_test = |log: &DrivingLog| match log.format() {
+        LogFormat::Argoverse => {
+            argoverse += 1;
+            argoverse <= TEST_LOGS_ARGOVERSE
+        }
+        _ => TEST_LOGS.contains(&log.name()),
+    };
+    let found: Vec<bool> = logs.iter().map(&mut is_test).collect();
+    if !found.contains(&true) {
+        let names = TEST_LOGS.join(", ");
+        bail!(
+            "{}: expected one of the paper's test logs (logs.split = \"paper\"), {names}, found none",
+            path.display()
+        );
+    }
+    Ok(found)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn at_10_hz(frames: usize) -> Vec<f64> {
+        (0..frames).map(|frame| 0.1 * frame as f64).collect()
+    }
+
+    fn starts(times: &[f64], config: &LogsConfig) -> Vec<usize> {
+        snippets(times, config).iter().map(|snippet| snippet.frames[0]).collect()
+    }
+
     #[test]
     fn snippets_cover_the_log() {
         let config = LogsConfig { frames: 11, every: 6, ..LogsConfig::default() };
-        let starts = |frames: usize| snippets(frames, &config).iter().map(|s| s.frames[0]).collect::<Vec<_>>();
-        assert_eq!(starts(11), [0]);
-        assert_eq!(starts(20), [0, 6, 9]);
-        assert_eq!(starts(3), [0]);
-        assert_eq!(snippets(3, &config)[0].inputs, [0, 2]);
+        assert_eq!(starts(&at_10_hz(11), &config), [0]);
+        assert_eq!(starts(&at_10_hz(20), &config), [0, 6, 9]);
+        assert_eq!(starts(&at_10_hz(3), &config), [0]);
+        assert_eq!(snippets(&at_10_hz(3), &config)[0].inputs, [0, 2]);
+    }
+
+    /// C.2: neighbours share five frames, whatever the length of a snippet.
+    #[test]
+    fn neighbours_share_five_frames() {
+        let of = |frames: usize| LogsConfig { frames, ..LogsConfig::default() };
+        assert_eq!(starts(&at_10_hz(23), &of(11)), [0, 6, 12]);
+        assert_eq!(starts(&at_10_hz(38), &of(16)), [0, 11, 22]);
+        assert_eq!(starts(&at_10_hz(5), &of(3)), [0, 1, 2]);
+    }
+
+    /// A second is missing behind frame 12, and runs of one and two frames have no target between inputs.
+    #[test]
+    fn no_snippet_reaches_over_a_gap() {
+        let mut times = at_10_hz(30);
+        times[13..].iter_mut().for_each(|time| *time += 1.0);
+        times[28..].iter_mut().for_each(|time| *time += 1.0);
+        let list = snippets(&times, &LogsConfig::default());
+        let runs = [0..13, 13..28];
+        let in_one = |snippet: &Snippet| runs.iter().any(|run| snippet.frames.iter().all(|frame| run.contains(frame)));
+        assert!(list.iter().all(in_one), "{list:?}");
+        assert_eq!(starts(&times, &LogsConfig::default()), [0, 2, 13, 17]);
     }
 }

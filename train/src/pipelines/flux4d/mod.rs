@@ -12,7 +12,8 @@
 //! | [`start`] | velocities that the sweeps show |
 //! | [`stability`] | where it fails |
 //! | [`sweep_flow`](mod@sweep_flow) | scene flow of sweeps alone |
-//! | [`reconstruct`](mod@reconstruct), [`actors_file`], [`world`] | a log to images, actors and Gaussians |
+//! | [`reconstruct`](mod@reconstruct), [`summary`], [`actors_file`], [`world`] | a log to images, actors and Gaussians |
+//! | [`polish`](mod@polish) | the Gaussians of one snippet optimised after the network |
 
 pub mod actor_recall;
 pub mod actors_file;
@@ -24,6 +25,7 @@ pub mod infer;
 pub mod logs;
 pub mod moving;
 pub mod network;
+pub mod polish;
 pub mod prepare;
 pub mod reconstruct;
 pub mod sample;
@@ -31,6 +33,7 @@ pub mod saved;
 mod snippet_page;
 pub mod stability;
 pub mod start;
+pub mod summary;
 pub mod sweep_flow;
 pub mod train;
 pub mod trainer;
@@ -88,6 +91,8 @@ impl Pipeline for Flux4d {
                         (counted(log.frames().len(), "frame"), counted(log.cameras().len(), "camera"));
                     report.facts.push(format!("log {} ({}): {frames}, {cameras}", log.name(), log.format().name()));
                     report.warnings.extend(log.warnings().iter().cloned());
+                    let gaps = logs::gaps(log);
+                    report.warnings.extend(gaps.map(|gaps| format!("log {}: {gaps}", log.name())));
                 }
                 let (train, held) = (counted(logs.train.len(), "snippet"), counted(logs.held_out.len(), "snippet"));
                 report.facts.push(format!("{train} to train on, {held} of the split {}", logs.split));

@@ -74,6 +74,7 @@ impl HostSnippet {
         let views = self.inputs.iter().chain(&self.targets).chain(&self.future);
         4 * (self.rows.raw.len() + self.rows.times.len())
             + size_of::<RowMotion>() * self.start.len()
+            + size_of::<u16>() * self.row_frames.len()
             + views.map(|view| view.image.data.len() + 4 * view.depth.len()).sum::<usize>()
     }
 

@@ -1,37 +1,38 @@
 //! `gsburn reconstruct`: a log, a network, and out come images at any time, actors and Gaussians.
 
-use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail};
 use burn::tensor::Tensor;
-use gs_burn::{RenderOptions, render};
+use gs_burn::{Gaussians, RenderOptions, render};
+use gs_datasets::guarded;
 use gs_datasets::image_io::{encode_png, write_atomic};
-use gs_datasets::{counted, guarded};
-use gs_driving::{DrivingLog, Snippet};
+use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
 use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, find_actors};
 use gs_models::flux4d::scene::REST_SPEED;
-use serde::Serialize;
 
 use super::actor_recall::ActorScores;
 use super::actors_file::ActorList;
 use super::flow::{self, FlowScores};
 use super::infer::{Ready, infer};
-use super::logs::{open, snippets};
+use super::logs::{MIN_FRAMES, open, snippets, times};
+use super::polish::{Polished, polish};
 use super::prepare::{HostSnippet, HostView, prepare};
 use super::sample::{camera, photo};
 use super::saved::SavedNetwork;
 use super::snippet_page;
+use super::summary::{Seconds, Summary, of_all};
 use super::world::in_world;
-use crate::fit::figure::Figure;
 use crate::pipelines::Reconstruction;
 use crate::report::pictures::image_bytes;
 use crate::report::viewer;
+use crate::run::interrupt;
 use crate::run::metrics::psnr;
-use crate::run::outputs::{MARK, check_one, marked_png};
+use crate::run::outputs::{MARK, marked_png};
+use crate::run::results::Results;
 use crate::run::scene::write_ply;
 
 /// The file with all figures, by which a folder of an earlier reconstruction is known.
@@ -41,39 +42,12 @@ const SCRIPT_MAX: u64 = 1 << 20;
 /// Input frames reach over this many frames of a snippet.
 const PAST: usize = gs_driving::INTERPOLATION_FRAMES;
 
-/// Seconds of each stage, and how long it is per frame.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
-struct Seconds {
-    /// Reading sweeps and images, colouring, thinning, lifting.
-    read_and_lift: f64,
-    /// Sending the snippet and building its kernel maps.
-    maps: f64,
-    /// All passes of the networks, with the renderings that are fed back.
-    passes: f64,
-    /// Rendering the images that are written.
-    render: f64,
-}
-
-/// What is written beside the images.
-#[derive(Debug, Serialize)]
-struct Summary {
-    program: &'static str,
-    log: String,
-    snippets: usize,
-    gaussians: usize,
-    moving_gaussians: usize,
-    actors: usize,
-    images: usize,
-    /// Mean PSNR of the frames between the inputs, dB; none with edits or a moved sensor.
-    psnr_targets: Option<f64>,
-    seconds: Seconds,
-    flow: Vec<Figure>,
-}
-
 /// A reconstruction under way.
 struct Work<'a> {
     request: &'a Reconstruction<'a>,
     saved: &'a SavedNetwork,
+    /// Where files are until all are there.
+    folder: PathBuf,
     ready: Ready,
     log: DrivingLog,
     script: Option<EditScript>,
@@ -81,28 +55,32 @@ struct Work<'a> {
     flow: FlowScores,
     recall: ActorScores,
     psnr: Vec<f64>,
+    polished: Vec<Polished>,
+    /// First time of the first snippet, seconds.
+    begin: Option<f64>,
     images: usize,
     sizes: [usize; 2],
     actors: ActorList,
 }
 
 /// Reconstructs a snippet or a whole log and writes images, actors, Gaussians and figures. Returns lines for the
-/// terminal.
+/// terminal. Ctrl-C ends it after the snippet at hand, and what is done is kept.
 ///
 /// # Errors
 /// One sentence: a bad log, edit script or folder.
 pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec<String>> {
-    vacant(request.out)?;
     let script = request.edit.map(read_script).transpose()?;
     if script.is_some() && request.full {
         bail!("--edit: expected one snippet, since actors are numbered in each; leave out --full");
     }
     let log = open(request.log, &saved.config.own.logs)?;
     let list = chosen(&log, saved, request)?;
+    let results = Results::begin(request.out, SUMMARY)?;
     let ready = Ready::new(&saved.network);
     let mut work = Work {
         request,
         saved,
+        folder: results.folder(),
         ready,
         log,
         script,
@@ -110,27 +88,23 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
         flow: FlowScores::default(),
         recall: ActorScores::default(),
         psnr: Vec::new(),
+        polished: Vec::new(),
+        begin: None,
         images: 0,
         sizes: [0; 2],
         actors: ActorList::default(),
     };
-    for (number, snippet) in list.iter().enumerate() {
-        work.snippet(snippet, &list, number)?;
+    let mut done = 0;
+    while done < list.len() && !interrupt::asked() {
+        work.snippet(&list, done)?;
+        done += 1;
     }
-    work.finish(list.len())
-}
-
-/// That nothing of the user is written over.
-fn vacant(out: &Path) -> Result<()> {
-    if out.is_file() {
-        bail!("{}: expected a folder or nothing, found a file", out.display());
+    if done == 0 {
+        bail!("interrupted before the first snippet");
     }
-    let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
-    let summary = out.join(SUMMARY);
-    if !is_empty && (!summary.is_file() || check_one(&summary).is_err()) {
-        bail!("{}: expected an empty folder, none, or an earlier reconstruction; choose another --out", out.display());
-    }
-    Ok(())
+    let summary = work.finish([done, list.len()])?;
+    results.finish()?;
+    Ok(summary.lines(request.out))
 }
 
 fn read_script(path: &Path) -> Result<EditScript> {
@@ -149,27 +123,35 @@ fn chosen(log: &DrivingLog, saved: &SavedNetwork, request: &Reconstruction) -> R
     if request.full {
         // Only what lies between inputs is shown of a whole log.
         config.frames = config.frames.min(PAST);
-        config.every = config.every.min(PAST - 1);
-        return Ok(snippets(frames, &config));
+        config.every = config.spacing().min(PAST - 1);
+        return Ok(snippets(&times(log), &config));
     }
-    let left = frames.saturating_sub(request.start);
-    if left < 3 {
+    let run = runs(&times(log)).into_iter().find(|run| run.contains(&request.start));
+    let left = run.map_or(0, |run| run.end - request.start);
+    if left < MIN_FRAMES {
         let path = log.path().display();
-        bail!("{path}: expected 3 frames or more from --start {} on, found {left} of {frames}", request.start);
+        bail!(
+            "{path}: expected {MIN_FRAMES} frames or more without a gap from --start {} on, found {left} of {frames}",
+            request.start
+        );
     }
     Ok(vec![Snippet::new(request.start, config.frames.min(left))])
 }
 
 impl Work<'_> {
-    fn snippet(&mut self, snippet: &Snippet, all: &[Snippet], number: usize) -> Result<()> {
-        let begun = Instant::now();
+    /// Snippet `number` of `all`.
+    fn snippet(&mut self, all: &[Snippet], number: usize) -> Result<()> {
+        let (begun, snippet) = (Instant::now(), &all[number]);
         let name = format!("{}-{:03}", self.log.name(), snippet.frames[0]);
         let config = &self.saved.config;
         let host = prepare(&self.log, snippet, &name, &config.own.lift, config.seed)?;
         self.seconds.read_and_lift += begun.elapsed().as_secs_f64();
-        let inferred = infer(&self.ready, &host, &self.log, config, self.request.device)?;
+        let mut inferred = infer(&self.ready, &host, &self.log, config, self.request.device)?;
         self.seconds.maps += inferred.map_seconds;
         self.seconds.passes += inferred.pass_seconds;
+        let polished = polish(&mut inferred, (&host, &self.log), config, self.request.polish, self.request.device);
+        self.seconds.polish += polished.map_or(0.0, |polished| polished.seconds);
+        self.polished.extend(polished);
         let rest = self.request.rest_speed.unwrap_or(REST_SPEED);
         let scene = inferred.scene(&host, rest)?;
         let sweeps = flow::of_inputs(&self.log, &host, &inferred, &snippet.inputs)?;
@@ -178,24 +160,39 @@ impl Work<'_> {
         }
         let actors = self.actors_of(&scene, &host)?;
         self.recall.add(&scene, &actors, &sweeps);
-        let edited = match &self.script {
-            Some(script) => apply_edits(&scene, &actors, script)?.scene,
-            None => scene,
+        let (edited, rows) = match &self.script {
+            Some(script) => {
+                let edited = apply_edits(&scene, &actors, script)?;
+                (edited.scene, edited.actors)
+            }
+            None => (scene, actors.iter().map(|actor| actor.rows.clone()).collect()),
         };
         self.sizes[0] = self.sizes[0].max(edited.gaussians.len());
         self.sizes[1] = self.sizes[1].max(edited.moving());
         self.images(&edited, &host, |frame| owner(all, frame) == number)?;
-        if number == 0 {
-            self.novel_times(&edited, &host)?;
-        }
-        let middle = 0.5 * (host.window[0] + host.window[1]);
-        let ply = self.request.out.join(format!("{name}.ply"));
-        let (gaussians, origin) = in_world(&edited.at(middle), &host.to_world, self.log.origin());
-        write_ply(&ply, &gaussians, origin)?;
+        self.novel_times(&edited, &host, (all, number))?;
+        let ply = self.folder.join(format!("{name}.ply"));
+        self.plys(&edited, &host, &ply, &rows)?;
         let page = viewer::page(&name, &snippet_page::packed(&edited, &host, &self.log));
         write_atomic(&ply.with_extension("html"), page.as_bytes())?;
         let world = glam::DMat4::from_translation(self.log.origin()) * host.to_world;
         self.actors.add(&name, actors, &world, self.log.frames()[0].time);
+        Ok(())
+    }
+
+    /// The Gaussians in the middle of the window: all of them, and those of each actor.
+    fn plys(&self, scene: &FluxScene, host: &HostSnippet, whole: &Path, actors: &[Vec<u32>]) -> Result<()> {
+        let middle = 0.5 * (host.window[0] + host.window[1]);
+        let write = |path: &Path, gaussians: &Gaussians| {
+            let (gaussians, origin) = in_world(gaussians, &host.to_world, self.log.origin());
+            write_ply(path, &gaussians, origin)
+        };
+        write(whole, &scene.at(middle))?;
+        // An edit may have removed an actor.
+        for (number, rows) in actors.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
+            let path = self.folder.join("actors").join(format!("{}-{number:02}.ply", host.name));
+            write(&path, &scene.moving_at(middle, rows))?;
+        }
         Ok(())
     }
 
@@ -216,22 +213,28 @@ impl Work<'_> {
                 if kind == "target" && is_plain {
                     self.psnr.push(psnr(image.clone(), photo(view, self.request.device)));
                 }
-                let path = self.request.out.join(kind).join(format!("{}.png", view.name));
+                let path = self.folder.join(kind).join(format!("{}.png", view.name));
                 self.write(&path, view, &image_bytes(image))?;
             }
         }
         Ok(())
     }
 
-    /// Times between and beyond the frames, from the camera of the nearest input.
-    fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet) -> Result<()> {
+    /// The times asked for that snippet `number` of `all` shows, between and beyond the frames, from the camera of the nearest
+    /// input.
+    fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet, (all, number): (&[Snippet], usize)) -> Result<()> {
+        let begin = *self.begin.get_or_insert(host.window[0]);
+        let frames = times(&self.log);
         for time in self.request.times {
-            let seconds = host.window[0] + time;
+            let seconds = begin + time;
+            if owner_of_time(all, &frames, seconds) != number {
+                continue;
+            }
             let gap = |view: &&HostView| (view.seconds - seconds).abs();
             let nearest = host.inputs.iter().min_by(|a, b| gap(a).total_cmp(&gap(b)));
             let view = nearest.context("a snippet has an input image")?;
             let image = self.render(scene, view, seconds)?;
-            let path = self.request.out.join("times").join(format!("{time:+08.3}-s.png"));
+            let path = self.folder.join("times").join(format!("{time:+08.3}-s.png"));
             self.write(&path, view, &image_bytes(image))?;
         }
         Ok(())
@@ -257,25 +260,28 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn finish(self, snippets: usize) -> Result<Vec<String>> {
-        let out = self.request.out;
-        self.actors.write(&out.join("actors.json"))?;
+    /// Writes actors and figures; `snippets` are those done and those asked for.
+    fn finish(self, [snippets, snippets_asked]: [usize; 2]) -> Result<Summary> {
+        self.actors.write(&self.folder.join("actors.json"))?;
         let psnr_targets = (!self.psnr.is_empty()).then(|| self.psnr.iter().sum::<f64>() / self.psnr.len() as f64);
         let summary = Summary {
             program: MARK,
             log: self.log.name().to_string(),
             snippets,
+            snippets_asked,
             gaussians: self.sizes[0],
             moving_gaussians: self.sizes[1],
             actors: self.actors.count(),
             images: self.images,
             psnr_targets,
             seconds: self.seconds,
+            polish: of_all(&self.polished),
             flow: [self.flow.figures(), self.recall.figures()].concat(),
+            tables: self.flow.table().into_iter().collect(),
         };
         let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
-        write_atomic(&out.join(SUMMARY), text.as_bytes())?;
-        Ok(lines(&summary, out))
+        write_atomic(&self.folder.join(SUMMARY), text.as_bytes())?;
+        Ok(summary)
     }
 }
 
@@ -286,26 +292,29 @@ fn owner(all: &[Snippet], frame: usize) -> usize {
     holding.min_by_key(|(number, snippet)| (off(snippet), *number)).map_or(0, |(number, _)| number)
 }
 
-fn lines(summary: &Summary, out: &Path) -> Vec<String> {
-    let Seconds { read_and_lift, maps, passes, render } = summary.seconds;
-    let mut lines = vec![
-        format!(
-            "{}: {}, {} of at most {} Gaussians ({} of them move), {}",
-            summary.log,
-            counted(summary.snippets, "snippet"),
-            counted(summary.images, "image"),
-            summary.gaussians,
-            summary.moving_gaussians,
-            counted(summary.actors, "actor")
-        ),
-        format!("seconds: read and lift {read_and_lift:.2}, maps {maps:.2}, passes {passes:.2}, render {render:.2}"),
-    ];
-    lines.extend(summary.psnr_targets.map(|psnr| format!("frames between the inputs: PSNR {psnr:.2} dB")));
-    let figures: Vec<String> =
-        summary.flow.iter().map(|figure| format!("{} {}", figure.name, figure.shown())).collect();
-    if !figures.is_empty() {
-        lines.push(format!("scene flow: {}", figures.join("; ")));
+/// The snippet that shows a time (seconds): of those whose inputs reach over it, or come nearest to it, the one whose middle is
+/// nearest. `times` are those of all frames.
+fn owner_of_time(all: &[Snippet], times: &[f64], seconds: f64) -> usize {
+    let off = |snippet: &Snippet| {
+        let (first, last) = (times[snippet.inputs[0]], times[snippet.inputs[snippet.inputs.len() - 1]]);
+        let outside = (first - seconds).max(seconds - last).max(0.0);
+        (outside, (0.5 * (first + last) - seconds).abs())
+    };
+    let order = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
+    (0..all.len()).min_by(|a, b| order(&off(&all[*a]), &off(&all[*b]))).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_is_shown_by_the_snippet_that_holds_it() {
+        let times: Vec<f64> = (0..30).map(|frame| 5.0 + 0.1 * f64::from(frame)).collect();
+        let all = [Snippet::new(0, 11), Snippet::new(6, 11), Snippet::new(19, 5)];
+        let owner = |seconds: f64| owner_of_time(&all, &times, 5.0 + seconds);
+        assert_eq!([-1.0, 0.3, 0.75, 0.85, 1.5, 1.9, 2.2, 9.0].map(owner), [0, 0, 0, 1, 1, 2, 2, 2]);
+        // Between the second and the third it is the nearer one.
+        assert_eq!([1.7, 1.8].map(owner), [1, 2]);
     }
-    lines.push(format!("written to {}", out.display()));
-    lines
 }

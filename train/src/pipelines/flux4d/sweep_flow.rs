@@ -1,6 +1,5 @@
 //! `gsburn flow`: scene flow of a log from its LiDAR sweeps alone, without images, labels and training.
 
-use std::fs;
 use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
@@ -19,6 +18,7 @@ use super::start::aligned;
 use crate::fit::figure::{Figure, FigureTable};
 use crate::run::interrupt;
 use crate::run::outputs::MARK;
+use crate::run::results::Results;
 
 /// The file with all figures.
 const SUMMARY: &str = "flow.json";
@@ -66,16 +66,14 @@ struct Found {
 /// `FRAME.npy` (`[points, 3]`, axes of the world, points as the log gives them) and `flow.json`. Returns lines for the terminal.
 ///
 /// # Errors
-/// One sentence: a log of one sweep, a broken file, a full disk.
+/// One sentence: a log of one sweep, a broken file, a full disk, a folder with other files.
 pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
     let log = DrivingLog::open(request.log, &LogOptions::default())?;
     let frames: Vec<usize> = (0..log.frames().len()).filter(|frame| log.frames()[*frame].has_sweep).collect();
     if frames.len() < 2 {
         bail!("{}: expected 2 sweeps or more, found {}", request.log.display(), frames.len());
     }
-    if let Some(out) = request.out {
-        fs::create_dir_all(out)?;
-    }
+    let results = request.out.map(|out| Results::begin(out, SUMMARY)).transpose()?;
     let (mut scores, mut seconds, mut sweeps, mut points) = (FlowScores::default(), 0.0, 0, 0);
     for (window, new) in windows(frames.len(), request.window) {
         if interrupt::asked() {
@@ -93,8 +91,9 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
             if let Some(labelled) = labelled(found) {
                 scores.add(&labelled)?;
             }
-            if let Some(out) = request.out {
-                write_npy(&out.join(format!("{}.npy", log.frames()[found.frame].name)), &found.flow)?;
+            if let Some(results) = &results {
+                let name = format!("{}.npy", log.frames()[found.frame].name);
+                write_npy(&results.folder().join(name), &found.flow)?;
             }
             (sweeps, points) = (sweeps + 1, points + found.flow.len());
         }
@@ -116,9 +115,10 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
         figures: scores.figures(),
         tables: scores.table().into_iter().collect(),
     };
-    if let Some(out) = request.out {
+    if let Some(results) = results {
         let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
-        write_atomic(&out.join(SUMMARY), text.as_bytes())?;
+        write_atomic(&results.folder().join(SUMMARY), text.as_bytes())?;
+        results.finish()?;
     }
     Ok(lines(&summary, request.out))
 }
@@ -190,10 +190,7 @@ fn lines(summary: &Summary, out: Option<&Path>) -> Vec<String> {
         note => format!("  {:44} {} ({note})", figure.name, figure.shown()),
     };
     lines.extend(summary.figures.iter().map(figure));
-    for table in &summary.tables {
-        lines.push(format!("{}: {}", table.title, table.columns.join(" | ")));
-        lines.extend(table.rows.iter().map(|row| format!("  {}", row.join(" | "))));
-    }
+    lines.extend(summary.tables.iter().flat_map(FigureTable::lines));
     lines.extend(out.map(|out| format!("written to {}", out.display())));
     lines
 }

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::counted;
+use gs_models::flux4d::unet::BYTES_PER_VOXEL;
 
 use super::NAME;
 use super::config::FluxConfig;
 use super::evaluate::{Measurement, Split, measure};
-use super::feed::Feed;
-use super::logs::Logs;
+use super::feed::{Feed, in_flight};
+use super::logs::{Logs, Place};
 use super::network::FluxNetwork;
 use super::saved::{parameters, restore, snapshot};
 use super::trainer::Trainer;
@@ -145,8 +146,6 @@ fn plan(job: &Job, config: &FluxConfig, logs: &Logs) -> Plan {
     Plan { steps: config.steps, checkpoint: config.checkpoint.clone(), origin, prediction, facts, settings }
 }
 
-/// Bytes a voxel of the finest level holds in training at width 1: 10.4 GB for 420 k voxels in published measurements.
-const BYTES_PER_VOXEL: f64 = 25e3;
 /// Bytes that a Gaussian holds in a step: raw channels, activations, projected rows and their gradients.
 const BYTES_PER_GAUSSIAN: u64 = 2000;
 /// Program, thread stacks and allocator.
@@ -157,18 +156,24 @@ const USUAL_POINTS: usize = 1_000_000;
 fn predicted(config: &FluxConfig, logs: &Logs) -> Prediction {
     let own = &config.own;
     let points = if own.lift.points == 0 { USUAL_POINTS } else { own.lift.points };
-    let pixels = |place: &super::logs::Place| {
+    let rows = points + own.lift.sky_points + own.lift.random_points;
+    let bytes = |place: &Place| {
         let cameras = logs.logs[place.log].cameras();
-        place.snippet.frames.len() * cameras.iter().map(|camera| camera.width * camera.height).sum::<usize>()
+        let pixels =
+            place.snippet.frames.len() * cameras.iter().map(|camera| camera.width * camera.height).sum::<usize>();
+        // 8-bit colours and depth; 14 channels and a time; motion and input frame.
+        7 * pixels + 60 * rows + 18 * points
     };
-    // 8-bit colours and depth, and the points.
-    let snippets: usize = logs.train.iter().map(|place| 7 * pixels(place) + 60 * points).sum();
+    let all: usize = logs.train.iter().map(bytes).sum();
+    let largest = logs.train.iter().chain(&logs.held_out).map(bytes).max().unwrap_or(0);
+    // Snippets in flight are shared with the library where it keeps them.
+    let (kept, in_flight) = (all.min(own.logs.cache_mb << 20), largest * in_flight(own.learning.accumulate));
+    let snippets = (kept + in_flight).min(all + largest);
     // Half of the points share their voxel with another at the default edge.
     let unet = 0.5 * points as f64 * BYTES_PER_VOXEL * own.unet.width;
-    let rows = points + own.lift.sky_points + own.lift.random_points;
     Prediction {
         parts: vec![
-            ("snippets", snippets.min(own.logs.cache_mb << 20) as u64),
+            ("snippets", snippets as u64),
             ("UNet", unet as u64),
             ("rendering", rows as u64 * BYTES_PER_GAUSSIAN),
             ("program", PROGRAM_BYTES),

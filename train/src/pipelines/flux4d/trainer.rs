@@ -144,15 +144,47 @@ fn supervised<'a>(
     device: &Device,
 ) -> Result<Supervision<'a>, Unusable> {
     let log = &logs.logs[place.log];
-    let mut drawn = |views: &[HostView], count: usize| {
+    let mut drawn = |views: Vec<&HostView>, count: usize| {
         let mut places = index::sample(random, views.len(), count.min(views.len())).into_vec();
         places.sort_unstable();
-        places.into_iter().map(|place| target(log, &views[place], device)).collect::<Vec<_>>()
+        places.into_iter().map(|place| target(log, views[place], device)).collect::<Vec<_>>()
     };
     let (inputs, targets) = (config.own.supervision.input_views, config.own.supervision.target_views);
-    let (inputs, found) = (drawn(&host.inputs, inputs), drawn(&host.targets, targets));
+    // C.2: of a snippet with a future, its frames are targets too.
+    let (given, held_out) = (host.inputs.iter().collect(), host.targets.iter().chain(&host.future).collect());
+    let (inputs, found) = (drawn(given, inputs), drawn(held_out, targets));
     if targets > 0 && found.is_empty() {
         return Err(format!("snippet {}: expected a target image that shows something, found none", host.name));
     }
     Ok(Supervision { frame: &sample.frame, inputs, targets: found, loss: config.loss() })
+}
+
+#[cfg(test)]
+mod tests {
+    use gs_driving::synthetic::{StreetOptions, write};
+
+    use super::*;
+    use crate::pipelines::flux4d::prepare::prepare;
+
+    /// C.2: of 16 frames, six are inputs and ten are targets, the five after the last input among them.
+    #[test]
+    fn the_future_is_trained_on() {
+        let temporary = tempfile::tempdir().expect("a folder");
+        let small =
+            StreetOptions { cameras: 1, width: 32, height: 18, beams: 8, columns: 180, ..StreetOptions::default() };
+        write(temporary.path(), &StreetOptions { frames: 16, subpixels: 1, ..small }, |_, _| {}).expect("written");
+        let mut config = FluxConfig::default();
+        config.own.logs.frames = 16;
+        config.own.supervision.target_views = 10;
+        let logs = Logs::open(temporary.path(), &config.own.logs).expect("a log");
+        let place = &logs.train[0];
+        let host = prepare(&logs.logs[0], &place.snippet, "street", &config.own.lift, config.seed).expect("a snippet");
+        let device = Device::default();
+        let sample = Sample::new(&host, &config, &device).expect("a sample");
+        let mut random = stream(config.seed, Purpose::Supervision, 0);
+        let supervision =
+            supervised(&host, &sample, (&logs, place, &config), &mut random, &device).expect("views of the snippet");
+        assert_eq!((supervision.targets.len(), host.targets.len(), host.future.len()), (10, 5, 5));
+        assert_eq!(supervision.targets.iter().filter(|view| view.time > 1.0).count(), 5);
+    }
 }

@@ -1,4 +1,7 @@
 //! Which degree does the motion of traffic need? The velocities that the sweeps show, as polynomials of each degree.
+//!
+//! The sweeps show a velocity and an acceleration, so that before training the degrees 2 and 3 are degree 1 with further
+//! coefficients of zero. They are drawn to show that nothing else depends on the degree; the comparison is of 0 and 1.
 
 use anyhow::Result;
 use gs_driving::synthetic::StreetOptions;
@@ -12,7 +15,7 @@ use crate::stability::{Criterion, Experiment, Findings, Lab};
 pub const EXPERIMENT: Experiment = Experiment {
     name: "degree",
     question: "Cars that drive, brake and turn, each followed over the frames between the inputs by velocities of degree 0 to 3, before \
-               any training: does a higher degree than 0 pay?",
+               any training (2 and 3 then equal 1): does an acceleration pay?",
     steps: |_| 0,
     on_request: false,
     run,
