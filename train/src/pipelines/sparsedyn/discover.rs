@@ -7,7 +7,7 @@ use gs_burn::adam::Adam;
 use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
-use gs_models::sparsedyn::bodies::fit::Poses;
+use gs_models::sparsedyn::bodies::fit::{MARKERS, Poses};
 use gs_models::sparsedyn::bodies::parts::{divided, joined};
 use gs_models::sparsedyn::bodies::rigid::rigid_motion;
 use gs_models::sparsedyn::bodies::{
@@ -230,7 +230,7 @@ impl Sparsedyn {
     }
 
     /// Where the moving Gaussians are in the first frame.
-    fn first_places(&self, gaussians: &Gaussians) -> Vec<DVec3> {
+    pub fn first_places(&self, gaussians: &Gaussians) -> Vec<DVec3> {
         vectors(to_host(self.first_positions(gaussians)))
     }
 
@@ -283,7 +283,7 @@ fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f
 
 /// Whether no marker of a body moves by more than `still`, scene units.
 fn rests(poses: &Poses, still: f64) -> bool {
-    let markers = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|axis| poses.first + poses.size * axis);
+    let markers = MARKERS.map(|axis| poses.first + poses.size * axis);
     let moved =
         |pose: &BodyPose| markers.map(|at| pose.apply(at, poses.first).distance(at)).into_iter().fold(0.0, f64::max);
     poses.poses.iter().all(|(_, pose)| moved(pose) <= still)

@@ -57,7 +57,7 @@ impl RolledFuture {
     /// The future of `gaussians`, whose dynamics were learned from `views`.
     pub fn new(method: &Sparsedyn, gaussians: &Gaussians, views: &[View], config: &Config) -> Self {
         let bodies = &config.method.bodies;
-        let middle = middle(&hosted(&method.first_positions(gaussians)));
+        let middle = middle(&method.first_places(gaussians));
         Self {
             scene: RolledScene { gaussians: gaussians.clone(), method: method.clone() },
             seen: frames(views).0.into_iter().map(|time| method.frame.clock.inner(time)).collect(),
@@ -81,7 +81,7 @@ impl RolledFuture {
 
     /// The uncertainty of each body's law.
     fn laws(&self, bodies: &Bodies) -> Vec<LawUncertainty> {
-        let first = hosted(&self.method().first_positions(&self.scene.gaussians));
+        let first = self.method().first_places(&self.scene.gaussians);
         let values = bodies.values();
         let of = |(body, frame): (usize, &gs_models::sparsedyn::bodies::BodyFrame)| {
             let centre = DVec3::from_array(frame.centre);
@@ -256,10 +256,6 @@ fn named(term: Term) -> String {
         Term::Pivot => "pivot_from_centre",
     }
     .into()
-}
-
-fn hosted(positions: &Tensor<2>) -> Vec<DVec3> {
-    to_host(positions.clone()).chunks_exact(3).map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect()
 }
 
 fn middle(positions: &[DVec3]) -> DVec3 {
