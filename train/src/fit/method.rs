@@ -189,6 +189,14 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Ok(())
     }
 
+    /// Whether every photo's time can be reached under `config`.
+    ///
+    /// # Errors
+    /// A sentence about `dataset` or a key of the configuration.
+    fn reaches(_dataset: &Path, _scene: &Scene, _config: &FitConfig<Self::Config>) -> Result<(), String> {
+        Ok(())
+    }
+
     /// The method's near plane, as a share of the subject's distance; `None`: the renderer's own.
     fn near_share(_scene: &Scene, _config: &FitConfig<Self::Config>) -> Option<f64> {
         None

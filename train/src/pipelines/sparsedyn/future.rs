@@ -1,12 +1,10 @@
 //! The future of a run: its parts, an ensemble of perturbed dynamics, and other steps of integration.
 
-use burn::tensor::Tensor;
 use glam::DVec3;
 use gs_burn::Gaussians;
 use gs_datasets::View;
 use gs_models::DynamicScene;
 use gs_models::sparsedyn::bodies::{Bodies, LawValues, Term};
-use gs_models::sparsedyn::rollout::STEPS_MAX;
 use gs_models::sparsedyn::uncertainty::{LawUncertainty, Observed, field_draw, field_numbers};
 use gs_models::sparsedyn::{DynamicsField, RolloutOptions, State};
 
@@ -156,8 +154,7 @@ impl Foresight for RolledFuture {
     }
 
     fn last(&self) -> f64 {
-        // One step less than a rollout refuses.
-        self.method().frame.clock.outer(self.method().frame.start + (STEPS_MAX - 1.0) * self.method().options.step)
+        self.method().frame.clock.outer(self.method().options.reach()[1])
     }
 
     fn parts(&self) -> Vec<Part> {

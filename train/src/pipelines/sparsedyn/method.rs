@@ -13,7 +13,7 @@ use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
-use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, discover, figures, timetable};
+use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, cues, discover, figures, timetable};
 use crate::config::FitConfig;
 use crate::fit::facts::Unseen;
 use crate::fit::figure::Figures;
@@ -61,6 +61,10 @@ impl Method for Sparsedyn {
             1 => Err(format!("{}: expected at least 2 training photos with times, found 1", dataset.display())),
             _ => Ok(()),
         }
+    }
+
+    fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), String> {
+        cues::reaches(dataset, scene, config)
     }
 
     fn cues(scene: &Scene, config: &Config) -> Cues {
