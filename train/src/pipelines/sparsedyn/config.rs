@@ -136,7 +136,7 @@ pub struct MovingConfig {
 
 impl Default for MovingConfig {
     fn default() -> Self {
-        Self { select: true, change: 0.06, cameras: 0.5, still_pixels: 0.25 }
+        Self { select: true, change: 0.06, cameras: 0.5, still_pixels: 2.0 }
     }
 }
 
