@@ -237,6 +237,11 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         self
     }
 
+    /// Whether density control rests at `step`: Gaussians are neither added nor removed, and no opacity is lowered.
+    fn keeps_count(_step: usize, _config: &FitConfig<Self::Config>) -> bool {
+        false
+    }
+
     /// Follows a change of the Gaussians' rows.
     fn follow(self, _rows: &RowMap, _adam: &mut Adam) -> Self {
         self

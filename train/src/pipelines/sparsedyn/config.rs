@@ -22,7 +22,9 @@ pub const LAMBDA_OUTLINE: f64 = 5.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WarmupConfig {
-    /// Share of the run in which the first frame alone is fitted and nothing moves.
+    /// Share of the run in which the first frame alone is fitted and nothing moves. Under the models `rollout` and `hybrid`, `density.stop` must not
+    /// exceed it: a small fast object would vanish if Gaussians were pruned when it begins to move. The density control of `trace` and `freegave`
+    /// goes on as their authors published it, but rests in the first 100 steps of motion.
     pub share: f64,
     /// Weight of the mean opacity in the warm-up (Eq. 5; paper: 1e-2). More leaves fewer Gaussians.
     pub opacity: f64,
@@ -233,6 +235,7 @@ impl Section for Sections {
         check("warmup.depth", warmup.depth, not_negative(warmup.depth), "0 or more")?;
         check("warmup.outline", warmup.outline, not_negative(warmup.outline), "0 or more")?;
         let step = (0.01..=100.0).contains(&dynamics.step_frames);
+        check_density(shared, warmup, dynamics.model)?;
         check("dynamics.step_frames", dynamics.step_frames, step, "from 0.01 to 100")?;
         check("dynamics.bands", dynamics.bands, dynamics.bands <= 16, "from 0 to 16")?;
         check("dynamics.width", dynamics.width, (1..=4096).contains(&dynamics.width), "from 1 to 4096")?;
@@ -270,6 +273,34 @@ pub fn defaults() -> FitConfig<Sections> {
     let base = Config::published();
     let shared = Config {
         pipeline: "sparsedyn".into(),
+/// First steps of motion in which density control rests under any model: as many as lie between two refinements of the baselines. Gaussians of a
+/// fast object have just lost their colour to the background there, and would be taken for dead.
+pub const RESTING_STEPS: usize = 100;
+
+/// Checks that Gaussians are neither added nor pruned when motion begins.
+fn check_density(shared: &Config, warmup: &WarmupConfig, model: MotionModel) -> Result<(), ConfigError> {
+    let (density, steps) = (&shared.density, shared.steps as f64);
+    if density.strategy == Strategy::None {
+        return Ok(());
+    }
+    match model {
+        MotionModel::Rollout | MotionModel::Hybrid => {
+            let within = density.stop <= warmup.share;
+            check("density.stop", density.stop, within, "at most warmup.share, since motion begins there")
+        }
+        MotionModel::Trace | MotionModel::Freegave => {
+            let since = (density.stop * steps).ceil() - (warmup.share * steps).round();
+            let prunes = density.prune_share > 0.0 && since >= 0.0 && since < RESTING_STEPS as f64;
+            check(
+                "density.stop",
+                density.stop,
+                !prunes,
+                "outside the first 100 steps of motion where Gaussians are pruned",
+            )
+        }
+    }
+}
+
         steps: 6000,
         // Few views do not determine how a colour depends on the view.
         model: ModelConfig { sh_degree: 0, ..base.model },
@@ -291,4 +322,65 @@ pub fn defaults() -> FitConfig<Sections> {
         ..base
     };
     FitConfig { shared, method: Sections::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cues::{keeps_count, warmup_steps};
+    use super::*;
+
+    fn with(model: MotionModel, stop: f64, steps: usize) -> FitConfig<Sections> {
+        let mut config = defaults();
+        config.method.dynamics.model = model;
+        (config.shared.density.stop, config.shared.steps) = (stop, steps);
+        config
+    }
+
+    #[test]
+    fn density_control_that_goes_on_while_things_move_is_the_baselines_alone() {
+        for (model, refused) in [
+            (MotionModel::Rollout, true),
+            (MotionModel::Hybrid, true),
+            (MotionModel::Trace, false),
+            (MotionModel::Freegave, false),
+        ] {
+            let found = with(model, 0.375, 6000).validate();
+            assert_eq!(found.is_err(), refused, "{model:?}: {found:?}");
+            assert!(
+                found
+                    .err()
+                    .is_none_or(|error| error.to_string().contains("`density.stop` must be at most warmup.share"))
+            );
+            with(model, 0.19, 6000).validate().expect("before motion");
+        }
+        let mut still = with(MotionModel::Rollout, 0.8, 6000);
+        still.shared.density.strategy = Strategy::None;
+        still.validate().expect("a count that never changes");
+        // 0.2 of 6000 steps are 1200, and 0.21 of them 1260.
+        let found = with(MotionModel::Trace, 0.21, 6000).validate().expect_err("pruned while objects begin to move");
+        assert!(found.to_string().contains("outside the first 100 steps of motion"), "{found}");
+    }
+
+    /// In runs of any length, nothing is refined, lowered or pruned in the first steps of motion.
+    #[test]
+    fn no_density_control_falls_on_the_start_of_motion() {
+        for steps in (1..700).chain([2000, 6000, 20_000, 40_000]) {
+            for (model, stop) in
+                [(MotionModel::Rollout, 0.19), (MotionModel::Rollout, 0.2), (MotionModel::Trace, 0.375)]
+            {
+                let config = with(model, stop, steps);
+                let warmup = warmup_steps(&config);
+                let density = &config.density;
+                let acts = |step: usize| {
+                    !keeps_count(step, &config) && (density.active(step, steps) || density.rests_at(step, steps))
+                };
+                let acting = (warmup + 1..warmup + RESTING_STEPS).find(|step| *step < steps && acts(*step));
+                assert_eq!(acting, None, "{model:?} with {stop} of {steps} steps, {warmup} of them before motion");
+                assert!(
+                    model == MotionModel::Trace || (warmup + 1..steps).all(|step| !acts(step)),
+                    "{stop} of {steps}"
+                );
+            }
+        }
+    }
 }

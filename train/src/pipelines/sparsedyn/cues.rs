@@ -10,7 +10,9 @@ use gs_multiview::foreground_masks;
 
 use super::Config;
 use super::clock::Clock;
+use super::config::{MotionModel, RESTING_STEPS};
 use super::evidence::{CameraEvidence, changing_pixels};
+use crate::config::Strategy;
 
 /// Times closer than this share of the recording are one frame: cameras that are triggered together differ by rounding.
 const ONE_FRAME: f64 = 1e-4;
@@ -78,8 +80,6 @@ impl Cues {
     }
 }
 
-/// The schedule for a recording of `frames` frames.
-pub fn schedule(frames: usize, config: &Config) -> Curriculum {
 /// The median time between frames at `times`, ascending; 1 for a single frame.
 fn interval(times: &[f64]) -> f64 {
     let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -107,6 +107,8 @@ pub fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), Str
     }
 }
 
+/// The schedule for a recording of `frames` frames.
+pub fn schedule(frames: usize, config: &Config) -> Curriculum {
     let options = &config.method.curriculum;
     let last_frame = frames.saturating_sub(1);
     let physics = config.steps - warmup_steps(config);
@@ -126,9 +128,28 @@ pub fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), Str
     }
 }
 
-/// Steps in which the first frame alone is fitted.
+/// Steps in which the first frame alone is fitted: the share of the run, and under a rollout no fewer than until the count is fixed, which rounding
+/// may put one step later.
 pub fn warmup_steps(config: &Config) -> usize {
-    (config.method.warmup.share * config.steps as f64).round() as usize
+    let own = (config.method.warmup.share * config.steps as f64).round() as usize;
+    let fixed = (config.density.stop * config.steps as f64).ceil() as usize;
+    match config.method.dynamics.model {
+        MotionModel::Rollout | MotionModel::Hybrid if config.density.strategy != Strategy::None => {
+            own.max(fixed.min(own + 1)).min(config.steps)
+        }
+        _ => own,
+    }
+}
+
+/// Whether density control rests at `step`, because motion has just begun. Under the baselines the last step before it belongs to that time:
+/// TRACE leaves out the reset of opacities there. Under a rollout it may be the one at which the count is fixed.
+pub fn keeps_count(step: usize, config: &Config) -> bool {
+    let warmup = warmup_steps(config);
+    let first = match config.method.dynamics.model {
+        MotionModel::Rollout | MotionModel::Hybrid => warmup + 1,
+        MotionModel::Trace | MotionModel::Freegave => warmup,
+    };
+    (first..warmup + RESTING_STEPS).contains(&step)
 }
 
 /// The time of each frame as the data set writes it, ascending, and the views of each by index.

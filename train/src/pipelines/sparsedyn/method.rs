@@ -91,6 +91,10 @@ impl Method for Sparsedyn {
         self.updated(gradients, adam, at)
     }
 
+    fn keeps_count(step: usize, config: &Config) -> bool {
+        cues::keeps_count(step, config)
+    }
+
     fn follow(self, rows: &RowMap, _adam: &mut Adam) -> Self {
         self.followed(rows)
     }
