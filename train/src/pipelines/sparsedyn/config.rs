@@ -73,6 +73,8 @@ pub struct DynamicsConfig {
     pub width: usize,
     /// Hidden layers.
     pub layers: usize,
+    /// Rigid motions that codes mix under the model `freegave`, K (FreeGave: 16 for objects, 32 for rooms).
+    pub bases: usize,
     /// Learning rate of the field at the first step after the warm-up.
     pub lr: f64,
     /// Learning rate of the field at the last step; exponential in between.
@@ -89,6 +91,7 @@ impl Default for DynamicsConfig {
             bands: 3,
             width: 64,
             layers: 3,
+            bases: 16,
             lr: 5e-3,
             lr_final: 2e-5,
         }
@@ -132,7 +135,8 @@ pub struct MovingConfig {
     pub change: f64,
     /// Share of the cameras in whose image a Gaussian lies that must see a change there.
     pub cameras: f64,
-    /// Largest movement over the seen frames, pixels of any training view, at which a Gaussian is found to be static at the end.
+    /// Largest movement of a body over the seen frames, pixels of the training view that shows it largest, at which it is found to rest when bodies
+    /// are looked for the last time; its Gaussians are static from then on.
     pub still_pixels: f64,
 }
 
@@ -231,15 +235,16 @@ impl Section for Sections {
         let Self { warmup, dynamics, curriculum, moving, bodies } = self;
         let share = |value: f64| (0.0..=1.0).contains(&value);
         check("warmup.share", warmup.share, (0.0..1.0).contains(&warmup.share), "at least 0 and below 1")?;
+        check_density(shared, warmup, dynamics.model)?;
         check("warmup.opacity", warmup.opacity, not_negative(warmup.opacity), "0 or more")?;
         check("warmup.depth", warmup.depth, not_negative(warmup.depth), "0 or more")?;
         check("warmup.outline", warmup.outline, not_negative(warmup.outline), "0 or more")?;
         let step = (0.01..=100.0).contains(&dynamics.step_frames);
-        check_density(shared, warmup, dynamics.model)?;
         check("dynamics.step_frames", dynamics.step_frames, step, "from 0.01 to 100")?;
         check("dynamics.bands", dynamics.bands, dynamics.bands <= 16, "from 0 to 16")?;
         check("dynamics.width", dynamics.width, (1..=4096).contains(&dynamics.width), "from 1 to 4096")?;
         check("dynamics.layers", dynamics.layers, (1..=32).contains(&dynamics.layers), "from 1 to 32")?;
+        check("dynamics.bases", dynamics.bases, (1..=256).contains(&dynamics.bases), "from 1 to 256")?;
         check("dynamics.lr", dynamics.lr, positive(dynamics.lr), "positive")?;
         check("dynamics.lr_final", dynamics.lr_final, positive(dynamics.lr_final), "positive")?;
         check("curriculum.short", curriculum.short, share(curriculum.short), "from 0 to 1")?;
@@ -268,11 +273,6 @@ impl Section for Sections {
     }
 }
 
-/// The recommended configuration.
-pub fn defaults() -> FitConfig<Sections> {
-    let base = Config::published();
-    let shared = Config {
-        pipeline: "sparsedyn".into(),
 /// First steps of motion in which density control rests under any model: as many as lie between two refinements of the baselines. Gaussians of a
 /// fast object have just lost their colour to the background there, and would be taken for dead.
 pub const RESTING_STEPS: usize = 100;
@@ -301,6 +301,11 @@ fn check_density(shared: &Config, warmup: &WarmupConfig, model: MotionModel) -> 
     }
 }
 
+/// The recommended configuration.
+pub fn defaults() -> FitConfig<Sections> {
+    let base = Config::published();
+    let shared = Config {
+        pipeline: "sparsedyn".into(),
         steps: 6000,
         // Few views do not determine how a colour depends on the view.
         model: ModelConfig { sh_degree: 0, ..base.model },

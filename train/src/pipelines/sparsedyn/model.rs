@@ -105,7 +105,7 @@ impl Sparsedyn {
             .with_width(dynamics.width)
             .with_layers(dynamics.layers)
             .with_seed(seed);
-        let coded = CodedFieldConfig::new(centre, length).with_seed(seed);
+        let coded = CodedFieldConfig::new(centre, length).with_motions(dynamics.bases).with_seed(seed);
         let is_coded = dynamics.model == MotionModel::Freegave;
         let codes = if is_coded { coded.motions } else { 0 };
         let deformation = DeformationConfig::new(centre, length).with_codes(codes).with_seed(seed ^ 3);
