@@ -25,7 +25,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 47] = [
+pub const RECIPES: [Recipe; 48] = [
     recipe!("flux4d/ablations/constant-velocity"),
     recipe!("flux4d/ablations/no-alignment"),
     recipe!("flux4d/ablations/no-refinement"),
@@ -49,6 +49,7 @@ pub const RECIPES: [Recipe; 47] = [
     recipe!("sparsedyn/baseline-freegave"),
     recipe!("sparsedyn/baseline-trace"),
     recipe!("sparsedyn/field"),
+    recipe!("sparsedyn/hybrid"),
     recipe!("sparsedyn/paper"),
     recipe!("static/base"),
     recipe!("static/blender"),
