@@ -249,7 +249,7 @@ fn times_out_of_reach_are_refused() {
         let error = fails(folder, args);
         assert!(error.contains("as far as motion can be integrated, found"), "{args:?}: {error}");
     };
-    for time in ["1e9", "-1e9", "nan"] {
+    for time in ["1e9", "-1e9"] {
         let time = format!("--time={time}");
         refused(&["render", "run", "--cameras", "world", "--out", "images", &time]);
         refused(&["export", "run", "--out", "scene.ply", &time]);
