@@ -237,7 +237,8 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         self
     }
 
-    /// Whether density control rests at `step`: Gaussians are neither added nor removed, and no opacity is lowered.
+    /// Whether density control rests at `step`: refinements and lowered opacities are left out. The pruning at which the count becomes fixed is
+    /// not.
     fn keeps_count(_step: usize, _config: &FitConfig<Self::Config>) -> bool {
         false
     }

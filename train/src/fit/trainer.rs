@@ -235,8 +235,7 @@ impl<M: Method> Trainer<M> {
 
     /// Prunes Gaussians, then the method's parameters, if it is time.
     fn simplify(&mut self, views: &[View], cues: &M::Cues, config: &FitConfig<M::Config>) {
-        let is_time = config.density.rests_at(self.step, config.steps) && !M::keeps_count(self.step, config);
-        if config.density.prune_share > 0.0 && is_time {
+        if config.density.prune_share > 0.0 && config.density.rests_at(self.step, config.steps) {
             self.prune(views, config);
         }
         let Model { mut gaussians, method } = self.take_model();

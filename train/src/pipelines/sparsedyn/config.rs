@@ -290,7 +290,7 @@ fn check_density(shared: &Config, warmup: &WarmupConfig, model: MotionModel) -> 
         }
         MotionModel::Trace | MotionModel::Freegave => {
             let since = (density.stop * steps).ceil() - (warmup.share * steps).round();
-            let prunes = density.prune_share > 0.0 && since >= 0.0 && since < RESTING_STEPS as f64;
+            let prunes = density.prune_share > 0.0 && density.stop > warmup.share && since < RESTING_STEPS as f64;
             check(
                 "density.stop",
                 density.stop,
@@ -376,8 +376,13 @@ mod tests {
                 let config = with(model, stop, steps);
                 let warmup = warmup_steps(&config);
                 let density = &config.density;
+                if config.validate().is_err() {
+                    assert!(model == MotionModel::Trace, "{stop} of {steps} steps");
+                    continue;
+                }
                 let acts = |step: usize| {
-                    !keeps_count(step, &config) && (density.active(step, steps) || density.rests_at(step, steps))
+                    let refines = density.active(step, steps) && !keeps_count(step, &config);
+                    refines || density.rests_at(step, steps)
                 };
                 let acting = (warmup + 1..warmup + RESTING_STEPS).find(|step| *step < steps && acts(*step));
                 assert_eq!(acting, None, "{model:?} with {stop} of {steps} steps, {warmup} of them before motion");

@@ -128,21 +128,20 @@ pub fn schedule(frames: usize, config: &Config) -> Curriculum {
     }
 }
 
-/// Steps in which the first frame alone is fitted: the share of the run, and under a rollout no fewer than until the count is fixed, which rounding
-/// may put one step later.
+/// Steps in which the first frame alone is fitted: the share of the run, and where `density.stop` is not above it no fewer than until the count is
+/// fixed, which rounding may put one step later.
 pub fn warmup_steps(config: &Config) -> usize {
-    let own = (config.method.warmup.share * config.steps as f64).round() as usize;
-    let fixed = (config.density.stop * config.steps as f64).ceil() as usize;
-    match config.method.dynamics.model {
-        MotionModel::Rollout | MotionModel::Hybrid if config.density.strategy != Strategy::None => {
-            own.max(fixed.min(own + 1)).min(config.steps)
-        }
-        _ => own,
+    let (density, share) = (&config.density, config.method.warmup.share);
+    let own = (share * config.steps as f64).round() as usize;
+    if density.strategy == Strategy::None || density.stop > share {
+        return own;
     }
+    let fixed = (density.stop * config.steps as f64).ceil() as usize;
+    own.max(fixed.min(own + 1)).min(config.steps)
 }
 
 /// Whether density control rests at `step`, because motion has just begun. Under the baselines the last step before it belongs to that time:
-/// TRACE leaves out the reset of opacities there. Under a rollout it may be the one at which the count is fixed.
+/// TRACE leaves out the reset of opacities there.
 pub fn keeps_count(step: usize, config: &Config) -> bool {
     let warmup = warmup_steps(config);
     let first = match config.method.dynamics.model {
