@@ -25,7 +25,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 49] = [
+pub const RECIPES: [Recipe; 50] = [
     recipe!("flux4d/ablations/base-network"),
     recipe!("flux4d/ablations/constant-velocity"),
     recipe!("flux4d/ablations/no-alignment"),
@@ -51,6 +51,7 @@ pub const RECIPES: [Recipe; 49] = [
     recipe!("sparsedyn/baseline-freegave"),
     recipe!("sparsedyn/baseline-trace"),
     recipe!("sparsedyn/field"),
+    recipe!("sparsedyn/hybrid"),
     recipe!("sparsedyn/paper"),
     recipe!("static/base"),
     recipe!("static/blender"),

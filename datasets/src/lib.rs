@@ -6,7 +6,8 @@
 //! mistakes of a folder, [`load_cameras`] reads a camera path, and [`synthetic`] writes scenes with known ground truth.
 //!
 //! Read are the transforms.json family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors
-//! and truth), COLMAP models (text and binary), Panoptic sets, LLFF poses with frames of several cameras, and tables of RealityScan.
+//! and truth), COLMAP models (text and binary), Panoptic sets, LLFF poses with frames of several cameras, tables of RealityScan, and
+//! the folders with a text for each camera that OmniVGGT takes.
 //!
 //! Four words have one meaning each. A *photo* is an image that a camera took. A *frame* is the description of one photo: its camera,
 //! time and files. A *view* is the record made from a frame, [`View`]: the undistorted photo at training size with its camera, masks,

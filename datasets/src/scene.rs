@@ -24,6 +24,8 @@ pub enum SceneFormat {
     Llff,
     /// A table of cameras by RealityScan (RealityCapture), with points as PLY.
     RealityScan,
+    /// A text for each photo with its camera, as OmniVGGT takes it.
+    CameraTexts,
 }
 
 impl fmt::Display for SceneFormat {
@@ -35,6 +37,7 @@ impl fmt::Display for SceneFormat {
             Self::Panoptic => "Panoptic (train_meta.json)",
             Self::Llff => "LLFF (poses_bounds.npy)",
             Self::RealityScan => "RealityScan (CSV)",
+            Self::CameraTexts => "cameras/NAME.txt",
         })
     }
 }

@@ -268,6 +268,10 @@ pub struct BenchArgs {
     #[arg(long)]
     pub launches: bool,
 
+    /// Time a step of sparsedyn by stage over the length of the rollout and the number of moving Gaussians instead
+    #[arg(long, conflicts_with = "launches")]
+    pub rollout: bool,
+
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,

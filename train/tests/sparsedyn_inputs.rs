@@ -237,3 +237,65 @@ fn priors_of_another_shape_or_without_a_valid_pixel_are_left_out() {
     let said = trains(folder, "half", "6", &[]);
     assert!(said.contains("another size") && said.contains("; 3 depth priors of the first frame"), "{said}");
 }
+
+/// Times that no rollout reaches are refused by every command that asks for one, in a sentence.
+#[test]
+fn times_out_of_reach_are_refused() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    world(folder);
+    trains(folder, "run", "6", &["dynamics.ask=step", "bodies.mode=field"]);
+    let refused = |args: &[&str]| {
+        let error = fails(folder, args);
+        assert!(error.contains("as far as motion can be integrated, found"), "{args:?}: {error}");
+    };
+    for time in ["1e9", "-1e9"] {
+        let time = format!("--time={time}");
+        refused(&["render", "run", "--cameras", "world", "--out", "images", &time]);
+        refused(&["export", "run", "--out", "scene.ply", &time]);
+    }
+    refused(&["extrapolate", "run", "--to", "1e9"]);
+    says(folder, &["export", "run", "--out", "scene.ply", "--time=100"]);
+    says(folder, &["view", "run", "--out", "page.html"]);
+
+    // Photos of another recording: cameras for a rendering, and views to be measured.
+    fs::create_dir(folder.join("later")).expect("a folder");
+    for split in ["train", "val", "test"] {
+        let text = fs::read_to_string(folder.join(format!("world/transforms_{split}.json"))).expect("read");
+        let mut json: Value = serde_json::from_str(&text).expect("JSON");
+        for frame in json["frames"].as_array_mut().expect("frames") {
+            frame["time"] = json!(1e6 + frame["time"].as_f64().expect("a time"));
+            let path = format!("../world/{}", frame["file_path"].as_str().expect("a path").trim_start_matches("./"));
+            frame["file_path"] = json!(path);
+            frame
+                .as_object_mut()
+                .expect("a frame")
+                .retain(|key, _| !key.starts_with("depth") && !key.starts_with("conf"));
+            frame.as_object_mut().expect("a frame").remove("truth");
+        }
+        json.as_object_mut().expect("an object").retain(|key, _| !["movers", "ply_file_path"].contains(&key.as_str()));
+        fs::write(folder.join(format!("later/transforms_{split}.json")), json.to_string()).expect("written");
+    }
+    refused(&["render", "run", "--cameras", "later", "--out", "images"]);
+    refused(&["eval", "run", "--data", "later"]);
+    refused(&["extrapolate", "run", "--data", "later", "--to", "1.5"]);
+}
+
+/// A recording whose last photo is thousands of frames after the others needs more steps than a rollout has.
+#[test]
+fn steps_that_are_too_short_for_the_recording_are_refused() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    world(folder);
+    edit_frames(folder, |frame| {
+        let index = (32.0 * frame["time"].as_f64().expect("a time")).round();
+        frame["time"] = json!(if index < 20.0 { 1e-3 * index } else { 5.0 });
+    });
+    let set: Vec<&str> = KEYS.iter().flat_map(|key| ["--set", *key]).collect();
+    let train = |out: &'static str, step: &'static str| {
+        [&["train", "world", "--out", out, "--steps", "4", "--set", step][..], &set].concat()
+    };
+    let error = fails(folder, &train("short", "dynamics.step_frames=0.01"));
+    assert!(error.contains("dynamics.step_frames: expected at least 0.16"), "{error}");
+    assert!(!folder.join("short/checkpoints").exists());
+}

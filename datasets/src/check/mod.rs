@@ -11,7 +11,7 @@ use crate::consistency;
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::formats::{self, Layout, colmap, llff, panoptic, realityscan, transforms};
+use crate::formats::{self, Layout, camera_texts, colmap, llff, panoptic, realityscan, transforms};
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::plural::{agree, counted};
@@ -71,6 +71,10 @@ fn fill(
         Layout::RealityScan(table) => {
             report.facts.push(format!("The cameras are in {}.", table.file.display()));
             realityscan::read(&table, options, findings)?
+        }
+        Layout::CameraTexts(texts) => {
+            report.facts.push(format!("The cameras are texts in {}.", texts.folder.join("cameras").display()));
+            camera_texts::read(&texts, findings)?
         }
     };
     report.format = Some(raw.format);

@@ -1,5 +1,6 @@
 //! One reader per layout on disk; [`read`] tells which one a path holds.
 
+pub(crate) mod camera_texts;
 pub(crate) mod colmap;
 pub(crate) mod json;
 pub(crate) mod llff;
@@ -23,6 +24,7 @@ pub(crate) enum Layout {
     Panoptic(panoptic::MetaFiles),
     Llff(llff::PoseFile),
     RealityScan(realityscan::CameraTable),
+    CameraTexts(camera_texts::CameraTexts),
 }
 
 /// Recognises the layout. JSON wins over a COLMAP model beside it: converters that write both (nerfstudio) put the
@@ -53,7 +55,11 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     if let Some(table) = realityscan::find(path) {
         return Ok(Layout::RealityScan(table));
     }
-    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of RealityScan, or a COLMAP \
+    if let Some(texts) = camera_texts::find(path) {
+        return Ok(Layout::CameraTexts(texts));
+    }
+    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of RealityScan, cameras/NAME.txt \
+                   beside images, or a COLMAP \
                    model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
                    sparse_bin/0 or dense/sparse";
     let (expected, found) = match poseless::found(path, metadata.is_dir()) {
@@ -71,6 +77,7 @@ pub(crate) fn read(path: &Path, options: &LoadOptions, findings: &mut Findings) 
         Layout::Panoptic(files) => panoptic::read(&files, options, findings),
         Layout::Llff(poses) => llff::read(&poses, options, findings),
         Layout::RealityScan(table) => realityscan::read(&table, options, findings),
+        Layout::CameraTexts(texts) => camera_texts::read(&texts, findings),
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! arrays.rs        .npz archives and folders of .npy files      texts.rs     their arrays of names
-//! prediction.rs    the dictionary: cameras, depth, confidence
+//! prediction.rs    the dictionary: cameras, depth, confidence      given.rs     the same from texts and a depth for each photo
 //! naming.rs        which view of the data set each predicted view is
 //! window.rs        processed pixels and photo pixels            view.rs      a prediction on its photo
 //! similarity.rs    predicted cameras to known ones
@@ -17,6 +17,7 @@
 mod align;
 mod arrays;
 mod descriptions;
+mod given;
 mod naming;
 mod pairs;
 mod points;
@@ -103,7 +104,7 @@ struct Known {
 
 /// Writes depth, confidence and points of a reconstruction as priors of the data set at `dataset`. `reconstruction` is a `.npz` archive or
 /// a folder of `.npy` files with the keys of VGGT: `extrinsic` or `pose_enc`, `depth` or `world_points`, and if present `intrinsic`,
-/// `depth_conf`, `image_names`.
+/// `depth_conf`, `image_names`; or a folder with `cameras/NAME.txt` and `depths/NAME.npy` beside `images`, as OmniVGGT takes it.
 ///
 /// # Errors
 /// When the reconstruction or the data set cannot be read, when views cannot be told, when known or predicted cameras give no scale, and

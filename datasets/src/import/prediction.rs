@@ -1,19 +1,22 @@
-//! The dictionary of VGGT and OmniVGGT: predicted cameras, depth and confidence of some views.
+//! The dictionary of VGGT and OmniVGGT: predicted cameras, depth and confidence of some views. [`given`](super::given) reads the same from
+//! texts.
 
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 
 use super::arrays::Arrays;
+use super::given;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::priors::depth::SKY;
 use crate::priors::npy::Array;
 
 /// Keys under which users save the photos' names, best first. The reconstructors themselves write none.
 const NAME_KEYS: [&str; 6] = ["image_names", "image_paths", "images_paths", "image_files", "names", "paths"];
 
 /// Most views of one reconstruction: their depth takes nearly the 2^26 values that an array may have.
-const VIEWS_MAX: usize = 512;
+pub(super) const VIEWS_MAX: usize = 512;
 
 /// Views as a feed-forward reconstructor gives them.
 #[derive(Debug, Clone)]
@@ -47,6 +50,9 @@ const UNSAID: f32 = 2.0;
 /// # Errors
 /// When cameras or depth are missing, or when shapes contradict each other.
 pub(super) fn read(path: &Path, findings: &mut Findings) -> Result<Prediction, DatasetError> {
+    if let Some(texts) = given::find(path) {
+        return given::read(&texts, findings);
+    }
     let mut arrays = Arrays::open(path, findings)?;
     let cameras = cameras(&mut arrays)?;
     let (size, depth) = depth(&mut arrays, &cameras)?;
@@ -59,18 +65,26 @@ pub(super) fn read(path: &Path, findings: &mut Findings) -> Result<Prediction, D
     let pixels = size.0 * size.1;
     let views = cameras.into_iter().enumerate().map(|(index, (rotation, centre))| {
         let range = index * pixels..(index + 1) * pixels;
-        // Beyond the range of f32 a value is infinite after conversion.
-        let known = |value: &f64| Some(*value as f32).filter(|z| z.is_finite() && *z > 0.0).unwrap_or(0.0);
         let depth: Vec<f32> = depth[range.clone()].iter().map(known).collect();
         let confidence = match &confidence {
             Some(all) => {
                 all[range].iter().map(|value| if value.is_finite() { value.max(1.0) as f32 } else { 1.0 }).collect()
             }
-            None => depth.iter().map(|depth| if *depth > 0.0 { UNSAID } else { 1.0 }).collect(),
+            None => unsaid(&depth),
         };
         PredictedView { rotation, centre, focal: focal.as_ref().map(|focal| focal[index]), depth, confidence }
     });
     Ok(Prediction { views: views.collect(), size, names })
+}
+
+/// A depth; 0 where it is unknown or the sky. Beyond the range of f32 a value is infinite after conversion.
+pub(super) fn known(value: &f64) -> f32 {
+    Some(*value as f32).filter(|z| *z > 0.0 && *z < SKY).unwrap_or(0.0)
+}
+
+/// Confidences of depths without any.
+pub(super) fn unsaid(depth: &[f32]) -> Vec<f32> {
+    depth.iter().map(|depth| if *depth > 0.0 { UNSAID } else { 1.0 }).collect()
 }
 
 /// Rotation (camera to world) and centre of each view.

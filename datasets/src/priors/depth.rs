@@ -16,7 +16,7 @@ use crate::side_files::DepthMeaning;
 
 /// From here on a depth is a renderer's word for "nothing there" (Blender and Infinigen write 1e10 for the sky), and one
 /// such value would decide any fit of scale and shift.
-const SKY: f32 = 1e9;
+pub(crate) const SKY: f32 = 1e9;
 
 /// A depth file's numbers and what they mean.
 pub(super) struct Depth {

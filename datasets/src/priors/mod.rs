@@ -14,7 +14,7 @@
 //! left out for that photo and counted, because every prior is optional to the methods that use it.
 
 pub(crate) mod attach;
-mod depth;
+pub(crate) mod depth;
 pub(crate) mod exr;
 pub(crate) mod map;
 pub(crate) mod npy;

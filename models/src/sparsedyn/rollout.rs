@@ -41,7 +41,7 @@ pub struct RolloutOptions {
 /// Times closer to a grid point than this share of a step are taken for it: rounding of `start + k step`.
 const ON_GRID: f64 = 1e-6;
 
-/// Steps above which a rollout is refused: 1000 times the longest of the paper.
+/// Most steps of a rollout: 1000 times the longest of the paper.
 pub const STEPS_MAX: f64 = 30_000.0;
 
 /// A time by the grid.
@@ -54,10 +54,18 @@ pub(super) struct Place {
 }
 
 impl RolloutOptions {
+    /// The earliest and the latest time of a rollout. It is one step less than the most, so that a velocity, which is a difference about its
+    /// time, exists at both ends.
+    pub fn reach(&self) -> [f64; 2] {
+        let most = (STEPS_MAX - 1.0) * self.step;
+        [self.start - most, self.start + most]
+    }
+
     /// Where a time lies.
     ///
     /// # Panics
-    /// When the time is not finite or the number of steps is absurd (30 000).
+    /// When the time is not finite or more than 30 000 steps away: whoever takes times from outside compares them with
+    /// [`reach`](Self::reach).
     pub(super) fn place(&self, time: f64) -> Place {
         let steps = (time - self.start) / self.step;
         assert!(steps.abs() <= STEPS_MAX, "a rollout of {steps} steps of {} to the time {time}", self.step);

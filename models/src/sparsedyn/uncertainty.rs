@@ -4,8 +4,9 @@ use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::glam::DVec3;
 
+use super::bodies::fit::MARKERS;
 use super::bodies::law::NUMBERS;
-use super::bodies::{Law, LawValues};
+use super::bodies::{Law, LawValues, diagonalise};
 use super::field::DynamicsField;
 
 /// The poses by which a body's law is known.
@@ -22,9 +23,6 @@ pub struct Observed {
     /// Standard deviation of a marker's coordinate, scene units.
     pub noise: f64,
 }
-
-/// Four points that determine a pose, in sizes of the body from its centre.
-const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
 
 /// Numbers that determine a pose: the coordinates of its markers are not independent of each other.
 const POSE_NUMBERS: f64 = 6.0;
@@ -158,37 +156,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Eigenvalues, and eigenvectors as columns, of a symmetric matrix, by Jacobi's method.
+/// Eigenvalues, and eigenvectors as columns, of a symmetric matrix.
 fn eigen(mut matrix: Vec<Vec<f64>>) -> (Vec<f64>, Vec<Vec<f64>>) {
-    let count = matrix.len();
-    let unit = |row: usize| (0..count).map(|column| if row == column { 1.0 } else { 0.0 }).collect();
-    let mut vectors: Vec<Vec<f64>> = (0..count).map(unit).collect();
-    for _ in 0..SWEEPS {
-        for p in 0..count {
-            for q in p + 1..count {
-                if matrix[p][q].abs() <= f64::MIN_POSITIVE {
-                    continue;
-                }
-                let theta = 0.5 * (matrix[q][q] - matrix[p][p]) / matrix[p][q];
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let c = 1.0 / t.hypot(1.0);
-                rotate(&mut matrix, &mut vectors, (p, q), (c, t * c));
-            }
-        }
-    }
-    ((0..count).map(|i| matrix[i][i]).collect(), vectors)
-}
-
-/// Turns rows and columns `p` and `q` of `matrix`, and columns of `vectors`, by the angle with cosine `c` and sine `s`.
-fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], (p, q): (usize, usize), (c, s): (f64, f64)) {
-    for row in matrix.iter_mut().chain(vectors) {
-        let (a, b) = (row[p], row[q]);
-        (row[p], row[q]) = (c * a - s * b, s * a + c * b);
-    }
-    for k in 0..matrix.len() {
-        let (a, b) = (matrix[p][k], matrix[q][k]);
-        (matrix[p][k], matrix[q][k]) = (c * a - s * b, s * a + c * b);
-    }
+    let mut vectors = matrix.clone();
+    diagonalise(&mut matrix, &mut vectors, SWEEPS);
+    (matrix.iter().enumerate().map(|(i, row)| row[i]).collect(), vectors)
 }
 
 /// Normal numbers that [`field_draw`] takes.

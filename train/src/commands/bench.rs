@@ -1,6 +1,7 @@
 //! `gsburn bench`: every operation and one whole step, on a synthetic scene.
 
 mod launches;
+mod rollout;
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -45,6 +46,9 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     }
     if args.launches {
         return launches::run(args);
+    }
+    if args.rollout {
+        return rollout::run(args);
     }
     let device = device(&args.device)?;
     let (width, height) = (args.width as usize, args.height as usize);

@@ -189,6 +189,14 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Ok(())
     }
 
+    /// Whether every photo's time can be reached under `config`.
+    ///
+    /// # Errors
+    /// A sentence about `dataset` or a key of the configuration.
+    fn reaches(_dataset: &Path, _scene: &Scene, _config: &FitConfig<Self::Config>) -> Result<(), String> {
+        Ok(())
+    }
+
     /// The method's near plane, as a share of the subject's distance; `None`: the renderer's own.
     fn near_share(_scene: &Scene, _config: &FitConfig<Self::Config>) -> Option<f64> {
         None
@@ -227,6 +235,12 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         _at: &Step<Self>,
     ) -> Self {
         self
+    }
+
+    /// Whether density control rests at `step`: refinements and lowered opacities are left out. The pruning at which the count becomes fixed is
+    /// not.
+    fn keeps_count(_step: usize, _config: &FitConfig<Self::Config>) -> bool {
+        false
     }
 
     /// Follows a change of the Gaussians' rows.

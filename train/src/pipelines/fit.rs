@@ -34,7 +34,7 @@ use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
 use crate::run::progress;
 use crate::run::resources::Stopwatch;
-use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, write_ply_as};
+use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, within_reach, write_ply_as};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
 
@@ -188,6 +188,7 @@ pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Sce
     }
     let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
     M::suits(path, scene.train.len(), timed).map_err(Error::msg)?;
+    M::reaches(path, &scene, config).map_err(Error::msg)?;
     check_pixels(path, &scene).map_err(Error::msg)?;
     Ok(scene)
 }
@@ -335,8 +336,11 @@ impl<M: Method> Pipeline for Fit<M> {
         let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
         views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
         photos.origin -= shift;
+        let loaded = loaded(&model, &config, &notes, checkpoint);
+        let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
+        loaded.reaches(&dataset.display().to_string(), times)?;
         let foresight = model.method.foresight(&model.gaussians, &photos.train, &config);
-        Ok(Foreseen { loaded: loaded(&model, &config, &notes, checkpoint), photos, foresight })
+        Ok(Foreseen { loaded, photos, foresight })
     }
 
     fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
@@ -365,6 +369,9 @@ impl<M: Method> Pipeline for Fit<M> {
             let asked = request.split.unwrap_or_default();
             bail!("{}: expected a split from train, {}; found {asked:?}", request.dataset.display(), names.join(", "));
         };
+        let of_model = model.method.scene(model.gaussians.clone());
+        let name = request.dataset.display().to_string();
+        within_reach(&*of_model, &name, held_out.views.iter().filter_map(|view| view.time))?;
         let kept = if request.pictures { held_out.views.len() } else { 0 };
         let evaluator = Evaluator::new(&config.eval, request.device);
         let (measured, pictures) = evaluator.measure(&model, &scene, &held_out, &at, kept);

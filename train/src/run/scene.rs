@@ -100,6 +100,14 @@ impl LoadedScene {
         }
     }
 
+    /// Checks that the scene can be asked at `times`; `what` says where they come from.
+    ///
+    /// # Errors
+    /// A sentence about the first time out of reach.
+    pub fn reaches(&self, what: &str, times: impl IntoIterator<Item = f64>) -> Result<()> {
+        within_reach(&*self.scene, what, times)
+    }
+
     /// Checks that the scene has times.
     ///
     /// # Errors
@@ -112,6 +120,21 @@ impl LoadedScene {
             );
         }
         Ok(())
+    }
+}
+
+/// Checks that `scene` can be asked at `times`; `what` says where they come from.
+///
+/// # Errors
+/// A sentence about the first time out of reach.
+pub fn within_reach(scene: &dyn DynamicScene, what: &str, times: impl IntoIterator<Item = f64>) -> Result<()> {
+    let Some([first, last]) = scene.reach() else { return Ok(()) };
+    // NaN lies in no range.
+    match times.into_iter().find(|time| !(first..=last).contains(time)) {
+        Some(time) => {
+            bail!("{what}: expected times from {first} to {last}, as far as motion can be integrated, found {time}")
+        }
+        None => Ok(()),
     }
 }
 

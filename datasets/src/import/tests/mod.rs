@@ -2,6 +2,7 @@
 
 mod archive;
 mod broken;
+mod given;
 mod reconstruction;
 
 use std::path::Path;

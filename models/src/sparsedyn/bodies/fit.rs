@@ -45,8 +45,8 @@ const ITERATIONS: usize = 40;
 /// Rates tried for an oscillation, from a quarter of a period over the poses to one period in four poses.
 const RATES: usize = 48;
 
-/// Axes of the markers, in sizes of the body, with the centre four points that determine a pose.
-const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+/// Markers of a body: four points that determine a pose, in sizes of the body from its centre.
+pub const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
 
 /// The law among `laws` that says most of the poses with fewest numbers, and foresees their last third best; `None` without poses.
 pub fn select_law(poses: &Poses, laws: &[Law]) -> Option<Fitted> {

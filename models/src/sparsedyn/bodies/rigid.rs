@@ -2,6 +2,7 @@
 
 use gs_burn::glam::{DQuat, DVec3};
 
+use super::eigen::diagonalise;
 use super::law::BodyPose;
 
 /// Sweeps of Jacobi's method: four rotations of planes converge quadratically, six sweeps reach rounding.
@@ -36,35 +37,10 @@ pub fn rigid_motion(before: &[DVec3], after: &[DVec3], first: DVec3) -> BodyPose
     BodyPose { rotation, centre: to + rotation * (first - from) }
 }
 
-/// Jacobi's method: planes are turned until the symmetric matrix is diagonal.
+/// The eigenvector of the largest eigenvalue of a symmetric matrix.
 fn largest_eigenvector(mut matrix: [[f64; 4]; 4]) -> [f64; 4] {
     let mut vectors = [[0.0; 4]; 4];
-    (0..4).for_each(|i| vectors[i][i] = 1.0);
-    for _ in 0..SWEEPS {
-        for p in 0..3 {
-            for q in p + 1..4 {
-                if matrix[p][q].abs() <= f64::MIN_POSITIVE {
-                    continue;
-                }
-                let theta = 0.5 * (matrix[q][q] - matrix[p][p]) / matrix[p][q];
-                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-                let c = 1.0 / (t * t + 1.0).sqrt();
-                let sine = t * c;
-                for row in &mut matrix {
-                    let (a, b) = (row[p], row[q]);
-                    (row[p], row[q]) = (c * a - sine * b, sine * a + c * b);
-                }
-                let (a, b) = (matrix[p], matrix[q]);
-                for k in 0..4 {
-                    (matrix[p][k], matrix[q][k]) = (c * a[k] - sine * b[k], sine * a[k] + c * b[k]);
-                }
-                for row in &mut vectors {
-                    let (a, b) = (row[p], row[q]);
-                    (row[p], row[q]) = (c * a - sine * b, sine * a + c * b);
-                }
-            }
-        }
-    }
+    diagonalise(&mut matrix, &mut vectors, SWEEPS);
     let best = (0..4).max_by(|a, b| matrix[*a][*a].total_cmp(&matrix[*b][*b])).unwrap_or(0);
     std::array::from_fn(|row| vectors[row][best])
 }

@@ -42,6 +42,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
     }
+    loaded.reaches("--time", args.time)?;
     loaded.warn_outside(args.time);
     let times: Vec<Option<f64>> = match args.frames {
         Some(count) if !format.moves() => loaded.times(count as usize).into_iter().map(Some).collect(),

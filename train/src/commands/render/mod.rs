@@ -60,6 +60,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
             (pose, moments.map(|(suffix, t)| (args.out.join(format!("{}{suffix}", pose.name)), t)).collect())
         })
         .collect();
+    let origin = if args.time.is_some() { "--time".into() } else { source.display().to_string() };
+    loaded.reaches(&origin, jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(_, t)| *t)))?;
     check_outputs(args, &source, &jobs, loaded.scene.span().is_some())?;
     let mut count = 0;
     let mut film = None;

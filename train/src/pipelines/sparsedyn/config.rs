@@ -22,7 +22,9 @@ pub const LAMBDA_OUTLINE: f64 = 5.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WarmupConfig {
-    /// Share of the run in which the first frame alone is fitted and nothing moves.
+    /// Share of the run in which the first frame alone is fitted and nothing moves. Under the models `rollout` and `hybrid`, `density.stop` must not
+    /// exceed it: a small fast object would vanish if Gaussians were pruned when it begins to move. The density control of `trace` and `freegave`
+    /// goes on as their authors published it, but rests in the first 100 steps of motion.
     pub share: f64,
     /// Weight of the mean opacity in the warm-up (Eq. 5; paper: 1e-2). More leaves fewer Gaussians.
     pub opacity: f64,
@@ -71,6 +73,8 @@ pub struct DynamicsConfig {
     pub width: usize,
     /// Hidden layers.
     pub layers: usize,
+    /// Rigid motions that codes mix under the model `freegave`, K (FreeGave: 16 for objects, 32 for rooms).
+    pub bases: usize,
     /// Learning rate of the field at the first step after the warm-up.
     pub lr: f64,
     /// Learning rate of the field at the last step; exponential in between.
@@ -87,6 +91,7 @@ impl Default for DynamicsConfig {
             bands: 3,
             width: 64,
             layers: 3,
+            bases: 16,
             lr: 5e-3,
             lr_final: 2e-5,
         }
@@ -130,13 +135,14 @@ pub struct MovingConfig {
     pub change: f64,
     /// Share of the cameras in whose image a Gaussian lies that must see a change there.
     pub cameras: f64,
-    /// Largest movement over the seen frames, pixels of any training view, at which a Gaussian is found to be static at the end.
+    /// Largest movement of a body over the seen frames, pixels of the training view that shows it largest, at which it is found to rest when bodies
+    /// are looked for the last time; its Gaussians are static from then on.
     pub still_pixels: f64,
 }
 
 impl Default for MovingConfig {
     fn default() -> Self {
-        Self { select: true, change: 0.06, cameras: 0.5, still_pixels: 0.25 }
+        Self { select: true, change: 0.06, cameras: 0.5, still_pixels: 2.0 }
     }
 }
 
@@ -229,6 +235,7 @@ impl Section for Sections {
         let Self { warmup, dynamics, curriculum, moving, bodies } = self;
         let share = |value: f64| (0.0..=1.0).contains(&value);
         check("warmup.share", warmup.share, (0.0..1.0).contains(&warmup.share), "at least 0 and below 1")?;
+        check_density(shared, warmup, dynamics.model)?;
         check("warmup.opacity", warmup.opacity, not_negative(warmup.opacity), "0 or more")?;
         check("warmup.depth", warmup.depth, not_negative(warmup.depth), "0 or more")?;
         check("warmup.outline", warmup.outline, not_negative(warmup.outline), "0 or more")?;
@@ -237,6 +244,7 @@ impl Section for Sections {
         check("dynamics.bands", dynamics.bands, dynamics.bands <= 16, "from 0 to 16")?;
         check("dynamics.width", dynamics.width, (1..=4096).contains(&dynamics.width), "from 1 to 4096")?;
         check("dynamics.layers", dynamics.layers, (1..=32).contains(&dynamics.layers), "from 1 to 32")?;
+        check("dynamics.bases", dynamics.bases, (1..=256).contains(&dynamics.bases), "from 1 to 256")?;
         check("dynamics.lr", dynamics.lr, positive(dynamics.lr), "positive")?;
         check("dynamics.lr_final", dynamics.lr_final, positive(dynamics.lr_final), "positive")?;
         check("curriculum.short", curriculum.short, share(curriculum.short), "from 0 to 1")?;
@@ -262,6 +270,34 @@ impl Section for Sections {
         check("bodies.noise_pixels", bodies.noise_pixels, positive(bodies.noise_pixels), "positive")?;
         check("bodies.lr", bodies.lr, positive(bodies.lr), "positive")?;
         check("bodies.lr_final", bodies.lr_final, positive(bodies.lr_final), "positive")
+    }
+}
+
+/// First steps of motion in which density control rests under any model: as many as lie between two refinements of the baselines. Gaussians of a
+/// fast object have just lost their colour to the background there, and would be taken for dead.
+pub const RESTING_STEPS: usize = 100;
+
+/// Checks that Gaussians are neither added nor pruned when motion begins.
+fn check_density(shared: &Config, warmup: &WarmupConfig, model: MotionModel) -> Result<(), ConfigError> {
+    let (density, steps) = (&shared.density, shared.steps as f64);
+    if density.strategy == Strategy::None {
+        return Ok(());
+    }
+    match model {
+        MotionModel::Rollout | MotionModel::Hybrid => {
+            let within = density.stop <= warmup.share;
+            check("density.stop", density.stop, within, "at most warmup.share, since motion begins there")
+        }
+        MotionModel::Trace | MotionModel::Freegave => {
+            let since = (density.stop * steps).ceil() - (warmup.share * steps).round();
+            let prunes = density.prune_share > 0.0 && density.stop > warmup.share && since < RESTING_STEPS as f64;
+            check(
+                "density.stop",
+                density.stop,
+                !prunes,
+                "outside the first 100 steps of motion where Gaussians are pruned",
+            )
+        }
     }
 }
 
@@ -291,4 +327,70 @@ pub fn defaults() -> FitConfig<Sections> {
         ..base
     };
     FitConfig { shared, method: Sections::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cues::{keeps_count, warmup_steps};
+    use super::*;
+
+    fn with(model: MotionModel, stop: f64, steps: usize) -> FitConfig<Sections> {
+        let mut config = defaults();
+        config.method.dynamics.model = model;
+        (config.shared.density.stop, config.shared.steps) = (stop, steps);
+        config
+    }
+
+    #[test]
+    fn density_control_that_goes_on_while_things_move_is_the_baselines_alone() {
+        for (model, refused) in [
+            (MotionModel::Rollout, true),
+            (MotionModel::Hybrid, true),
+            (MotionModel::Trace, false),
+            (MotionModel::Freegave, false),
+        ] {
+            let found = with(model, 0.375, 6000).validate();
+            assert_eq!(found.is_err(), refused, "{model:?}: {found:?}");
+            assert!(
+                found
+                    .err()
+                    .is_none_or(|error| error.to_string().contains("`density.stop` must be at most warmup.share"))
+            );
+            with(model, 0.19, 6000).validate().expect("before motion");
+        }
+        let mut still = with(MotionModel::Rollout, 0.8, 6000);
+        still.shared.density.strategy = Strategy::None;
+        still.validate().expect("a count that never changes");
+        // 0.2 of 6000 steps are 1200, and 0.21 of them 1260.
+        let found = with(MotionModel::Trace, 0.21, 6000).validate().expect_err("pruned while objects begin to move");
+        assert!(found.to_string().contains("outside the first 100 steps of motion"), "{found}");
+    }
+
+    /// In runs of any length, nothing is refined, lowered or pruned in the first steps of motion.
+    #[test]
+    fn no_density_control_falls_on_the_start_of_motion() {
+        for steps in (1..700).chain([2000, 6000, 20_000, 40_000]) {
+            for (model, stop) in
+                [(MotionModel::Rollout, 0.19), (MotionModel::Rollout, 0.2), (MotionModel::Trace, 0.375)]
+            {
+                let config = with(model, stop, steps);
+                let warmup = warmup_steps(&config);
+                let density = &config.density;
+                if config.validate().is_err() {
+                    assert!(model == MotionModel::Trace, "{stop} of {steps} steps");
+                    continue;
+                }
+                let acts = |step: usize| {
+                    let refines = density.active(step, steps) && !keeps_count(step, &config);
+                    refines || density.rests_at(step, steps)
+                };
+                let acting = (warmup + 1..warmup + RESTING_STEPS).find(|step| *step < steps && acts(*step));
+                assert_eq!(acting, None, "{model:?} with {stop} of {steps} steps, {warmup} of them before motion");
+                assert!(
+                    model == MotionModel::Trace || (warmup + 1..steps).all(|step| !acts(step)),
+                    "{stop} of {steps}"
+                );
+            }
+        }
+    }
 }

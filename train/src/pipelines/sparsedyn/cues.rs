@@ -1,14 +1,18 @@
 //! What is inferred once from the data set: its frames, the depth priors in scene units, the pixels that change.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use gs_datasets::{DepthSpace, Scene, View};
 use gs_models::sparsedyn::Curriculum;
+use gs_models::sparsedyn::rollout::STEPS_MAX;
 use gs_multiview::foreground_masks;
 
 use super::Config;
 use super::clock::Clock;
+use super::config::{MotionModel, RESTING_STEPS};
 use super::evidence::{CameraEvidence, changing_pixels};
+use crate::config::Strategy;
 
 /// Times closer than this share of the recording are one frame: cameras that are triggered together differ by rounding.
 const ONE_FRAME: f64 = 1e-4;
@@ -51,9 +55,7 @@ impl Cues {
         let (written, by_frame) = frames(&scene.train);
         let clock = Clock::of(&written);
         let times: Vec<f64> = written.into_iter().map(|time| clock.inner(time)).collect();
-        let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        gaps.sort_by(f64::total_cmp);
-        let interval = gaps.get(gaps.len() / 2).copied().unwrap_or(1.0);
+        let interval = interval(&times);
         let first = by_frame.first().map(Vec::as_slice).unwrap_or_default();
         let depths = first.iter().filter_map(|index| Some((*index, prior_of(&scene.train[*index])?))).collect();
         let evidence = match config.method.moving.select {
@@ -78,6 +80,33 @@ impl Cues {
     }
 }
 
+/// The median time between frames at `times`, ascending; 1 for a single frame.
+fn interval(times: &[f64]) -> f64 {
+    let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    gaps.sort_by(f64::total_cmp);
+    gaps.get(gaps.len() / 2).copied().unwrap_or(1.0)
+}
+
+/// Checks that a rollout from the first frame reaches the time of every photo, of training and held-out views, in fewer than
+/// [`STEPS_MAX`] steps.
+///
+/// # Errors
+/// A sentence about `dataset`, with the length of a step that is enough.
+pub fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), String> {
+    let (times, _) = frames(&scene.train);
+    let (first, interval) = (times.first().copied().unwrap_or(0.0), interval(&times));
+    let held_out = scene.held_out.iter().flat_map(|split| &split.views);
+    let away = scene.train.iter().chain(held_out).filter_map(|view| view.time).map(|time| (time - first).abs());
+    let (step, needed) = (config.method.dynamics.step_frames, away.fold(0.0, f64::max) / interval / (STEPS_MAX - 1.0));
+    match step >= needed {
+        true => Ok(()),
+        false => Err(format!(
+            "dynamics.step_frames: expected at least {needed} for the photos of {}, which {STEPS_MAX} steps must reach, found {step}",
+            dataset.display()
+        )),
+    }
+}
+
 /// The schedule for a recording of `frames` frames.
 pub fn schedule(frames: usize, config: &Config) -> Curriculum {
     let options = &config.method.curriculum;
@@ -99,9 +128,27 @@ pub fn schedule(frames: usize, config: &Config) -> Curriculum {
     }
 }
 
-/// Steps in which the first frame alone is fitted.
+/// Steps in which the first frame alone is fitted: the share of the run, and where `density.stop` is not above it no fewer than until the count is
+/// fixed, which rounding may put one step later.
 pub fn warmup_steps(config: &Config) -> usize {
-    (config.method.warmup.share * config.steps as f64).round() as usize
+    let (density, share) = (&config.density, config.method.warmup.share);
+    let own = (share * config.steps as f64).round() as usize;
+    if density.strategy == Strategy::None || density.stop > share {
+        return own;
+    }
+    let fixed = (density.stop * config.steps as f64).ceil() as usize;
+    own.max(fixed.min(own + 1)).min(config.steps)
+}
+
+/// Whether density control rests at `step`, because motion has just begun. Under the baselines the last step before it belongs to that time:
+/// TRACE leaves out the reset of opacities there.
+pub fn keeps_count(step: usize, config: &Config) -> bool {
+    let warmup = warmup_steps(config);
+    let first = match config.method.dynamics.model {
+        MotionModel::Rollout | MotionModel::Hybrid => warmup + 1,
+        MotionModel::Trace | MotionModel::Freegave => warmup,
+    };
+    (first..warmup + RESTING_STEPS).contains(&step)
 }
 
 /// The time of each frame as the data set writes it, ascending, and the views of each by index.

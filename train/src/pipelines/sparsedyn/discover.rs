@@ -7,7 +7,7 @@ use gs_burn::adam::Adam;
 use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
-use gs_models::sparsedyn::bodies::fit::Poses;
+use gs_models::sparsedyn::bodies::fit::{MARKERS, Poses};
 use gs_models::sparsedyn::bodies::parts::{divided, joined};
 use gs_models::sparsedyn::bodies::rigid::rigid_motion;
 use gs_models::sparsedyn::bodies::{
@@ -88,50 +88,23 @@ fn with_bodies(
 ) -> Sparsedyn {
     let config = &at.config.method.bodies;
     let free: Vec<usize> = (0..model.frame.rows.len()).filter(|i| model.frame.labels[*i] < 0).collect();
-    if free.len() < FEWEST || at.cues.times.len() < 2 {
-        return model;
+    let examined =
+        (free.len() >= FEWEST && at.cues.times.len() > 1).then(|| examined(&model, gaussians, views, &free, at));
+    let Examined { bodies, resting } = examined.unwrap_or_default();
+    let known = model.frame.bodies.len();
+    let (mut frames, mut values) = (Vec::new(), Vec::new());
+    for body in bodies {
+        body.members.iter().for_each(|i| model.frame.labels[*i] = (known + frames.len()) as i32);
+        frames.push(BodyFrame { centre: body.centre.to_array(), law: Law::GENERAL });
+        values.push(body.values);
     }
-    let first = model.first_positions(gaussians);
-    let seen = seen_times(at);
-    let of_free = |all: Vec<Vec<DVec3>>| -> Vec<Vec<DVec3>> {
-        all.into_iter().map(|time| free.iter().map(|i| time[*i]).collect()).collect()
-    };
-    let all = of_free(paths(&model, &first, seen));
-    let sampled: Vec<Vec<DVec3>> = evenly(&all, PATH_TIMES);
-    let weights = weights_of(&model, gaussians, &free);
-    let pixel = pixel_size(views, middle(&all[0], &weights));
-    let options = SegmentOptions {
-        tolerance: config.tolerance_pixels * pixel,
-        relative: config.tolerance_share,
-        most: config.most,
-        fewest: FEWEST,
-        share: config.share,
-    };
-    let found = segment(&sampled, &weights, &options);
-    let still = at.config.method.moving.still_pixels.max(config.tolerance_pixels) * pixel;
-    let (mut frames, mut values, mut stays) = (Vec::new(), Vec::new(), vec![true; model.frame.rows.len()]);
-    let known = model.frame.bodies.len() as i32;
-    for body in 0..found.iter().flatten().max().map_or(0, |most| *most + 1) {
-        let members: Vec<usize> = (0..free.len()).filter(|i| found[*i] == Some(body)).collect();
-        if members.len() < 3 {
-            continue;
+    if last {
+        if config.mode == BodyUse::Bodies {
+            let first = model.first_places(gaussians);
+            to_nearest(&mut model.frame.labels, &first);
         }
-        let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
-        if rests(&poses, still) {
-            members.iter().filter(|_| last).for_each(|i| stays[free[*i]] = false);
-            continue;
-        }
-        // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
-        let Some(fitted) = select_law(&poses, &Law::SMOOTH) else { continue };
-        members.iter().for_each(|i| model.frame.labels[free[*i]] = known + frames.len() as i32);
-        frames.push(BodyFrame { centre: poses.first.to_array(), law: Law::GENERAL });
-        values.push(fitted.values);
+        model.make_static(&resting);
     }
-    if last && config.mode == BodyUse::Bodies {
-        let first = model.first_places(gaussians);
-        to_nearest(&mut model.frame.labels, &first);
-    }
-    model.keep_rows(&stays);
     if !frames.is_empty() {
         let knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 3;
         model.add_bodies(frames, &values, knots, gaussians);
@@ -145,6 +118,61 @@ fn with_bodies(
         "rigid bodies were looked for"
     );
     model
+}
+
+/// The outcome of an examination; Gaussians as indices among the moving ones.
+#[derive(Default)]
+struct Examined {
+    bodies: Vec<Found>,
+    /// Gaussians of bodies that rest.
+    resting: Vec<usize>,
+}
+
+/// A body with its first motion.
+struct Found {
+    members: Vec<usize>,
+    centre: DVec3,
+    values: LawValues,
+}
+
+/// Bodies among the Gaussians `free`.
+fn examined(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], free: &[usize], at: &Step) -> Examined {
+    let config = &at.config.method.bodies;
+    let first = model.first_positions(gaussians);
+    let seen = seen_times(at);
+    let of_free = |all: Vec<Vec<DVec3>>| -> Vec<Vec<DVec3>> {
+        all.into_iter().map(|time| free.iter().map(|i| time[*i]).collect()).collect()
+    };
+    let all = of_free(paths(model, &first, seen));
+    let sampled: Vec<Vec<DVec3>> = evenly(&all, PATH_TIMES);
+    let weights = weights_of(model, gaussians, free);
+    let pixel = pixel_size(views, middle(&all[0], &weights));
+    let options = SegmentOptions {
+        tolerance: config.tolerance_pixels * pixel,
+        relative: config.tolerance_share,
+        most: config.most,
+        fewest: FEWEST,
+        share: config.share,
+    };
+    let labels = segment(&sampled, &weights, &options);
+    let still = at.config.method.moving.still_pixels * pixel;
+    let mut found = Examined::default();
+    for body in 0..labels.iter().flatten().max().map_or(0, |most| *most + 1) {
+        let members: Vec<usize> = (0..free.len()).filter(|i| labels[*i] == Some(body)).collect();
+        if members.len() < 3 {
+            continue;
+        }
+        let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
+        let members: Vec<usize> = members.into_iter().map(|i| free[i]).collect();
+        if rests(&poses, still) {
+            found.resting.extend(members);
+            continue;
+        }
+        // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
+        let Some(fitted) = select_law(&poses, &Law::SMOOTH) else { continue };
+        found.bodies.push(Found { members, centre: poses.first, values: fitted.values });
+    }
+    found
 }
 
 /// Divides bodies: until laws are chosen, each part follows its own photos.
@@ -212,10 +240,11 @@ fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views
 }
 
 impl Sparsedyn {
-    /// Keeps the moving rows at which `stays` is true; the others become static.
-    fn keep_rows(&mut self, stays: &[bool]) {
-        let kept = |index: &usize| stays[*index];
-        let indices: Vec<usize> = (0..self.frame.rows.len()).filter(kept).collect();
+    /// Makes moving Gaussians static, by their indices among the moving ones.
+    fn make_static(&mut self, resting: &[usize]) {
+        let mut stays = vec![true; self.frame.rows.len()];
+        resting.iter().for_each(|index| stays[*index] = false);
+        let indices: Vec<usize> = (0..stays.len()).filter(|index| stays[*index]).collect();
         self.frame.labels = indices.iter().map(|index| self.frame.labels[*index]).collect();
         self.frame.rows = indices.iter().map(|index| self.frame.rows[*index]).collect();
     }
@@ -230,7 +259,7 @@ impl Sparsedyn {
     }
 
     /// Where the moving Gaussians are in the first frame.
-    fn first_places(&self, gaussians: &Gaussians) -> Vec<DVec3> {
+    pub fn first_places(&self, gaussians: &Gaussians) -> Vec<DVec3> {
         vectors(to_host(self.first_positions(gaussians)))
     }
 
@@ -283,7 +312,7 @@ fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f
 
 /// Whether no marker of a body moves by more than `still`, scene units.
 fn rests(poses: &Poses, still: f64) -> bool {
-    let markers = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|axis| poses.first + poses.size * axis);
+    let markers = MARKERS.map(|axis| poses.first + poses.size * axis);
     let moved =
         |pose: &BodyPose| markers.map(|at| pose.apply(at, poses.first).distance(at)).into_iter().fold(0.0, f64::max);
     poses.poses.iter().all(|(_, pose)| moved(pose) <= still)
@@ -319,5 +348,21 @@ fn to_nearest(labels: &mut [i32], first: &[DVec3]) {
     for (label, at) in labels.iter_mut().zip(first).filter(|(label, _)| **label < 0) {
         let nearest = known.iter().min_by(|a, b| a.0.distance_squared(*at).total_cmp(&b.0.distance_squared(*at)));
         *label = nearest.map_or(-1, |(_, body)| *body);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaussians_of_no_body_go_with_the_nearest_one() {
+        let first: Vec<DVec3> = (0..5).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
+        let mut labels = [0, -1, -1, -1, 1];
+        to_nearest(&mut labels, &first);
+        assert_eq!(labels, [0, 0, 0, 1, 1], "the one in the middle goes with the first of two");
+        let mut alone = [-1, -1];
+        to_nearest(&mut alone, &first[..2]);
+        assert_eq!(alone, [-1, -1], "without a body the field moves all");
     }
 }

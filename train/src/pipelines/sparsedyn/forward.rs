@@ -87,7 +87,9 @@ impl Sparsedyn {
         let placed = |moved: Vec<Moved>| moved.iter().map(|moved| self.placed(gaussians, moved)).collect();
         let first = self.first_positions(gaussians);
         match (&self.field, self.model) {
-            // Asked once, the network's activations and those of the steps are small; otherwise they are computed again.
+            // A field that alone moves everything and is asked more than once: its activations over the horizon are computed again in the
+            // backward pass. Elsewhere they are stored: asked once, they are small; beside bodies or a deformation, the field is differentiated
+            // in the graph of the loss.
             (Some(field), MotionModel::Rollout) if self.options.ask != Ask::Start && self.bodies.is_none() => {
                 let rollout = Rollout { field, options: self.options };
                 let recorded = rollout.record(&State::at_rest(first.inner()), times);

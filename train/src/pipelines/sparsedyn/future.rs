@@ -1,12 +1,10 @@
 //! The future of a run: its parts, an ensemble of perturbed dynamics, and other steps of integration.
 
-use burn::tensor::Tensor;
 use glam::DVec3;
 use gs_burn::Gaussians;
 use gs_datasets::View;
 use gs_models::DynamicScene;
 use gs_models::sparsedyn::bodies::{Bodies, LawValues, Term};
-use gs_models::sparsedyn::rollout::STEPS_MAX;
 use gs_models::sparsedyn::uncertainty::{LawUncertainty, Observed, field_draw, field_numbers};
 use gs_models::sparsedyn::{DynamicsField, RolloutOptions, State};
 
@@ -57,7 +55,7 @@ impl RolledFuture {
     /// The future of `gaussians`, whose dynamics were learned from `views`.
     pub fn new(method: &Sparsedyn, gaussians: &Gaussians, views: &[View], config: &Config) -> Self {
         let bodies = &config.method.bodies;
-        let middle = middle(&hosted(&method.first_positions(gaussians)));
+        let middle = middle(&method.first_places(gaussians));
         Self {
             scene: RolledScene { gaussians: gaussians.clone(), method: method.clone() },
             seen: frames(views).0.into_iter().map(|time| method.frame.clock.inner(time)).collect(),
@@ -81,7 +79,7 @@ impl RolledFuture {
 
     /// The uncertainty of each body's law.
     fn laws(&self, bodies: &Bodies) -> Vec<LawUncertainty> {
-        let first = hosted(&self.method().first_positions(&self.scene.gaussians));
+        let first = self.method().first_places(&self.scene.gaussians);
         let values = bodies.values();
         let of = |(body, frame): (usize, &gs_models::sparsedyn::bodies::BodyFrame)| {
             let centre = DVec3::from_array(frame.centre);
@@ -156,8 +154,7 @@ impl Foresight for RolledFuture {
     }
 
     fn last(&self) -> f64 {
-        // One step less than a rollout refuses.
-        self.method().frame.clock.outer(self.method().frame.start + (STEPS_MAX - 1.0) * self.method().options.step)
+        self.method().frame.clock.outer(self.method().options.reach()[1])
     }
 
     fn parts(&self) -> Vec<Part> {
@@ -256,10 +253,6 @@ fn named(term: Term) -> String {
         Term::Pivot => "pivot_from_centre",
     }
     .into()
-}
-
-fn hosted(positions: &Tensor<2>) -> Vec<DVec3> {
-    to_host(positions.clone()).chunks_exact(3).map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect()
 }
 
 fn middle(positions: &[DVec3]) -> DVec3 {

@@ -13,7 +13,7 @@ use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
-use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, discover, figures, timetable};
+use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, cues, discover, figures, timetable};
 use crate::config::FitConfig;
 use crate::fit::facts::Unseen;
 use crate::fit::figure::Figures;
@@ -63,6 +63,10 @@ impl Method for Sparsedyn {
         }
     }
 
+    fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), String> {
+        cues::reaches(dataset, scene, config)
+    }
+
     fn cues(scene: &Scene, config: &Config) -> Cues {
         Cues::of(scene, config)
     }
@@ -85,6 +89,10 @@ impl Method for Sparsedyn {
 
     fn update(self, _: &Gaussians, gradients: &mut NamedGradients, adam: &mut Adam, at: &Step) -> Self {
         self.updated(gradients, adam, at)
+    }
+
+    fn keeps_count(step: usize, config: &Config) -> bool {
+        cues::keeps_count(step, config)
     }
 
     fn follow(self, rows: &RowMap, _adam: &mut Adam) -> Self {

@@ -6,6 +6,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor};
 use gs_burn::RowMap;
 use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, LawValues};
+use gs_models::sparsedyn::rollout::STEPS_MAX;
 use gs_models::sparsedyn::{
     CodedField, CodedFieldConfig, Deformation, DeformationConfig, DynamicsField, DynamicsFieldConfig, RolloutOptions,
 };
@@ -80,11 +81,13 @@ impl Frame {
         let numbers = self.centre.iter().chain(&self.span).chain([&self.start, &self.step, &self.length]);
         let usable = numbers.clone().all(|x| x.is_finite()) && self.step > 0.0 && self.length > 0.0;
         let usable = usable && self.clock.is_usable();
+        // Every time that was seen is within a rollout, so that a page of the scene can be made.
+        let seen = self.span.iter().all(|time| (time - self.start).abs() <= (STEPS_MAX - 1.0) * self.step);
         let ascending = self.rows.windows(2).all(|pair| pair[0] < pair[1]);
         let labelled = self.labels.len() == self.rows.len()
             && self.labels.iter().all(|label| (-1..self.bodies.len() as i32).contains(label));
         let known = self.knots <= KNOTS_MAX && self.bodies.iter().all(|body| body.law.is_known());
-        match usable && ascending && labelled && known {
+        match usable && seen && ascending && labelled && known {
             true => Ok(()),
             false => Err("the constants of the dynamics are not usable".into()),
         }
@@ -102,7 +105,7 @@ impl Sparsedyn {
             .with_width(dynamics.width)
             .with_layers(dynamics.layers)
             .with_seed(seed);
-        let coded = CodedFieldConfig::new(centre, length).with_seed(seed);
+        let coded = CodedFieldConfig::new(centre, length).with_motions(dynamics.bases).with_seed(seed);
         let is_coded = dynamics.model == MotionModel::Freegave;
         let codes = if is_coded { coded.motions } else { 0 };
         let deformation = DeformationConfig::new(centre, length).with_codes(codes).with_seed(seed ^ 3);

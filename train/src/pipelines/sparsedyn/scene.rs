@@ -82,4 +82,9 @@ impl DynamicScene for RolledScene {
     fn span(&self) -> Option<[f64; 2]> {
         Some(self.method.frame.span.map(|time| self.method.frame.clock.outer(time)))
     }
+
+    fn reach(&self) -> Option<[f64; 2]> {
+        let of_rollout = self.method.options.reach().map(|time| self.method.frame.clock.outer(time));
+        (!self.method.frame.rows.is_empty()).then_some(of_rollout)
+    }
 }
