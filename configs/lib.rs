@@ -25,7 +25,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 50] = [
+pub const RECIPES: [Recipe; 51] = [
     recipe!("flux4d/ablations/base-network"),
     recipe!("flux4d/ablations/constant-velocity"),
     recipe!("flux4d/ablations/no-alignment"),
@@ -53,6 +53,7 @@ pub const RECIPES: [Recipe; 50] = [
     recipe!("sparsedyn/field"),
     recipe!("sparsedyn/hybrid"),
     recipe!("sparsedyn/paper"),
+    recipe!("sparsedyn/room"),
     recipe!("static/base"),
     recipe!("static/blender"),
     recipe!("static/demo"),

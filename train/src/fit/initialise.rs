@@ -176,6 +176,17 @@ impl Default for Random {
     }
 }
 
+impl Random {
+    /// For static cameras around a scene. A nearer point, seen in the corner of a single photo, can become a floater in front of the other
+    /// cameras; pixels without texture mostly show a wall or a sky behind the subject.
+    pub const STATIC_CAMERAS: Self = Self { nearest: 0.5, plain_nearest: 2.0 };
+}
+
+/// Near plane of scenes with static cameras and without points, in distances of the subject. Smaller: floaters close to one camera explain
+/// its photos alone. Larger: a near wall is culled. Twelve cameras all around, 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2,
+/// 25.5 at 0.3, 25.9 at 0.6.
+pub const NEAR_STATIC_CAMERAS: f64 = 0.3;
+
 /// `count` points in front of the cameras: positions on which photos agree, filled up with random ones.
 pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Random, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);

@@ -10,7 +10,7 @@ use super::cues::Cues;
 use super::evidence::{may_move, swept};
 use super::model::{Frame, Sparsedyn};
 use super::{Config, Step};
-use crate::fit::initialise::{InitialGaussians, gaussians_at, initial_gaussians};
+use crate::fit::initialise::{InitialGaussians, Random, gaussians_at, initial_gaussians, points_in_front};
 
 /// Least weight of a prior's pixel that becomes a point.
 const LEAST_WEIGHT: f32 = 0.25;
@@ -19,7 +19,14 @@ const LEAST_WEIGHT: f32 = 0.25;
 pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sparsedyn) {
     let (cues, config) = (at.cues, at.config);
     let first = first_frame(scene, cues);
-    let points = first_points(scene, &first, cues, config.density.cap);
+    let mut points = first_points(scene, &first, cues, config.density.cap);
+    if points.is_empty() && first.points.is_none() {
+        let count = config.init.random_points.min(config.density.cap);
+        tracing::info!(
+            "neither points, priors nor a plain background: the recipe sparsedyn/room is made for such scenes"
+        );
+        points = points_in_front(&first.train, count, at.facts.extent, &Random::STATIC_CAMERAS, config.seed);
+    }
     let initial = match points.is_empty() {
         false => gaussians_at(&points, at.facts.extent, &config.init, config.density.cap, config.seed),
         true => initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed),
@@ -87,6 +94,15 @@ fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointC
         "no points in the data set: carved the outlines' hull"
     );
     hull.points
+}
+
+/// Whether neither points nor priors nor outlines before a plain background tell where the first frame's Gaussians begin.
+pub fn is_photos_alone(scene: &Scene) -> bool {
+    let first = scene.train.iter().filter_map(|view| view.time).min_by(f64::total_cmp);
+    let first: Vec<View> = scene.train.iter().filter(|view| view.time == first).cloned().collect();
+    let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
+    let has_depth = first.iter().any(|view| view.priors.depth.is_some());
+    !has_points && !has_depth && foreground_masks(&first).is_none()
 }
 
 /// The pixels of all priors of the first frame in space, with the photos' colours: the dense and redundant union of the views.

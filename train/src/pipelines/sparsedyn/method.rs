@@ -18,7 +18,7 @@ use crate::config::FitConfig;
 use crate::fit::facts::Unseen;
 use crate::fit::figure::Figures;
 use crate::fit::foresight::Foresight;
-use crate::fit::initialise::InitialGaussians;
+use crate::fit::initialise::{InitialGaussians, NEAR_STATIC_CAMERAS};
 use crate::fit::method::{CAP, ChartKey, Forward, Method};
 use crate::fit::photos::Photo;
 use crate::fit::sampler::ViewOrder;
@@ -65,6 +65,10 @@ impl Method for Sparsedyn {
 
     fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), String> {
         cues::reaches(dataset, scene, config)
+    }
+
+    fn near_share(scene: &Scene, _config: &Config) -> Option<f64> {
+        begin::is_photos_alone(scene).then_some(NEAR_STATIC_CAMERAS)
     }
 
     fn cues(scene: &Scene, config: &Config) -> Cues {

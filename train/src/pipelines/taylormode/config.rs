@@ -7,6 +7,7 @@ use gs_multiview::CueOptions;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{self, ConfigError, FitConfig, Section, check, full_width, not_negative, positive, tables};
+use crate::fit::initialise::{NEAR_STATIC_CAMERAS, Random};
 
 /// The sections that the pipeline adds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -336,9 +337,8 @@ impl PriorConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CuesConfig {
-    /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from the subject.
-    /// Smaller: floaters close to one camera explain its photos alone. Larger: a near wall is culled. Twelve cameras all around,
-    /// 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at 0.6.
+    /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from the subject; see
+    /// [`NEAR_STATIC_CAMERAS`].
     pub near_share: f64,
     /// Smallest depth of random points at pixels without texture, in distances of the subject. Photos do not constrain the depth of
     /// a sky. Smaller: points that begin between the cameras stay there as floaters. Larger: a plain wall is missed. Random points end
@@ -368,8 +368,8 @@ impl Default for CuesConfig {
     fn default() -> Self {
         let CueOptions { masks, objects, .. } = CueOptions::default();
         Self {
-            near_share: 0.3,
-            plain_nearest: 2.0,
+            near_share: NEAR_STATIC_CAMERAS,
+            plain_nearest: Random::STATIC_CAMERAS.plain_nearest,
             body_size: objects.body_size,
             followed: objects.followed,
             unseen: 0.5 / gs_multiview::REFERENCE_WIDTH,

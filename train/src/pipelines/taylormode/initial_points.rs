@@ -72,10 +72,6 @@ fn moves_at(scene: &Scene, cues: &Cues, t0: f64, point: [f32; 3]) -> bool {
     seen > 0 && inside as f64 >= MOVING_VIEWS * f64::from(seen)
 }
 
-/// Smallest depth of random points, in distances of the subject: nearer ones, seen in the corner of a single photo, can become
-/// floaters in front of the other cameras.
-const NEAREST: f64 = 0.5;
-
 /// Views that must see motion behind a point before it is dropped: one mask may be wrong.
 const HIDES: usize = 2;
 
@@ -83,7 +79,7 @@ const HIDES: usize = 2;
 /// front of moving pixels.
 fn invented_points(scene: &Scene, cues: &Cues, config: &Config, extent: f64, room: usize) -> PointCloud {
     let count = config.init.random_points.min(room);
-    let random = Random { nearest: NEAREST, plain_nearest: config.method.cues.plain_nearest };
+    let random = Random { plain_nearest: config.method.cues.plain_nearest, ..Random::STATIC_CAMERAS };
     let PointCloud { positions, colors } =
         points_in_front(&backgrounds(scene, config), count, extent, &random, config.seed);
     let masked_views = masked_views(scene, cues);
