@@ -337,8 +337,9 @@ impl PriorConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CuesConfig {
-    /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from the subject; see
-    /// [`NEAR_STATIC_CAMERAS`].
+    /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from the subject.
+    /// Smaller: floaters close to one camera explain its photos alone. Larger: a near wall is culled. Twelve cameras all around,
+    /// 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at 0.6.
     pub near_share: f64,
     /// Smallest depth of random points at pixels without texture, in distances of the subject. Photos do not constrain the depth of
     /// a sky. Smaller: points that begin between the cameras stay there as floaters. Larger: a plain wall is missed. Random points end
