@@ -268,7 +268,7 @@ pub struct BenchArgs {
     #[arg(long)]
     pub launches: bool,
 
-    /// Time a step of sparsedyn by stage over the length of the rollout and the number of moving Gaussians instead
+    /// Time the step of a rollout through time by stage over the length of the rollout and the number of moving Gaussians instead
     #[arg(long, conflicts_with = "launches")]
     pub rollout: bool,
 

@@ -114,7 +114,10 @@ pub fn import(reconstruction: &Path, dataset: &Path, options: &ImportOptions) ->
     let mut findings = Findings::default();
     let known = describe(dataset, options, &mut findings)?;
     let target = Target::check(options.out.as_deref(), dataset, &known.layout, &known.frames)?;
-    let prediction = prediction::read(reconstruction, &mut findings)?;
+    let prediction = match given::find(reconstruction) {
+        Some(texts) => given::read(&texts, &mut findings)?,
+        None => prediction::read(reconstruction, &mut findings)?,
+    };
     let names = names(&prediction, options)?;
     let assigned = naming::assign(names.as_deref(), prediction.views.len(), &known.frames, dataset)?;
     let mut views = mapped(&prediction, &assigned, &known.frames, options, reconstruction)?;

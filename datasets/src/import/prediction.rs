@@ -6,7 +6,6 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::arrays::Arrays;
-use super::given;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::priors::depth::SKY;
@@ -50,9 +49,6 @@ const UNSAID: f32 = 2.0;
 /// # Errors
 /// When cameras or depth are missing, or when shapes contradict each other.
 pub(super) fn read(path: &Path, findings: &mut Findings) -> Result<Prediction, DatasetError> {
-    if let Some(texts) = given::find(path) {
-        return given::read(&texts, findings);
-    }
     let mut arrays = Arrays::open(path, findings)?;
     let cameras = cameras(&mut arrays)?;
     let (size, depth) = depth(&mut arrays, &cameras)?;

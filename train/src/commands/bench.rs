@@ -1,7 +1,6 @@
 //! `gsburn bench`: every operation and one whole step, on a synthetic scene.
 
 mod launches;
-mod rollout;
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -16,12 +15,12 @@ use gs_kernels::constants::TILE;
 use rand::Rng;
 
 use crate::cli::BenchArgs;
-use crate::commands::{device, print};
+use crate::commands::{describe, device, print};
 use crate::config::LossConfig;
 use crate::fit::losses::{photometric, regularised};
 use crate::fit::parameters::{from_host, gaussians as gaussians_of};
 use crate::fit::random::{Purpose, stream};
-use crate::pipelines::bench::BENCH_STEPS;
+use crate::pipelines::bench::{BENCH_STEPS, rollout_table};
 
 /// Pixels in a tile, and so the cost of one intersection to the rasterizer.
 const PIXELS_PER_TILE: f64 = (TILE * TILE) as f64;
@@ -47,14 +46,21 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     if args.launches {
         return launches::run(args);
     }
-    if args.rollout {
-        return rollout::run(args);
-    }
     let device = device(&args.device)?;
     let (width, height) = (args.width as usize, args.height as usize);
     let degree = usize::from(args.sh_degree);
     let gaussians = scene(args, &device);
     let camera = camera(args, &device);
+    if args.rollout {
+        print(format!(
+            "{} Gaussians, {width}x{height}, {}, {} threads",
+            args.gaussians,
+            describe(&device),
+            rayon::current_num_threads()
+        ));
+        rollout_table(&gaussians, &camera, args.repeat, print);
+        return Ok(ExitCode::SUCCESS);
+    }
     let k = camera.intrinsics;
     let options = RenderOptions::default();
     let rendering = render(&gaussians, &camera, &options);
@@ -63,7 +69,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     print(format!(
         "{} Gaussians, SH degree {degree}, {width}x{height}, {intersections} tile intersections, {}, {} threads",
         args.gaussians,
-        crate::commands::describe(&device),
+        describe(&device),
         rayon::current_num_threads()
     ));
     print(format!("{:28} {:>10} {:>20}", "", "ms", "G tile pairs/s"));

@@ -2,6 +2,7 @@
 
 use gs_burn::{Camera, Gaussians};
 
+pub use super::sparsedyn::bench::rollout_table;
 use super::still::Still;
 use super::taylormode::bench as taylormode;
 use crate::config::Strategy;

@@ -15,6 +15,7 @@
 //! | experiments at the limits of the method | [`stability`] |
 
 pub mod begin;
+pub mod bench;
 pub mod clock;
 pub mod config;
 pub mod cues;

@@ -1,24 +1,20 @@
-//! `gsburn bench --rollout`: a step of `sparsedyn` by stage. The cost of the rollout is linear in its length and in the Gaussians that move; that of
+//! A step of this pipeline by stage, for `gsburn bench --rollout`. The cost of the rollout is linear in its length and in the Gaussians that move; that of
 //! the image depends on neither.
 
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::{Camera, Gaussians, RenderOptions, render};
 use gs_models::sparsedyn::{Ask, Rollout, State};
 
-use crate::cli::BenchArgs;
-use crate::commands::{device, print};
+use super::Sparsedyn;
+use super::clock::Clock;
+use super::config::DynamicsConfig;
+use super::model::Frame;
+use super::motion::Moved;
 use crate::config::LossConfig;
 use crate::fit::losses::photometric;
-use crate::pipelines::sparsedyn::Sparsedyn;
-use crate::pipelines::sparsedyn::clock::Clock;
-use crate::pipelines::sparsedyn::config::DynamicsConfig;
-use crate::pipelines::sparsedyn::model::Frame;
-use crate::pipelines::sparsedyn::motion::Moved;
 
 /// Steps of the rollouts. The paper's longest has 30.
 const HORIZONS: [usize; 4] = [5, 15, 30, 60];
@@ -29,40 +25,26 @@ const MOVING: [usize; 3] = [1000, 2000, 4000];
 /// The stages of a step.
 const STAGES: [&str; 5] = ["rollout", "render", "loss", "backward", "rollout, backward"];
 
-/// Times the stages and prints a table: medians, milliseconds; last the rollout both ways for each of its steps and 1000 Gaussians.
-///
-/// # Errors
-/// When the device is not there.
-pub fn run(args: &BenchArgs) -> Result<ExitCode> {
-    let device = device(&args.device)?;
-    let (gaussians, camera) = (super::scene(args, &device), super::camera(args, &device));
-    let target = render(&gaussians, &camera, &RenderOptions::default()).color * 0.5 + 0.25;
+/// Times the stages on some of `gaussians` and gives `print` the lines of a table: medians of `repeat` times, milliseconds; last the rollout both
+/// ways for each of its steps and 1000 Gaussians.
+pub fn rollout_table(gaussians: &Gaussians, camera: &Camera, repeat: u32, print: impl Fn(String)) {
+    let target = render(gaussians, camera, &RenderOptions::default()).color * 0.5 + 0.25;
     let dynamics = DynamicsConfig { ask: Ask::Step, ..DynamicsConfig::default() };
-    print(format!(
-        "{} Gaussians, {}x{}, field of {} layers of {} asked at every step, {}, {} threads; ms",
-        args.gaussians,
-        args.width,
-        args.height,
-        dynamics.layers,
-        dynamics.width,
-        crate::commands::describe(&device),
-        rayon::current_num_threads()
-    ));
+    print(format!("field of {} layers of {} asked at every step; ms", dynamics.layers, dynamics.width));
     let heads: String = STAGES.iter().map(|stage| format!(" {stage:>18}")).collect();
     print(format!("{:>7} {:>6}{heads} {:>18}", "moving", "steps", "a step of 1000"));
     for moving in MOVING.into_iter().filter(|moving| *moving <= gaussians.len()) {
-        let model = model(&gaussians, moving, &dynamics);
+        let model = model(gaussians, moving, &dynamics);
         for steps in HORIZONS {
-            let timed = || step(&model, &gaussians, (&camera, &target), steps as f64);
+            let timed = || step(&model, gaussians, (camera, &target), steps as f64);
             timed();
-            let times: Vec<[Duration; 5]> = (0..args.repeat).map(|_| timed()).collect();
+            let times: Vec<[Duration; 5]> = (0..repeat).map(|_| timed()).collect();
             let medians = median(&times).map(|time| time.as_secs_f64() * 1e3);
             let columns: String = medians.iter().map(|time| format!(" {time:>18.2}")).collect();
             let each = (medians[0] + medians[4]) * 1e3 / (steps * moving) as f64;
             print(format!("{moving:>7} {steps:>6}{columns} {each:>18.1}"));
         }
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// A field that moves `moving` Gaussians, spread evenly over all; its steps have the length 1.
