@@ -38,10 +38,11 @@ mod recorded {
     const OF_256_UNITS: [&str; 6] = ["rows_of::", "sh_forward", "sh_backward", "adam::", "opacity::", "products::"];
 
     /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
-    const SMALL_WORK: [(&str, &str); 12] = [
+    const SMALL_WORK: [(&str, &str); 13] = [
         ("sum::", "8 values a unit, or the second level: 1,024 parts"),
         ("scan::", "8 values a unit"),
         ("products::group_sum_kernel", "at most 1,024 values a unit"),
+        ("products::group_product_kernel", "at most 256 rows a unit"),
         ("products::group_dot_kernel", "at most 256 values a unit"),
         ("adam::", "a number a unit; networks and the exposure have few"),
         ("gather::background_sum_kernel", "a value a tile and channel"),
