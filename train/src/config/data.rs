@@ -124,7 +124,7 @@ pub struct DataConfig {
     /// Meaning of depth files; "auto" uses the meaning that the data set states.
     pub depth_kind: DepthChoice,
     /// Share of the run in which photos are compared at a reduced width, 0 to 1: a half, or a quarter and then a half where a quarter still
-    /// has 200 pixels; photos of fewer than 400 pixels width stay as they are. 0: never.
+    /// has 200 pixels, for at most 210 steps; photos of fewer than 400 pixels width stay as they are. 0: never.
     pub coarse_share: f64,
     /// Photos are kept as floats up to this many MB in all; the others are converted from 8 bits in each step.
     pub cache_mb: usize,

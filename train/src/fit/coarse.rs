@@ -8,8 +8,17 @@ use gs_datasets::View;
 /// Smallest reduced width, pixels: below it texture that tells Gaussians apart is gone.
 const WIDTH_MIN: usize = 200;
 
+/// Most steps with reduced photos. On lund-door at 480 pixels the held-out photo gains 0.4 dB from step 200 to 300 with them, and 2.0 dB at the
+/// full width.
+const STEPS_MOST: usize = 210;
+
 /// Most halvings of the width: a quarter.
 const HALVINGS: usize = 2;
+
+/// Steps with reduced photos in a run of `steps`.
+fn steps_of(share: f64, steps: usize) -> usize {
+    ((share * steps as f64) as usize).min(STEPS_MOST)
+}
 
 /// The dilation of splats, square pixels of a photo whose pixels are `pixel` times as wide as those of the scene's photos, at which they look as
 /// they do in the scene's photo after the area filter.
@@ -36,8 +45,7 @@ impl Coarse {
     pub fn of(views: &[View], share: f64, steps: usize) -> Self {
         let narrowest = views.iter().map(|view| view.width).min().unwrap_or(0);
         let fits = |halvings: &usize| narrowest >> halvings >= WIDTH_MIN;
-        let some = (share * steps as f64) as usize > 0;
-        let halvings = if some { (0..=HALVINGS).rev().find(fits).unwrap_or(0) } else { 0 };
+        let halvings = if steps_of(share, steps) > 0 { (0..=HALVINGS).rev().find(fits).unwrap_or(0) } else { 0 };
         let reduced = |halvings: usize| views.iter().map(|view| view.reduced(view.width >> halvings)).collect();
         Self { levels: (1..=halvings).map(reduced).collect(), share, steps }
     }
@@ -49,7 +57,7 @@ impl Coarse {
 
     /// The same in a run of another number of steps.
     pub fn halvings_in(&self, step: usize, steps: usize) -> usize {
-        let (levels, until) = (self.levels.len(), (self.share * steps as f64) as usize);
+        let (levels, until) = (self.levels.len(), steps_of(self.share, steps));
         match step <= until {
             true => levels - (step - 1) * levels / until,
             false => 0,
@@ -76,6 +84,12 @@ mod tests {
         assert_eq!(halvings(960, 0.4, 10), [2, 2, 1, 1, 0, 0, 0, 0, 0, 0]);
         assert_eq!(halvings(480, 0.4, 10), [1, 1, 1, 1, 0, 0, 0, 0, 0, 0]);
         assert_eq!(halvings(960, 0.1, 10)[..2], [2, 0]);
+    }
+
+    #[test]
+    fn long_runs_have_no_more_reduced_photos_than_short_ones() {
+        let reduced = |steps| halvings(480, 0.07, steps).iter().filter(|halvings| **halvings > 0).count();
+        assert_eq!([reduced(100), reduced(3000), reduced(7000), reduced(30_000)], [7, 210, 210, 210]);
     }
 
     #[test]
