@@ -61,6 +61,25 @@ pub(crate) struct RawFrame {
     pub file: PathBuf,
 }
 
+impl RawFrame {
+    /// A photo with its camera, of which nothing more is said.
+    pub fn posed(name: String, image_path: PathBuf, c2w: DMat4, lens: Lens, file: PathBuf) -> Self {
+        Self {
+            name,
+            image_path,
+            c2w,
+            lens,
+            time: None,
+            camera_id: None,
+            masks: Vec::new(),
+            exposure: None,
+            sides: SideFiles::default(),
+            split: None,
+            file,
+        }
+    }
+}
+
 /// Points as the file gives them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct RawPoints {

@@ -94,14 +94,12 @@ pub fn spaced(frames: usize, count: usize, every: usize) -> Vec<Snippet> {
 /// Runs of frames that follow each other without a gap in the recording; `times` are those of all frames, seconds, ascending. A gap is
 /// longer than 1.5 times the median time between frames.
 pub fn runs(times: &[f64]) -> Vec<Range<usize>> {
-    let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let is_gap = {
-        let own = intervals.clone();
-        intervals.sort_by(f64::total_cmp);
-        let usual = intervals.get(intervals.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
-        move |frame: usize| own[frame - 1] > GAP * usual
-    };
-    let begins: Vec<usize> = (0..times.len()).filter(|frame| *frame == 0 || is_gap(*frame)).collect();
+    let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = intervals.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted.get(sorted.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
+    let begins: Vec<usize> =
+        (0..times.len()).filter(|frame| *frame == 0 || intervals[frame - 1] > GAP * usual).collect();
     let ends = begins.iter().skip(1).copied().chain([times.len()]);
     begins.iter().copied().zip(ends).map(|(begin, end)| begin..end).collect()
 }

@@ -16,7 +16,6 @@ use crate::plural::counted;
 use crate::pose;
 use crate::raw::{RawFrame, RawScene};
 use crate::scene::SceneFormat;
-use crate::side_files::SideFiles;
 use crate::{guarded, pixels};
 
 /// Longest text, bytes: 21 numbers and comments.
@@ -118,17 +117,6 @@ fn frame(file: &Path, root: &Path, image_path: PathBuf) -> Result<RawFrame, Data
         height: Some(f64::from(height)),
         distortion: Distortion::default(),
     };
-    Ok(RawFrame {
-        name: names::output_name(root, &stem(file), file)?,
-        image_path,
-        c2w,
-        lens,
-        time: None,
-        camera_id: None,
-        masks: Vec::new(),
-        exposure: None,
-        sides: SideFiles::default(),
-        split: None,
-        file: file.to_path_buf(),
-    })
+    let name = names::output_name(root, &stem(file), file)?;
+    Ok(RawFrame::posed(name, image_path, c2w, lens, file.to_path_buf()))
 }

@@ -19,7 +19,6 @@ use crate::options::LoadOptions;
 use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
-use crate::side_files::SideFiles;
 use crate::{guarded, pixels, ply, pose};
 
 /// Columns without which a table is none of cameras.
@@ -198,18 +197,6 @@ impl<'a> Row<'a> {
                 p: [optional("t1")?, optional("t2")?],
             },
         };
-        Ok(RawFrame {
-            name,
-            image_path,
-            c2w: pose::opencv_from_opengl(c2w),
-            lens,
-            time: None,
-            camera_id: None,
-            masks: Vec::new(),
-            exposure: None,
-            sides: SideFiles::default(),
-            split: None,
-            file: self.file.to_path_buf(),
-        })
+        Ok(RawFrame::posed(name, image_path, pose::opencv_from_opengl(c2w), lens, self.file.to_path_buf()))
     }
 }

@@ -103,29 +103,23 @@ mod tests {
 
     use super::*;
     use crate::lens::{Distortion, Lens};
-    use crate::side_files::SideFiles;
 
     fn frame(name: &str, camera: &str, time: f64, split: SplitName) -> RawFrame {
+        let lens = Lens {
+            focal_x: None,
+            focal_y: None,
+            cx: None,
+            cy: None,
+            width: None,
+            height: None,
+            distortion: Distortion::default(),
+        };
+        let image_path = PathBuf::from(format!("{name}.png"));
         RawFrame {
-            name: name.to_string(),
-            image_path: PathBuf::from(format!("{name}.png")),
-            c2w: DMat4::IDENTITY,
-            lens: Lens {
-                focal_x: None,
-                focal_y: None,
-                cx: None,
-                cy: None,
-                width: None,
-                height: None,
-                distortion: Distortion::default(),
-            },
             time: Some(time),
             camera_id: Some(camera.to_string()),
-            masks: Vec::new(),
-            exposure: None,
-            sides: SideFiles::default(),
             split: Some(split),
-            file: PathBuf::new(),
+            ..RawFrame::posed(name.to_string(), image_path, DMat4::IDENTITY, lens, PathBuf::new())
         }
     }
 
