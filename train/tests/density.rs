@@ -78,7 +78,7 @@ fn a_draft_that_changes_nothing_changes_nothing() {
 }
 
 fn context() -> StepContext {
-    StepContext { step: 100, steps: 1000, seed: 3, extent: 1.0, means_lr: 1e-4 }
+    StepContext { step: 100, steps: 1000, seed: 3, extent: 1.0, means_lr: 1e-4, rests: false }
 }
 
 fn with_opacities(opacities: &[f64]) -> (Gaussians, Adam) {

@@ -91,7 +91,7 @@ impl<'a, X: Extra> Photos<'a, X> {
             return photo.clone();
         }
         let view = &self.views[index];
-        let photo = Photo { pixel: self.pixel, ..upload(view, &self.device, (self.extra)(view, index, &self.device)) };
+        let photo = upload(view, &self.device, self.pixel, (self.extra)(view, index, &self.device));
         let channels = 3 + usize::from(photo.mask.is_some()) + photo.extra.floats_per_pixel();
         let bytes = 4 * view.width * view.height * channels;
         if bytes <= self.room {
@@ -102,14 +102,14 @@ impl<'a, X: Extra> Photos<'a, X> {
     }
 }
 
-fn upload<X>(view: &View, device: &Device, extra: X) -> Photo<X> {
+fn upload<X>(view: &View, device: &Device, pixel: f64, extra: X) -> Photo<X> {
     let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
     Photo {
         camera: camera(view, device),
         image: tensor(&view.image.data, 3),
         mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
         time: view.time.unwrap_or(0.0),
-        pixel: 1.0,
+        pixel,
         extra,
     }
 }

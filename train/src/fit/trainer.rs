@@ -15,7 +15,7 @@ use super::method::{Drawn, Forward, Method, Note, Step};
 use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
 use super::schedule::{exponential, rate_factor, sh_degree};
-use crate::config::{Config, DensityConfig, FitConfig, OptimiserConfig};
+use crate::config::{Config, FitConfig, OptimiserConfig};
 
 /// All that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
 #[derive(Module, Debug)]
@@ -216,18 +216,17 @@ impl<M: Method> Trainer<M> {
 
     fn control_density(&mut self, observations: &[Observation], config: &FitConfig<M::Config>) -> Changes {
         let _stage = profile::whole_stage("density control");
-        // Statistics are gathered all the same; only what changes Gaussians waits.
-        let rests = M::keeps_count(self.step, config);
-        let density = DensityConfig { stop: if rests { 0.0 } else { config.density.stop }, ..config.density.clone() };
         let context = StepContext {
             step: self.step,
             steps: config.steps,
             seed: config.seed,
             extent: self.facts.extent,
             means_lr: means_lr(&config.optimiser, self.step, config.steps),
+            rests: M::keeps_count(self.step, config),
         };
         let Model { mut gaussians, method } = self.take_model();
-        let refinement = self.density.after_step(&mut gaussians, &mut self.adam, observations, &density, &context);
+        let refinement =
+            self.density.after_step(&mut gaussians, &mut self.adam, observations, &config.density, &context);
         let method = follow(method, refinement.rows.as_ref(), &mut self.adam);
         self.model = Some(Model { gaussians, method });
         refinement.changes

@@ -127,7 +127,7 @@ fn split_or_clone(
 
 /// Lowers opacities if `config.opacity_policy` does so after this step.
 pub fn lower_opacities(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) {
-    if !config.active(context.step, context.steps) {
+    if !context.is_active(config) {
         return;
     }
     let lower: Box<dyn Fn(f64) -> f64> = match config.opacity_policy {

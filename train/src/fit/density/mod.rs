@@ -43,6 +43,15 @@ pub struct StepContext {
     pub extent: f64,
     /// Learning rate of the means at this step, in scene extents.
     pub means_lr: f64,
+    /// Whether Gaussians are left as they are at this step; statistics are gathered all the same.
+    pub rests: bool,
+}
+
+impl StepContext {
+    /// Whether the count and opacities may change now.
+    fn is_active(&self, config: &DensityConfig) -> bool {
+        !self.rests && config.active(self.step, self.steps)
+    }
 }
 
 /// Numbers of Gaussians that a refinement changed.
@@ -110,7 +119,7 @@ impl Density {
             }
         }
         let mut refinement = Refinement::default();
-        if due(context.step, config.interval(context.steps)) && config.active(context.step, context.steps) {
+        if due(context.step, config.interval(context.steps)) && context.is_active(config) {
             refinement = match self {
                 Self::None => Refinement::default(),
                 Self::Mcmc => mcmc::refine(gaussians, adam, config, context),
