@@ -108,15 +108,15 @@ pub fn polish(
     let views: Vec<TargetView> = host.inputs.iter().map(|view| target(log, view, device)).collect();
     let of_inputs = |inferred: &Inferred| {
         let (raw, velocity) = (inferred.raw.clone(), inferred.velocity.clone());
-        scalar(inferred.sample.frame.loss(raw, velocity, &views, &config.loss()))
+        inferred.sample.frame.loss(raw, velocity, &views, &config.loss()).into_scalar::<f64>()
     };
     let (loss, seen) = (of_inputs(inferred), psnr_between(inferred, host, log));
     let begun = Instant::now();
     let mut optimiser = Optimiser::new(inferred, steps);
     let mut progress = Progress::new(0, steps, false);
     progress.say(&format!("polishing {}", host.name));
-    while optimiser.adam.updates + optimiser.skipped < steps as u64 && !interrupt::asked() {
-        let step = (optimiser.adam.updates + optimiser.skipped) as usize + 1;
+    while optimiser.taken() < steps && !interrupt::asked() {
+        let step = optimiser.taken() + 1;
         let count = config.own.supervision.input_views.min(views.len());
         let mut random = stream(config.seed, Purpose::Polish, step as u64);
         let drawn = index::sample(&mut random, views.len(), count).into_iter().map(|place| views[place].clone());
@@ -127,11 +127,10 @@ pub fn polish(
     let seconds = begun.elapsed().as_secs_f64();
     (inferred.raw, inferred.velocity) = (optimiser.parameters().raw(), optimiser.parameters().velocity.val());
     let psnr = seen.zip(psnr_between(inferred, host, log)).map(|(before, after)| [before, after]);
-    let (taken, skipped) = (optimiser.adam.updates as usize, optimiser.skipped as usize);
     Some(Polished {
-        steps: taken + skipped,
+        steps: optimiser.taken(),
         steps_asked: steps,
-        skipped,
+        skipped: optimiser.skipped,
         seconds,
         loss: [loss, of_inputs(inferred)],
         psnr,
@@ -146,13 +145,18 @@ struct Optimiser {
     /// `[N, 1]`, 1 for the rows that may move.
     moves: Tensor<2>,
     steps: usize,
-    skipped: u64,
+    skipped: usize,
 }
 
 impl Optimiser {
     fn new(inferred: &Inferred, steps: usize) -> Self {
         let parameters = Some(Parameters::new(&inferred.raw, &inferred.velocity));
         Self { parameters, adam: Adam::new(), moves: moves(&inferred.sample), steps, skipped: 0 }
+    }
+
+    /// Steps so far, those that changed nothing included.
+    fn taken(&self) -> usize {
+        self.adam.updates as usize + self.skipped
     }
 
     fn parameters(&self) -> &Parameters {
@@ -163,7 +167,7 @@ impl Optimiser {
     fn step(&mut self, sample: &Sample, views: &[TargetView], config: &FluxConfig) -> f64 {
         let tracked = self.parameters().clone().train();
         let loss = sample.frame.loss(tracked.raw(), tracked.velocity.val(), views, &config.loss());
-        let value = scalar(loss.clone().inner());
+        let value: f64 = loss.clone().inner().into_scalar();
         let mut graph = loss.backward();
         let mut gradients = NamedGradients::take(&tracked, &mut graph);
         drop((tracked, graph));
@@ -174,7 +178,7 @@ impl Optimiser {
         if let Some(gradient) = gradients.remove(VELOCITY) {
             gradients.insert(VELOCITY, gradient * self.moves.clone());
         }
-        let step = (self.adam.updates + self.skipped) as usize + 1;
+        let step = self.taken() + 1;
         let rate = |path: &str| {
             let (_, first) = RATES.iter().find(|(name, _)| *name == path)?;
             Some(AdamRate::new(exponential(*first, LAST_SHARE * first, step, self.steps)))
@@ -205,8 +209,4 @@ fn psnr_between(inferred: &Inferred, host: &HostSnippet, log: &DrivingLog) -> Op
     };
     let sum: f64 = host.targets.iter().map(of_view).sum();
     (!host.targets.is_empty()).then(|| sum / host.targets.len() as f64)
-}
-
-fn scalar(tensor: Tensor<1>) -> f64 {
-    tensor.into_data().iter::<f64>().next().expect("a tensor of one number")
 }

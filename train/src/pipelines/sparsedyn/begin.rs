@@ -6,7 +6,7 @@ use gs_datasets::{PointCloud, Scene, View};
 use gs_multiview::{HullOptions, Pinhole, foreground_masks, hull};
 
 use super::clock::Clock;
-use super::cues::Cues;
+use super::cues::{Cues, frames};
 use super::evidence::{may_move, swept};
 use super::model::{Frame, Sparsedyn};
 use super::{Config, Step};
@@ -57,24 +57,23 @@ fn first_frame(scene: &Scene, cues: &Cues) -> Scene {
     let train = first.iter().map(|index| scene.train[*index].clone()).collect();
     let mut first = Scene { train, held_out: Vec::new(), points: None, warnings: Vec::new(), ..*scene };
     first.points = scene.points.clone().filter(|points| are_in_view(points, &first.train));
+    if let Some(points) = scene.points.as_ref().filter(|points| first.points.is_none() && !points.is_empty()) {
+        tracing::warn!(
+            "no photo of the first frame shows any of the data set's {} points: they are left out",
+            points.len()
+        );
+    }
     first
 }
 
-/// Whether at least one of `views` shows any of the points; says so when there are points and no view shows one.
+/// Whether at least one of `views` shows any of the points.
 fn are_in_view(points: &PointCloud, views: &[View]) -> bool {
     let cameras: Vec<Pinhole> = views.iter().map(Pinhole::new).collect();
     let is_shown = |position: &[f32; 3]| {
         let position = glam::Vec3::from(*position).as_dvec3();
         cameras.iter().any(|camera| camera.sees(position).is_some())
     };
-    let shown = points.positions.iter().any(is_shown);
-    if !shown && !points.is_empty() {
-        tracing::warn!(
-            "no photo of the first frame shows any of the data set's {} points: they are left out",
-            points.len()
-        );
-    }
-    shown
+    points.positions.iter().any(is_shown)
 }
 
 /// The points of the depth priors; without priors those on the visual hull of what stands before a plain background. Empty: neither is there.
@@ -98,9 +97,9 @@ fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointC
 
 /// Whether neither points nor priors nor outlines before a plain background tell where the first frame's Gaussians begin.
 pub fn is_photos_alone(scene: &Scene) -> bool {
-    let first = scene.train.iter().filter_map(|view| view.time).min_by(f64::total_cmp);
-    let first: Vec<View> = scene.train.iter().filter(|view| view.time == first).cloned().collect();
-    let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
+    let (_, by_frame) = frames(&scene.train);
+    let first: Vec<View> = by_frame.into_iter().take(1).flatten().map(|index| scene.train[index].clone()).collect();
+    let has_points = scene.points.as_ref().is_some_and(|points| are_in_view(points, &first));
     let has_depth = first.iter().any(|view| view.priors.depth.is_some());
     !has_points && !has_depth && foreground_masks(&first).is_none()
 }
