@@ -58,12 +58,14 @@ impl Decoder {
 
     /// The frame's view.
     pub fn view(&self, frame: &RawFrame) -> Result<(View, ViewNote), DatasetError> {
-        let photo = pixels::open(&frame.image_path, self.behind)?;
+        let (photo, alpha) = pixels::open_with_alpha(&frame.image_path, self.behind)?;
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
         let target = self.target(size);
         let undistortion = Undistortion::new(frame.lens.distortion, camera.resolved.intrinsics, size);
         let (data, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
+        let one_channel = |levels: Vec<u8>| levels.as_chunks::<3>().0.iter().map(|level| level[0]).collect();
+        let alpha = alpha.map(|alpha| one_channel(resample(alpha, &[], undistortion.as_ref(), target).0));
         let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
         let image = RgbImage8 { width: target.0, height: target.1, data };
         let intrinsics = scaled(camera.resolved.intrinsics, size, target);
@@ -74,6 +76,7 @@ impl Decoder {
             image_path: frame.image_path.clone(),
             time: frame.time,
             camera_id: frame.camera_id.clone(),
+            alpha,
             mask,
             exposure: frame.exposure,
             priors,

@@ -68,6 +68,9 @@ pub struct View {
     pub camera_id: Option<String>,
     /// The photo; RGBA is already composited on the chosen background.
     pub image: RgbImage8,
+    /// `[height, width]` the photo file's own alpha: 0 where it is transparent, 255 where it is opaque. `None` where the file has none or is
+    /// opaque everywhere.
+    pub alpha: Option<Vec<u8>>,
     /// `[height, width]`: 255 = compare this pixel, 0 = ignore it; `None` when every pixel counts.
     pub mask: Option<Vec<u8>>,
     /// How long the shutter was open around [`time`](View::time), in the unit of `time`: light was gathered over
@@ -80,7 +83,7 @@ pub struct View {
 }
 
 impl View {
-    /// A photo and its camera, with nothing else known: no name, time, camera, mask, exposure, prior or truth. Width and height are the
+    /// A photo and its camera, with nothing else known: no name, time, camera, alpha, mask, exposure, prior or truth. Width and height are the
     /// image's. Further fields are set by struct update, `View { time: Some(0.5), ..View::new(..) }`.
     pub fn new(c2w: glam::DMat4, intrinsics: Intrinsics, image: RgbImage8) -> Self {
         Self {
@@ -93,6 +96,7 @@ impl View {
             time: None,
             camera_id: None,
             image,
+            alpha: None,
             mask: None,
             exposure: None,
             priors: Priors::default(),
@@ -112,6 +116,7 @@ impl View {
         size_of::<Self>()
             + texts
             + self.image.data.capacity()
+            + mask(&self.alpha)
             + mask(&self.mask)
             + depth
             + map(&self.priors.confidence)

@@ -155,6 +155,23 @@ pub(crate) fn open_bytes(path: &Path, bytes: &[u8], behind: Behind) -> Result<Ph
     Ok(composited(decode_bytes(path, bytes)?, behind))
 }
 
+/// As [`open`], with the photo's alpha (0 to 255) in all three channels; `None` if the file has none or is opaque everywhere.
+pub(crate) fn open_with_alpha(path: &Path, behind: Behind) -> Result<(Photo, Option<Photo>), DatasetError> {
+    let image = decode(path)?;
+    let alpha = alpha(&image).map(Photo::Rgb8);
+    Ok((composited(image, behind), alpha))
+}
+
+fn alpha(image: &DynamicImage) -> Option<image::RgbImage> {
+    if !image.color().has_alpha() {
+        return None;
+    }
+    let pixels = image.to_luma_alpha8();
+    let is_opaque = pixels.pixels().all(|pixel| pixel.0[1] == u8::MAX);
+    let level = |x, y| image::Rgb([pixels.get_pixel(x, y).0[1]; 3]);
+    (!is_opaque).then(|| image::RgbImage::from_fn(pixels.width(), pixels.height(), level))
+}
+
 fn composited(image: DynamicImage, behind: Behind) -> Photo {
     match image {
         DynamicImage::ImageRgb8(image) => Photo::Rgb8(image),

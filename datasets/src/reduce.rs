@@ -10,11 +10,9 @@ impl View {
     pub fn reduced(&self, width: usize) -> Self {
         let (old, new) = ((self.width, self.height), target_size((self.width, self.height), Some(width)));
         let data = filtered::<3>(&self.image.data, old, new).into_iter();
-        let image = RgbImage8 {
-            width: new.0,
-            height: new.1,
-            data: data.map(|value| value.round().clamp(0.0, 255.0) as u8).collect(),
-        };
+        let level = |value: f32| value.round().clamp(0.0, 255.0) as u8;
+        let image = RgbImage8 { width: new.0, height: new.1, data: data.map(level).collect() };
+        let alpha = self.alpha.as_ref().map(|alpha| filtered::<1>(alpha, old, new).into_iter().map(level).collect());
         let counts = |share: f32| if share >= COVERAGE_MIN * 255.0 { 255 } else { 0 };
         let mask = self.mask.as_ref().map(|mask| filtered::<1>(mask, old, new).into_iter().map(counts).collect());
         Self {
@@ -27,6 +25,7 @@ impl View {
             time: self.time,
             camera_id: self.camera_id.clone(),
             image,
+            alpha,
             mask,
             exposure: self.exposure,
             priors: Priors::default(),
@@ -55,11 +54,13 @@ mod tests {
         let mut view = View::blank(4, 2);
         view.image.data = (0..24).map(|i| 10 * (i / 3) as u8).collect();
         view.mask = Some(vec![255, 255, 255, 255, 255, 255, 255, 0]);
+        view.alpha = Some(vec![255, 255, 0, 0, 255, 255, 0, 40]);
         let half = view.reduced(2);
         assert_eq!((half.width, half.height, half.image.width, half.image.height), (2, 1, 2, 1));
         // (0 + 10 + 40 + 50) / 4, (20 + 30 + 60 + 70) / 4
         assert_eq!(half.image.data, [25, 25, 25, 45, 45, 45]);
         assert_eq!(half.mask, Some(vec![255, 0]), "a pixel counts where all that it covers does");
+        assert_eq!(half.alpha, Some(vec![255, 10]));
         // The same direction is at half the pixel coordinates.
         let at = glam::DVec3::new(0.3, -0.1, 1.0);
         assert!((view.intrinsics.project(at) / 2.0 - half.intrinsics.project(at)).length() < 1e-12);

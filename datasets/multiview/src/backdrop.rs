@@ -1,9 +1,10 @@
-//! Objects before a plain background: sets that are rendered without surroundings, or filmed before a screen of one colour.
+//! Objects before a plain background: photos that are transparent around them, sets that are rendered without surroundings, or filmed before a
+//! screen of one colour.
 
 use gs_datasets::View;
 
 /// Largest difference of a channel from the background's colour, of 255, that is still background: above rounding and the noise of a
-/// lossy file, below the shade of a bright object.
+/// lossy file, below the shade of a bright object. Likewise the largest alpha.
 const SAME: u8 = 6;
 
 /// Share of the pixels along the image border that must have the background's colour: an object may be cut by the border.
@@ -12,21 +13,27 @@ const BORDER: f64 = 0.9;
 /// Share of the photos whose border must be plain: a few may show the object as large as the image.
 const PHOTOS: f64 = 0.8;
 
-/// One mask for each view, 255 where it differs from a background that has one colour in all views; `None` if it has not.
+/// One mask for each view, 255 where the photo is not transparent; where most photos have no transparent pixels, 255 where it differs from a
+/// background that has one colour in all views. `None` if there is neither.
 ///
 /// Pixels that `View::mask` ignores count as background.
 pub fn foreground_masks(views: &[View]) -> Option<Vec<Option<Vec<u8>>>> {
+    let compared = |view: &View, pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
+    let masks_of = |shows: &dyn Fn(&View, usize) -> bool| -> Option<Vec<Option<Vec<u8>>>> {
+        let level = |view: &View, pixel: usize| if compared(view, pixel) && shows(view, pixel) { 255 } else { 0 };
+        let mask = |view: &View| (0..view.width * view.height).map(|pixel| level(view, pixel)).collect();
+        Some(views.iter().map(|view| Some(mask(view))).collect())
+    };
+    let transparent = views.iter().filter(|view| view.alpha.is_some()).count();
+    if transparent > 0 && transparent as f64 >= PHOTOS * views.len() as f64 {
+        return masks_of(&|view, pixel| view.alpha.as_ref().is_none_or(|alpha| alpha[pixel] > SAME));
+    }
     let color = background_color(views)?;
     let plain = views.iter().filter(|view| is_plain(view, color)).count();
     if (plain as f64) < PHOTOS * views.len() as f64 {
         return None;
     }
-    let mask = |view: &View| {
-        let compared = |pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
-        let differs = |pixel: usize| compared(pixel) && !is_same(view, pixel, color);
-        (0..view.width * view.height).map(|pixel| if differs(pixel) { 255 } else { 0 }).collect()
-    };
-    Some(views.iter().map(|view| Some(mask(view))).collect())
+    masks_of(&|view, pixel| !is_same(view, pixel, color))
 }
 
 /// The median colour along the borders of all views.
@@ -86,6 +93,23 @@ mod tests {
 
     fn object(x: usize, y: usize) -> bool {
         (4..8).contains(&x) && (2..6).contains(&y)
+    }
+
+    /// Alpha tells a black object from black surroundings, and an object that most borders cut.
+    #[test]
+    fn transparent_pixels_are_the_background() {
+        let shows = |x: usize, y: usize| x >= 2 && y != 3;
+        let alpha: Vec<u8> = (0..96).map(|pixel| if shows(pixel % 12, pixel / 12) { 255 } else { 0 }).collect();
+        let black = View { alpha: Some(alpha.clone()), ..view(|_, _| [0; 3]) };
+        let masks = foreground_masks(&[black.clone(), black.clone()]).expect("photos with alpha");
+        assert!(masks.iter().all(|mask| mask.as_deref() == Some(&alpha[..])));
+        // One opaque photo of six is filled by the object; one of two says that alpha means nothing.
+        let full = view(|x, y| [x as u8 * 20, y as u8 * 30, 7]);
+        let mut six = vec![black.clone(); 5];
+        six.push(full.clone());
+        let masks = foreground_masks(&six).expect("photos with alpha");
+        assert!(masks[5].as_ref().is_some_and(|mask| mask.iter().all(|level| *level == 255)));
+        assert!(foreground_masks(&[black, full]).is_none());
     }
 
     #[test]

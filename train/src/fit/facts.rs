@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::initialise::size_of;
 use super::preflight::{NEAR_ADVISED, NEAR_MOST};
-use crate::config::{Background, Config, RenderConfig};
+use crate::config::{Auto, Background, Config, RenderConfig};
 
 /// Least share of equal pixels along the borders of all photos at which their colour is taken for the background's.
 const BORDER: f64 = 0.5;
@@ -97,8 +97,12 @@ fn near(distance: Option<f64>, share: Option<f64>) -> f64 {
     }
 }
 
-/// The colour along the photos' borders, if most are of one; else that of `unseen`.
+/// The colour behind transparent pixels; else the colour along the photos' borders, if most are of one; else that of `unseen`.
 fn found_background(views: &[View], unseen: Unseen) -> [f32; 3] {
+    // What is transparent was composited on the loader's own background.
+    if views.iter().any(|view| view.alpha.is_some()) {
+        return Background::Found(Auto::Auto).color();
+    }
     let Some(found) = border_color(views) else {
         return match unseen {
             Unseen::Black => [0.0; 3],

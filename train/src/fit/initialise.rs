@@ -282,6 +282,7 @@ mod tests {
             time: None,
             camera_id: None,
             image: gs_datasets::RgbImage8 { width: size, height: size, data },
+            alpha: None,
             mask: None,
             exposure: None,
             priors: Default::default(),

@@ -96,6 +96,7 @@ impl World {
             time: Some(t),
             camera_id: Some(format!("cam{camera:02}")),
             image: RgbImage8 { width, height, data },
+            alpha: None,
             mask: None,
             exposure: (tau > 0.0).then_some(tau),
             priors: Priors::default(),

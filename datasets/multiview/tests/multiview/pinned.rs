@@ -61,6 +61,7 @@ fn view(frame: usize) -> View {
         time: Some(frame as f64),
         camera_id: Some("cam".into()),
         image: RgbImage8 { width: WIDTH, height: HEIGHT, data },
+        alpha: None,
         mask: None,
         exposure: None,
         priors: Priors::default(),
