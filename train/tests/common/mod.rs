@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 pub mod program;
+pub mod streets;
 
 use std::path::{Path, PathBuf};
 
