@@ -13,8 +13,11 @@ mod adapters;
 mod auto;
 #[cfg(any(feature = "cube", test))]
 mod choice;
+mod several;
 #[cfg(feature = "vulkan")]
 mod spirv;
+
+pub use several::{beside, is_cuda};
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -92,6 +95,12 @@ pub enum DeviceError {
         /// The index asked for.
         index: usize,
         /// How many devices there are.
+        count: usize,
+    },
+    /// Several devices of a kind that is not named.
+    #[error("{count} devices: expected the name of their kind, as in `--device cuda`, found auto")]
+    SeveralOfAuto {
+        /// The number asked for.
         count: usize,
     },
     /// The device does not come up or does not compute.

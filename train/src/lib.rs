@@ -35,6 +35,7 @@
 //!     config: resolved.config.clone(),
 //!     folder: RunFolder::vacant("runs/my-photos")?,
 //!     device: burn::tensor::Device::default(),
+//!     more_devices: Vec::new(),
 //!     device_name: "the default device".to_string(),
 //!     resume: false,
 //!     stop_at: None,

@@ -21,44 +21,7 @@ use gs_train::run::watch::{Ending, Job};
 mod common;
 
 use common::program::{fails, succeeds};
-
-/// Streets of one second with one small camera.
-fn streets(folder: &Path, logs: u64) -> PathBuf {
-    let path = folder.join("streets");
-    for seed in 0..logs {
-        write(&path.join(format!("{seed:03}")), &small_street(11, seed), |_, _| {}).expect("written");
-    }
-    path
-}
-
-fn small_street(frames: usize, seed: u64) -> StreetOptions {
-    StreetOptions {
-        frames,
-        cameras: 1,
-        width: 64,
-        height: 36,
-        beams: 16,
-        columns: 450,
-        subpixels: 1,
-        movers: 12,
-        seed,
-        ..StreetOptions::default()
-    }
-}
-
-const SMALL: [&str; 6] = [
-    "pipeline=flux4d",
-    "lift.points=1500",
-    "lift.sky_points=100",
-    "unet.width=0.1",
-    "unet.voxel=1.0",
-    "refinement.passes=2",
-];
-
-fn job(data: &Path, folder: &Path, steps: usize, overrides: &[&str]) -> Job {
-    let all: Vec<&str> = SMALL.into_iter().chain(overrides.iter().copied()).collect();
-    common::job(data, folder, &common::config(steps, &all))
-}
+use common::streets::{SMALL, job, small_street, streets};
 
 fn failure(job: &Job) -> String {
     format!("{:#}", common::train(job).map(|_| ()).expect_err("refused"))
@@ -357,6 +320,11 @@ fn bad_input_is_one_sentence() {
     fs::remove_dir_all(blind.join("camera")).expect("removed");
     let message = told(&blind, &[]);
     assert!(message.contains("camera"), "{message}");
+    if !cfg!(feature = "learner") {
+        let mut two = job(&data, &folder.join("run"), 2, &["learning.accumulate=2"]);
+        two.more_devices.push(two.device.clone());
+        assert!(failure(&two).contains("--features learner"), "{}", failure(&two));
+    }
     assert!(!folder.join("run").join("config.toml").exists(), "nothing is half-written");
 }
 

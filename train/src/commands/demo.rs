@@ -52,6 +52,7 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
         config: resolved.config,
         folder,
         device,
+        more_devices: Vec::new(),
         device_name,
         resume: false,
         stop_at: None,

@@ -97,6 +97,7 @@ fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Resolved, state: Stat
         config: config.config.clone(),
         folder: folder.clone(),
         device: device.clone(),
+        more_devices: Vec::new(),
         device_name: describe(device),
         resume: state == State::Begun,
         stop_at: None,

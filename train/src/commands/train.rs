@@ -6,9 +6,10 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
+use gs_burn::device;
 
 use crate::cli::{ConfigArgs, TrainArgs};
-use crate::commands::{device, missing, print};
+use crate::commands::{device as chosen, missing, print};
 use crate::config::ConfigError;
 use crate::pipelines::{Pipeline, Resolved, Sources, resolve as resolve_sources, resolve_saved};
 use crate::run::folder::{EvalFile, RunFolder, full_path};
@@ -24,11 +25,13 @@ pub(super) const RUNS: &str = "runs";
 /// # Errors
 /// One sentence about the arguments, the data or the disk.
 pub fn run(args: &TrainArgs) -> Result<ExitCode> {
-    let device = device(&args.device)?;
+    let device = chosen(&args.device)?;
+    let more_devices = device::beside(&args.device.device, args.devices)?;
     if args.profile {
         profile::begin(&device);
     }
-    let (pipeline, job) = if args.resume { resumed(args, device)? } else { begun(args, device)? };
+    let (pipeline, mut job) = if args.resume { resumed(args, device)? } else { begun(args, device)? };
+    job.more_devices = more_devices;
     let ended = execute(pipeline, &job);
     if args.profile
         && ended.is_ok()
@@ -122,6 +125,7 @@ fn job(dataset: PathBuf, resolved: Resolved, folder: RunFolder, device: Device, 
         folder,
         device_name: crate::commands::describe(&device),
         device,
+        more_devices: Vec::new(),
         resume: args.resume,
         stop_at: None,
         quiet: args.quiet,

@@ -314,6 +314,9 @@ impl<M: Method> Pipeline for Fit<M> {
     }
 
     fn train(&self, job: &Job) -> Result<Ending> {
+        if job.devices() > 1 {
+            bail!("--devices {}: the pipeline {} trains on one device", job.devices(), M::NAME);
+        }
         fit::<M>(job, &FitConfig::from_table(&job.config, "configuration")?)
     }
 

@@ -45,6 +45,8 @@ pub struct Job {
     pub folder: RunFolder,
     /// The compute device (without autodiff).
     pub device: Device,
+    /// Devices that train beside it, for a pipeline that uses several.
+    pub more_devices: Vec<Device>,
     /// The device for people, for the report.
     pub device_name: String,
     /// Continue from the newest checkpoint in `folder`.
@@ -53,6 +55,13 @@ pub struct Job {
     pub stop_at: Option<usize>,
     /// Show nothing on the terminal.
     pub quiet: bool,
+}
+
+impl Job {
+    /// Number of devices that train.
+    pub fn devices(&self) -> usize {
+        1 + self.more_devices.len()
+    }
 }
 
 /// The end of a run.
@@ -82,8 +91,8 @@ pub struct Plan {
 }
 
 /// A run in progress.
-pub struct Run<'a> {
-    job: &'a Job,
+pub struct Run {
+    job: Job,
     plan: Plan,
     metrics: MetricsFile,
     history: Vec<MetricsLine>,
@@ -180,12 +189,12 @@ pub fn check_views(job: &Job, begun_on: Fingerprint, views: Fingerprint) -> Resu
     Ok(())
 }
 
-impl<'a> Run<'a> {
+impl Run {
     /// Makes the folder, or goes on in it after `step` steps. `held` is the lock of a folder that a run goes on in.
     ///
     /// # Errors
     /// When the disk does not take it, or another process writes it.
-    pub fn begin(job: &'a Job, plan: Plan, step: usize, held: Option<Lock>) -> Result<Self> {
+    pub fn begin(job: &Job, plan: Plan, step: usize, held: Option<Lock>) -> Result<Self> {
         let folder = &job.folder;
         folder.make()?;
         let lock = held.map_or_else(|| Lock::take(folder.path()), Ok)?;
@@ -211,7 +220,7 @@ impl<'a> Run<'a> {
             retry_at: None,
             disk_warned: false,
             _lock: lock,
-            job,
+            job: job.clone(),
             plan,
         };
         run.say(&format!(

@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 pub mod program;
+pub mod streets;
 
 use std::path::{Path, PathBuf};
 
@@ -113,6 +114,7 @@ pub fn job(dataset: &Path, folder: &Path, config: &Table) -> Job {
         config: config.clone(),
         folder: RunFolder::vacant(folder).expect("a new folder"),
         device: device(),
+        more_devices: Vec::new(),
         device_name: "test".into(),
         resume: false,
         stop_at: None,

@@ -90,7 +90,7 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
     let ready = Ready::new(network);
     // Held-out snippets are read once for each measurement and not kept.
     let uncached = FluxConfig { own: without_cache(config), ..config.clone() };
-    let mut library = Library::new(split.logs.clone(), &uncached);
+    let library = Library::new(split.logs.clone(), &uncached);
     let mut sums = Sums { clustering: config.own.actors.config(), ..Sums::default() };
     let mut last = String::new();
     let views = split.places.iter().map(|place| place.snippet.targets.len()).sum::<usize>();

@@ -1,8 +1,8 @@
 //! Snippets in the order of a training, prepared on a thread of their own while the step before computes.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
 use anyhow::{Result, anyhow};
@@ -16,36 +16,62 @@ use crate::fit::random::{Purpose, stream};
 /// Snippets that wait for the training at most.
 const AHEAD: usize = 2;
 
-/// Snippets in memory at once beside those that a [`Library`] keeps, for steps over `accumulate` snippets: those of a step,
-/// those that wait, the one that is being prepared or waits for a place, and the one of a measurement.
-pub fn in_flight(accumulate: usize) -> usize {
-    accumulate + AHEAD + 2
+/// Snippets in memory at once beside those that a [`Library`] keeps, for steps over `accumulate` snippets by `feeds` feeds: those
+/// of a step, for each feed those that wait and the one that is being prepared or waits for a place, and the one of a measurement.
+pub fn in_flight(accumulate: usize, feeds: usize) -> usize {
+    accumulate + feeds * (AHEAD + 1) + 1
 }
 
 /// A snippet, or the sentence that says why it cannot be used.
 pub type Prepared = Result<Arc<HostSnippet>, String>;
 
+/// A draw of the training with its snippet.
+#[derive(Debug, Clone)]
+pub struct Drawn {
+    /// Number of the draw since the first step, from 0. Every random choice about it depends on the seed and this number alone.
+    pub draw: usize,
+    /// The snippet.
+    pub place: Place,
+    /// Its contents.
+    pub prepared: Prepared,
+}
+
+/// Draws in equal distances: all of them, or those of one device among several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Draws {
+    /// The first.
+    pub first: usize,
+    /// Distance of neighbours.
+    pub every: usize,
+}
+
+impl Draws {
+    /// All draws from `first` on.
+    pub fn from(first: usize) -> Self {
+        Self { first, every: 1 }
+    }
+}
+
 /// The snippets of steps to come.
 #[derive(Debug)]
 pub struct Feed {
-    receiver: Receiver<(Place, Prepared)>,
+    receiver: Receiver<Drawn>,
 }
 
 impl Feed {
-    /// Starts to prepare the snippets of the draws from `first` on.
+    /// Starts to prepare the snippets of `draws`.
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub fn start(logs: Arc<Logs>, config: &FluxConfig, first: usize) -> Result<Self> {
+    pub fn start(library: Arc<Library>, draws: Draws) -> Result<Self> {
         let (sender, receiver) = sync_channel(AHEAD);
-        let config = config.clone();
         let work = move || {
-            let mut library = Library::new(logs, &config);
-            let mut order = Order::new(library.logs.train.len(), config.seed);
-            for draw in first.. {
-                let place = library.logs.train[order.at(draw)].clone();
+            let places = &library.logs.train;
+            let mut order = Order::new(places.len(), library.config.seed);
+            for draw in (draws.first..).step_by(draws.every) {
+                let place = places[order.at(draw)].clone();
                 let prepared = library.get(&place);
-                if sender.send((place, prepared)).is_err() {
+                if sender.send(Drawn { draw, place, prepared }).is_err() {
                     break;
                 }
             }
@@ -59,7 +85,7 @@ impl Feed {
     ///
     /// # Errors
     /// When the thread that reads has ended.
-    pub fn next(&self) -> Result<(Place, Prepared)> {
+    pub fn next(&self) -> Result<Drawn> {
         self.receiver.recv().map_err(|_| anyhow!("the thread that reads snippets has ended"))
     }
 }
@@ -89,11 +115,16 @@ impl Order {
     }
 }
 
-/// Prepared snippets under a bound of bytes; the first to come stay.
+/// Prepared snippets under a bound of bytes; the first to come stay. Several feeds may share one.
 #[derive(Debug)]
 pub struct Library {
     logs: Arc<Logs>,
     config: FluxConfig,
+    shelf: Mutex<Shelf>,
+}
+
+#[derive(Debug)]
+struct Shelf {
     kept: BTreeMap<(usize, usize), Arc<HostSnippet>>,
     room: usize,
 }
@@ -101,26 +132,29 @@ pub struct Library {
 impl Library {
     /// Nothing is read yet.
     pub fn new(logs: Arc<Logs>, config: &FluxConfig) -> Self {
-        let room = config.own.logs.cache_mb << 20;
-        Self { logs, config: config.clone(), kept: BTreeMap::new(), room }
+        let shelf = Mutex::new(Shelf { kept: BTreeMap::new(), room: config.own.logs.cache_mb << 20 });
+        Self { logs, config: config.clone(), shelf }
     }
 
     /// A snippet.
     ///
     /// # Errors
     /// Why it cannot be used.
-    pub fn get(&mut self, place: &Place) -> Prepared {
+    pub fn get(&self, place: &Place) -> Prepared {
         let key = (place.log, place.snippet.frames[0]);
-        if let Some(kept) = self.kept.get(&key) {
+        let shelf = || self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kept) = shelf().kept.get(&key) {
             return Ok(kept.clone());
         }
+        // Outside the lock: a snippet takes seconds, and another feed may prepare another one.
         let log = &self.logs.logs[place.log];
         let name = self.logs.name(place);
         let made = prepare(log, &place.snippet, &name, &self.config.own.lift, self.config.seed);
         let made = Arc::new(made.map_err(|error| format!("{error:#}"))?);
-        if made.bytes() <= self.room {
-            self.room -= made.bytes();
-            self.kept.insert(key, made.clone());
+        let mut shelf = shelf();
+        if made.bytes() <= shelf.room && !shelf.kept.contains_key(&key) {
+            shelf.room -= made.bytes();
+            shelf.kept.insert(key, made.clone());
         }
         Ok(made)
     }

@@ -1,13 +1,14 @@
 //! Flux4D: a network that turns a driving log into moving Gaussians, trained on many logs without labels.
 //!
-//! It fits no scene, so it is a [`Pipeline`] of its own around a loop over snippets.
+//! It fits no scene, so it is a [`Pipeline`] of its own around steps over snippets.
 //!
 //! | file | idea |
 //! |---|---|
 //! | [`config`] | the sections and their ranges |
 //! | [`logs`], [`prepare`](mod@prepare), [`feed`] | the logs of a folder; a snippet on the host; those to come |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
-//! | [`trainer`], [`train`](mod@train), [`saved`] | a step; the run; checkpoints |
+//! | [`trainer`], [`steps`], `learner` | a step; steps on one device; steps by burn-train's learner (cargo feature `learner`) |
+//! | [`train`](mod@train), [`observer`], [`saved`] | the run; what follows a step; checkpoints |
 //! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`], [`actor_recall`] | the network applied; held-out figures |
 //! | [`start`] | velocities that the sweeps show |
 //! | [`stability`] | where it fails |
@@ -22,9 +23,12 @@ pub mod evaluate;
 pub mod feed;
 pub mod flow;
 pub mod infer;
+#[cfg(feature = "learner")]
+pub mod learner;
 pub mod logs;
 pub mod moving;
 pub mod network;
+pub mod observer;
 pub mod polish;
 pub mod prepare;
 pub mod reconstruct;
@@ -33,6 +37,7 @@ pub mod saved;
 mod snippet_page;
 pub mod stability;
 pub mod start;
+pub mod steps;
 pub mod summary;
 pub mod sweep_flow;
 pub mod train;

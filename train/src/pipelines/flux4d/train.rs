@@ -2,17 +2,18 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use glam::DVec3;
 use gs_datasets::counted;
 use gs_models::flux4d::unet::BYTES_PER_VOXEL;
 
 use super::NAME;
 use super::config::FluxConfig;
-use super::evaluate::{Measurement, Split, measure};
-use super::feed::{Feed, in_flight};
+use super::evaluate::Measurement;
+use super::feed::in_flight;
 use super::logs::{Logs, Place};
 use super::network::FluxNetwork;
+use super::observer::Observer;
 use super::saved::{parameters, restore, snapshot};
 use super::trainer::Trainer;
 use crate::report;
@@ -22,12 +23,9 @@ use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
 use crate::run::progress;
 use crate::run::scene::write_ply;
-use crate::run::watch::{self, Ending, GAUSSIANS, Job, Plan, Run};
+use crate::run::watch::{self, Ending, Job, Plan, Run};
 
-/// Reasons for skipped snippets that are shown; more are counted.
-const REASONS_SHOWN: usize = 5;
-
-/// Trains a network: begin or resume, step until done while the run observes, measure, save, report.
+/// Trains a network: begin or resume, take steps while the run observes, save, measure, report.
 ///
 /// # Errors
 /// One sentence: bad data, a damaged checkpoint, a full disk.
@@ -35,47 +33,53 @@ pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
     if let Some(eval) = watch::finished(job, &config.to_toml()) {
         return Ok(Ending::Finished(Box::new(eval)));
     }
+    check_devices(job, config)?;
     let held = watch::enter(job)?;
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let logs = Arc::new(Logs::open(&job.dataset, &config.own.logs)?);
     let plan = plan(job, config, &logs);
-    let mut trainer = begun(job, config, &plan)?;
-    let mut run = Run::begin(job, plan, trainer.step, held)?;
+    let trainer = begun(job, config, &plan)?;
+    let run = Run::begin(job, plan, trainer.step, held)?;
     introduce(&run, &logs, &trainer);
-    let accumulate = config.own.learning.accumulate;
-    let feed = Feed::start(logs.clone(), config, trainer.step * accumulate)?;
-    let mut shown = 0;
-    while trainer.step < config.steps {
-        if run.is_stopped(trainer.step) {
-            run.save(trainer.step, &snapshot(&trainer))?;
-            return run.leave(trainer.step);
-        }
-        let snippets = (0..accumulate).map(|_| feed.next()).collect::<Result<Vec<_>>>()?;
-        let mut reasons = Vec::new();
-        let report = run.timed(|| {
-            trainer.step(&snippets, (&logs, config, &job.device), &mut |reason| reasons.push(reason.to_string()))
-        });
-        for reason in reasons.iter().take(REASONS_SHOWN.saturating_sub(shown)) {
-            run.say(&format!("warning: {reason}"));
-        }
-        shown += reasons.len();
-        let counts = [(GAUSSIANS, report.gaussians as f64), ("voxels", report.voxels as f64)];
-        run.observe(trainer.step, (report.loss, trainer.skipped), &counts, || None);
-        let step = trainer.step;
-        if config.eval.at.contains(&step) && step < config.steps {
-            let measurement = held_out(&trainer, &logs, config, job, 0)?;
-            run.record(step, measurement.measured)?;
-        }
-        if run.is_save_due(step) {
-            run.save_on_the_way(step, &snapshot(&trainer));
-        }
+    let observer = Observer::new(run, logs, config.clone(), job.device.clone());
+    let (trainer, observer) = advance(trainer, observer, job)?;
+    observer.run.save(trainer.step, &snapshot(&trainer))?;
+    if trainer.step < config.steps {
+        return observer.run.leave(trainer.step);
     }
-    finish(run, job, &trainer, &logs, config)
+    finish(observer, job, &trainer)
 }
 
-fn finish(mut run: Run, job: &Job, trainer: &Trainer, logs: &Arc<Logs>, config: &FluxConfig) -> Result<Ending> {
-    run.save(trainer.step, &snapshot(trainer))?;
-    let Measurement { measured, pictures, scene, viewer } = held_out(trainer, logs, config, job, config.eval.images)?;
+/// Takes steps until the training is over, by burn-train's learner.
+#[cfg(feature = "learner")]
+fn advance(trainer: Trainer, observer: Observer, job: &Job) -> Result<(Trainer, Observer)> {
+    super::learner::advance(trainer, observer, job)
+}
+
+/// Takes steps until the training is over.
+#[cfg(not(feature = "learner"))]
+fn advance(trainer: Trainer, observer: Observer, _: &Job) -> Result<(Trainer, Observer)> {
+    super::steps::advance(trainer, observer)
+}
+
+/// Checks that the devices of a job can share its steps.
+fn check_devices(job: &Job, config: &FluxConfig) -> Result<()> {
+    let (devices, accumulate) = (job.devices(), config.own.learning.accumulate);
+    if devices > 1 && !cfg!(feature = "learner") {
+        bail!("--devices {devices}: training on several devices is not part of this build: add `--features learner`");
+    }
+    if accumulate % devices != 0 {
+        bail!(
+            "--devices {devices}: expected a multiple of it in learning.accumulate, the snippets of a step, which the \
+             devices share; found {accumulate}"
+        );
+    }
+    Ok(())
+}
+
+fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
+    let Measurement { measured, pictures, scene, viewer } = observer.measure(trainer, observer.config.eval.images)?;
+    let Observer { mut run, config, .. } = observer;
     if let Some((gaussians, origin)) = scene {
         write_ply(&job.folder.ply(), &gaussians, origin)
             .map_err(|error| error.context("the first held-out snippet could not be exported"))?;
@@ -87,17 +91,6 @@ fn finish(mut run: Run, job: &Job, trainer: &Trainer, logs: &Arc<Logs>, config: 
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }
     Ok(Ending::Finished(Box::new(file)))
-}
-
-fn held_out(
-    trainer: &Trainer,
-    logs: &Arc<Logs>,
-    config: &FluxConfig,
-    job: &Job,
-    pictures: usize,
-) -> Result<Measurement> {
-    let split = Split { logs, places: &logs.held_out, name: logs.split, pictures };
-    measure(trainer.network(), &split, config, &job.device)
 }
 
 /// The saved training, or one before its first step.
@@ -142,7 +135,7 @@ fn plan(job: &Job, config: &FluxConfig, logs: &Logs) -> Plan {
         setting("degree", "unet.degree", own.unet.degree.to_string(), format!("degree {}", own.unet.degree)),
     ];
     let facts = Vec::new();
-    let prediction = predicted(config, logs);
+    let prediction = predicted(config, logs, job.devices());
     Plan { steps: config.steps, checkpoint: config.checkpoint.clone(), origin, prediction, facts, settings }
 }
 
@@ -153,7 +146,7 @@ const PROGRAM_BYTES: u64 = 60 << 20;
 /// LiDAR points of a snippet where the configuration has no limit: six sweeps of PandaSet.
 const USUAL_POINTS: usize = 1_000_000;
 
-fn predicted(config: &FluxConfig, logs: &Logs) -> Prediction {
+fn predicted(config: &FluxConfig, logs: &Logs, devices: usize) -> Prediction {
     let own = &config.own;
     let points = if own.lift.points == 0 { USUAL_POINTS } else { own.lift.points };
     let rows = points + own.lift.sky_points + own.lift.random_points;
@@ -167,7 +160,7 @@ fn predicted(config: &FluxConfig, logs: &Logs) -> Prediction {
     let all: usize = logs.train.iter().map(bytes).sum();
     let largest = logs.train.iter().chain(&logs.held_out).map(bytes).max().unwrap_or(0);
     // Snippets in flight are shared with the library where it keeps them.
-    let (kept, in_flight) = (all.min(own.logs.cache_mb << 20), largest * in_flight(own.learning.accumulate));
+    let (kept, in_flight) = (all.min(own.logs.cache_mb << 20), largest * in_flight(own.learning.accumulate, devices));
     let snippets = (kept + in_flight).min(all + largest);
     // Half of the points share their voxel with another at the default edge.
     let unet = 0.5 * points as f64 * BYTES_PER_VOXEL * own.unet.width;

@@ -10,7 +10,7 @@ use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 
 use super::config::FluxConfig;
-use super::feed::Prepared;
+use super::feed::Drawn;
 use super::logs::{Logs, Place};
 use super::network::FluxNetwork;
 use super::prepare::{HostSnippet, HostView};
@@ -42,7 +42,21 @@ pub struct StepReport {
 }
 
 /// Why a snippet contributed nothing.
-type Unusable = String;
+pub type Unusable = String;
+
+/// What a snippet that was used tells.
+#[derive(Debug, Clone, Copy)]
+pub struct Used {
+    /// Loss after the last pass.
+    pub loss: f64,
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Finest voxels.
+    pub voxels: usize,
+}
+
+/// Data, configuration and device of a training.
+pub type Setting<'a> = (&'a Logs, &'a FluxConfig, &'a Device);
 
 impl Trainer {
     /// A training before its first step.
@@ -55,47 +69,47 @@ impl Trainer {
         self.network.as_ref().expect("between steps")
     }
 
-    /// One step over some snippets; `say` is told why one was skipped. A skipped one contributes zeros to the mean of
-    /// the gradients; a step without any changes nothing.
-    pub fn step(
-        &mut self,
-        snippets: &[(Place, Prepared)],
-        (logs, config, device): (&Logs, &FluxConfig, &Device),
-        say: &mut dyn FnMut(&str),
-    ) -> StepReport {
+    /// One step over some snippets; `say` is told why one was skipped.
+    pub fn step(&mut self, snippets: &[Drawn], setting: Setting, say: &mut dyn FnMut(&str)) -> StepReport {
         let tracked = self.network().clone().train();
-        let (mut sum, mut losses) = (None::<NamedGradients>, Vec::new());
-        let mut report = StepReport { loss: f32::NAN, ..StepReport::default() };
-        for (number, (place, prepared)) in snippets.iter().enumerate() {
-            let draw = (self.step * config.own.learning.accumulate + number) as u64;
-            let mut random = stream(config.seed, Purpose::Supervision, draw);
-            let used = prepared.clone().and_then(|host| {
-                let sample = Sample::new(&host, config, device).map_err(|error| format!("{error:#}"))?;
-                (report.gaussians, report.voxels) = (sample.lifted.raw.dims()[0], sample.pyramid.voxels(0));
-                let supervision = supervised(&host, &sample, (logs, place, config), &mut random, device)?;
-                gradients(&tracked, &sample, &supervision, config).map_err(|error| format!("{}: {error}", host.name))
+        let mut sum = None::<NamedGradients>;
+        let mut outcomes = Vec::new();
+        for drawn in snippets {
+            let outcome = contribution(&tracked, drawn, setting).map(|(found, used)| {
+                match &mut sum {
+                    Some(sum) => sum.add(found),
+                    None => sum = Some(found),
+                }
+                used
             });
-            match used {
-                Ok((found, loss)) => {
-                    losses.push(loss);
-                    match &mut sum {
-                        Some(sum) => sum.add(found),
-                        None => sum = Some(found),
-                    }
-                }
-                Err(reason) => {
-                    self.skipped += 1;
-                    say(&format!("a snippet of step {} was skipped: {reason}", self.step + 1));
-                }
-            }
+            outcomes.push(outcome);
         }
         drop(tracked);
+        self.finish(sum.unwrap_or_default(), snippets.len(), &outcomes, setting.1, say)
+    }
+
+    /// Ends a step with the sum of the gradients, of which `count` make the mean. A skipped snippet contributes zeros to the mean;
+    /// a step without any other changes nothing.
+    pub fn finish(
+        &mut self,
+        sum: NamedGradients,
+        count: usize,
+        outcomes: &[Result<Used, Unusable>],
+        config: &FluxConfig,
+        say: &mut dyn FnMut(&str),
+    ) -> StepReport {
         self.step += 1;
-        if let Some(sum) = sum {
-            report.loss = (losses.iter().sum::<f64>() / losses.len() as f64) as f32;
-            self.update(sum, snippets.len(), config);
+        for reason in outcomes.iter().filter_map(|outcome| outcome.as_ref().err()) {
+            self.skipped += 1;
+            say(&format!("a snippet of step {} was skipped: {reason}", self.step));
         }
-        report
+        let used: Vec<&Used> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
+        let Some(last) = used.last() else {
+            return StepReport { loss: f32::NAN, ..StepReport::default() };
+        };
+        let loss = used.iter().map(|used| used.loss).sum::<f64>() / used.len() as f64;
+        self.update(sum, count, config);
+        StepReport { loss: loss as f32, gaussians: last.gaussians, voxels: last.voxels }
     }
 
     fn update(&mut self, sum: NamedGradients, count: usize, config: &FluxConfig) {
@@ -108,6 +122,24 @@ impl Trainer {
         let network = self.network.take().expect("between steps");
         self.network = Some(self.adam.step(network, mean, |_| Some(rate)));
     }
+}
+
+/// The gradients of one snippet by the leaves of `tracked`, summed over its passes.
+///
+/// # Errors
+/// Why the snippet cannot be used.
+pub fn contribution(
+    tracked: &FluxNetwork,
+    drawn: &Drawn,
+    (logs, config, device): Setting,
+) -> Result<(NamedGradients, Used), Unusable> {
+    let host = drawn.prepared.as_ref().map_err(Clone::clone)?;
+    let mut random = stream(config.seed, Purpose::Supervision, drawn.draw as u64);
+    let sample = Sample::new(host, config, device).map_err(|error| format!("{error:#}"))?;
+    let supervision = supervised(host, &sample, (logs, &drawn.place, config), &mut random, device)?;
+    let found = gradients(tracked, &sample, &supervision, config);
+    let (gradients, loss) = found.map_err(|error| format!("{}: {error}", host.name))?;
+    Ok((gradients, Used { loss, gaussians: sample.lifted.raw.dims()[0], voxels: sample.pyramid.voxels(0) }))
 }
 
 /// Adam's epsilon, Burn's and PyTorch's default: gradients of a network are not as tiny as those of single Gaussians.

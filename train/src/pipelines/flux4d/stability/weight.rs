@@ -7,7 +7,7 @@ use anyhow::Result;
 
 use super::trial::{Outcome, applied, network, street};
 use crate::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
-use crate::pipelines::flux4d::feed::Feed;
+use crate::pipelines::flux4d::feed::{Draws, Feed, Library};
 use crate::pipelines::flux4d::logs::Logs;
 use crate::pipelines::flux4d::network::FluxNetwork;
 use crate::pipelines::flux4d::trainer::Trainer;
@@ -66,7 +66,7 @@ fn run(lab: &Lab) -> Result<Findings> {
 fn trained(lab: &Lab, path: &Path, config: &FluxConfig) -> Result<Outcome> {
     let logs = Arc::new(Logs::open(path, &config.own.logs)?);
     let mut trainer = Trainer::new(FluxNetwork::new(config, &lab.device));
-    let feed = Feed::start(logs.clone(), config, 0)?;
+    let feed = Feed::start(Arc::new(Library::new(logs.clone(), config)), Draws::from(0))?;
     while trainer.step < config.steps {
         if interrupt::asked() {
             return Err(Interrupted.into());
