@@ -18,22 +18,22 @@ const PHOTOS: f64 = 0.8;
 ///
 /// Pixels that `View::mask` ignores count as background.
 pub fn foreground_masks(views: &[View]) -> Option<Vec<Option<Vec<u8>>>> {
-    let compared = |view: &View, pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
-    let masks_of = |shows: &dyn Fn(&View, usize) -> bool| -> Option<Vec<Option<Vec<u8>>>> {
-        let level = |view: &View, pixel: usize| if compared(view, pixel) && shows(view, pixel) { 255 } else { 0 };
-        let mask = |view: &View| (0..view.width * view.height).map(|pixel| level(view, pixel)).collect();
-        Some(views.iter().map(|view| Some(mask(view))).collect())
-    };
+    let most = |count: usize| count as f64 >= PHOTOS * views.len() as f64;
     let transparent = views.iter().filter(|view| view.alpha.is_some()).count();
-    if transparent > 0 && transparent as f64 >= PHOTOS * views.len() as f64 {
-        return masks_of(&|view, pixel| view.alpha.as_ref().is_none_or(|alpha| alpha[pixel] > SAME));
+    if transparent > 0 && most(transparent) {
+        return Some(masks(views, |view, pixel| view.alpha.as_ref().is_none_or(|alpha| alpha[pixel] > SAME)));
     }
     let color = background_color(views)?;
     let plain = views.iter().filter(|view| is_plain(view, color)).count();
-    if (plain as f64) < PHOTOS * views.len() as f64 {
-        return None;
-    }
-    masks_of(&|view, pixel| !is_same(view, pixel, color))
+    most(plain).then(|| masks(views, |view, pixel| !is_same(view, pixel, color)))
+}
+
+/// For each view, 255 at the pixels that count and for which `shows` is true.
+fn masks(views: &[View], shows: impl Fn(&View, usize) -> bool) -> Vec<Option<Vec<u8>>> {
+    let counts = |view: &View, pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
+    let level = |view: &View, pixel: usize| if counts(view, pixel) && shows(view, pixel) { 255 } else { 0 };
+    let mask = |view: &View| (0..view.width * view.height).map(|pixel| level(view, pixel)).collect();
+    views.iter().map(|view| Some(mask(view))).collect()
 }
 
 /// The median colour along the borders of all views.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::initialise::size_of;
 use super::preflight::{NEAR_ADVISED, NEAR_MOST};
-use crate::config::{Auto, Background, Config, RenderConfig};
+use crate::config::{Background, Config, RenderConfig};
 
 /// Least share of equal pixels along the borders of all photos at which their colour is taken for the background's.
 const BORDER: f64 = 0.5;
@@ -45,12 +45,14 @@ impl SceneFacts {
     /// do not tell.
     pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>, unseen: Unseen) -> Self {
         let subject_distance = scene.subject_distance();
+        let is_transparent = scene.train.iter().any(|view| view.alpha.is_some());
         Self {
             extent: size_of(scene),
             near: if config.render.near > 0.0 { config.render.near } else { near(subject_distance, near_share) },
             background: match config.data.background {
-                Background::Color(color) => color,
-                Background::Found(_) => found_background(&scene.train, unseen),
+                Background::Found(_) if !is_transparent => found_background(&scene.train, unseen),
+                // What is transparent was composited on it.
+                loaded => loaded.color(),
             },
             subject_distance,
         }
@@ -97,12 +99,8 @@ fn near(distance: Option<f64>, share: Option<f64>) -> f64 {
     }
 }
 
-/// The colour behind transparent pixels; else the colour along the photos' borders, if most are of one; else that of `unseen`.
+/// The colour along the photos' borders, if most are of one; else that of `unseen`.
 fn found_background(views: &[View], unseen: Unseen) -> [f32; 3] {
-    // What is transparent was composited on the loader's own background.
-    if views.iter().any(|view| view.alpha.is_some()) {
-        return Background::Found(Auto::Auto).color();
-    }
     let Some(found) = border_color(views) else {
         return match unseen {
             Unseen::Black => [0.0; 3],
