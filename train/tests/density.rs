@@ -10,7 +10,7 @@ use gs_burn::adam::{Adam, Moments};
 use gs_burn::{Gaussians, NamedGradients};
 use gs_train::config::DensityConfig;
 use gs_train::fit::density::ops::{Draft, logit};
-use gs_train::fit::density::{StepContext, mcmc, prune};
+use gs_train::fit::density::{Control, StepContext, mcmc, prune};
 use gs_train::fit::parameters::{Group, Table, from_host, gaussians, to_host};
 use gs_train::fit::photos::camera;
 use gs_train::run::folder::MetricsLine;
@@ -78,7 +78,7 @@ fn a_draft_that_changes_nothing_changes_nothing() {
 }
 
 fn context() -> StepContext {
-    StepContext { step: 100, steps: 1000, seed: 3, extent: 1.0, means_lr: 1e-4, rests: false }
+    StepContext { step: 100, steps: 1000, seed: 3, extent: 1.0, means_lr: 1e-4, control: Control::Scheduled }
 }
 
 fn with_opacities(opacities: &[f64]) -> (Gaussians, Adam) {

@@ -14,6 +14,7 @@ use gs_burn::{Gaussians, NamedGradients, RowMap};
 use gs_datasets::{LoadOptions, Scene, View};
 use gs_models::{DynamicScene, Static};
 
+use super::density::Control;
 use super::facts::{SceneFacts, Unseen};
 use super::figure::Figures;
 use super::foresight::Foresight;
@@ -237,10 +238,10 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         self
     }
 
-    /// Whether density control rests at `step`: refinements and lowered opacities are left out. The pruning at which the count becomes fixed is
-    /// not.
-    fn keeps_count(_step: usize, _config: &FitConfig<Self::Config>) -> bool {
-        false
+    /// What is asked of density control at `step`: of refinements and lowered opacities. The pruning at which the count becomes fixed takes place
+    /// in any case.
+    fn control(_step: usize, _config: &FitConfig<Self::Config>) -> Control {
+        Control::Scheduled
     }
 
     /// Follows a change of the Gaussians' rows.

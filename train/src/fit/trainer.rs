@@ -163,7 +163,7 @@ impl<M: Method> Trainer<M> {
     fn compare(&self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
         let tracked = self.model().clone().train();
         let (rows, device) = (tracked.gaussians.len(), self.gaussians().device());
-        let wanted = self.density.wants_screen(&config.density, self.step, config.steps);
+        let wanted = self.density.wants_screen(&config.density, M::control(self.step, config), self.step, config.steps);
         let screen = |_| Tensor::<2>::zeros([rows, 4], &device).autodiff().require_grad();
         let screens: Vec<Tensor<2>> = if wanted { photos.iter().map(screen).collect() } else { Vec::new() };
         let at = self.at(cues, config);
@@ -222,7 +222,7 @@ impl<M: Method> Trainer<M> {
             seed: config.seed,
             extent: self.facts.extent,
             means_lr: means_lr(&config.optimiser, self.step, config.steps),
-            rests: M::keeps_count(self.step, config),
+            control: M::control(self.step, config),
         };
         let Model { mut gaussians, method } = self.take_model();
         let refinement =

@@ -62,9 +62,10 @@ fn clusters(positions: &[DVec3], count: usize) -> Vec<usize> {
     own
 }
 
-/// Joins parts whose Gaussians follow one rigid motion, the most alike first, until any two left differ by more than `tolerance` (root mean
-/// square over members and times, scene units). `paths[j][i]` is the position of Gaussian `i` at time `j`. Gives labels from 0 on; -1 stays.
-pub fn joined(paths: &[Vec<DVec3>], labels: &[i32], tolerance: f64) -> Vec<i32> {
+/// Joins parts whose Gaussians follow one rigid motion, the most alike first, until any two left differ by more than `tolerance`, scene units, and
+/// the share `relative` of their way (each as root mean square over members and times: errors of a learned motion grow with the way).
+/// `paths[j][i]` is the position of Gaussian `i` at time `j`. Gives labels from 0 on; -1 stays.
+pub fn joined(paths: &[Vec<DVec3>], labels: &[i32], tolerance: f64, relative: f64) -> Vec<i32> {
     let mut labels = labels.to_vec();
     let count = labels.iter().max().map_or(0, |most| (*most + 1).max(0) as usize);
     if paths.is_empty() || count == 0 {
@@ -81,8 +82,8 @@ pub fn joined(paths: &[Vec<DVec3>], labels: &[i32], tolerance: f64) -> Vec<i32> 
         let mut best: Option<(f64, i32, i32)> = None;
         for (index, (a, of_a)) in parts.iter().enumerate() {
             for (b, of_b) in &parts[index + 1..] {
-                let apart = difference(paths, of_a, of_b);
-                if apart <= tolerance && best.is_none_or(|(least, ..)| apart < least) {
+                let Difference { apart, way } = difference(paths, of_a, of_b);
+                if apart <= tolerance + relative * way && best.is_none_or(|(least, ..)| apart < least) {
                     best = Some((apart, *a, *b));
                 }
             }
@@ -93,24 +94,31 @@ pub fn joined(paths: &[Vec<DVec3>], labels: &[i32], tolerance: f64) -> Vec<i32> 
     numbered(&labels)
 }
 
-/// Root mean square distance of the members of two parts from the one rigid motion that fits both best. Both parts count alike: a small part is
-/// not outvoted by a large one.
-fn difference(paths: &[Vec<DVec3>], a: &[usize], b: &[usize]) -> f64 {
+/// How far two parts are from one motion: root mean squares over members and times, scene units.
+struct Difference {
+    /// Distance of the members from the one rigid motion that fits both best.
+    apart: f64,
+    /// Distance of the members from where they began.
+    way: f64,
+}
+
+/// The difference of two parts. Both count alike: a small part is not outvoted by a large one.
+fn difference(paths: &[Vec<DVec3>], a: &[usize], b: &[usize]) -> Difference {
     let at = |time: &[DVec3], part: &[usize]| part.iter().map(|i| time[*i]).collect::<Vec<_>>();
     let even = a.len().min(b.len());
     let thin = |part: &[usize]| -> Vec<usize> { (0..even).map(|k| part[k * part.len() / even]).collect() };
     let both: Vec<usize> = thin(a).into_iter().chain(thin(b)).collect();
     let before = at(&paths[0], &both);
     let centre = before.iter().sum::<DVec3>() / before.len().max(1) as f64;
-    let sum: f64 = paths
-        .iter()
-        .map(|time| {
-            let after = at(time, &both);
-            let pose = rigid_motion(&before, &after, centre);
-            before.iter().zip(&after).map(|(x, y)| pose.apply(*x, centre).distance_squared(*y)).sum::<f64>()
-        })
-        .sum();
-    (sum / (both.len().max(1) * paths.len()) as f64).sqrt()
+    let (mut misfit, mut moved) = (0.0, 0.0);
+    for time in paths {
+        let after = at(time, &both);
+        let pose = rigid_motion(&before, &after, centre);
+        misfit += before.iter().zip(&after).map(|(x, y)| pose.apply(*x, centre).distance_squared(*y)).sum::<f64>();
+        moved += before.iter().zip(&after).map(|(x, y)| x.distance_squared(*y)).sum::<f64>();
+    }
+    let count = (both.len().max(1) * paths.len()) as f64;
+    Difference { apart: (misfit / count).sqrt(), way: (moved / count).sqrt() }
 }
 
 /// Labels renumbered from 0 in the order of their first appearance; -1 stays.
@@ -157,7 +165,7 @@ mod tests {
             let (paths, labels) = rods(hinged);
             let (parts, of) = divided(&paths[0], &labels, 4, 20);
             assert!(of.len() >= 3 && of.iter().all(|body| *body == 0), "{of:?}");
-            let joined = joined(&paths, &parts, 0.02);
+            let joined = joined(&paths, &parts, 0.02, 0.0);
             assert_eq!(joined.iter().max().map(|most| most + 1), Some(bodies), "hinged: {hinged}");
         }
     }
@@ -169,7 +177,7 @@ mod tests {
         let (parts, of) = divided(&paths[0], &labels, 4, 100);
         assert_eq!((of, parts.iter().filter(|part| **part == -1).count()), (vec![0], 50));
         assert_eq!(divided(&[], &[], 4, 20), (Vec::new(), Vec::new()));
-        assert!(joined(&[], &[], 1.0).is_empty());
+        assert!(joined(&[], &[], 1.0, 0.0).is_empty());
         assert_eq!(numbered(&[4, -1, 2, 4]), [0, -1, 1, 0]);
     }
 }

@@ -43,14 +43,30 @@ pub struct StepContext {
     pub extent: f64,
     /// Learning rate of the means at this step, in scene extents.
     pub means_lr: f64,
-    /// Whether Gaussians are left as they are at this step; statistics are gathered all the same.
-    pub rests: bool,
+    /// What the method asks for at this step.
+    pub control: Control,
+}
+
+/// What a method asks of density control at a step.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Control {
+    /// Refinements from `density.start` to `density.stop`.
+    #[default]
+    Scheduled,
+    /// Gaussians are left as they are; statistics are gathered all the same.
+    Rests,
+    /// Refinements also after `density.stop`.
+    Resumes,
 }
 
 impl StepContext {
     /// Whether the count and opacities may change now.
     fn is_active(&self, config: &DensityConfig) -> bool {
-        !self.rests && config.active(self.step, self.steps)
+        match self.control {
+            Control::Scheduled => config.active(self.step, self.steps),
+            Control::Rests => false,
+            Control::Resumes => config.strategy != Strategy::None,
+        }
     }
 }
 
@@ -97,9 +113,10 @@ impl Density {
     }
 
     /// Whether the step should compute screen gradients.
-    pub fn wants_screen(&self, config: &DensityConfig, step: usize, steps: usize) -> bool {
+    pub fn wants_screen(&self, config: &DensityConfig, control: Control, step: usize, steps: usize) -> bool {
         // Statistics are gathered from the first step on, as in 3DGS, for as long as they are used.
-        matches!(self, Self::Adaptive(_)) && (step as f64) < config.stop * steps as f64
+        let used = control == Control::Resumes || (step as f64) < config.stop * steps as f64;
+        used && matches!(self, Self::Adaptive(_))
     }
 
     /// Acts after the update of `context.step`.

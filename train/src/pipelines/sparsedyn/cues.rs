@@ -10,7 +10,6 @@ use gs_multiview::foreground_masks;
 
 use super::Config;
 use super::clock::Clock;
-use super::config::{MotionModel, RESTING_STEPS};
 use super::evidence::{CameraEvidence, changing_pixels};
 use crate::config::Strategy;
 
@@ -33,8 +32,8 @@ pub struct Cues {
     pub interval: f64,
     /// The depth priors of the first frame, by index of the training view.
     pub depths: BTreeMap<usize, DepthPrior>,
-    /// For each view of the first frame, by index of the training view, `[H, W]`: 1 inside the outline of what stands before a plain background,
-    /// -1 before the background, 0 at the outline itself. Empty without a plain background.
+    /// For each view of the first frame, or of all frames where outlines count there, by index of the training view, `[H, W]`: 1 inside the outline
+    /// of what stands before a plain background, -1 before the background, 0 at the outline itself. Empty without a plain background.
     pub outlines: BTreeMap<usize, Vec<i8>>,
     /// The pixels of each static camera at which something changes; empty if a camera moves.
     pub evidence: Vec<CameraEvidence>,
@@ -62,9 +61,15 @@ impl Cues {
             true => changing_pixels(&scene.train, config.method.moving.change),
             false => Vec::new(),
         };
-        let outlines = match config.method.warmup.outline > 0.0 {
-            true => outlines_of(&scene.train, first),
-            false => BTreeMap::new(),
+        let method = &config.method;
+        let outlines = match (method.warmup.outline > 0.0, method.curriculum.outline > 0.0) {
+            (_, true) => outlines(&scene.train)
+                .into_iter()
+                .enumerate()
+                .filter_map(|(index, sides)| Some((index, sides?)))
+                .collect(),
+            (true, false) => outlines_of(&scene.train, first),
+            (false, false) => BTreeMap::new(),
         };
         Self { clock, times, by_frame, interval, depths, outlines, evidence }
     }
@@ -140,17 +145,6 @@ pub fn warmup_steps(config: &Config) -> usize {
     own.max(fixed.min(own + 1)).min(config.steps)
 }
 
-/// Whether density control rests at `step`, because motion has just begun. Under the baselines the last step before it belongs to that time:
-/// TRACE leaves out the reset of opacities there.
-pub fn keeps_count(step: usize, config: &Config) -> bool {
-    let warmup = warmup_steps(config);
-    let first = match config.method.dynamics.model {
-        MotionModel::Rollout | MotionModel::Hybrid => warmup + 1,
-        MotionModel::Trace | MotionModel::Freegave => warmup,
-    };
-    (first..warmup + RESTING_STEPS).contains(&step)
-}
-
 /// The time of each frame as the data set writes it, ascending, and the views of each by index.
 pub fn frames(views: &[View]) -> (Vec<f64>, Vec<Vec<usize>>) {
     let time = |index: usize| views[index].time.unwrap_or(0.0);
@@ -175,9 +169,13 @@ pub fn frames(views: &[View]) -> (Vec<f64>, Vec<Vec<usize>>) {
 /// The outlines of the views at `first`; empty without a plain background.
 fn outlines_of(views: &[View], first: &[usize]) -> BTreeMap<usize, Vec<i8>> {
     let chosen: Vec<View> = first.iter().map(|index| views[*index].clone()).collect();
-    let Some(masks) = foreground_masks(&chosen) else { return BTreeMap::new() };
-    let of = |((index, mask), view): ((&usize, Option<Vec<u8>>), &View)| Some((*index, sides(&mask?, view.width)));
-    first.iter().zip(masks).zip(&chosen).filter_map(of).collect()
+    first.iter().zip(outlines(&chosen)).filter_map(|(index, sides)| Some((*index, sides?))).collect()
+}
+
+/// The outline of each view; none without a plain background.
+fn outlines(views: &[View]) -> Vec<Option<Vec<i8>>> {
+    let masks = foreground_masks(views).unwrap_or_default();
+    masks.into_iter().zip(views).map(|(mask, view)| Some(sides(&mask?, view.width))).collect()
 }
 
 /// 1 where a pixel and its neighbours are marked, -1 where none is, 0 otherwise: pixels at the edge are partly covered.

@@ -8,14 +8,16 @@ use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
 use gs_models::sparsedyn::bodies::fit::{MARKERS, Poses};
-use gs_models::sparsedyn::bodies::parts::{divided, joined};
+use gs_models::sparsedyn::bodies::parts::divided;
 use gs_models::sparsedyn::bodies::rigid::rigid_motion;
-use gs_models::sparsedyn::bodies::{
-    Bodies, BodyFrame, BodyPose, Law, LawValues, SegmentOptions, fit_law, segment, select_law,
-};
+use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, BodyPose, Law, LawValues, SegmentOptions, segment, select_law};
 
 use super::config::{BodyUse, MotionModel};
+use super::count::laws_at;
 use super::cues::warmup_steps;
+use super::evidence::may_move;
+use super::laws::with_laws;
+use super::release::resting_parts;
 use super::{Sparsedyn, Step};
 use crate::fit::parameters::to_host;
 
@@ -28,17 +30,21 @@ const FEWEST: usize = 12;
 /// Fewest Gaussians of a part of a body: three bodies' worth, so that photos determine its rotation.
 const FEWEST_OF_PART: usize = 3 * FEWEST;
 
-/// Largest difference of two parts' motions that is one motion, in the noise of a pose. By BIC a second free motion costs six numbers a knot, each
-/// worth the logarithm of some hundred coordinates, 4.6; the misfit that pays for it is `sqrt(2 * 4.6)` of the noise.
-const JOINED_NOISES: f64 = 3.0;
-
 /// The model after the events of a step: bodies are found and found again, divided, joined and given laws.
-pub fn simplified(model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
+pub fn simplified(
+    mut model: Sparsedyn,
+    gaussians: &Gaussians,
+    adam: &mut Adam,
+    views: &[View],
+    at: &Step,
+) -> Sparsedyn {
+    if at.step == warmup_steps(at.config) {
+        model.examine_evidence(gaussians, at);
+    }
     if at.config.method.bodies.mode == BodyUse::Field || model.model != MotionModel::Rollout {
         return model;
     }
     let events = Events::of(at);
-    let mut model = model;
     if events.examinations.contains(&at.step) {
         let last = events.examinations.last() == Some(&at.step);
         model = with_bodies(model, gaussians, adam, views, (at, last));
@@ -65,9 +71,8 @@ impl Events {
         let config = &at.config.method.bodies;
         let warmup = warmup_steps(at.config);
         let physics = at.config.steps - warmup;
-        let step = |share: f64| ((share * physics as f64) as usize).max(1);
-        let select = step(config.select);
-        let first = step(config.from).min(select);
+        let select = laws_at(at.config) - warmup;
+        let first = ((config.from * physics as f64) as usize).max(1).min(select);
         let last = at.cues.curriculum(at.config).long_from().clamp(first, select.saturating_sub(1).max(first));
         let count = config.examinations.max(1);
         let mut examinations: Vec<usize> =
@@ -110,8 +115,15 @@ fn with_bodies(
         model.add_bodies(frames, &values, knots, gaussians);
         forget(adam);
     }
+    let resting = resting_parts(&model, gaussians, seen_times(at), views, at);
+    match last {
+        true => model.make_static(&resting),
+        // It may only be slow to begin.
+        false => resting.iter().for_each(|index| model.frame.labels[*index] = -1),
+    }
     tracing::info!(
         step = at.step,
+        released = resting.len(),
         bodies = model.frame.bodies.len(),
         of_bodies = model.frame.labels.iter().filter(|label| **label >= 0).count(),
         of_field = model.frame.labels.iter().filter(|label| **label < 0).count(),
@@ -197,51 +209,16 @@ fn seen_times<'a>(at: &Step<'a>) -> &'a [f64] {
     }
 }
 
-/// Joins parts that moved alike, gives each body the law that its poses bear out, and drops the free motion.
-fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
-    let config = &at.config.method.bodies;
-    if model.bodies.is_none() {
-        return model;
-    }
-    let times = &at.cues.times;
-    let all = paths(&model, &model.first_positions(gaussians), times);
-    let everything: Vec<usize> = (0..model.frame.rows.len()).collect();
-    let weights = weights_of(&model, gaussians, &everything);
-    let pixel = pixel_size(views, middle(&all[0], &weights));
-    let labels = joined(&all, &model.frame.labels, JOINED_NOISES * config.noise_pixels * pixel);
-    let (mut frames, mut values) = (Vec::new(), Vec::new());
-    for body in 0..labels.iter().max().map_or(0, |most| *most + 1) {
-        let members: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] == body).collect();
-        let own = poses_of(&all, &members, &weights, times, 0.0);
-        let pixel = pixel_size(views, own.first);
-        let sequence =
-            Poses { independent: times.len() as f64 / config.knot_frames, noise: config.noise_pixels * pixel, ..own };
-        let fitted = select_law(&sequence, &Law::ALL).or_else(|| fit_law(&sequence, Law::GENERAL));
-        let (law, numbers) = fitted.map_or((Law::of(&[]), LawValues::REST), |fitted| (fitted.law, fitted.values));
-        tracing::info!(
-            step = at.step,
-            body,
-            gaussians = members.len(),
-            law = law.in_words(),
-            deviation_pixels = fitted.map(|fitted| fitted.deviation / pixel),
-            foreseen_pixels = fitted.map(|fitted| fitted.foreseen / pixel),
-            "law of a body"
-        );
-        frames.push(BodyFrame { centre: sequence.first.to_array(), law });
-        values.push(numbers);
-    }
-    model.frame.labels = labels;
-    model.frame.knots = 0;
-    model.frame.bodies = frames.clone();
-    model.bodies = (!frames.is_empty())
-        .then(|| Bodies::new(frames, &values, model.frame.span, (model.frame.length, 0), &gaussians.device()));
-    forget(adam);
-    model
-}
-
 impl Sparsedyn {
+    /// Decides anew which Gaussians may move, by where they are now: the warm-up has shifted, added and removed some.
+    fn examine_evidence(&mut self, gaussians: &Gaussians, at: &Step) {
+        let means: Vec<[f32; 3]> = to_host(gaussians.means.val()).as_chunks().0.to_vec();
+        self.frame.rows = may_move(&means, &at.cues.evidence, at.config.method.moving.cameras);
+        self.frame.labels = vec![-1; self.frame.rows.len()];
+    }
+
     /// Makes moving Gaussians static, by their indices among the moving ones.
-    fn make_static(&mut self, resting: &[usize]) {
+    pub(super) fn make_static(&mut self, resting: &[usize]) {
         let mut stays = vec![true; self.frame.rows.len()];
         resting.iter().for_each(|index| stays[*index] = false);
         let indices: Vec<usize> = (0..stays.len()).filter(|index| stays[*index]).collect();
@@ -272,14 +249,14 @@ impl Sparsedyn {
 }
 
 /// Old moments belong to numbers of another meaning.
-fn forget(adam: &mut Adam) {
+pub(super) fn forget(adam: &mut Adam) {
     for path in ["method.bodies.numbers", "method.bodies.corrections"] {
         adam.forget(path);
     }
 }
 
 /// The positions of the moving Gaussians at `times`.
-fn paths(model: &Sparsedyn, first: &Tensor<2>, times: &[f64]) -> Vec<Vec<DVec3>> {
+pub(super) fn paths(model: &Sparsedyn, first: &Tensor<2>, times: &[f64]) -> Vec<Vec<DVec3>> {
     model.moved(first, times).into_iter().map(|moved| vectors(to_host(moved.state.positions))).collect()
 }
 
@@ -288,13 +265,13 @@ fn vectors(values: Vec<f32>) -> Vec<DVec3> {
 }
 
 /// The opacities of the moving Gaussians that `which` names.
-fn weights_of(model: &Sparsedyn, gaussians: &Gaussians, which: &[usize]) -> Vec<f64> {
+pub(super) fn weights_of(model: &Sparsedyn, gaussians: &Gaussians, which: &[usize]) -> Vec<f64> {
     let opacities = to_host(gaussians.opacities());
     which.iter().map(|i| f64::from(opacities[model.frame.rows[*i] as usize])).collect()
 }
 
 /// The poses of a body at all frames.
-fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f64], noise: f64) -> Poses {
+pub(super) fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f64], noise: f64) -> Poses {
     let at = |time: &Vec<DVec3>| members.iter().map(|i| time[*i]).collect::<Vec<DVec3>>();
     let before = at(&paths[0]);
     let own: Vec<f64> = members.iter().map(|i| weights[*i]).collect();
@@ -318,7 +295,7 @@ fn rests(poses: &Poses, still: f64) -> bool {
     poses.poses.iter().all(|(_, pose)| moved(pose) <= still)
 }
 
-fn middle(positions: &[DVec3], weights: &[f64]) -> DVec3 {
+pub(super) fn middle(positions: &[DVec3], weights: &[f64]) -> DVec3 {
     let total: f64 = weights.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     positions.iter().zip(weights).map(|(position, weight)| *position * *weight).sum::<DVec3>() / total
 }

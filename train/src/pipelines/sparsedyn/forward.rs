@@ -37,10 +37,14 @@ impl Sparsedyn {
         let times: Vec<f64> = photos.iter().map(|photo| self.frame.clock.inner(photo.time)).collect();
         let Scenes { scenes, remainder } = self.scenes(gaussians, &times, at);
         let mut forward = Forward { remainder, ..Forward::empty(&gaussians.device()) };
-        let count = photos.len();
+        let (count, of_outlines) = (photos.len(), at.config.method.curriculum.outline);
         for (index, (photo, scene)) in photos.iter().zip(&scenes).enumerate() {
             let rendering = drawn(scene, photo, screens.get(index).cloned(), false, at);
-            let loss = photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
+            let mut loss =
+                photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
+            if let Some(sides) = photo.extra.outline.clone().filter(|_| of_outlines > 0.0) {
+                loss = loss + outline_misfit(rendering.alpha.clone(), sides) * of_outlines;
+            }
             forward.loss = forward.loss + loss * weight(index, count, at);
             forward.drawn.push(Drawn { radii: rendering.radii(), intersections: rendering.intersections });
             forward.images.push(rendering.color);
@@ -65,7 +69,7 @@ impl Sparsedyn {
             let factor = if is_hull { ON_HULL } else { 1.0 };
             loss = loss + opacity_sparsity(gaussians.opacities()) * (factor * warmup.opacity);
         }
-        if let Some(sides) = photo.extra.outline.clone() {
+        if let Some(sides) = photo.extra.outline.clone().filter(|_| warmup.outline > 0.0) {
             loss = loss + outline_misfit(rendering.alpha.clone(), sides) * warmup.outline;
         }
         if let (Some((depth, weights)), Some(rendered)) = (prior, rendering.expected_depth()) {

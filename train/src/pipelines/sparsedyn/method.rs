@@ -13,8 +13,9 @@ use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
-use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, cues, discover, figures, timetable};
+use super::{Config, Cues, PhotoCues, Sparsedyn, Step, begin, config, count, cues, discover, figures, timetable};
 use crate::config::FitConfig;
+use crate::fit::density::Control;
 use crate::fit::facts::Unseen;
 use crate::fit::figure::Figures;
 use crate::fit::foresight::Foresight;
@@ -95,8 +96,8 @@ impl Method for Sparsedyn {
         self.updated(gradients, adam, at)
     }
 
-    fn keeps_count(step: usize, config: &Config) -> bool {
-        cues::keeps_count(step, config)
+    fn control(step: usize, config: &Config) -> Control {
+        count::control(step, config)
     }
 
     fn follow(self, rows: &RowMap, _adam: &mut Adam) -> Self {

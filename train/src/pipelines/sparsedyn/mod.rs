@@ -9,7 +9,8 @@
 //! | 4.1 the baselines, from the same prior | [`motion`] |
 //! | beyond the paper: recordings in any unit of time | [`clock`] |
 //! | beyond the paper: only what moves is integrated | [`evidence`] |
-//! | beyond the paper: rigid bodies and their laws | [`discover`] |
+//! | beyond the paper: rigid bodies and their laws | [`discover`], `laws` |
+//! | when Gaussians are added and removed | [`count`] |
 //! | measuring against the truth of synthetic worlds | [`figures`] |
 //! | beyond the paper: parts, an ensemble and other steps for the future | [`future`] |
 //! | experiments at the limits of the method | [`stability`] |
@@ -18,6 +19,7 @@ pub mod begin;
 pub mod bench;
 pub mod clock;
 pub mod config;
+pub mod count;
 pub mod cues;
 pub mod discover;
 pub mod evidence;
@@ -25,10 +27,13 @@ pub mod extra;
 pub mod figures;
 pub mod forward;
 pub mod future;
+mod judges;
+mod laws;
 mod method;
 pub mod model;
 pub mod motion;
 pub mod order;
+mod release;
 pub mod scene;
 pub mod stability;
 pub mod timetable;
