@@ -11,7 +11,7 @@ use gs_models::sparsedyn::{DynamicsField, RolloutOptions, State};
 use super::clock::Clock;
 use super::config::MotionModel;
 use super::cues::frames;
-use super::discover::pixel_size;
+use super::poses::pixel_size;
 use super::scene::RolledScene;
 use super::{Config, Sparsedyn};
 use crate::fit::foresight::{Foresight, Part};

@@ -8,8 +8,8 @@ use gs_models::sparsedyn::bodies::fit::Poses;
 use gs_models::sparsedyn::bodies::parts::joined;
 use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, Fitted, Law, LawValues, compare_laws, fit_law};
 
-use super::discover::{forget, middle, paths, pixel_size, poses_of, weights_of};
 use super::judges::{Judges, with_one};
+use super::poses::{forget, middle, paths, pixel_size, poses_of, weights_of};
 use super::{Sparsedyn, Step};
 
 /// Largest difference of two parts' motions that is one motion, in the noise of a pose. By BIC a second free motion costs six numbers a knot, each

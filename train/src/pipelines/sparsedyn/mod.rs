@@ -33,6 +33,7 @@ mod method;
 pub mod model;
 pub mod motion;
 pub mod order;
+mod poses;
 mod release;
 pub mod scene;
 pub mod stability;
