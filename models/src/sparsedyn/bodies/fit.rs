@@ -14,7 +14,9 @@ pub struct Fitted {
     pub values: LawValues,
     /// Root mean square distance of the body's markers from the poses, scene units.
     pub deviation: f64,
-    /// The same at the last third of the poses, for the law fitted to the others.
+    /// The numbers of the law fitted to the poses before the last third; `None` where nothing finite fits, or before laws are compared.
+    pub early: Option<LawValues>,
+    /// `deviation` at the last third of the poses, for the law fitted to the others.
     pub foreseen: f64,
     /// Twice the negative logarithm of the likelihood of the last third of the poses, given the law fitted to the others, up to a constant: a law
     /// that takes the noise of early poses for motion misses later ones, and a smooth error of all poses, which BIC takes for evidence,
@@ -22,6 +24,18 @@ pub struct Fitted {
     pub surprise: f64,
     /// The criterion by which laws are compared; lower is better.
     pub bic: f64,
+}
+
+impl Fitted {
+    /// What laws are compared by, from their poses alone; lower is better.
+    pub fn score(&self) -> f64 {
+        self.bic + self.surprise
+    }
+}
+
+/// The first of the last third of `count` poses.
+pub fn late_from(count: usize) -> usize {
+    2 * count / 3
 }
 
 /// Poses of one body, and how well they are known.
@@ -50,8 +64,7 @@ pub const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
 
 /// The law among `laws` that says most of the poses with fewest numbers, and foresees their last third best; `None` without poses.
 pub fn select_law(poses: &Poses, laws: &[Law]) -> Option<Fitted> {
-    let score = |fitted: &Fitted| fitted.bic + fitted.surprise;
-    compare_laws(poses, laws).into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))
+    compare_laws(poses, laws).into_iter().min_by(|a, b| a.score().total_cmp(&b.score()))
 }
 
 /// The best numbers of a law; `None` without poses, or when nothing finite fits.
@@ -72,12 +85,12 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
     let variance = sum / count + poses.noise * poses.noise;
     let bic = independent * variance.max(f64::MIN_POSITIVE).ln() + law.freedom() as f64 * independent.ln();
     let deviation = (sum / count * 3.0).sqrt();
-    Some(Fitted { law, values, deviation, foreseen: f64::INFINITY, surprise: 0.0, bic })
+    Some(Fitted { law, values, deviation, early: None, foreseen: f64::INFINITY, surprise: 0.0, bic })
 }
 
 /// Every law of `laws` that fits, with what it foresees.
 pub fn compare_laws(poses: &Poses, laws: &[Law]) -> Vec<Fitted> {
-    let (early, late) = poses.poses.split_at(2 * poses.poses.len() / 3);
+    let (early, late) = poses.poses.split_at(late_from(poses.poses.len()));
     let part = |part: &[(f64, BodyPose)]| Poses { poses: part.to_vec(), ..poses.clone() };
     let (early, late) = (part(early), part(late));
     let tested = |fitted: Fitted| {
@@ -86,7 +99,7 @@ pub fn compare_laws(poses: &Poses, laws: &[Law]) -> Vec<Fitted> {
         let variance = misfit(&late, &before.values) / count;
         let independent = 6.0 * poses.independent * late.poses.len() as f64 / poses.poses.len() as f64;
         let surprise = independent * (variance + poses.noise * poses.noise).max(f64::MIN_POSITIVE).ln();
-        Fitted { foreseen: (3.0 * variance).sqrt(), surprise, ..fitted }
+        Fitted { early: Some(before.values), foreseen: (3.0 * variance).sqrt(), surprise, ..fitted }
     };
     laws.iter().filter_map(|law| fit_law(poses, *law)).map(tested).collect()
 }

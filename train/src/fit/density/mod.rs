@@ -48,10 +48,9 @@ pub struct StepContext {
 }
 
 /// What a method asks of density control at a step.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Control {
     /// Refinements from `density.start` to `density.stop`.
-    #[default]
     Scheduled,
     /// Gaussians are left as they are; statistics are gathered all the same.
     Rests,
@@ -65,7 +64,7 @@ impl StepContext {
         match self.control {
             Control::Scheduled => config.active(self.step, self.steps),
             Control::Rests => false,
-            Control::Resumes => config.strategy != Strategy::None,
+            Control::Resumes => true,
         }
     }
 }

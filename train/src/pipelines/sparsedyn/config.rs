@@ -353,10 +353,7 @@ pub fn defaults() -> FitConfig<Sections> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::count::{control, laws_at};
-    use super::super::cues::warmup_steps;
     use super::*;
-    use crate::fit::density::Control;
 
     fn with(model: MotionModel, stop: f64, steps: usize) -> FitConfig<Sections> {
         let mut config = defaults();
@@ -388,38 +385,5 @@ mod tests {
         // 0.2 of 6000 steps are 1200, and 0.21 of them 1260.
         let found = with(MotionModel::Trace, 0.21, 6000).validate().expect_err("pruned while objects begin to move");
         assert!(found.to_string().contains("outside the first 100 steps of motion"), "{found}");
-    }
-
-    /// In runs of any length, nothing is refined, lowered or pruned in the first steps of motion.
-    #[test]
-    fn no_density_control_falls_on_the_start_of_motion() {
-        for steps in (1..700).chain([2000, 6000, 20_000, 40_000]) {
-            for (model, stop) in
-                [(MotionModel::Rollout, 0.19), (MotionModel::Rollout, 0.2), (MotionModel::Trace, 0.375)]
-            {
-                let config = with(model, stop, steps);
-                let warmup = warmup_steps(&config);
-                let density = &config.density;
-                if config.validate().is_err() {
-                    assert!(model == MotionModel::Trace, "{stop} of {steps} steps");
-                    continue;
-                }
-                let acts = |step: usize| {
-                    let refines = match control(step, &config) {
-                        Control::Scheduled => density.active(step, steps),
-                        Control::Rests => false,
-                        Control::Resumes => true,
-                    };
-                    refines || density.rests_at(step, steps)
-                };
-                let acting = (warmup + 1..warmup + RESTING_STEPS).find(|step| *step < steps && acts(*step));
-                assert_eq!(acting, None, "{model:?} with {stop} of {steps} steps, {warmup} of them before motion");
-                assert!(
-                    model == MotionModel::Trace
-                        || (warmup + 1..(laws_at(&config) + RESTING_STEPS).min(steps)).all(|step| !acts(step)),
-                    "{stop} of {steps}"
-                );
-            }
-        }
     }
 }

@@ -15,8 +15,9 @@ use super::count::laws_at;
 use super::cues::warmup_steps;
 use super::evidence::may_move;
 use super::laws::with_laws;
-use super::poses::{forget, middle, paths, pixel_size, poses_of, vectors, weights_of};
+use super::poses::{middle, paths, pixel_size, poses_of, vectors, weights_of};
 use super::release::resting_parts;
+use super::update::forget;
 use super::{Sparsedyn, Step};
 use crate::fit::parameters::to_host;
 

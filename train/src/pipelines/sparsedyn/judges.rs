@@ -2,6 +2,7 @@
 
 use gs_burn::{Gaussians, render};
 use gs_datasets::View;
+use gs_models::sparsedyn::bodies::fit::late_from;
 use gs_models::sparsedyn::bodies::{BodyFrame, Law, LawValues};
 
 use super::{Sparsedyn, Step};
@@ -25,7 +26,7 @@ pub struct Judges<'a> {
 impl<'a> Judges<'a> {
     /// Photos of the last third of `times`, the first frames of the recording.
     pub fn of(times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
-        let first = 2 * times.len() / 3;
+        let first = late_from(times.len());
         let late = (1..=LATE_TIMES).map(|k| first + k * (times.len() - 1 - first) / LATE_TIMES);
         let of_frame = |frame: usize| {
             let all = &at.cues.by_frame[frame];

@@ -8,8 +8,9 @@ use gs_models::sparsedyn::bodies::fit::Poses;
 use gs_models::sparsedyn::bodies::parts::joined;
 use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, Fitted, Law, LawValues, compare_laws, fit_law};
 
-use super::judges::{Judges, with_one};
-use super::poses::{forget, middle, paths, pixel_size, poses_of, weights_of};
+use super::judges::{Judges, with_one, with_rest};
+use super::poses::{middle, paths, pixel_size, poses_of, weights_of};
+use super::update::forget;
 use super::{Sparsedyn, Step};
 
 /// Largest difference of two parts' motions that is one motion, in the noise of a pose. By BIC a second free motion costs six numbers a knot, each
@@ -115,8 +116,7 @@ fn assigned(
         if !lost(body) {
             return Some(index);
         }
-        let still = BodyFrame { law: Law::of(&[]), ..body.frame.clone() };
-        let at_rest = error(&with_one(model, &body.members, still, LawValues::REST)).unwrap_or(f64::INFINITY);
+        let at_rest = error(&with_rest(model, &body.members)).unwrap_or(f64::INFINITY);
         let own = (Some(index), judged(&body.members, body));
         let others = lawful.iter().enumerate().filter(|(_, other)| !lost(other));
         let others = others.map(|(other, of)| (Some(other), judged(&body.members, of)));
@@ -132,23 +132,19 @@ fn assigned(
 /// The law that the poses bear out. Where they leave several, that which, fitted to the first two thirds of the poses, has the least error in
 /// photos of the last third; of laws as good as that one, the one that the poses bear out best. `judge` gives the error of a law.
 fn chosen(sequence: &Poses, judge: impl Fn(Law, LawValues) -> Option<f64>) -> Option<Fitted> {
-    let score = |fitted: &Fitted| fitted.bic + fitted.surprise;
     let mut fits = compare_laws(sequence, &Law::ALL);
-    fits.sort_by(|a, b| score(a).total_cmp(&score(b)));
+    fits.sort_by(|a, b| a.score().total_cmp(&b.score()));
     let best = *fits.first()?;
-    fits.retain(|fitted| score(fitted) <= score(&best) + DOUBTFUL);
+    fits.retain(|fitted| fitted.score() <= best.score() + DOUBTFUL);
     fits.truncate(JUDGED);
     if fits.len() == 1 {
         return Some(best);
     }
-    let early = Poses { poses: sequence.poses[..2 * sequence.poses.len() / 3].to_vec(), ..sequence.clone() };
-    let judged: Vec<(Fitted, f64)> = fits
-        .into_iter()
-        .filter_map(|fitted| Some((fitted, judge(fitted.law, fit_law(&early, fitted.law)?.values)?)))
-        .collect();
+    let judged: Vec<(Fitted, f64)> =
+        fits.into_iter().filter_map(|fitted| Some((fitted, judge(fitted.law, fitted.early?)?))).collect();
     let least = judged.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
     for (fitted, error) in &judged {
-        let (law, score) = (fitted.law.in_words(), score(fitted) - score(&best));
+        let (law, score) = (fitted.law.in_words(), fitted.score() - best.score());
         tracing::info!(law, score, error, deviation = fitted.deviation, "a law before photos of later times");
     }
     // The scores ascend, so the first one that is as good has the best.

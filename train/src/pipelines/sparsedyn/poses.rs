@@ -2,7 +2,6 @@
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
-use gs_burn::adam::Adam;
 use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::bodies::fit::Poses;
@@ -10,13 +9,6 @@ use gs_models::sparsedyn::bodies::rigid::rigid_motion;
 
 use super::Sparsedyn;
 use crate::fit::parameters::to_host;
-
-/// Old moments belong to numbers of another meaning.
-pub fn forget(adam: &mut Adam) {
-    for path in ["method.bodies.numbers", "method.bodies.corrections"] {
-        adam.forget(path);
-    }
-}
 
 /// The positions of the moving Gaussians at `times`.
 pub fn paths(model: &Sparsedyn, first: &Tensor<2>, times: &[f64]) -> Vec<Vec<DVec3>> {

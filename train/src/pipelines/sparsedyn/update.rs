@@ -1,4 +1,4 @@
-//! The update of the dynamics field.
+//! The update of the dynamics field and the bodies.
 
 use gs_burn::NamedGradients;
 use gs_burn::adam::{Adam, AdamRate};
@@ -22,5 +22,12 @@ impl Sparsedyn {
             exponential(bodies.lr, bodies.lr_final, step.saturating_sub(begun).max(1), steps - begun.min(steps - 1));
         let rate = |path: &str| if path.starts_with("method.bodies.") { body } else { field };
         adam.update_under("method", self, gradients, |path| Some(AdamRate::new(rate(path))))
+    }
+}
+
+/// Forgets the moments of the bodies' numbers: they belong to numbers of another meaning once bodies change.
+pub fn forget(adam: &mut Adam) {
+    for path in ["method.bodies.numbers", "method.bodies.corrections"] {
+        adam.forget(path);
     }
 }
