@@ -17,8 +17,16 @@ const NUMBER_MAX: u64 = 20;
 /// A run folder that no other process may write.
 #[derive(Debug)]
 pub struct Lock {
-    /// Closing it frees the lock.
-    _file: File,
+    file: File,
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Closing is not enough: a program that another thread is just starting shares the open file, and with it the lock, until it runs.
+        if let Err(error) = self.file.unlock() {
+            tracing::debug!("a run's lock was not freed before its file was closed: {error}");
+        }
+    }
 }
 
 impl Lock {
@@ -46,7 +54,7 @@ impl Lock {
         }
         file.set_len(0).and_then(|()| file.rewind()).with_context(cannot)?;
         writeln!(file, "{}", std::process::id()).with_context(cannot)?;
-        Ok(Self { _file: file })
+        Ok(Self { file })
     }
 }
 
