@@ -203,7 +203,8 @@ pub struct BodiesConfig {
     pub knot_frames: f64,
     /// Uncertainty of a body's pose, pixels: smaller misfits do not ask for a richer law.
     pub noise_pixels: f64,
-    /// Learning rate of the laws' numbers when bodies are found, in body units (objects' size, radians, per unit of time).
+    /// Learning rate of the laws' numbers when bodies are found, and again when laws are chosen, in body units (objects' size, radians, per unit
+    /// of time).
     pub lr: f64,
     /// Learning rate at the last step; exponential in between.
     pub lr_final: f64,
