@@ -45,7 +45,8 @@ const OCCLUDED: f64 = 2.0;
 /// Visual hull of the moving object at one time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Hull {
-    /// Points on its surface, coloured with the median of the views that see them.
+    /// Points on its surface or throughout its volume, coloured with the median of the views that see them; inner points, which none sees, with
+    /// that of the views that have them in their masks.
     pub points: PointCloud,
     /// Centroid of its volume; zero if empty.
     pub centre: DVec3,
@@ -88,7 +89,10 @@ pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOpti
     notes.extend(solid.notes);
     let voxels = &solid.voxels;
     let surface = voxels.surface();
-    let chosen = spread(&surface, options.points);
+    let chosen = match options.filled {
+        true => spread(&voxels.cells().collect::<Vec<_>>(), options.points),
+        false => spread(&surface, options.points),
+    };
     let positions: Vec<DVec3> = chosen.iter().map(|cell| voxels.position(*cell)).collect();
     let colors = colors(views, &solid.views, &solid.silhouettes, voxels, &surface, &positions);
     let count = voxels.cells().count() as f64;
@@ -270,9 +274,9 @@ fn span(voxels: &Voxels) -> Option<(UVec3, UVec3)> {
     voxels.cells().map(|cell| (cell, cell)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// At most `count` voxels, evenly over the surface: every n-th along a Morton curve, which keeps neighbours together.
-fn spread(surface: &[UVec3], count: usize) -> Vec<UVec3> {
-    let mut sorted = surface.to_vec();
+/// At most `count` of `voxels`, evenly over them: every n-th along a Morton curve, which keeps neighbours together.
+fn spread(voxels: &[UVec3], count: usize) -> Vec<UVec3> {
+    let mut sorted = voxels.to_vec();
     sorted.sort_by_key(|cell| {
         (0..8).fold(0_u32, |key, bit| {
             let [x, y, z] = cell.to_array().map(|value| value >> bit & 1);

@@ -12,10 +12,13 @@ use crate::fit::photos::{camera, to_tensor};
 /// Late times whose photos judge.
 const LATE_TIMES: usize = 3;
 
+/// Times whose photos judge a whole path: a rotation of half a turn shows its phase in six.
+const ALL_TIMES: usize = 6;
+
 /// Most photos of a time that judge.
 const PHOTOS: usize = 5;
 
-/// Photos of late times.
+/// Photos of some times.
 pub struct Judges<'a> {
     gaussians: &'a Gaussians,
     /// Each time by the clock, and its photos.
@@ -26,8 +29,23 @@ pub struct Judges<'a> {
 impl<'a> Judges<'a> {
     /// Photos of the last third of `times`, the first frames of the recording.
     pub fn of(times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
-        let first = late_from(times.len());
-        let late = (1..=LATE_TIMES).map(|k| first + k * (times.len() - 1 - first) / LATE_TIMES);
+        Self::after((late_from(times.len()), LATE_TIMES), times, views, gaussians, at)
+    }
+
+    /// Photos of all of `times`.
+    pub fn of_all(times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
+        Self::after((0, ALL_TIMES), times, views, gaussians, at)
+    }
+
+    /// Photos of `count` times after frame `first`, evenly, the last one among them.
+    fn after(
+        (first, count): (usize, usize),
+        times: &[f64],
+        views: &'a [View],
+        gaussians: &'a Gaussians,
+        at: &Step,
+    ) -> Self {
+        let late = (1..=count).map(|k| first + k * (times.len() - 1 - first) / count);
         let of_frame = |frame: usize| {
             let all = &at.cues.by_frame[frame];
             let step = all.len().div_ceil(PHOTOS).max(1);

@@ -8,6 +8,7 @@ use gs_models::sparsedyn::bodies::fit::Poses;
 use gs_models::sparsedyn::bodies::parts::joined;
 use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, Fitted, Law, LawValues, compare_laws, fit_law};
 
+use super::config::BodiesConfig;
 use super::judges::{Judges, with_one, with_rest};
 use super::poses::{middle, paths, pixel_size, poses_of, weights_of};
 use super::update::forget;
@@ -32,6 +33,16 @@ const JUDGED: usize = 6;
 /// right laws have had errors 5 and 10 % above richer ones, and wrong ones have had 20 to 70 % more than the right one.
 const AS_GOOD: f64 = 0.2;
 
+/// Shares of the poses, from the first on, to which the laws of a lost body are fitted: it may have been lost early, and fewer poses determine less.
+const FOLLOWED: [f64; 4] = [0.25, 0.4, 0.65, 1.0];
+
+/// Fewest poses that determine a law of second order in their noise.
+const FEWEST_POSES: usize = 6;
+
+/// Excess over the least error of the photos at which a lost body takes a law of fewer numbers. The body may be small in the photos, so that much of
+/// its motion is a small share of their error; equal laws fitted to one sequence differ by less than this.
+const NEARLY: f64 = 0.005;
+
 /// Joins parts that moved alike, gives each body its law, and drops the free motion.
 pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     let config = &at.config.method.bodies;
@@ -45,6 +56,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
     let pixel = pixel_size(views, middle(&all[0], &weights));
     let labels = joined(&all, &model.frame.labels, JOINED_NOISES * config.noise_pixels * pixel, JOINED_SHARE);
     let judges = Judges::of(times, views, gaussians, at);
+    let whole = Judges::of_all(times, views, gaussians, at);
     let count = labels.iter().max().map_or(0, |most| *most + 1);
     let lawful = |body: i32| {
         let members: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] == body).collect();
@@ -55,8 +67,15 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
         let frame = |law: Law| BodyFrame { centre: sequence.first.to_array(), law };
         let judge = |law: Law, values: LawValues| judges.error(&with_one(&model, &members, frame(law), values));
         let fitted = chosen(&sequence, judge).or_else(|| fit_law(&sequence, Law::GENERAL));
-        let (law, values) = fitted.map_or((Law::of(&[]), LawValues::REST), |fitted| (fitted.law, fitted.values));
         let pixels = fitted.map_or(f64::INFINITY, |fitted| fitted.deviation / pixel);
+        let fitted = match is_lost(pixels, config) {
+            true => {
+                let judge = |law: Law, values: LawValues| whole.error(&with_one(&model, &members, frame(law), values));
+                recovered(&sequence, fitted, judge)
+            }
+            false => fitted,
+        };
+        let (law, values) = fitted.map_or((Law::of(&[]), LawValues::REST), |fitted| (fitted.law, fitted.values));
         tracing::info!(
             step = at.step,
             body,
@@ -69,7 +88,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
         Lawful { frame: frame(law), members, values, pixels }
     };
     let lawful: Vec<Lawful> = (0..count).map(lawful).collect();
-    let of = assigned(&model, &lawful, config.tolerance_pixels, |model| judges.error(model));
+    let of = assigned(&model, &lawful, config, |model| judges.error(model));
     let kept: Vec<usize> = (0..lawful.len()).filter(|body| of.contains(&Some(*body))).collect();
     let number = |body: usize| kept.iter().position(|kept| *kept == body);
     model.frame.labels = vec![-1; labels.len()];
@@ -100,15 +119,20 @@ struct Lawful {
     pixels: f64,
 }
 
-/// The body whose law each body takes: its own, or where its poses follow none to `tolerance` pixels, that of the body, or the rest (`None`), with
+/// Whether a body's poses follow no law: their deviation from the nearest one, pixels, is above the tolerance of a body.
+fn is_lost(pixels: f64, config: &BodiesConfig) -> bool {
+    pixels.is_nan() || pixels > config.tolerance_pixels
+}
+
+/// The body whose law each body takes: its own, or where its poses follow none, that of the body, or the rest (`None`), with
 /// which late photos have no larger error. Such a body is a part that was lost while it was followed.
 fn assigned(
     model: &Sparsedyn,
     lawful: &[Lawful],
-    tolerance: f64,
+    config: &BodiesConfig,
     error: impl Fn(&Sparsedyn) -> Option<f64>,
 ) -> Vec<Option<usize>> {
-    let lost = |body: &Lawful| body.pixels.is_nan() || body.pixels > tolerance;
+    let lost = |body: &Lawful| is_lost(body.pixels, config);
     let judged = |members: &[usize], of: &Lawful| {
         error(&with_one(model, members, of.frame.clone(), of.values)).unwrap_or(f64::INFINITY)
     };
@@ -151,10 +175,35 @@ fn chosen(sequence: &Poses, judge: impl Fn(Law, LawValues) -> Option<f64>) -> Op
     judged.into_iter().find(|(_, error)| *error <= (1.0 + AS_GOOD) * least).map(|(fitted, _)| fitted).or(Some(best))
 }
 
+/// The law of a body that was lost while it was followed. All laws are fitted to all poses and to those before it may have been lost; of those with
+/// which photos of all times have nearly the least error, the one with fewest numbers. `fitted` where no law has a smaller error than it. `judge`
+/// gives the error of a law.
+fn recovered(
+    sequence: &Poses,
+    fitted: Option<Fitted>,
+    judge: impl Fn(Law, LawValues) -> Option<f64>,
+) -> Option<Fitted> {
+    let error = |fitted: &Fitted| judge(fitted.law, fitted.values).unwrap_or(f64::INFINITY);
+    let until = |share: f64| {
+        let count = (share * sequence.poses.len() as f64).ceil() as usize;
+        Poses { poses: sequence.poses[..count.min(sequence.poses.len())].to_vec(), ..sequence.clone() }
+    };
+    let parts: Vec<Poses> = FOLLOWED.into_iter().map(until).filter(|part| part.poses.len() >= FEWEST_POSES).collect();
+    let fits = parts.iter().flat_map(|part| Law::ALL.into_iter().filter_map(|law| fit_law(part, law)));
+    let judged: Vec<(f64, Fitted)> = fits.map(|fitted| (error(&fitted), fitted)).collect();
+    let least = judged.iter().map(|(error, _)| *error).fold(f64::INFINITY, f64::min);
+    let near = judged.into_iter().filter(|(error, _)| *error <= (1.0 + NEARLY) * least);
+    let found = near.min_by(|a, b| a.1.law.freedom().cmp(&b.1.law.freedom()).then(a.0.total_cmp(&b.0)));
+    let before = fitted.as_ref().map_or(f64::INFINITY, error);
+    let (after, best) = found?;
+    tracing::info!(before, after, least, law = best.law.in_words(), "a law for a body that was lost");
+    if after < before { Some(best) } else { fitted }
+}
+
 #[cfg(test)]
 mod tests {
     use gs_burn::glam::DVec3;
-    use gs_models::sparsedyn::bodies::Term;
+    use gs_models::sparsedyn::bodies::{BodyPose, Term};
 
     use super::*;
 
@@ -179,5 +228,27 @@ mod tests {
         }
         // Photos that say nothing leave the choice to the poses.
         assert_eq!(chosen(&turning(), |_, _| None).map(|fitted| fitted.law), Some(even));
+    }
+
+    /// A body that turns evenly and is taken to stand still from its eighteenth pose on.
+    #[test]
+    fn a_lost_body_gets_the_law_of_the_time_before() {
+        let truth = turning();
+        let mut lost = truth.clone();
+        let stuck = lost.poses[17].1;
+        lost.poses[18..].iter_mut().for_each(|(_, pose)| *pose = stuck);
+        let photos = |_: Law, values: LawValues| {
+            let apart = |(s, pose): &(f64, BodyPose)| values.pose(truth.first, *s).centre.distance(pose.centre);
+            // What the first frame's own error leaves.
+            Some(0.1 + truth.poses.iter().map(apart).sum::<f64>())
+        };
+        let of_poses = chosen(&lost, |_, _| None);
+        let found = recovered(&lost, of_poses, photos).expect("a law");
+        assert_eq!(found.law, Law::of(&[Term::Spin, Term::Pivot]));
+        assert!((found.values.vector(Term::Spin) - DVec3::new(0.0, 0.0, 2.0)).length() < 1e-3, "{found:?}");
+        // Where no law is better, that of the poses stays.
+        let kept =
+            recovered(&lost, of_poses, |law, _| Some(if Some(law) == of_poses.map(|of| of.law) { 0.0 } else { 1.0 }));
+        assert_eq!(kept.map(|fitted| fitted.law), of_poses.map(|fitted| fitted.law));
     }
 }
