@@ -4,6 +4,7 @@
 //! frames, so `v_j` is in metres per window for every j; [`PolynomialMotion::per_second`] converts.
 
 use burn::tensor::{Tensor, TensorData, assert_shape};
+use gs_burn::glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::error::{FluxError, check_range};
@@ -74,6 +75,35 @@ impl PolynomialMotion {
         sum
     }
 
+    /// The displacement of one row of [`displacement`](Self::displacement) on the host: from time `own` to `t` by `velocity`, `3 (l + 1)` numbers.
+    pub fn shift(&self, velocity: &[f64], own: f64, t: f64) -> [f64; 3] {
+        let of = |j: usize| (t.powi(j as i32 + 1) - own.powi(j as i32 + 1)) / (j + 1) as f64;
+        [0, 1, 2].map(|axis| (0..=self.degree).map(|j| velocity[3 * j + axis] * of(j)).sum())
+    }
+
+    /// The velocity of `degree` (at most the own one) nearest to one row's in the mean square over the window; coefficients above it are 0.
+    pub fn lowered(&self, velocity: &[f64], degree: usize) -> Vec<f64> {
+        let mut lowered = vec![0.0; self.columns()];
+        if degree >= self.degree {
+            lowered.copy_from_slice(velocity);
+            return lowered;
+        }
+        // Normal equations of the monomials 1, u, u^2: `<u^i, u^k> = 1 / (i + k + 1)` over 0 to 1. Rows of the unit matrix fill up.
+        let product = |i: usize, k: usize| 1.0 / (i + k + 1) as f64;
+        let entry = |i: usize, k: usize| match i.max(k) <= degree {
+            true => product(i, k),
+            false => f64::from(u8::from(i == k)),
+        };
+        let inverse = DMat3::from_cols_array_2d(&[0, 1, 2].map(|k| [0, 1, 2].map(|i| entry(i, k)))).inverse();
+        for axis in 0..3 {
+            let right = |i: usize| (0..=self.degree).map(|j| velocity[3 * j + axis] * product(i, j)).sum::<f64>();
+            let right = DVec3::from_array([0, 1, 2].map(|i| if i <= degree { right(i) } else { 0.0 }));
+            let found = (inverse * right).to_array();
+            (0..=degree).for_each(|j| lowered[3 * j + axis] = found[j]);
+        }
+        lowered
+    }
+
     /// Velocities `[N, 3]` at the time `t`, metres per window.
     ///
     /// # Panics
@@ -95,5 +125,36 @@ impl PolynomialMotion {
         let rows = velocity.dims()[0];
         let times = Tensor::full([rows], t, (&velocity.device(), velocity.dtype()));
         self.displacement(velocity, times, t + step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The velocity at `u` along x.
+    fn at(velocity: &[f64], u: f64) -> f64 {
+        (0..velocity.len() / 3).map(|j| velocity[3 * j] * u.powi(j as i32)).sum()
+    }
+
+    #[test]
+    fn a_lowered_velocity_leaves_a_rest_that_no_lower_degree_has() {
+        let motion = PolynomialMotion::new(3).expect("a degree");
+        let velocity: Vec<f64> =
+            (0..12).map(|i| [1.0, -2.0, 0.5, 3.0, 0.7, -1.1, -4.0, 2.2, 0.1, 5.0, 0.3, 0.9][i]).collect();
+        for degree in 0..=3 {
+            let lowered = motion.lowered(&velocity, degree);
+            assert!(lowered[3 * (degree + 1)..].iter().all(|x| *x == 0.0));
+            // The rest is orthogonal to every lower power: the midpoint rule on 20,000 parts is exact to 1e-8.
+            for power in 0..=degree as i32 {
+                let parts = 20_000;
+                let sum: f64 = (0..parts)
+                    .map(|k| (f64::from(k) + 0.5) / f64::from(parts))
+                    .map(|u| (at(&lowered, u) - at(&velocity, u)) * u.powi(power))
+                    .sum();
+                assert!((sum / f64::from(parts)).abs() < 1e-7, "degree {degree}, power {power}");
+            }
+        }
+        assert_eq!(motion.lowered(&velocity, 3), velocity);
     }
 }

@@ -61,6 +61,8 @@ pub struct Actor {
     pub bounds: ActorBox,
     /// Its speed then, metres per second.
     pub speed: f64,
+    /// The degree of its velocity; that of the scene's motion until a lower one is chosen.
+    pub degree: usize,
     /// Where it is at the times asked for.
     pub track: Vec<TrackPoint>,
 }
@@ -86,6 +88,12 @@ pub fn find_actors(scene: &FluxScene, t: f64, times: &[f64], config: &ActorConfi
             members[label as usize].push(*row);
         }
     }
+    Ok(described(scene, members, t, times))
+}
+
+/// Actors of the moving rows `members` of each, at the time `t` and over `times`, seconds.
+pub fn described(scene: &FluxScene, members: Vec<Vec<u32>>, t: f64, times: &[f64]) -> Vec<Actor> {
+    let (means, velocities) = (rows(&scene.moving_means(t)), rows(&scene.moving_velocity(t)));
     let moments: Vec<_> = times
         .iter()
         .map(|time| (*time, rows(&scene.moving_means(*time)), rows(&scene.moving_velocity(*time))))
@@ -98,9 +106,10 @@ pub fn find_actors(scene: &FluxScene, t: f64, times: &[f64], config: &ActorConfi
             velocity: mean(velocities, &rows),
         };
         let track = moments.iter().map(at).collect();
-        Actor { bounds: bounds(&means, &rows, velocity), speed: norm(velocity), track, rows }
+        let degree = scene.motion.degree();
+        Actor { bounds: bounds(&means, &rows, velocity), speed: norm(velocity), degree, track, rows }
     };
-    Ok(members.into_iter().map(actor).collect())
+    members.into_iter().map(actor).collect()
 }
 
 fn bounds(means: &[[f64; 3]], rows: &[u32], velocity: [f64; 3]) -> ActorBox {

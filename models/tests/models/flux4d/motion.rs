@@ -74,3 +74,17 @@ fn a_degree_above_three_is_refused() {
     assert_eq!((motion.degree(), motion.columns()), (1, 6));
     assert!(serde_json::from_str::<PolynomialMotion>("4").is_err());
 }
+
+/// One row on the host and as tensors.
+#[test]
+fn the_host_and_the_tensors_shift_alike() {
+    let motion = PolynomialMotion::new(2).expect("a degree");
+    let velocity = [0.4, -1.0, 0.2, 0.3, 0.5, -0.7, 1.2, -0.1, 0.6];
+    let place = reference();
+    let own = place.tensor(&[0.3], [1]);
+    let by_tensor = motion.displacement(place.tensor(&velocity, [1, 9]), own, 0.8);
+    let by_tensor: Vec<f64> = by_tensor.to_data().iter::<f64>().collect();
+    for (a, b) in by_tensor.iter().zip(motion.shift(&velocity, 0.3, 0.8)) {
+        assert!((a - b).abs() < 1e-12, "{a} and {b}");
+    }
+}

@@ -45,6 +45,8 @@ struct OfActor {
     yaw: f64,
     speed: f64,
     gaussians: usize,
+    /// Degree of its velocity in time: 0 is constant.
+    degree: usize,
     path: Vec<OfTime>,
 }
 
@@ -93,6 +95,7 @@ impl ActorList {
             yaw: actor.bounds.yaw,
             speed: actor.speed,
             gaussians: actor.rows.len(),
+            degree: actor.degree,
             path: actor
                 .track
                 .iter()

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::{Result, anyhow};
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, TensorData};
 use gs_driving::DrivingLog;
 use gs_models::flux4d::FluxScene;
 use gs_models::flux4d::activate_within;
@@ -13,6 +13,7 @@ use super::config::FluxConfig;
 use super::network::FluxNetwork;
 use super::prepare::HostSnippet;
 use super::sample::{Sample, Supervision, target};
+use crate::fit::parameters::to_host;
 
 /// A network as it is applied: on a device with autodiff, because the passes read gradients.
 #[derive(Debug, Clone)]
@@ -49,6 +50,23 @@ impl Inferred {
         let gaussians = activate_within(self.raw.clone(), &self.sample.lifted.limits);
         let (velocity, motion) = (self.velocity.clone(), self.sample.frame.motion);
         Ok(FluxScene::new(gaussians, velocity, &host.rows.times, motion, host.window, rest_speed)?)
+    }
+}
+
+impl Inferred {
+    /// Takes over the velocities of a scene that was made of it.
+    pub fn follow(&mut self, scene: &FluxScene) {
+        if scene.moving() == 0 {
+            return;
+        }
+        let columns = scene.motion.columns();
+        let mut all = to_host(self.velocity.clone());
+        let moving = scene.rows[scene.resting()..].iter();
+        for (row, own) in moving.zip(to_host(scene.velocity.val()).chunks_exact(columns)) {
+            all[columns * *row as usize..columns * (*row as usize + 1)].copy_from_slice(own);
+        }
+        let shape = self.velocity.dims();
+        self.velocity = Tensor::from_data(TensorData::new(all, shape), &self.velocity.device());
     }
 }
 

@@ -19,6 +19,7 @@
 pub mod actor_recall;
 pub mod actors_file;
 pub mod config;
+pub mod degrees;
 pub mod evaluate;
 pub mod feed;
 pub mod flow;

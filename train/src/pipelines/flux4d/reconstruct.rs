@@ -11,11 +11,12 @@ use gs_datasets::image_io::{encode_png, write_atomic};
 use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
-use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, find_actors};
+use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, described, find_actors};
 use gs_models::flux4d::scene::REST_SPEED;
 
 use super::actor_recall::ActorScores;
 use super::actors_file::ActorList;
+use super::degrees::{Degrees, choose_degrees};
 use super::flow::{self, FlowScores};
 use super::infer::{Ready, infer};
 use super::logs::{MIN_FRAMES, open, snippets, times};
@@ -56,6 +57,7 @@ struct Work<'a> {
     recall: ActorScores,
     psnr: Vec<f64>,
     polished: Vec<Polished>,
+    degrees: Degrees,
     /// First time of the first snippet, seconds.
     begin: Option<f64>,
     images: usize,
@@ -89,6 +91,7 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
         recall: ActorScores::default(),
         psnr: Vec::new(),
         polished: Vec::new(),
+        degrees: Degrees::default(),
         begin: None,
         images: 0,
         sizes: [0; 2],
@@ -153,12 +156,15 @@ impl Work<'_> {
         self.seconds.polish += polished.map_or(0.0, |polished| polished.seconds);
         self.polished.extend(polished);
         let rest = self.request.rest_speed.unwrap_or(REST_SPEED);
-        let scene = inferred.scene(&host, rest)?;
+        let mut scene = inferred.scene(&host, rest)?;
+        let begun = Instant::now();
+        let actors = self.actors_of(&mut scene, (snippet, &host))?;
+        inferred.follow(&scene);
+        self.seconds.actors += begun.elapsed().as_secs_f64();
         let sweeps = flow::of_inputs(&self.log, &host, &inferred, &snippet.inputs)?;
         for sweep in &sweeps {
             self.flow.add(sweep)?;
         }
-        let actors = self.actors_of(&scene, &host)?;
         self.recall.add(&scene, &actors, &sweeps);
         let (edited, rows) = match &self.script {
             Some(script) => {
@@ -196,11 +202,18 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn actors_of(&self, scene: &FluxScene, host: &HostSnippet) -> Result<Vec<Actor>> {
+    /// The actors, each with a velocity of the lowest degree that held-out sweeps bear out.
+    fn actors_of(&mut self, scene: &mut FluxScene, (snippet, host): (&Snippet, &HostSnippet)) -> Result<Vec<Actor>> {
         let [begin, end] = host.window;
+        let middle = 0.5 * (begin + end);
         let times: Vec<f64> = (0..=10).map(|i| begin + 0.1 * f64::from(i) * (end - begin)).collect();
-        let clustering = self.saved.config.own.actors.config();
-        Ok(find_actors(scene, 0.5 * (begin + end), &times, &clustering)?)
+        let found = find_actors(scene, middle, &[], &self.saved.config.own.actors.config())?;
+        let rows: Vec<Vec<u32>> = found.into_iter().map(|actor| actor.rows).collect();
+        let (degrees, told) = choose_degrees(scene, &rows, (&self.log, snippet, host))?;
+        self.degrees.add(&told);
+        let mut actors = described(scene, rows, middle, &times);
+        actors.iter_mut().zip(degrees).for_each(|(actor, degree)| actor.degree = degree);
+        Ok(actors)
     }
 
     /// The images of the frames that this snippet shows.
@@ -276,6 +289,7 @@ impl Work<'_> {
             psnr_targets,
             seconds: self.seconds,
             polish: of_all(&self.polished),
+            degrees: self.degrees,
             flow: [self.flow.figures(), self.recall.figures()].concat(),
             tables: self.flow.table().into_iter().collect(),
         };

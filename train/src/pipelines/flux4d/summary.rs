@@ -5,6 +5,7 @@ use std::path::Path;
 use gs_datasets::counted;
 use serde::Serialize;
 
+use super::degrees::Degrees;
 use super::polish::Polished;
 use crate::fit::figure::{Figure, FigureTable};
 
@@ -19,6 +20,8 @@ pub struct Seconds {
     pub passes: f64,
     /// The polish.
     pub polish: f64,
+    /// Finding actors and choosing the degree of their velocities.
+    pub actors: f64,
     /// Rendering the images that are written.
     pub render: f64,
 }
@@ -49,6 +52,8 @@ pub struct Summary {
     /// The polish: sums of steps and seconds, means of losses and PSNR over the snippets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub polish: Option<Polished>,
+    /// The degrees of the actors' velocities.
+    pub degrees: Degrees,
     /// Scene flow and actors against labels.
     pub flow: Vec<Figure>,
     /// Errors of the flow by class and speed.
@@ -58,7 +63,7 @@ pub struct Summary {
 impl Summary {
     /// The figures for a terminal; `out` is the folder.
     pub fn lines(&self, out: &Path) -> Vec<String> {
-        let Seconds { read_and_lift, maps, passes, render, .. } = self.seconds;
+        let Seconds { read_and_lift, maps, passes, actors, render, .. } = self.seconds;
         let mut lines = vec![
             format!(
                 "{}: {}, {} of at most {} Gaussians ({} of them move), {}",
@@ -70,9 +75,10 @@ impl Summary {
                 counted(self.actors, "actor")
             ),
             format!(
-                "seconds: read and lift {read_and_lift:.2}, maps {maps:.2}, passes {passes:.2}, render {render:.2}"
+                "seconds: read and lift {read_and_lift:.2}, maps {maps:.2}, passes {passes:.2}, actors {actors:.2}, render {render:.2}"
             ),
         ];
+        lines.extend(self.degrees.line());
         lines.extend(self.polish.as_ref().map(of_polish));
         lines.extend(self.psnr_targets.map(|psnr| format!("frames between the inputs: PSNR {psnr:.2} dB")));
         let figures: Vec<String> =
