@@ -22,7 +22,7 @@ pub fn divided(positions: &[DVec3], labels: &[i32], most: usize, fewest: usize) 
         let members: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] == body as i32).collect();
         let count = (members.len() / fewest.max(1)).clamp(1, most.max(1));
         let own = clusters(&members.iter().map(|i| positions[*i]).collect::<Vec<_>>(), count);
-        // Clusters that came out too small go to the first of the body.
+        // Clusters that came out too small go to the largest of the body.
         let sizes: Vec<usize> = (0..count).map(|k| own.iter().filter(|own| **own == k).count()).collect();
         let largest = (0..count).max_by_key(|k| (sizes[*k], usize::MAX - k)).unwrap_or(0);
         let kept: Vec<usize> = (0..count).filter(|k| sizes[*k] >= fewest || *k == largest).collect();

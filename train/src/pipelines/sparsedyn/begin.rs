@@ -2,13 +2,14 @@
 //! before a plain background, else where photos agree.
 
 use burn::tensor::Device;
-use gs_datasets::{PointCloud, Scene, View};
-use gs_multiview::{HullOptions, Pinhole, foreground_masks, hull};
+use gs_datasets::{PointCloud, Scene};
+use gs_multiview::{HullOptions, foreground_masks, hull};
 
 use super::clock::Clock;
-use super::cues::{Cues, frames};
+use super::cues::{Cues, depths_of, frames};
 use super::evidence::{may_move, swept};
 use super::model::{Frame, Sparsedyn};
+use super::sources::{Source, are_in_view};
 use super::{Config, Step};
 use crate::fit::initialise::{InitialGaussians, Random, gaussians_at, initial_gaussians, points_in_front};
 
@@ -70,16 +71,6 @@ fn first_frame(scene: &Scene, cues: &Cues) -> Scene {
     first
 }
 
-/// Whether at least one of `views` shows any of the points.
-fn are_in_view(points: &PointCloud, views: &[View]) -> bool {
-    let cameras: Vec<Pinhole> = views.iter().map(Pinhole::new).collect();
-    let is_shown = |position: &[f32; 3]| {
-        let position = glam::Vec3::from(*position).as_dvec3();
-        cameras.iter().any(|camera| camera.sees(position).is_some())
-    };
-    points.positions.iter().any(is_shown)
-}
-
 /// The points of the depth priors; without priors those throughout the visual hull of what stands before a plain background, of which photos leave
 /// the surfaces. Empty: neither is there.
 fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointCloud {
@@ -103,10 +94,8 @@ fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointC
 /// Whether neither points nor priors nor outlines before a plain background tell where the first frame's Gaussians begin.
 pub fn is_photos_alone(scene: &Scene) -> bool {
     let (_, by_frame) = frames(&scene.train);
-    let first: Vec<View> = by_frame.into_iter().take(1).flatten().map(|index| scene.train[index].clone()).collect();
-    let has_points = scene.points.as_ref().is_some_and(|points| are_in_view(points, &first));
-    let has_depth = first.iter().any(|view| view.priors.depth.is_some());
-    !has_points && !has_depth && foreground_masks(&first).is_none()
+    let first = by_frame.first().map(Vec::as_slice).unwrap_or_default();
+    Source::of(scene, first, !depths_of(&scene.train, first).is_empty()) == Source::Photos
 }
 
 /// The pixels of all priors of the first frame in space, with the photos' colours: the dense and redundant union of the views.

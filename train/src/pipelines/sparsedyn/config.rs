@@ -197,7 +197,7 @@ pub struct BodiesConfig {
     pub tolerance_share: f64,
     /// Most bodies.
     pub most: usize,
-    /// Smallest share of the moving Gaussians in a body.
+    /// Smallest share of a body among the Gaussians that move and have no body yet.
     pub share: f64,
     /// Frames from one knot of the free motion to the next.
     pub knot_frames: f64,

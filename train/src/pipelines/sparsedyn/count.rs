@@ -28,7 +28,7 @@ fn resting(config: &Config) -> Range<usize> {
     first..warmup + RESTING_STEPS
 }
 
-/// The steps in which density control takes place again: bodies have laws, so that photos of all times show the same surfaces from more sides, and
+/// The steps in which density control takes place again: bodies, if any were found, have laws, so that photos of all times show the same surfaces from more sides, and
 /// surfaces that the first frame hides.
 fn resumed(config: &Config) -> Range<usize> {
     let bodies = &config.method.bodies;

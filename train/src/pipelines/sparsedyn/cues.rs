@@ -11,6 +11,7 @@ use gs_multiview::foreground_masks;
 use super::Config;
 use super::clock::Clock;
 use super::evidence::{CameraEvidence, changing_pixels};
+use super::sources::Source;
 use crate::config::Strategy;
 
 /// Times closer than this share of the recording are one frame: cameras that are triggered together differ by rounding.
@@ -35,6 +36,8 @@ pub struct Cues {
     /// For each view of the first frame, or of all frames where outlines count there, by index of the training view, `[H, W]`: 1 inside the outline
     /// of what stands before a plain background, -1 before the background, 0 at the outline itself. Empty without a plain background.
     pub outlines: BTreeMap<usize, Vec<i8>>,
+    /// Where the Gaussians of the first frame begin.
+    pub source: Source,
     /// The pixels of each static camera at which something changes; empty if a camera moves.
     pub evidence: Vec<CameraEvidence>,
 }
@@ -56,7 +59,8 @@ impl Cues {
         let times: Vec<f64> = written.into_iter().map(|time| clock.inner(time)).collect();
         let interval = interval(&times);
         let first = by_frame.first().map(Vec::as_slice).unwrap_or_default();
-        let depths = first.iter().filter_map(|index| Some((*index, prior_of(&scene.train[*index])?))).collect();
+        let depths = depths_of(&scene.train, first);
+        let source = Source::of(scene, first, !depths.is_empty());
         let evidence = match config.method.moving.select {
             true => changing_pixels(&scene.train, config.method.moving.change),
             false => Vec::new(),
@@ -71,7 +75,7 @@ impl Cues {
             (true, false) => outlines_of(&scene.train, first),
             (false, false) => BTreeMap::new(),
         };
-        Self { clock, times, by_frame, interval, depths, outlines, evidence }
+        Self { clock, times, by_frame, interval, depths, outlines, source, evidence }
     }
 
     /// The canonical time, by the clock.
@@ -193,6 +197,11 @@ fn sides(mask: &[u8], width: usize) -> Vec<i8> {
         }
     };
     (0..mask.len()).map(side).collect()
+}
+
+/// The usable depth priors of the views at `first`.
+pub fn depths_of(views: &[View], first: &[usize]) -> BTreeMap<usize, DepthPrior> {
+    first.iter().filter_map(|index| Some((*index, prior_of(&views[*index])?))).collect()
 }
 
 /// The depth prior of a view in scene units, taken as it is; `None` without one.

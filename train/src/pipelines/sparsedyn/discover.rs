@@ -1,5 +1,5 @@
 //! Rigid bodies: found in the paths of the field while the window grows, followed by a smooth free motion, divided and joined again where their
-//! parts move alike, then given the simplest law that their poses bear out.
+//! parts move alike, then given laws: those that their poses bear out and photos confirm.
 
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
@@ -162,7 +162,7 @@ fn examined(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], free: &[us
     let options = SegmentOptions {
         tolerance: config.tolerance_pixels * pixel,
         relative: config.tolerance_share,
-        most: config.most,
+        most: config.most.saturating_sub(model.frame.bodies.len()),
         fewest: FEWEST,
         share: config.share,
     };

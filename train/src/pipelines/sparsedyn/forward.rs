@@ -12,6 +12,7 @@ use super::cues::warmup_steps;
 use super::extra::PhotoCues;
 use super::motion::{Direction, Moved};
 use super::order::weight;
+use super::sources::Source;
 use super::{Sparsedyn, Step};
 use crate::fit::losses::photometric;
 use crate::fit::method::{Drawn, Forward, Remainder};
@@ -65,8 +66,7 @@ impl Sparsedyn {
         let rendering = drawn(gaussians, photo, screen, prior.is_some(), at);
         let mut loss = photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
         if warmup.opacity > 0.0 && !gaussians.is_empty() {
-            let is_hull = at.cues.depths.is_empty() && !at.cues.outlines.is_empty();
-            let factor = if is_hull { ON_HULL } else { 1.0 };
+            let factor = if at.cues.source == Source::Hull { ON_HULL } else { 1.0 };
             loss = loss + opacity_sparsity(gaussians.opacities()) * (factor * warmup.opacity);
         }
         if let Some(sides) = photo.extra.outline.clone().filter(|_| warmup.outline > 0.0) {

@@ -37,7 +37,7 @@ impl<'a> Judges<'a> {
         Self::after((0, ALL_TIMES), times, views, gaussians, at)
     }
 
-    /// Photos of `count` times after frame `first`, evenly, the last one among them.
+    /// Photos of `count` times from frame `first` on, evenly, the last one among them.
     fn after(
         (first, count): (usize, usize),
         times: &[f64],

@@ -68,6 +68,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
         let judge = |law: Law, values: LawValues| judges.error(&with_one(&model, &members, frame(law), values));
         let fitted = chosen(&sequence, judge).or_else(|| fit_law(&sequence, Law::GENERAL));
         let pixels = fitted.map_or(f64::INFINITY, |fitted| fitted.deviation / pixel);
+        let foreseen = fitted.map(|fitted| fitted.foreseen / pixel);
         let fitted = match is_lost(pixels, config) {
             true => {
                 let judge = |law: Law, values: LawValues| whole.error(&with_one(&model, &members, frame(law), values));
@@ -82,7 +83,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
             gaussians = members.len(),
             law = law.in_words(),
             deviation_pixels = pixels,
-            foreseen_pixels = fitted.map(|fitted| fitted.foreseen / pixel),
+            foreseen_pixels = foreseen,
             "law of a body"
         );
         Lawful { frame: frame(law), members, values, pixels }
@@ -115,7 +116,7 @@ struct Lawful {
     frame: BodyFrame,
     members: Vec<usize>,
     values: LawValues,
-    /// Root mean square distance of its markers from its poses, pixels.
+    /// Root mean square distance of its markers from its poses, of the law that these bear out, pixels.
     pixels: f64,
 }
 
@@ -142,7 +143,7 @@ fn assigned(
         }
         let at_rest = error(&with_rest(model, &body.members)).unwrap_or(f64::INFINITY);
         let own = (Some(index), judged(&body.members, body));
-        let others = lawful.iter().enumerate().filter(|(_, other)| !lost(other));
+        let others = lawful.iter().enumerate().filter(|(other, _)| *other != index);
         let others = others.map(|(other, of)| (Some(other), judged(&body.members, of)));
         // The first of equals is taken: the simplest.
         let all = std::iter::once((None, at_rest)).chain(others).chain(std::iter::once(own));
@@ -175,29 +176,28 @@ fn chosen(sequence: &Poses, judge: impl Fn(Law, LawValues) -> Option<f64>) -> Op
     judged.into_iter().find(|(_, error)| *error <= (1.0 + AS_GOOD) * least).map(|(fitted, _)| fitted).or(Some(best))
 }
 
-/// The law of a body that was lost while it was followed. All laws are fitted to all poses and to those before it may have been lost; of those with
-/// which photos of all times have nearly the least error, the one with fewest numbers. `fitted` where no law has a smaller error than it. `judge`
-/// gives the error of a law.
+/// The law of a body that was lost while it was followed: of `fitted` and all laws fitted to all poses or to those before it may have been lost, the
+/// one with fewest numbers among those with which photos of all times have nearly the least error. `judge` gives the error of a law.
 fn recovered(
     sequence: &Poses,
     fitted: Option<Fitted>,
     judge: impl Fn(Law, LawValues) -> Option<f64>,
 ) -> Option<Fitted> {
-    let error = |fitted: &Fitted| judge(fitted.law, fitted.values).unwrap_or(f64::INFINITY);
     let until = |share: f64| {
         let count = (share * sequence.poses.len() as f64).ceil() as usize;
         Poses { poses: sequence.poses[..count.min(sequence.poses.len())].to_vec(), ..sequence.clone() }
     };
     let parts: Vec<Poses> = FOLLOWED.into_iter().map(until).filter(|part| part.poses.len() >= FEWEST_POSES).collect();
     let fits = parts.iter().flat_map(|part| Law::ALL.into_iter().filter_map(|law| fit_law(part, law)));
-    let judged: Vec<(f64, Fitted)> = fits.map(|fitted| (error(&fitted), fitted)).collect();
+    let judged: Vec<(f64, Fitted)> =
+        fitted.into_iter().chain(fits).filter_map(|fitted| Some((judge(fitted.law, fitted.values)?, fitted))).collect();
     let least = judged.iter().map(|(error, _)| *error).fold(f64::INFINITY, f64::min);
     let near = judged.into_iter().filter(|(error, _)| *error <= (1.0 + NEARLY) * least);
     let found = near.min_by(|a, b| a.1.law.freedom().cmp(&b.1.law.freedom()).then(a.0.total_cmp(&b.0)));
-    let before = fitted.as_ref().map_or(f64::INFINITY, error);
-    let (after, best) = found?;
-    tracing::info!(before, after, least, law = best.law.in_words(), "a law for a body that was lost");
-    if after < before { Some(best) } else { fitted }
+    if let Some((error, found)) = &found {
+        tracing::info!(error, least, law = found.law.in_words(), "a law for a body that was lost");
+    }
+    found.map(|(_, found)| found).or(fitted)
 }
 
 #[cfg(test)]
@@ -250,5 +250,9 @@ mod tests {
         let kept =
             recovered(&lost, of_poses, |law, _| Some(if Some(law) == of_poses.map(|of| of.law) { 0.0 } else { 1.0 }));
         assert_eq!(kept.map(|fitted| fitted.law), of_poses.map(|fitted| fitted.law));
+        assert_eq!(recovered(&lost, of_poses, |_, _| None), of_poses);
+        // Of laws that photos do not tell apart, the one of fewest numbers.
+        let simplest = recovered(&lost, of_poses, |_, _| Some(1.0)).expect("a law");
+        assert_eq!(simplest.law, Law::of(&[]));
     }
 }

@@ -3,7 +3,7 @@
 //! | paper | here |
 //! |---|---|
 //! | 3.1 dynamics field, Runge-Kutta step, rollout (Eq. 3, 4, 9) | `gs_models::sparsedyn`; the module tree: [`model`] |
-//! | 3.1 Gaussians of the first frame from a feed-forward reconstruction | [`begin`] |
+//! | 3.1 Gaussians of the first frame from a feed-forward reconstruction | [`begin`], `sources` |
 //! | 3.2 regularised refinement (Eq. 5 to 7) | [`forward`]: warm-up |
 //! | 3.3 progressive physics learning (Eq. 8 to 10) | [`order`] (the frames of a step), [`forward`] (their weights), [`timetable`] (shown) |
 //! | 4.1 the baselines, from the same prior | [`motion`] |
@@ -36,6 +36,7 @@ pub mod order;
 mod poses;
 mod release;
 pub mod scene;
+mod sources;
 pub mod stability;
 pub mod timetable;
 pub mod update;

@@ -1,4 +1,4 @@
-//! Parts of a body that photos show at rest leave it. Early paths of a slow motion are near those of what rests beside it, so that a body begins with
+//! Parts of a body that photos show at rest leave it: for the field, and at the last examination for what is static. Early paths of a slow motion are near those of what rests beside it, so that a body begins with
 //! Gaussians that do not belong to it.
 
 use gs_burn::Gaussians;
@@ -19,7 +19,7 @@ const CLEARLY: f64 = 0.005;
 
 /// The moving Gaussians, by index, that the photos of `times` show at rest although a body moves them.
 pub fn resting_parts(model: &Sparsedyn, gaussians: &Gaussians, times: &[f64], views: &[View], at: &Step) -> Vec<usize> {
-    if model.bodies.is_none() {
+    if model.bodies.is_none() || model.frame.rows.is_empty() {
         return Vec::new();
     }
     let judges = Judges::of(times, views, gaussians, at);
