@@ -23,7 +23,7 @@ pub const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (the paper).
+/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq. 4).
 const MODES: [(&str, &[&str]); 3] = [
     ("bodies", &["bodies.mode=both"]),
     ("field, asked once", &["bodies.mode=field"]),
