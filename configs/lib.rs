@@ -25,9 +25,10 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 51] = [
+pub const RECIPES: [Recipe; 52] = [
     recipe!("flux4d/ablations/base-network"),
     recipe!("flux4d/ablations/constant-velocity"),
+    recipe!("flux4d/ablations/far-in-voxels"),
     recipe!("flux4d/ablations/no-alignment"),
     recipe!("flux4d/ablations/no-refinement"),
     recipe!("flux4d/ablations/no-reweighting"),

@@ -283,6 +283,24 @@ fn a_resumed_training_is_the_same_to_the_bit() {
     assert!(bytes(&whole) == bytes(&stopped), "the checkpoints differ");
 }
 
+/// Sky points in the convolutions are voxels of their own and rest, whatever the velocities begin at.
+#[test]
+fn far_points_may_be_voxels() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let data = streets(temporary.path(), 2);
+    let voxels = |name: &str, keys: &[&str]| {
+        let all = [&["lift.sky_points=50", "lift.velocity=zero"], keys].concat();
+        let job = job(&data, &temporary.path().join(name), 2, &all);
+        let eval = common::finish(&job);
+        assert!(eval.skipped_steps == 0 && eval.last.mean().psnr.is_finite());
+        let text = fs::read_to_string(job.folder.metrics()).expect("metrics");
+        let lines = text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+        lines.filter_map(|line| line["counts"]["voxels"].as_f64()).next_back().expect("voxels")
+    };
+    let (apart, inside) = (voxels("apart", &[]), voxels("inside", &["unet.far=voxels"]));
+    assert!(inside > apart + 40.0, "{inside} voxels, {apart} without 50 points of the sky");
+}
+
 /// A stop saves; what a run of another pipeline saved is refused.
 #[test]
 fn a_stop_saves() {

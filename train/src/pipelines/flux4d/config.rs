@@ -147,6 +147,17 @@ pub struct LiftSection {
     pub velocity: VelocityChoice,
 }
 
+/// What corrects sky and random points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FarChoice {
+    /// A small network, point by point: in the convolutions each would be alone in its voxel.
+    #[default]
+    Apart,
+    /// The convolutions, as the rows of the scene (the paper).
+    Voxels,
+}
+
 /// The sparse 3D UNet and the motion that it predicts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -157,6 +168,8 @@ pub struct UnetConfig {
     pub width: f64,
     /// Degree of the polynomial of velocity: 0 is constant velocity, 1 constant acceleration; up to 3.
     pub degree: usize,
+    /// What corrects sky and random points: a small network of their own (`"apart"`), or the convolutions (`"voxels"`, the paper).
+    pub far: FarChoice,
 }
 
 /// The gradient as the next pass reads it.
@@ -245,7 +258,7 @@ impl Default for LiftSection {
 
 impl Default for UnetConfig {
     fn default() -> Self {
-        Self { voxel: 0.4, width: 0.25, degree: 1 }
+        Self { voxel: 0.4, width: 0.25, degree: 1, far: FarChoice::Apart }
     }
 }
 

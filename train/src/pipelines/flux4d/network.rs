@@ -2,7 +2,7 @@
 //!
 //! Sky and random points stay out of the convolutions: each would be alone in its voxel at all levels, twenty times the
 //! scene's work, and nine tenths of the rows of every batch norm. Their residual is a function of their own features
-//! and their gradient; they have no velocity.
+//! and their gradient. `unet.far = "voxels"` makes them voxels like others. They have no velocity either way.
 //!
 //! Inputs and outputs have units: positions are divided by 25 m, residuals and velocities multiplied by a unit a
 //! channel. The paper names none. Without them the head's first steps move Gaussians by metres.
@@ -17,7 +17,7 @@ use gs_models::flux4d::unet::{SparseUnet, SparseUnetConfig, VoxelPyramid};
 use gs_models::flux4d::{Network, Refinement};
 use gs_models::mlp::{Mlp, MlpConfig};
 
-use super::config::FluxConfig;
+use super::config::{FarChoice, FluxConfig};
 use super::sample::{Sample, Start};
 
 /// Factors of the 14 channels as the network reads them: positions over 25 m, scales, opacities and colours about 1.
@@ -78,7 +78,8 @@ impl FluxNetwork {
     ) -> T {
         let velocities = sample.frame.motion.columns();
         let (far, start) = (sample.lifted.far, sample.start.as_ref());
-        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far, velocities, start };
+        let is_apart = config.own.unet.far == FarChoice::Apart;
+        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far, is_apart, velocities, start };
         let first = bind(&self.first, velocities);
         // With one pass `r` is never called.
         let next = bind(self.next.as_ref().unwrap_or(&self.first), 0);
@@ -91,7 +92,10 @@ impl FluxNetwork {
 pub struct Bound<'a> {
     pass: &'a Pass,
     pyramid: &'a VoxelPyramid,
+    /// Far rows, which rest.
     far: usize,
+    /// Whether far rows have a network of their own.
+    is_apart: bool,
     /// Columns of the velocity; 0 for `r`.
     velocities: usize,
     /// Velocities to which the network adds its own.
@@ -102,26 +106,40 @@ impl Network for Bound<'_> {
     fn forward(&self, features: Tensor<2>, times: Tensor<2>) -> (Tensor<2>, Option<Tensor<2>>) {
         let device = features.device();
         let [rows, columns] = features.dims();
-        let near = rows - self.far;
+        let apart = if self.is_apart { self.far } else { 0 };
+        let near = rows - apart;
         let factors: Vec<f32> = INPUT.into_iter().chain(std::iter::repeat_n(1.0, columns - CHANNELS)).collect();
         let features = (features * row(factors, &device)).clamp(-INPUT_MAX, INPUT_MAX);
         let features = Tensor::cat(vec![features, times - 0.5], 1).autodiff();
         let mut output = self.pass.unet.forward(features.clone().narrow(0, 0, near), self.pyramid);
-        if self.far > 0 {
-            let far = self.pass.far.forward(features.narrow(0, near, self.far));
+        if apart > 0 {
+            let far = self.pass.far.forward(features.narrow(0, near, apart));
             let far = match self.velocities {
                 0 => far,
-                columns => Tensor::cat(vec![far, Tensor::zeros([self.far, columns], &output.device())], 1),
+                columns => Tensor::cat(vec![far, Tensor::zeros([apart, columns], &output.device())], 1),
             };
             output = Tensor::cat(vec![output, far], 0);
         }
         let residual = output.clone().narrow(1, 0, CHANNELS) * row(OUTPUT.to_vec(), &device);
         let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities));
         let velocity = velocity.map(|predicted| match self.start {
-            None => predicted * VELOCITY,
+            None => resting(predicted * VELOCITY, self.far),
             Some(start) => predicted * VELOCITY_BESIDE_START * start.moves.clone() + start.velocity.clone(),
         });
         (residual, velocity)
+    }
+}
+
+/// `velocity` with the last `far` rows zero.
+fn resting(velocity: Tensor<2>, far: usize) -> Tensor<2> {
+    let [rows, columns] = velocity.dims();
+    if far == 0 {
+        return velocity;
+    }
+    let rest = Tensor::zeros([far, columns], &velocity.device());
+    match rows - far {
+        0 => rest,
+        near => Tensor::cat(vec![velocity.narrow(0, 0, near), rest], 0),
     }
 }
 

@@ -80,9 +80,15 @@ impl HostSnippet {
 
     /// Positions of the rows that are not far.
     pub fn near_points(&self) -> Vec<[f32; 3]> {
-        let columns = gs_models::flux4d::channels::CHANNELS;
-        let near = self.rows.times.len() - self.rows.far;
-        self.rows.raw.chunks_exact(columns).take(near).map(|row| [row[0], row[1], row[2]]).collect()
+        let mut points = self.all_points();
+        points.truncate(self.rows.times.len() - self.rows.far);
+        points
+    }
+
+    /// Positions of all rows; far ones last.
+    pub fn all_points(&self) -> Vec<[f32; 3]> {
+        let rows = self.rows.raw.chunks_exact(gs_models::flux4d::channels::CHANNELS);
+        rows.map(|row| [row[0], row[1], row[2]]).collect()
     }
 
     /// A time in seconds, 0 to 1 in the window.

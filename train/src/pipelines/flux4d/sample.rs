@@ -7,7 +7,7 @@ use gs_driving::DrivingLog;
 use gs_models::flux4d::unet::VoxelPyramid;
 use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, SnippetFrame, TargetView};
 
-use super::config::FluxConfig;
+use super::config::{FarChoice, FluxConfig};
 
 use super::prepare::{HostSnippet, HostView};
 
@@ -19,7 +19,7 @@ const LEVELS: usize = 5;
 pub struct Sample {
     /// The first Gaussians.
     pub lifted: Lifted,
-    /// Voxels of the rows that are not far, built once for all passes.
+    /// Voxels of the rows that the convolutions correct, built once for all passes: those that are not far, or all.
     pub pyramid: VoxelPyramid,
     /// What no network changes.
     pub frame: SnippetFrame,
@@ -60,7 +60,10 @@ impl Sample {
     pub fn new(host: &HostSnippet, config: &FluxConfig, device: &Device) -> Result<Self> {
         let lifted = host.rows.to_device(device);
         let _stage = gs_burn::profile::stage("kernel maps");
-        let points = host.near_points();
+        let points = match config.own.unet.far {
+            FarChoice::Apart => host.near_points(),
+            FarChoice::Voxels => host.all_points(),
+        };
         let pyramid = VoxelPyramid::of(&points, config.own.unet.voxel as f32, LEVELS, device)
             .map_err(|error| anyhow!("snippet {}: {error}", host.name))?;
         let motion = PolynomialMotion::new(config.own.unet.degree)?;

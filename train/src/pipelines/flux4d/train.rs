@@ -8,7 +8,7 @@ use gs_datasets::counted;
 use gs_models::flux4d::unet::BYTES_PER_VOXEL;
 
 use super::NAME;
-use super::config::FluxConfig;
+use super::config::{FarChoice, FluxConfig};
 use super::evaluate::Measurement;
 use super::feed::in_flight;
 use super::logs::{Logs, Place};
@@ -162,8 +162,9 @@ fn predicted(config: &FluxConfig, logs: &Logs, devices: usize) -> Prediction {
     // Snippets in flight are shared with the library where it keeps them.
     let (kept, in_flight) = (all.min(own.logs.cache_mb << 20), largest * in_flight(own.learning.accumulate, devices));
     let snippets = (kept + in_flight).min(all + largest);
-    // Half of the points share their voxel with another at the default edge.
-    let unet = 0.5 * points as f64 * BYTES_PER_VOXEL * own.unet.width;
+    // Half of the points share their voxel with another at the default edge; each far point is alone in its voxel.
+    let alone = if own.unet.far == FarChoice::Voxels { rows - points } else { 0 };
+    let unet = (0.5 * points as f64 + alone as f64) * BYTES_PER_VOXEL * own.unet.width;
     Prediction {
         parts: vec![
             ("snippets", snippets as u64),
