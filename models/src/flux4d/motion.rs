@@ -140,8 +140,7 @@ mod tests {
     #[test]
     fn a_lowered_velocity_leaves_a_rest_that_no_lower_degree_has() {
         let motion = PolynomialMotion::new(3).expect("a degree");
-        let velocity: Vec<f64> =
-            (0..12).map(|i| [1.0, -2.0, 0.5, 3.0, 0.7, -1.1, -4.0, 2.2, 0.1, 5.0, 0.3, 0.9][i]).collect();
+        let velocity = vec![1.0, -2.0, 0.5, 3.0, 0.7, -1.1, -4.0, 2.2, 0.1, 5.0, 0.3, 0.9];
         for degree in 0..=3 {
             let lowered = motion.lowered(&velocity, degree);
             assert!(lowered[3 * (degree + 1)..].iter().all(|x| *x == 0.0));

@@ -73,6 +73,14 @@ pub struct Actor {
 /// # Errors
 /// When a setting is out of range or a moved Gaussian has no usable position.
 pub fn find_actors(scene: &FluxScene, t: f64, times: &[f64], config: &ActorConfig) -> Result<Vec<Actor>, FluxError> {
+    Ok(described(scene, clustered(scene, t, config)?, t, times))
+}
+
+/// The moving rows of each actor of `scene`, clustered at the time `t`, seconds; in the order of their first rows.
+///
+/// # Errors
+/// As [`find_actors`].
+pub fn clustered(scene: &FluxScene, t: f64, config: &ActorConfig) -> Result<Vec<Vec<u32>>, FluxError> {
     if scene.moving() == 0 {
         return Ok(Vec::new());
     }
@@ -88,11 +96,14 @@ pub fn find_actors(scene: &FluxScene, t: f64, times: &[f64], config: &ActorConfi
             members[label as usize].push(*row);
         }
     }
-    Ok(described(scene, members, t, times))
+    Ok(members)
 }
 
 /// Actors of the moving rows `members` of each, at the time `t` and over `times`, seconds.
 pub fn described(scene: &FluxScene, members: Vec<Vec<u32>>, t: f64, times: &[f64]) -> Vec<Actor> {
+    if members.is_empty() {
+        return Vec::new();
+    }
     let (means, velocities) = (rows(&scene.moving_means(t)), rows(&scene.moving_velocity(t)));
     let moments: Vec<_> = times
         .iter()

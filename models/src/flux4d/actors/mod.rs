@@ -16,5 +16,5 @@ pub mod link;
 pub use apply::{Edited, apply_edits};
 pub use dbscan::dbscan;
 pub use edits::{Edit, EditScript};
-pub use found::{Actor, ActorBox, ActorConfig, TrackPoint, described, find_actors};
+pub use found::{Actor, ActorBox, ActorConfig, TrackPoint, clustered, described, find_actors};
 pub use link::{LinkConfig, Tracks, link_actors};

@@ -123,7 +123,8 @@ impl Network for Bound<'_> {
         let residual = output.clone().narrow(1, 0, CHANNELS) * row(OUTPUT.to_vec(), &device);
         let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities));
         let velocity = velocity.map(|predicted| match self.start {
-            None => resting(predicted * VELOCITY, self.far),
+            // Rows with a network of their own have zeros already.
+            None => resting(predicted * VELOCITY, self.far - apart),
             Some(start) => predicted * VELOCITY_BESIDE_START * start.moves.clone() + start.velocity.clone(),
         });
         (residual, velocity)

@@ -11,7 +11,7 @@ use gs_datasets::image_io::{encode_png, write_atomic};
 use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
-use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, described, find_actors};
+use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, clustered, described};
 use gs_models::flux4d::scene::REST_SPEED;
 
 use super::actor_recall::ActorScores;
@@ -207,8 +207,7 @@ impl Work<'_> {
         let [begin, end] = host.window;
         let middle = 0.5 * (begin + end);
         let times: Vec<f64> = (0..=10).map(|i| begin + 0.1 * f64::from(i) * (end - begin)).collect();
-        let found = find_actors(scene, middle, &[], &self.saved.config.own.actors.config())?;
-        let rows: Vec<Vec<u32>> = found.into_iter().map(|actor| actor.rows).collect();
+        let rows = clustered(scene, middle, &self.saved.config.own.actors.config())?;
         let (degrees, told) = choose_degrees(scene, &rows, (&self.log, snippet, host))?;
         self.degrees.add(&told);
         let mut actors = described(scene, rows, middle, &times);

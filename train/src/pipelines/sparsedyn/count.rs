@@ -42,6 +42,12 @@ fn resumed(config: &Config) -> Range<usize> {
     laws_at(config) + RESTING_STEPS..end
 }
 
+/// The step at which bodies are looked for first.
+pub fn bodies_at(config: &Config) -> usize {
+    let warmup = warmup_steps(config);
+    warmup + (config.method.bodies.from * (config.steps - warmup) as f64) as usize
+}
+
 /// The step at which each body gets its law.
 pub fn laws_at(config: &Config) -> usize {
     let warmup = warmup_steps(config);

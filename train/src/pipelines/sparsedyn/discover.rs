@@ -11,7 +11,7 @@ use gs_models::sparsedyn::bodies::parts::divided;
 use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, BodyPose, Law, LawValues, SegmentOptions, segment, select_law};
 
 use super::config::{BodyUse, MotionModel};
-use super::count::laws_at;
+use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
 use super::laws::with_laws;
@@ -70,9 +70,8 @@ impl Events {
     pub fn of(at: &Step) -> Self {
         let config = &at.config.method.bodies;
         let warmup = warmup_steps(at.config);
-        let physics = at.config.steps - warmup;
         let select = laws_at(at.config) - warmup;
-        let first = ((config.from * physics as f64) as usize).max(1).min(select);
+        let first = (bodies_at(at.config) - warmup).max(1).min(select);
         let last = at.cues.curriculum(at.config).long_from().clamp(first, select.saturating_sub(1).max(first));
         let count = config.examinations.max(1);
         let mut examinations: Vec<usize> =

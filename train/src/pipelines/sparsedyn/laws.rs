@@ -133,12 +133,11 @@ fn assigned(
     config: &BodiesConfig,
     error: impl Fn(&Sparsedyn) -> Option<f64>,
 ) -> Vec<Option<usize>> {
-    let lost = |body: &Lawful| is_lost(body.pixels, config);
     let judged = |members: &[usize], of: &Lawful| {
         error(&with_one(model, members, of.frame.clone(), of.values)).unwrap_or(f64::INFINITY)
     };
     let taken = |(index, body): (usize, &Lawful)| {
-        if !lost(body) {
+        if !is_lost(body.pixels, config) {
             return Some(index);
         }
         let at_rest = error(&with_rest(model, &body.members)).unwrap_or(f64::INFINITY);

@@ -1,5 +1,5 @@
-//! Parts of a body that photos show at rest leave it: for the field, and at the last examination for what is static. Early paths of a slow motion are near those of what rests beside it, so that a body begins with
-//! Gaussians that do not belong to it.
+//! Parts of a body that photos show at rest leave it: for the field, and at the last examination for what is static. Early paths of a slow motion
+//! are near those of what rests beside it, so that a body begins with Gaussians that do not belong to it.
 
 use gs_burn::Gaussians;
 use gs_datasets::View;

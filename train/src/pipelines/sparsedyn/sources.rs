@@ -19,10 +19,10 @@ pub enum Source {
 impl Source {
     /// Of a scene whose first frame is the training views `first`; `has_priors`: whether some of these have a usable depth prior.
     pub fn of(scene: &Scene, first: &[usize], has_priors: bool) -> Self {
-        let views: Vec<View> = first.iter().map(|index| scene.train[*index].clone()).collect();
         if has_priors {
             return Self::Priors;
         }
+        let views: Vec<View> = first.iter().map(|index| scene.train[*index].clone()).collect();
         if scene.points.as_ref().is_some_and(|points| are_in_view(points, &views)) {
             return Self::Points;
         }

@@ -3,7 +3,7 @@
 use gs_burn::NamedGradients;
 use gs_burn::adam::{Adam, AdamRate};
 
-use super::count::laws_at;
+use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::{Config, Sparsedyn, Step};
 use crate::fit::schedule::exponential;
@@ -28,11 +28,8 @@ impl Sparsedyn {
 /// can go. A pendulum whose rate of oscillation was 1 and 3 % off at the choice was 34 and 10 % of its angle off at time 1 with one fall, and
 /// less than 2 % with two.
 fn body_rate(step: usize, config: &Config) -> f64 {
-    let bodies = &config.method.bodies;
-    let warmup = warmup_steps(config);
-    let found = warmup + (bodies.from * (config.steps - warmup) as f64) as usize;
-    let laws = laws_at(config);
-    let begun = if step > laws { laws } else { found };
+    let (bodies, laws) = (&config.method.bodies, laws_at(config));
+    let begun = if step > laws { laws } else { bodies_at(config) };
     let steps = config.steps.saturating_sub(begun).max(1);
     exponential(bodies.lr, bodies.lr_final, step.saturating_sub(begun).max(1), steps)
 }
