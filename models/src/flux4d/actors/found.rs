@@ -11,6 +11,14 @@ use super::dbscan::dbscan;
 use crate::flux4d::error::FluxError;
 use crate::flux4d::scene::FluxScene;
 
+/// Rows of a cluster up to which it may be a part of a body: two beams of a LiDAR on a car 40 m away have as many each, and
+/// meet its bumper and its window.
+const PART_ROWS: usize = 40;
+/// Distance of such parts, metres: from the bumper of a car to its window.
+const PART_GAP: f64 = 1.6;
+/// Difference of their velocities, metres per second and as a share.
+const PART_VELOCITY: [f64; 2] = [1.0, 0.15];
+
 /// How actors are found.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -96,7 +104,34 @@ pub fn clustered(scene: &FluxScene, t: f64, config: &ActorConfig) -> Result<Vec<
             members[label as usize].push(*row);
         }
     }
-    Ok(members)
+    Ok(joined(members, &means, &velocities))
+}
+
+/// Clusters of few rows, each with the clusters beside it that move as it does.
+fn joined(mut members: Vec<Vec<u32>>, means: &[[f64; 3]], velocities: &[[f64; 3]]) -> Vec<Vec<u32>> {
+    let difference = |a: [f64; 3], b: [f64; 3]| norm([0, 1, 2].map(|axis| a[axis] - b[axis]));
+    let is_one = |one: &[u32], two: &[u32]| {
+        let (v, w) = (mean(velocities, one), mean(velocities, two));
+        let near =
+            |row: &u32| two.iter().any(|other| difference(means[*row as usize], means[*other as usize]) <= PART_GAP);
+        one.len().min(two.len()) <= PART_ROWS
+            && difference(v, w) <= PART_VELOCITY[0] + PART_VELOCITY[1] * norm(v).max(norm(w))
+            && one.iter().any(near)
+    };
+    let mut cluster = 0;
+    while cluster < members.len() {
+        let part = (cluster + 1..members.len()).find(|other| is_one(&members[cluster], &members[*other]));
+        match part {
+            Some(other) => {
+                let rows = members.remove(other);
+                members[cluster].extend(rows);
+                members[cluster].sort_unstable();
+                // The larger cluster may touch one that was passed over.
+            }
+            None => cluster += 1,
+        }
+    }
+    members
 }
 
 /// Actors of the moving rows `members` of each, at the time `t` and over `times`, seconds.

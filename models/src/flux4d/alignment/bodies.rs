@@ -1,158 +1,107 @@
-//! Bodies of each sweep, their motions, and the points that belong to them.
+//! Bodies of each sweep and their motions.
 
 use rayon::prelude::*;
 
 use super::AlignedSweep;
+use super::aligned::Aligned;
+use super::candidate::{Candidate, SCORE_MIN, confirms, is_motion, middle};
+use super::evidence::places;
 use super::footprint::Footprint;
-use super::free_space::RangeImage;
-use super::ground::Ground;
 use super::groups::{gap, joined};
 use super::plan::{Extent, Plan};
-use super::search::{Other, PlanarMotion, score, score_without, search};
+use super::search::{Other, PlanarMotion, score, search};
 
-/// Heights above the ground, metres, between which bodies are looked for: below is road and kerb, above are crowns of
-/// trees and bridges.
-const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
-/// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
-/// under a car is within 0.2 m of the ground around it.
-const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
-/// Points nearer to the LiDAR than this, metres from above, may be on the ego vehicle: no evidence of a body, but points
-/// of one that is found by others, as a car in the next lane.
-const EGO_RADIUS: f64 = 3.0;
-/// Points beyond this, metres, do not move: a car has a few points there.
-const RANGE: f64 = 80.0;
-/// Fewest evident points of a body: a person at 40 m has as many.
-const POINTS_MIN: usize = 5;
-/// Sweeps whose rays pass through a place before it is evident that something moved there; one for a snippet of three
-/// sweeps or fewer.
-const PASSES: usize = 2;
-/// Edge of the cells of the plans, metres, and most of them along an axis.
-const CELL: f64 = 0.1;
-const CELLS_MAX: usize = 4096;
-/// Room around the points, metres.
-const PAD: f64 = 2.0;
-/// A motion is believed whose score reaches the first and exceeds that of rest by the second.
-const SCORE_MIN: f64 = 0.45;
-const SCORE_GAIN: f64 = 0.2;
 /// Slowest motion that is told from rest, metres per second: 0.3 m in a window of a second, less than the reach.
 const SPEED_MIN: f64 = 0.4;
-/// Room around a body's evident points in which points belong to it, metres.
-const MARGIN: f64 = 0.35;
-/// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident of a
-/// car may be its back alone.
-const AROUND: [f64; 2] = [3.0, 1.5];
-/// Closeness that a point must have to belong to a body, and what of it the point may lose against rest: the sides of a car
-/// fit rest as well, a parked car beside it does better at rest.
-const OWN_CLOSENESS: f64 = 0.3;
-const OWN_LOSS: f64 = 0.1;
 /// Bodies with a gap of at most the first (metres: the beams of a LiDAR graze the side of a car 1 m apart at 20 m) are one
 /// body where that costs at most the second of the score.
 const UNITE_GAP: f64 = 3.0;
 const UNITE_LOSS: f64 = 0.1;
 /// Score that a body may lose by the motion of the sweep that shows more of it.
 const ADOPT_LOSS: f64 = 0.02;
-/// Difference of velocities, metres per second and as a share, up to which a body of another sweep confirms one.
-const CONFIRM: [f64; 2] = [1.0, 0.15];
-/// Distance between the rectangle around a body's moved points and the points of the one that confirms it, metres: of two
-/// sweeps the earlier shows the back of a car to have moved and the later its front.
-const CONFIRM_DISTANCE: f64 = 2.5;
 
-/// The motions of the points of all sweeps.
-#[derive(Debug, Clone, Default)]
-pub struct Aligned {
-    /// The bodies that move, by sweep.
-    pub bodies: Vec<Vec<PlanarMotion>>,
-    /// The body of each point, by sweep; `None` rests.
-    pub of_point: Vec<Vec<Option<u32>>>,
+/// How closely bodies are looked at.
+pub struct Scale {
+    /// Distance up to which a place counts as near a point, metres.
+    pub reach: f64,
+    /// Edge of the cells by which points are joined, metres.
+    pub join: f64,
+    /// Fewest evident points of a body in a sweep.
+    pub fewest: usize,
+    /// Share of the other sweeps that do not count, the worst ones: a body may be hidden in them.
+    pub hidden: f64,
+    /// Sweeps in a row that may show nothing of a body.
+    pub skipped: usize,
+    /// Whether a body may be followed to points that by themselves show another motion.
+    pub follows: bool,
+    /// Whether velocities may change.
+    pub bends: bool,
 }
 
-impl Aligned {
-    /// Velocity and acceleration of a point of a sweep, metres and seconds; zero at rest.
-    pub fn motion(&self, sweep: usize, point: usize, position: [f32; 3]) -> ([f64; 2], [f64; 2]) {
-        let at = [0, 1].map(|axis| f64::from(position[axis]));
-        self.of_point[sweep][point].map_or(([0.0; 2], [0.0; 2]), |body| self.bodies[sweep][body as usize].at(at))
-    }
-}
+/// Bodies with a surface. The reach is two steps of a spinning LiDAR at 50 m, and the change of the visible side of a car
+/// between sweeps; a person at 40 m has five points.
+pub const FINE: Scale =
+    Scale { reach: 0.4, join: 0.3, fewest: 5, hidden: 0.34, skipped: 0, follows: false, bends: true };
+/// Bodies of a few beams, which meet the bumper in one sweep and the window 1.4 m behind it in another. Their places are too
+/// vague for a change of velocity.
+pub const COARSE: Scale =
+    Scale { reach: 1.2, join: 0.75, fewest: 3, hidden: 0.5, skipped: 1, follows: true, bends: false };
 
-/// What all bodies are looked for in.
-struct Snippet<'a> {
-    sweeps: &'a [AlignedSweep<'a>],
+/// What all bodies of a scale are looked for in.
+pub struct Snippet<'a> {
+    /// All of them.
+    pub sweeps: &'a [AlignedSweep<'a>],
+    /// Of all points above the ground, metres.
+    pub heights: &'a [Vec<f32>],
+    /// How closely bodies are looked at.
+    pub scale: Scale,
+    /// The points of each sweep between which bodies are looked for.
+    pub among: &'a [Vec<usize>],
+    /// Of these points.
     plans: Vec<Plan>,
-    heights: Vec<Vec<f32>>,
+    /// What was found before.
+    pub before: Option<Before<'a>>,
 }
 
-/// A body of a sweep before its points are known.
-#[derive(Clone)]
-struct Candidate {
-    sweep: usize,
-    /// Evident points.
-    evident: Vec<[f64; 2]>,
-    /// Where the evident points of the same body in the sweeps before and after are at this one's time.
-    elsewhere: Vec<[f64; 2]>,
-    motion: PlanarMotion,
-    /// How well the motion explains the points, 0 to 1.
-    score: f64,
-    /// Whether it does so better than rest.
-    moves: bool,
+/// Bodies of a finer scale.
+pub struct Before<'a> {
+    /// Its plans show all standing points, by which what rests is known.
+    pub snippet: &'a Snippet<'a>,
+    /// What belongs to a body keeps it.
+    pub found: &'a Aligned,
 }
 
-impl Candidate {
-    /// Takes the points of a group over; the motion stays, about the new middle.
-    fn join(&mut self, group: Self) {
-        self.evident.extend(group.evident);
-        let middle = [0, 1].map(|axis| self.evident.iter().map(|p| p[axis]).sum::<f64>() / self.evident.len() as f64);
-        let (velocity, _) = self.motion.at(middle);
-        self.motion = PlanarMotion { centre: middle, velocity, ..self.motion };
+impl<'a> Snippet<'a> {
+    /// At a scale in plans of an extent; bodies are looked for between the points `among` of each sweep.
+    pub fn new(
+        sweeps: &'a [AlignedSweep<'a>],
+        heights: &'a [Vec<f32>],
+        (scale, extent): (Scale, Extent),
+        among: &'a [Vec<usize>],
+    ) -> Self {
+        let plan = |(sweep, among): (&AlignedSweep, &Vec<usize>)| Plan::new(places(sweep, among), extent, scale.reach);
+        let plans = sweeps.par_iter().zip(among).map(plan).collect();
+        Self { sweeps, heights, scale, among, plans, before: None }
     }
-}
 
-/// The motions of all points. Sweeps without points are left out. The same for any thread count.
-pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
-    let ground = Ground::of(sweeps.iter().flat_map(|sweep| sweep.points));
-    let heights: Vec<Vec<f32>> = sweeps.par_iter().map(|sweep| heights(sweep, &ground)).collect();
-    let all = sweeps.iter().zip(&heights).flat_map(|(sweep, heights)| standing(sweep, heights));
-    let extent = Extent::of(all, PAD, CELL, CELLS_MAX);
-    let plans = sweeps.par_iter().zip(&heights).map(|(sweep, heights)| Plan::new(standing(sweep, heights), extent));
-    let snippet = Snippet { sweeps, plans: plans.collect(), heights };
-    let images: Vec<RangeImage> = sweeps.par_iter().map(RangeImage::new).collect();
-    let candidates: Vec<(usize, Vec<[f64; 2]>)> =
-        (0..sweeps.len()).flat_map(|sweep| snippet.evident(sweep, &images)).collect();
-    let groups: Vec<Candidate> =
-        candidates.into_par_iter().map(|(sweep, evident)| snippet.searched(sweep, evident)).collect();
-    let bodies = (0..sweeps.len())
-        .flat_map(|sweep| snippet.united(sweep, groups.iter().filter(|group| group.sweep == sweep).cloned().collect()));
-    snippet.claimed(snippet.followed(bodies.collect()))
-}
+    /// The bodies whose evident points are given, and what belongs to them.
+    pub fn bodies(&self, evident: &[Vec<usize>]) -> Aligned {
+        let of_sweep = |sweep: usize| {
+            let points: Vec<[f64; 2]> = places(&self.sweeps[sweep], &evident[sweep]).collect();
+            let groups = joined(&points, self.scale.join);
+            groups.into_iter().filter(|group| group.len() >= self.scale.fewest).map(move |group| (sweep, group))
+        };
+        let groups: Vec<(usize, Vec<[f64; 2]>)> = (0..self.sweeps.len()).flat_map(of_sweep).collect();
+        let groups: Vec<Candidate> =
+            groups.into_par_iter().map(|(sweep, evident)| self.searched(sweep, evident)).collect();
+        let of_sweep = |sweep: usize| groups.iter().filter(move |group| group.sweep == sweep).cloned().collect();
+        let bodies: Vec<Candidate> =
+            (0..self.sweeps.len()).flat_map(|sweep| self.united(sweep, of_sweep(sweep))).collect();
+        self.claimed(self.followed(bodies))
+    }
 
-/// Heights above the ground; 0 beyond the range.
-fn heights(sweep: &AlignedSweep, ground: &Ground) -> Vec<f32> {
-    let height = |point| if distance(sweep, point) < RANGE { ground.above(point) } else { 0.0 };
-    sweep.points.iter().map(height).collect()
-}
-
-/// Distance from the LiDAR as seen from above, metres.
-fn distance(sweep: &AlignedSweep, point: &[f32; 3]) -> f64 {
-    let [x, y, _] = sweep.origin;
-    (f64::from(point[0]) - x).hypot(f64::from(point[1]) - y)
-}
-
-fn stands(height: f32) -> bool {
-    (BODY_HEIGHTS[0]..BODY_HEIGHTS[1]).contains(&height)
-}
-
-/// The points of a sweep between which bodies are looked for, from above.
-fn standing(sweep: &AlignedSweep<'_>, heights: &[f32]) -> impl Iterator<Item = [f64; 2]> {
-    let points = sweep.points.iter().zip(heights);
-    points.filter(|(_, height)| stands(**height)).map(|(point, _)| in_plan(point))
-}
-
-fn in_plan(point: &[f32; 3]) -> [f64; 2] {
-    [0, 1].map(|axis| f64::from(point[axis]))
-}
-
-impl Snippet<'_> {
     /// The other sweeps as seen from one, the nearest in time first.
-    fn others(&self, sweep: usize) -> Vec<Other<'_>> {
+    pub fn others(&self, sweep: usize) -> Vec<Other<'_>> {
         let other =
             |index: usize| Other { plan: &self.plans[index], after: self.sweeps[index].time - self.sweeps[sweep].time };
         let mut others: Vec<Other> =
@@ -161,30 +110,21 @@ impl Snippet<'_> {
         others
     }
 
-    /// Groups of points of a sweep through whose places rays of other sweeps passed.
-    fn evident(&self, sweep: usize, images: &[RangeImage]) -> Vec<(usize, Vec<[f64; 2]>)> {
-        let needed = if images.len() <= 3 { 1 } else { PASSES };
-        let points = self.sweeps[sweep].points;
-        let moved = |index: &usize| {
-            let point = &points[*index];
-            let others = images.iter().enumerate().filter(|(other, _)| *other != sweep);
-            let passed = others.filter(|(_, image)| image.passed(point));
-            passed.count() >= needed
-        };
-        let kept: Vec<usize> = (0..points.len())
-            .into_par_iter()
-            .filter(|index| stands(self.heights[sweep][*index]))
-            .filter(|index| distance(&self.sweeps[sweep], &points[*index]) >= EGO_RADIUS)
-            .filter(moved)
-            .collect();
-        let groups = joined(&kept.iter().map(|index| in_plan(&points[*index])).collect::<Vec<_>>());
-        groups.into_iter().filter(|group| group.len() >= POINTS_MIN).map(|group| (sweep, group)).collect()
+    /// Some points with a motion, if the scale permits it, the motion explains them and rest does not.
+    fn with_motion(&self, sweep: usize, evident: Vec<[f64; 2]>, expected: &PlanarMotion) -> Option<Candidate> {
+        let centre = middle(&evident);
+        let motion = PlanarMotion { centre, velocity: expected.at(centre).0, ..*expected };
+        let others = self.others(sweep);
+        let of = |motion: &PlanarMotion| score(self.scale.hidden, &evident, motion, &others);
+        let (score, resting) = (of(&motion), of(&PlanarMotion::rest(centre)));
+        let moves = self.scale.follows && is_motion(score, resting);
+        moves.then(|| Candidate { sweep, evident, elsewhere: Vec::new(), motion, score, moves })
     }
 
     /// Some evident points with the motion that explains them best.
     fn searched(&self, sweep: usize, evident: Vec<[f64; 2]>) -> Candidate {
-        let (motion, best, resting) = search(&evident, &self.others(sweep));
-        let moves = best >= SCORE_MIN && best >= resting + SCORE_GAIN && motion.speed() >= SPEED_MIN;
+        let (motion, best, resting) = search(&evident, &self.others(sweep), self.scale.hidden, self.scale.bends);
+        let moves = is_motion(best, resting) && motion.speed() >= SPEED_MIN;
         Candidate { sweep, evident, elsewhere: Vec::new(), motion, score: best, moves }
     }
 
@@ -202,7 +142,7 @@ impl Snippet<'_> {
         while body < bodies.len() {
             let motion = bodies[body].motion;
             let fits = |group: &Candidate| {
-                let score = score(&group.evident, &motion, &others);
+                let score = score(self.scale.hidden, &group.evident, &motion, &others);
                 score >= SCORE_MIN && score >= group.score - UNITE_LOSS
             };
             let joins = |list: &[Candidate], from: usize, body: &Candidate| {
@@ -230,7 +170,8 @@ impl Snippet<'_> {
         let mut next = 0;
         while next < bodies.len() {
             let sweep = bodies[next].0.sweep;
-            for other in [sweep.wrapping_sub(1), sweep + 1].into_iter().filter(|other| *other < self.sweeps.len()) {
+            let around = (1..=self.scale.skipped + 1).flat_map(|by| [sweep.wrapping_sub(by), sweep + by]);
+            for other in around.filter(|other| *other < self.sweeps.len()) {
                 let expected = self.moved(&bodies[next].0, other);
                 let moved = self.moved_points(&bodies[next].0, other);
                 let footprint = Footprint::of(expected.velocity, moved.iter().copied());
@@ -246,9 +187,11 @@ impl Snippet<'_> {
                     continue;
                 }
                 let points = self.near(other, &moved);
-                let there =
-                    (points.len() >= POINTS_MIN).then(|| self.searched(other, points)).filter(|there| there.moves);
-                if let Some(mut there) = there.filter(confirms) {
+                if points.len() < self.scale.fewest {
+                    continue;
+                }
+                let there = Some(self.searched(other, points.clone())).filter(|there| there.moves && confirms(there));
+                if let Some(mut there) = there.or_else(|| self.with_motion(other, points, &expected)) {
                     self.adopt(&mut there, &expected);
                     there.elsewhere.extend(moved);
                     bodies[next].1 = true;
@@ -266,9 +209,9 @@ impl Snippet<'_> {
         let (velocity, _) = expected.at(body.motion.centre);
         let motion = PlanarMotion { centre: body.motion.centre, velocity, ..*expected };
         let others = self.others(body.sweep);
-        let of_all = |motion: &PlanarMotion| score_without(0.0, &body.evident, motion, &others);
+        let of_all = |motion: &PlanarMotion| score(0.0, &body.evident, motion, &others);
         if of_all(&motion) >= of_all(&body.motion) - ADOPT_LOSS {
-            (body.motion, body.score) = (motion, score(&body.evident, &motion, &others));
+            (body.motion, body.score) = (motion, score(self.scale.hidden, &body.evident, &motion, &others));
         }
     }
 
@@ -284,55 +227,10 @@ impl Snippet<'_> {
         body.evident.iter().map(|point| body.motion.moved(*point, seconds)).collect()
     }
 
-    /// The standing points of another sweep where the points of a body would be.
+    /// The points of another sweep where the points of a body would be.
     fn near(&self, sweep: usize, moved: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let plan = Plan::new(moved.iter().copied(), Extent::of(moved.iter().copied(), PAD, CELL, CELLS_MAX));
-        let standing = standing(&self.sweeps[sweep], &self.heights[sweep]);
-        standing.filter(|[x, y]| plan.closeness(*x, *y) > 0.0).collect()
+        let extent = Extent::of(moved.iter().copied());
+        let plan = Plan::new(moved.iter().copied(), extent, self.scale.reach);
+        places(&self.sweeps[sweep], &self.among[sweep]).filter(|[x, y]| plan.closeness(*x, *y) > 0.0).collect()
     }
-
-    /// Gives the points near each body to it.
-    fn claimed(&self, bodies: Vec<Candidate>) -> Aligned {
-        let of_sweep = |sweep: usize| {
-            let own: Vec<&Candidate> = bodies.iter().filter(|body| body.sweep == sweep).collect();
-            let footprint = |body: &&Candidate| {
-                let points = body.evident.iter().chain(&body.elsewhere);
-                Footprint::of(body.motion.velocity, points.copied())
-            };
-            let boxes: Vec<Footprint> = own.iter().map(footprint).collect();
-            let others = self.others(sweep);
-            let of_point = |index: usize| {
-                let height = self.heights[sweep][index];
-                if !(OWN_HEIGHTS[0]..OWN_HEIGHTS[1]).contains(&height) {
-                    return None;
-                }
-                let at = in_plan(&self.sweeps[sweep].points[index]);
-                let fit = |body: usize| {
-                    let motion = &own[body].motion;
-                    let moving = score(&[at], motion, &others);
-                    let rest = score(&[at], &PlanarMotion::rest(motion.centre), &others);
-                    let fits = if boxes[body].contains(at, [MARGIN; 2]) {
-                        moving >= OWN_CLOSENESS && moving >= rest - OWN_LOSS
-                    } else {
-                        moving >= SCORE_MIN && moving >= rest + SCORE_GAIN
-                    };
-                    fits.then_some((moving, body))
-                };
-                let near = (0..own.len()).filter(|body| boxes[*body].contains(at, AROUND));
-                near.filter_map(fit).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, body)| body as u32)
-            };
-            let of_point: Vec<Option<u32>> =
-                (0..self.sweeps[sweep].points.len()).into_par_iter().map(of_point).collect();
-            (own.iter().map(|body| body.motion).collect::<Vec<_>>(), of_point)
-        };
-        let (bodies, of_point) = (0..self.sweeps.len()).map(of_sweep).unzip();
-        Aligned { bodies, of_point }
-    }
-}
-
-/// Whether a body moves as a body followed from another sweep would, whose points would be in `footprint`.
-fn confirms(body: &Candidate, expected: &PlanarMotion, footprint: &Footprint) -> bool {
-    let difference = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    difference(body.motion.velocity, expected.velocity) <= CONFIRM[0] + CONFIRM[1] * expected.speed()
-        && body.evident.iter().any(|point| footprint.contains(*point, [CONFIRM_DISTANCE; 2]))
 }

@@ -14,22 +14,31 @@ const BEHIND: f64 = 0.7;
 /// The same as a share of the range.
 const BEHIND_SHARE: f64 = 0.02;
 
-/// Nearest returns by direction.
+/// Returns by direction.
 #[derive(Debug)]
 pub struct RangeImage {
     origin: [f64; 3],
-    /// `[ROWS, COLUMNS]`, metres; infinite where nothing returned.
+    /// Nearest return above the ground, `[ROWS, COLUMNS]`, metres; infinite where there is none.
     nearest: Vec<f32>,
+    /// Whether anything returned in a column.
+    columns: Vec<bool>,
+    /// Lowest and highest row with a return.
+    rows: [usize; 2],
 }
 
 impl RangeImage {
-    /// Of the returns of a sweep.
-    pub fn new(sweep: &AlignedSweep) -> Self {
-        let mut image = Self { origin: sweep.origin, nearest: vec![f32::INFINITY; ROWS * COLUMNS] };
-        for point in sweep.points {
+    /// Of the returns of a sweep; `stands` says which are above the ground.
+    pub fn new(sweep: &AlignedSweep, stands: impl Fn(usize) -> bool) -> Self {
+        let (nearest, columns) = (vec![f32::INFINITY; ROWS * COLUMNS], vec![false; COLUMNS]);
+        let mut image = Self { origin: sweep.origin, nearest, columns, rows: [ROWS, 0] };
+        for (index, point) in sweep.points.iter().enumerate() {
             let ([row, column], range) = image.place(point);
-            let slot = &mut image.nearest[row * COLUMNS + column];
-            *slot = slot.min(range as f32);
+            image.columns[column] = true;
+            image.rows = [image.rows[0].min(row), image.rows[1].max(row)];
+            if stands(index) {
+                let slot = &mut image.nearest[row * COLUMNS + column];
+                *slot = slot.min(range as f32);
+            }
         }
         image
     }
@@ -43,13 +52,18 @@ impl RangeImage {
         ([row, column], across.hypot(z))
     }
 
-    /// Whether rays passed through the place of a point: in its direction and those next to it something returned, and
-    /// all of it from behind.
+    /// Whether rays passed through the place of a point: in its direction and those next to it something returned from
+    /// behind, and nothing above the ground from there or before.
+    ///
+    /// The road before a car 40 m away is as low as its bumper in the cells of the image, and says nothing of the car.
     pub fn passed(&self, point: &[f32; 3]) -> bool {
         let ([row, column], range) = self.place(point);
+        let columns = (0..3).map(|step| (column + COLUMNS - 1 + step) % COLUMNS);
+        let scanned =
+            (self.rows[0]..=self.rows[1]).contains(&row) && columns.clone().any(|column| self.columns[column]);
+        let limit = range * (1.0 + BEHIND_SHARE) + BEHIND;
         let rows = row.saturating_sub(1)..(row + 2).min(ROWS);
-        let near = rows.flat_map(|row| (0..3).map(move |step| row * COLUMNS + (column + COLUMNS - 1 + step) % COLUMNS));
-        let nearest = near.map(|slot| self.nearest[slot]).fold(f32::INFINITY, f32::min);
-        nearest.is_finite() && f64::from(nearest) > range * (1.0 + BEHIND_SHARE) + BEHIND
+        let mut near = rows.flat_map(|row| columns.clone().map(move |column| row * COLUMNS + column));
+        scanned && near.all(|slot| f64::from(self.nearest[slot]) > limit)
     }
 }

@@ -2,13 +2,13 @@
 
 use std::collections::HashMap;
 
-/// Edge of the cells in which evident points are joined, and how many cells a gap may have.
-const JOIN_CELL: f64 = 0.3;
-const JOIN_GAP: i32 = 2;
+/// Cells from the cell of a point to that of one of its group, at most.
+const JOIN_CELLS: i32 = 2;
 
-/// Points in groups: those whose cells are neighbours. Groups are in the order of their first points.
-pub fn joined(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
-    let cell = |point: &[f64; 2]| point.map(|x| (x / JOIN_CELL).floor() as i32);
+/// Points in groups: those whose cells of the edge `cell`, metres, are at most two apart. Groups are in the order of their
+/// first points.
+pub fn joined(points: &[[f64; 2]], cell: f64) -> Vec<Vec<[f64; 2]>> {
+    let cell = |point: &[f64; 2]| point.map(|x| (x / cell).floor() as i32);
     let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();
     for (index, point) in points.iter().enumerate() {
         cells.entry(cell(point)).or_default().push(index);
@@ -20,7 +20,8 @@ pub fn joined(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
         while let Some([x, y]) = stack.pop() {
             let Some(members) = cells.remove(&[x, y]) else { continue };
             group.extend(members);
-            let around = (-JOIN_GAP..=JOIN_GAP).flat_map(|dx| (-JOIN_GAP..=JOIN_GAP).map(move |dy| [x + dx, y + dy]));
+            let around =
+                (-JOIN_CELLS..=JOIN_CELLS).flat_map(|dx| (-JOIN_CELLS..=JOIN_CELLS).map(move |dy| [x + dx, y + dy]));
             stack.extend(around.filter(|cell| cells.contains_key(cell)));
         }
         if !group.is_empty() {

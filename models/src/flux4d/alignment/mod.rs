@@ -3,15 +3,22 @@
 //! The paper's velocities start at zero and are learned in 30,000 steps. Here they may start at what the sweeps
 //! themselves show; a network then predicts the difference. What no sweep shows to move carries no velocity.
 //!
-//! 1. A point moves by evidence where later or earlier rays passed through its place (`free_space`).
-//! 2. Such points of one sweep that are close to each other are a body (`bodies`).
+//! 1. A point moves by evidence where later or earlier rays passed through its place (`evidence`, `free_space`).
+//! 2. Such points of one sweep that are close to each other are a body (`bodies`, `groups`).
 //! 3. A body's velocity, acceleration and turn are those that bring its points onto the points of the other sweeps
 //!    (`search`), by the distance to the nearest of them in the plan (`plan`).
-//! 4. A body whose motion explains its points no better than rest does, or that no other sweep confirms, rests.
+//! 4. A body whose motion explains its points no better than rest does, or that no other sweep confirms, rests (`candidate`).
+//! 5. Points near a body that its motion explains belong to it (`claims`).
+//! 6. What is evident and belongs to no body is looked at again at a coarser scale: a car 40 m away is two beams, which meet
+//!    another part of it in each sweep (`aligned`).
 //!
 //! Motion is horizontal. Heights are above the ground under a point (`ground`).
 
+mod aligned;
 mod bodies;
+mod candidate;
+mod claims;
+mod evidence;
 mod footprint;
 mod free_space;
 mod ground;
@@ -21,7 +28,7 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use bodies::{Aligned, align};
+pub use aligned::{Aligned, align};
 pub use search::PlanarMotion;
 
 /// The points of one sweep.

@@ -5,9 +5,11 @@
 
 use std::collections::HashMap;
 
-/// Distance up to which a place counts as near a point, metres: two steps of a spinning LiDAR at 50 m, and the change of
-/// the visible side of a car between sweeps.
-pub const REACH: f64 = 0.4;
+/// Edge of the cells of the plans, metres, and most of them along an axis.
+const CELL: f64 = 0.1;
+const CELLS_MAX: usize = 4096;
+/// Room around the points, metres.
+const PAD: f64 = 2.0;
 /// Longest line between neighbours, metres: beams that graze the side of a car at 20 m are as far apart.
 const LINE_MAX: f64 = 1.2;
 /// A point has one neighbour in each of so many directions.
@@ -26,8 +28,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Around points, with cells of `cell` (metres) or the smallest for which there are at most `most` along an axis.
-    pub fn of(points: impl Iterator<Item = [f64; 2]>, pad: f64, cell: f64, most: usize) -> Self {
+    /// Around points, with the smallest cells that suffice.
+    pub fn of(points: impl Iterator<Item = [f64; 2]>) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in points {
             for axis in 0..2 {
@@ -38,10 +40,10 @@ impl Extent {
         if low[0] > high[0] {
             (low, high) = ([0.0; 2], [0.0; 2]);
         }
-        let low = low.map(|x| x - pad);
-        let lengths = [0, 1].map(|axis| high[axis] + pad - low[axis]);
-        let cell = cell.max(lengths[0].max(lengths[1]) / most as f64);
-        Self { low, cell, size: lengths.map(|length| ((length / cell) as usize + 1).min(most + 1)) }
+        let low = low.map(|x| x - PAD);
+        let lengths = [0, 1].map(|axis| high[axis] + PAD - low[axis]);
+        let cell = CELL.max(lengths[0].max(lengths[1]) / CELLS_MAX as f64);
+        Self { low, cell, size: lengths.map(|length| ((length / cell) as usize + 1).min(CELLS_MAX + 1)) }
     }
 
     fn place(&self, x: f64, y: f64) -> Option<usize> {
@@ -58,13 +60,15 @@ pub struct Plan {
     extent: Extent,
     /// In thirds of a cell.
     distances: Vec<u8>,
-    /// Closeness by distance, 1 at a point and 0 from [`REACH`] on.
+    /// Distance from which on a place is not near a point, metres.
+    reach: f64,
+    /// Closeness by distance, 1 at a point and 0 from the reach on.
     closeness: [f32; 256],
 }
 
 impl Plan {
-    /// Of some points of a sweep and the lines between them.
-    pub fn new(points: impl Iterator<Item = [f64; 2]>, extent: Extent) -> Self {
+    /// Of some points of a sweep and the lines between them; a place within `reach`, metres, is near them.
+    pub fn new(points: impl Iterator<Item = [f64; 2]>, extent: Extent, reach: f64) -> Self {
         let [width, height] = extent.size;
         let mut distances = vec![FAR; width * height];
         // One point a cell: more add nothing.
@@ -87,11 +91,16 @@ impl Plan {
         }
         sweep_over(&mut distances, width, height);
         let unit = extent.cell / f64::from(STRAIGHT);
-        let closeness = std::array::from_fn(|d| (1.0 - d as f64 * unit / REACH).max(0.0) as f32);
-        Self { extent, distances, closeness }
+        let closeness = std::array::from_fn(|d| (1.0 - d as f64 * unit / reach).max(0.0) as f32);
+        Self { extent, distances, reach, closeness }
     }
 
-    /// 1 where a point is, 0 where none is within [`REACH`] or beyond the border.
+    /// Distance from which on a place is not near a point, metres.
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// 1 where a point is, 0 where none is within the reach or beyond the border.
     pub fn closeness(&self, x: f64, y: f64) -> f32 {
         self.extent.place(x, y).map_or(0.0, |place| self.closeness[usize::from(self.distances[place])])
     }

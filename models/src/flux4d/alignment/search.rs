@@ -14,8 +14,8 @@ const FINE_POINTS: usize = 120;
 /// Coarse motions that are looked at more closely, and of these the ones that are refined in all sweeps.
 const CANDIDATES: usize = 16;
 const FINALISTS: usize = 3;
-/// Share of the sweeps, the worst ones, that do not count: a body may be hidden in them.
-const HIDDEN: f64 = 0.34;
+/// Sweeps that count in any case: one can be met by any motion.
+const COUNTED: usize = 2;
 /// Score that a metre per second costs: of equal alignments the slowest is meant.
 const SPEED_COST: f64 = 0.002;
 /// Gain of the score from which on an acceleration and a turn are believed.
@@ -85,14 +85,9 @@ pub struct Other<'a> {
     pub after: f64,
 }
 
-/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the body
-/// seems hidden.
-pub fn score(points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
-    score_without(HIDDEN, points, motion, others)
-}
-
-/// The same without a share of the sweeps, the worst ones.
-pub fn score_without(hidden: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
+/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the share `hidden` of the sweeps,
+/// the worst ones: a body may be hidden in them.
+pub fn score(hidden: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
     let of_sweep = |other: &Other| {
         let close = |point: &[f64; 2]| {
             let [x, y] = motion.moved(*point, other.after);
@@ -102,18 +97,23 @@ pub fn score_without(hidden: f64, points: &[[f64; 2]], motion: &PlanarMotion, ot
     };
     let mut scores: Vec<f64> = others.iter().map(of_sweep).collect();
     scores.sort_by(|a, b| b.total_cmp(a));
-    scores.truncate(scores.len() - (hidden * scores.len() as f64) as usize);
+    scores.truncate((scores.len() - (hidden * scores.len() as f64) as usize).max(COUNTED));
     scores.iter().sum::<f64>() / scores.len().max(1) as f64
 }
 
-/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time.
-pub fn search(body: &[[f64; 2]], others: &[Other]) -> (PlanarMotion, f64, f64) {
+/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time; the
+/// share `hidden` of them does not count. `bends`: whether the velocity may change.
+pub fn search(body: &[[f64; 2]], others: &[Other], hidden: f64, bends: bool) -> (PlanarMotion, f64, f64) {
     let points = thinned(body, FINE_POINTS);
     let centre = [0, 1].map(|axis| body.iter().map(|p| p[axis]).sum::<f64>() / body.len() as f64);
     let rest = PlanarMotion::rest(centre);
-    let resting = score(&points, &rest, others);
+    let resting = score(hidden, &points, &rest, others);
+    let penalised = |points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]| {
+        score(hidden, points, motion, others) - SPEED_COST * motion.speed()
+    };
     let near = &others[..others.len().min(2)];
-    let mut found = coarse(&thinned(body, COARSE_POINTS), &rest, near);
+    let mut found =
+        coarse(&thinned(body, COARSE_POINTS), &rest, near, &|points, motion| penalised(points, motion, near));
     let middle = &others[..others.len().min(3)];
     let velocity_alone = [0.5, 0.5, 0.0, 0.0];
     for candidate in &mut found {
@@ -124,6 +124,9 @@ pub fn search(body: &[[f64; 2]], others: &[Other]) -> (PlanarMotion, f64, f64) {
     let of_all = |points: &[[f64; 2]], motion: &PlanarMotion| penalised(points, motion, others);
     let fine = found.iter().map(|(motion, _)| refine(&points, *motion, [0.25, 0.25, 0.0, 0.0], &of_all));
     let best = fine.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((rest, resting));
+    if !bends {
+        return (best.0, best.1, resting);
+    }
     let motion = bent(&points, best.0, others, extent(body) >= TURN_LENGTH);
     (motion, of_all(&points, &motion).max(best.1), resting)
 }
@@ -132,9 +135,8 @@ pub fn search(body: &[[f64; 2]], others: &[Other]) -> (PlanarMotion, f64, f64) {
 ///
 /// Here all sweeps count: by leaving out the worst, a body that brakes would be one that is hidden in the far sweeps.
 fn bent(points: &[[f64; 2]], motion: PlanarMotion, others: &[Other], turns: bool) -> PlanarMotion {
-    let of_all = |points: &[[f64; 2]], motion: &PlanarMotion| {
-        score_without(0.0, points, motion, others) - SPEED_COST * motion.speed()
-    };
+    let of_all =
+        |points: &[[f64; 2]], motion: &PlanarMotion| score(0.0, points, motion, others) - SPEED_COST * motion.speed();
     let straight = of_all(points, &motion);
     let turns: &[f64] = if turns { &TURNS } else { &[0.0] };
     let tried = ACCELERATIONS.iter().flat_map(|acceleration| {
@@ -159,15 +161,11 @@ fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
     points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
 }
 
-fn penalised(points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
-    score(points, motion, others) - SPEED_COST * motion.speed()
-}
-
 /// The best velocities of a grid, by the sweeps nearest in time.
-fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other]) -> Vec<(PlanarMotion, f64)> {
+fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Value) -> Vec<(PlanarMotion, f64)> {
     // A step moves the points by half the reach in the sweep next in time.
-    let Some(interval) = near.first().map(|other| other.after.abs()) else { return Vec::new() };
-    let step = (0.5 * super::plan::REACH / interval.max(1e-3)).min(SPEED_MAX);
+    let Some(next) = near.first() else { return Vec::new() };
+    let step = (0.5 * next.plan.reach() / next.after.abs().max(1e-3)).min(SPEED_MAX);
     let side = (SPEED_MAX / step) as i32;
     let mut scores = Vec::new();
     for row in -side..=side {
@@ -175,7 +173,7 @@ fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other]) -> Vec<(Plan
             let velocity = [f64::from(column) * step, f64::from(row) * step];
             let motion = PlanarMotion { velocity, ..*rest };
             if motion.speed() <= SPEED_MAX {
-                scores.push((motion, penalised(points, &motion, near)));
+                scores.push((motion, value_of(points, &motion)));
             }
         }
     }

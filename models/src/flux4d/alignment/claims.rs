@@ -1,0 +1,93 @@
+//! The points that belong to each body.
+
+use rayon::prelude::*;
+
+use super::aligned::Aligned;
+use super::bodies::Snippet;
+use super::candidate::{Candidate, is_motion};
+use super::evidence::in_plan;
+use super::footprint::Footprint;
+use super::search::{PlanarMotion, score};
+
+/// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
+/// under a car is within 0.2 m of the ground around it.
+const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
+/// Room around a body's evident points in which points belong to it, metres.
+const MARGIN: f64 = 0.35;
+/// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident of a
+/// car may be its back alone.
+const AROUND: [f64; 2] = [3.0, 1.5];
+/// Closeness that a point must have to belong to a body, and what of it the point may lose against rest: the sides of a car
+/// fit rest as well, a parked car beside it does better at rest.
+const OWN_CLOSENESS: f64 = 0.3;
+const OWN_LOSS: f64 = 0.1;
+
+impl Snippet<'_> {
+    /// Gives those of the points looked at that have no body to the bodies of a finer scale, where their motion explains them.
+    ///
+    /// By itself what is left of such a body fits many motions.
+    pub fn complete(&self, found: &mut Aligned) {
+        for (sweep, among) in self.among.iter().enumerate() {
+            let others = self.others(sweep);
+            let bodies = &found.bodies[sweep];
+            let mut own = vec![Vec::new(); bodies.len()];
+            for (point, body) in found.of_point[sweep].iter().enumerate() {
+                if let Some(body) = body {
+                    own[*body as usize].push(in_plan(&self.sweeps[sweep].points[point]));
+                }
+            }
+            let boxes = bodies.iter().zip(own).map(|(body, own)| Footprint::of(body.velocity, own.into_iter()));
+            let boxes: Vec<Footprint> = boxes.collect();
+            let of_point = |point: &usize| {
+                let at = in_plan(&self.sweeps[sweep].points[*point]);
+                let near = (0..boxes.len()).filter(|body| boxes[*body].contains(at, AROUND));
+                let fits = near.map(|body| (score(self.scale.hidden, &[at], &bodies[body], &others), body));
+                let best = fits.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score >= OWN_CLOSENESS);
+                (*point, best.map(|(_, body)| body as u32))
+            };
+            let more: Vec<(usize, Option<u32>)> =
+                among.par_iter().filter(|point| found.of_point[sweep][**point].is_none()).map(of_point).collect();
+            more.into_iter().for_each(|(point, body)| found.of_point[sweep][point] = body);
+        }
+    }
+
+    /// Gives the points near each body to it.
+    pub fn claimed(&self, bodies: Vec<Candidate>) -> Aligned {
+        let of_sweep = |sweep: usize| {
+            let own: Vec<&Candidate> = bodies.iter().filter(|body| body.sweep == sweep).collect();
+            let footprint = |body: &&Candidate| {
+                let points = body.evident.iter().chain(&body.elsewhere);
+                Footprint::of(body.motion.velocity, points.copied())
+            };
+            let boxes: Vec<Footprint> = own.iter().map(footprint).collect();
+            let others = self.others(sweep);
+            let resting = self.before.as_ref().map_or(self, |before| before.snippet).others(sweep);
+            let of_point = |index: usize| {
+                let height = self.heights[sweep][index];
+                let is_taken = self.before.as_ref().is_some_and(|before| before.found.of_point[sweep][index].is_some());
+                if is_taken || !(OWN_HEIGHTS[0]..OWN_HEIGHTS[1]).contains(&height) {
+                    return None;
+                }
+                let at = in_plan(&self.sweeps[sweep].points[index]);
+                let fit = |body: usize| {
+                    let motion = &own[body].motion;
+                    let moving = score(self.scale.hidden, &[at], motion, &others);
+                    let rest = score(self.scale.hidden, &[at], &PlanarMotion::rest(motion.centre), &resting);
+                    let fits = if boxes[body].contains(at, [MARGIN; 2]) {
+                        moving >= OWN_CLOSENESS && moving >= rest - OWN_LOSS
+                    } else {
+                        is_motion(moving, rest)
+                    };
+                    fits.then_some((moving, body))
+                };
+                let near = (0..own.len()).filter(|body| boxes[*body].contains(at, AROUND));
+                near.filter_map(fit).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, body)| body as u32)
+            };
+            let of_point: Vec<Option<u32>> =
+                (0..self.sweeps[sweep].points.len()).into_par_iter().map(of_point).collect();
+            (own.iter().map(|body| body.motion).collect::<Vec<_>>(), of_point)
+        };
+        let (bodies, of_point) = (0..self.sweeps.len()).map(of_sweep).unzip();
+        Aligned { bodies, of_point }
+    }
+}
