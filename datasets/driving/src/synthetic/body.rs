@@ -92,15 +92,15 @@ pub(super) fn car(color: DVec3, length: f64, salt: u32) -> Body {
     Body::new("Car", 13, salt, parts)
 }
 
-/// A bus.
-pub(super) fn bus(color: DVec3, salt: u32) -> Body {
-    let painted = Paint::Bodywork { color, half_length: 5.5 };
+/// A bus of this length.
+pub(super) fn bus(color: DVec3, length: f64, salt: u32) -> Body {
+    let painted = Paint::Bodywork { color, half_length: 0.5 * length };
     let mut parts = vec![
-        cuboid([0.0, 0.0, 0.85], [11.0, 2.5, 1.0], painted),
-        cuboid([0.0, 0.0, 1.85], [10.9, 2.46, 1.0], Paint::Glass),
-        cuboid([0.0, 0.0, 2.65], [11.0, 2.5, 0.6], painted),
+        cuboid([0.0, 0.0, 0.85], [length, 2.5, 1.0], painted),
+        cuboid([0.0, 0.0, 1.85], [length - 0.1, 2.46, 1.0], Paint::Glass),
+        cuboid([0.0, 0.0, 2.65], [length, 2.5, 0.6], painted),
     ];
-    parts.extend(wheels(11.0, 2.5, 0.45));
+    parts.extend(wheels(length, 2.5, 0.45));
     Body::new("Bus", 23, salt, parts)
 }
 

@@ -40,6 +40,6 @@ mod traffic;
 mod truth;
 mod write;
 
-pub use options::StreetOptions;
+pub use options::{Encounter, StreetOptions};
 pub use truth::{TruthImage, truth_image};
 pub use write::write;

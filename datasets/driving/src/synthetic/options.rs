@@ -4,6 +4,18 @@ use std::path::Path;
 
 use gs_datasets::DatasetError;
 
+/// Bodies that a street has beside its movers, whose paths meet during the first second.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Encounter {
+    /// None.
+    #[default]
+    None,
+    /// A car that drives ahead at 9 m/s, two lanes to the left of the ego vehicle.
+    Car,
+    /// The same car behind an oncoming bus of 6 m, which hides it for about half a second.
+    HiddenCar,
+}
+
 /// How a log of a synthetic street is made. The same options write the same bytes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StreetOptions {
@@ -23,6 +35,8 @@ pub struct StreetOptions {
     pub subpixels: usize,
     /// Vehicles, cyclists and people that move, 0 to 60.
     pub movers: usize,
+    /// What passes beside the movers.
+    pub encounter: Encounter,
     /// Seed of the street, the traffic and the noise.
     pub seed: u64,
     /// Standard deviation of the LiDAR's ranges, 0 to 1 m.
@@ -48,6 +62,7 @@ impl Default for StreetOptions {
             columns: 900,
             subpixels: 2,
             movers: 16,
+            encounter: Encounter::None,
             seed: 0,
             range_noise: 0.02,
             camera_delay: 0.0,

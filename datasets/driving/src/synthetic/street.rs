@@ -63,6 +63,9 @@ impl Street {
         for (body, path) in traffic::movers(options.movers, crossing, &ego, &mut rng) {
             street.add_actor(body, path);
         }
+        for (body, path) in traffic::encounter(options.encounter, &mut rng) {
+            street.add_actor(body, path);
+        }
         street
     }
 

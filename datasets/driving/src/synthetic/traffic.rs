@@ -7,12 +7,29 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::body::{self, Body};
+use super::options::Encounter;
 use super::paint::{CURB, LANE, SIDE, vehicle_color};
 use super::path::{Change, Path, Stand, Turn};
 
 /// Bodies on their paths. Later ones of a kind stand farther back, so that they keep their distance.
 pub(super) fn movers(count: usize, crossing: f64, ego: &Path, rng: &mut ChaCha8Rng) -> Vec<(Body, Path)> {
     (0..count).map(|index| mover(index % 8, (index / 8) as f64, crossing, ego, rng)).collect()
+}
+
+/// The bodies of an encounter, the car last.
+pub(super) fn encounter(encounter: Encounter, rng: &mut ChaCha8Rng) -> Vec<(Body, Path)> {
+    let path = |x: f64, y: f64, yaw: f64, speed: f64| {
+        let start = Stand { position: DVec2::new(x, y), yaw };
+        Path { start, speed, change: None, turn: None }
+    };
+    let car = (body::car(vehicle_color(rng), 4.5, rng.random()), path(17.0, 1.5 * LANE, 0.0, 9.0));
+    // Seen from an ego vehicle at 8 m/s the bus is before all of the car from 0.3 s to 1.0 s.
+    let bus = (body::bus(DVec3::new(0.5, 0.5, 0.45), 6.0, rng.random()), path(20.8, 0.5 * LANE, PI, 10.0));
+    match encounter {
+        Encounter::None => Vec::new(),
+        Encounter::Car => vec![car],
+        Encounter::HiddenCar => vec![bus, car],
+    }
 }
 
 /// The mover of a kind; `rank` counts those of the kind.
@@ -70,7 +87,7 @@ fn mover(kind: usize, rank: f64, crossing: f64, ego: &Path, rng: &mut ChaCha8Rng
         // A bus in the far lane, then oncoming cars that turn off.
         6 if rank == 0.0 => {
             let color = DVec3::new(0.55, 0.3, 0.04);
-            (body::bus(color, rng.random()), path(58.0, 1.5 * LANE, PI, rng.random_range(6.0..8.0)))
+            (body::bus(color, 11.0, rng.random()), path(58.0, 1.5 * LANE, PI, rng.random_range(6.0..8.0)))
         }
         6 => {
             let x = crossing + 24.0 + 18.0 * rank;

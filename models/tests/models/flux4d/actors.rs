@@ -103,3 +103,40 @@ fn actors_are_linked_where_their_tracks_meet() {
     assert_eq!(tracks.numbers, [vec![0, 1], vec![1, 0, 2], vec![], vec![3, 4]]);
     assert_eq!(tracks.count, 5);
 }
+
+/// Two walls of `rows` points each, 1.4 m apart along x, that drive at the given speeds along x.
+fn walls(place: &Place, rows: usize, speeds: [f64; 2]) -> FluxScene {
+    let count = 2 * rows;
+    let (mut means, mut velocity) = (Vec::new(), Vec::new());
+    for i in 0..count {
+        let wall = i / rows;
+        means.extend([1.4 * wall as f64, 0.1 * (i % rows) as f64, 0.5]);
+        velocity.extend([speeds[wall], 0.0, 0.0]);
+    }
+    let full = |value: f64, columns: usize| place.tensor(&vec![value; count * columns], [count, columns]);
+    let quats: Vec<f64> = (0..count).flat_map(|_| [1.0, 0.0, 0.0, 0.0]).collect();
+    let gaussians = Gaussians::from_tensors(
+        place.tensor(&means, [count, 3]),
+        place.tensor(&quats, [count, 4]),
+        full(-3.0, 3),
+        full(0.0, 1).reshape([count]),
+        full(0.25, 3).reshape([count, 1, 3]),
+    );
+    let motion = PolynomialMotion::new(0).expect("a degree");
+    let velocity = place.tensor(&velocity, [count, 3]);
+    // All at the middle of the window, at which they are clustered.
+    FluxScene::new(gaussians, velocity, &vec![0.5; count], motion, [5.0, 6.0], 0.2).expect("a scene")
+}
+
+/// The bumper of a far car and its window are one actor; bodies of many rows, and those that move otherwise, are not.
+#[test]
+fn clusters_of_few_rows_that_move_alike_are_one_actor() {
+    let actors = |rows, speeds| {
+        let config = ActorConfig { eps: 0.3, min_points: 4, ..ActorConfig::default() };
+        find_actors(&walls(reference(), rows, speeds), 5.5, &[], &config).expect("actors")
+    };
+    let one = actors(8, [9.0, 9.5]);
+    assert_eq!(one.iter().map(|actor| actor.rows.clone()).collect::<Vec<_>>(), [(0..16).collect::<Vec<u32>>()]);
+    assert_eq!(actors(8, [9.0, -9.0]).len(), 2);
+    assert_eq!(actors(60, [9.0, 9.5]).len(), 2);
+}
