@@ -8,6 +8,8 @@ use super::AlignedSweep;
 const COLUMNS: usize = 900;
 /// Rows of the image: 0.5 degrees, about the distance of two beams.
 const ROWS: usize = 360;
+/// Rows to the next beam, at most: 1.5 degrees, so that beams above and below a car 40 m away would meet it.
+const BEAM_ROWS: usize = 3;
 /// A return this much behind a point, metres, is not of the point's surface: the ego vehicle's motion within a sweep is
 /// not in the image, and a surface at a slant has that much depth in a cell.
 const BEHIND: f64 = 0.7;
@@ -20,21 +22,20 @@ pub struct RangeImage {
     origin: [f64; 3],
     /// Nearest return above the ground, `[ROWS, COLUMNS]`, metres; infinite where there is none.
     nearest: Vec<f32>,
-    /// Whether anything returned in a column.
+    /// Whether anything returned in a row, and in a column.
+    rows: Vec<bool>,
     columns: Vec<bool>,
-    /// Lowest and highest row with a return.
-    rows: [usize; 2],
 }
 
 impl RangeImage {
     /// Of the returns of a sweep; `stands` says which are above the ground.
     pub fn new(sweep: &AlignedSweep, stands: impl Fn(usize) -> bool) -> Self {
-        let (nearest, columns) = (vec![f32::INFINITY; ROWS * COLUMNS], vec![false; COLUMNS]);
-        let mut image = Self { origin: sweep.origin, nearest, columns, rows: [ROWS, 0] };
+        let nearest = vec![f32::INFINITY; ROWS * COLUMNS];
+        let (rows, columns) = (vec![false; ROWS], vec![false; COLUMNS]);
+        let mut image = Self { origin: sweep.origin, nearest, rows, columns };
         for (index, point) in sweep.points.iter().enumerate() {
             let ([row, column], range) = image.place(point);
-            image.columns[column] = true;
-            image.rows = [image.rows[0].min(row), image.rows[1].max(row)];
+            (image.rows[row], image.columns[column]) = (true, true);
             if stands(index) {
                 let slot = &mut image.nearest[row * COLUMNS + column];
                 *slot = slot.min(range as f32);
@@ -52,18 +53,24 @@ impl RangeImage {
         ([row, column], across.hypot(z))
     }
 
-    /// Whether rays passed through the place of a point: in its direction and those next to it something returned from
-    /// behind, and nothing above the ground from there or before.
+    /// Whether rays passed through the place of a point: in its direction and those next to it nothing above the ground
+    /// returned from there or before, though there are beams above and below.
     ///
-    /// The road before a car 40 m away is as low as its bumper in the cells of the image, and says nothing of the car.
+    /// A ray into the sky does not return, and passed as well. The road before a car 40 m away is as low as its bumper in the
+    /// cells of the image, and says nothing of the car.
     pub fn passed(&self, point: &[f32; 3]) -> bool {
         let ([row, column], range) = self.place(point);
         let columns = (0..3).map(|step| (column + COLUMNS - 1 + step) % COLUMNS);
-        let scanned =
-            (self.rows[0]..=self.rows[1]).contains(&row) && columns.clone().any(|column| self.columns[column]);
+        let scanned = self.is_between_beams(row) && columns.clone().any(|column| self.columns[column]);
         let limit = range * (1.0 + BEHIND_SHARE) + BEHIND;
         let rows = row.saturating_sub(1)..(row + 2).min(ROWS);
         let mut near = rows.flat_map(|row| columns.clone().map(move |column| row * COLUMNS + column));
         scanned && near.all(|slot| f64::from(self.nearest[slot]) > limit)
+    }
+
+    fn is_between_beams(&self, row: usize) -> bool {
+        let below = (row.saturating_sub(BEAM_ROWS)..=row).find(|row| self.rows[*row]);
+        let above = (row..(row + BEAM_ROWS + 1).min(ROWS)).rev().find(|row| self.rows[*row]);
+        below.zip(above).is_some_and(|(below, above)| below < above)
     }
 }
