@@ -1,16 +1,6 @@
-//! The motions of all points of a snippet: bodies of many points first, then those of few among what is left.
+//! Bodies of a snippet and the points that belong to them.
 
-use rayon::prelude::*;
-
-use super::AlignedSweep;
-use super::bodies::{Before, COARSE, FINE, Snippet};
-use super::evidence::{evident, heights, in_plan, places, standing};
-use super::ground::Ground;
-use super::plan::Extent;
-use super::search::{PlanarMotion, score};
-
-/// Closeness at rest from which on a point is of no body of the coarse scale.
-const REST_CLOSENESS: f64 = 0.4;
+use super::search::PlanarMotion;
 
 /// The motions of the points of all sweeps.
 #[derive(Debug, Clone, Default)]
@@ -23,7 +13,7 @@ pub struct Aligned {
 
 impl Aligned {
     /// With the bodies of others, whose points have none of these.
-    fn with(mut self, others: Self) -> Self {
+    pub fn with(mut self, others: Self) -> Self {
         let others = others.bodies.into_iter().zip(others.of_point);
         for ((bodies, of_point), (more, of_more)) in self.bodies.iter_mut().zip(&mut self.of_point).zip(others) {
             let before = bodies.len() as u32;
@@ -40,35 +30,4 @@ impl Aligned {
         let at = [0, 1].map(|axis| f64::from(position[axis]));
         self.of_point[sweep][point].map_or(([0.0; 2], [0.0; 2]), |body| self.bodies[sweep][body as usize].at(at))
     }
-}
-
-/// The motions of all points. Sweeps without points are left out. The same for any thread count.
-pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
-    let ground = Ground::of(&sweeps.iter().map(|sweep| sweep.points).collect::<Vec<_>>());
-    let heights: Vec<Vec<f32>> = sweeps.par_iter().map(|sweep| heights(sweep, &ground)).collect();
-    let standing: Vec<Vec<usize>> = heights.iter().map(|heights| standing(heights)).collect();
-    let extent = Extent::of(sweeps.iter().zip(&standing).flat_map(|(sweep, standing)| places(sweep, standing)));
-    let evident = evident(sweeps, &heights, &standing);
-    let fine = Snippet::new(sweeps, &heights, (FINE, extent), &standing);
-    let mut found = fine.bodies(&evident);
-    let moving = of_sweeps(&evident, |sweep, point| !rests(&fine, sweep, point));
-    let mut coarse = Snippet::new(sweeps, &heights, (COARSE, extent), &moving);
-    coarse.complete(&mut found);
-    let left = of_sweeps(&moving, |sweep, point| found.of_point[sweep][point].is_none());
-    coarse.before = Some(Before { snippet: &fine, found: &found });
-    let more = coarse.bodies(&left);
-    found.with(more)
-}
-
-/// Those of the points of each sweep that a rule keeps, which is given the sweep and the point.
-fn of_sweeps(points: &[Vec<usize>], keeps: impl Fn(usize, usize) -> bool + Sync) -> Vec<Vec<usize>> {
-    let of_sweep =
-        |(sweep, points): (usize, &Vec<usize>)| points.iter().copied().filter(|point| keeps(sweep, *point)).collect();
-    points.par_iter().enumerate().map(of_sweep).collect()
-}
-
-/// Whether the other sweeps show a surface where a point is.
-fn rests(snippet: &Snippet, sweep: usize, point: usize) -> bool {
-    let at = in_plan(&snippet.sweeps[sweep].points[point]);
-    score(FINE.hidden, &[at], &PlanarMotion::rest(at), &snippet.others(sweep)) >= REST_CLOSENESS
 }

@@ -10,10 +10,11 @@
 //! 4. A body whose motion explains its points no better than rest does, or that no other sweep confirms, rests (`candidate`).
 //! 5. Points near a body that its motion explains belong to it (`claims`).
 //! 6. What is evident and belongs to no body is looked at again at a coarser scale: a car 40 m away is two beams, which meet
-//!    another part of it in each sweep (`aligned`).
+//!    another part of it in each sweep (`align`).
 //!
 //! Motion is horizontal. Heights are above the ground under a point (`ground`).
 
+mod align;
 mod aligned;
 mod bodies;
 mod candidate;
@@ -28,7 +29,8 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use aligned::{Aligned, align};
+pub use align::align;
+pub use aligned::Aligned;
 pub use search::PlanarMotion;
 
 /// The points of one sweep.
