@@ -16,12 +16,13 @@ pub(super) fn movers(count: usize, crossing: f64, ego: &Path, rng: &mut ChaCha8R
     (0..count).map(|index| mover(index % 8, (index / 8) as f64, crossing, ego, rng)).collect()
 }
 
+/// A straight path at one speed.
+fn path(x: f64, y: f64, yaw: f64, speed: f64) -> Path {
+    Path { speed, ..Path::still(Stand { position: DVec2::new(x, y), yaw }) }
+}
+
 /// The bodies of an encounter, the car last.
 pub(super) fn encounter(encounter: Encounter, rng: &mut ChaCha8Rng) -> Vec<(Body, Path)> {
-    let path = |x: f64, y: f64, yaw: f64, speed: f64| {
-        let start = Stand { position: DVec2::new(x, y), yaw };
-        Path { start, speed, change: None, turn: None }
-    };
     let car = (body::car(vehicle_color(rng), 4.5, rng.random()), path(17.0, 1.5 * LANE, 0.0, 9.0));
     // Seen from an ego vehicle at 8 m/s the bus is before all of the car from 0.3 s to 1.0 s.
     let bus = (body::bus(DVec3::new(0.5, 0.5, 0.45), 6.0, rng.random()), path(20.8, 0.5 * LANE, PI, 10.0));
@@ -34,10 +35,6 @@ pub(super) fn encounter(encounter: Encounter, rng: &mut ChaCha8Rng) -> Vec<(Body
 
 /// The mover of a kind; `rank` counts those of the kind.
 fn mover(kind: usize, rank: f64, crossing: f64, ego: &Path, rng: &mut ChaCha8Rng) -> (Body, Path) {
-    let path = |x: f64, y: f64, yaw: f64, speed: f64| {
-        let start = Stand { position: DVec2::new(x, y), yaw };
-        Path { start, speed, change: None, turn: None }
-    };
     let car = |rng: &mut ChaCha8Rng| body::car(vehicle_color(rng), rng.random_range(4.0..5.0), rng.random());
     match kind {
         // Ahead of the ego vehicle: brakes to a crawl.

@@ -8,7 +8,7 @@ use super::bodies::{Before, COARSE, FINE, Snippet};
 use super::evidence::{evident, heights, in_plan, places, standing};
 use super::ground::Ground;
 use super::plan::Extent;
-use super::search::{PlanarMotion, score};
+use super::search::PlanarMotion;
 
 /// Closeness at rest from which on a point is of no body of the coarse scale.
 const REST_CLOSENESS: f64 = 0.4;
@@ -41,5 +41,5 @@ fn of_sweeps(points: &[Vec<usize>], keeps: impl Fn(usize, usize) -> bool + Sync)
 /// Whether the other sweeps show a surface where a point is.
 fn rests(snippet: &Snippet, sweep: usize, point: usize) -> bool {
     let at = in_plan(&snippet.sweeps[sweep].points[point]);
-    score(FINE.hidden, &[at], &PlanarMotion::rest(at), &snippet.others(sweep)) >= REST_CLOSENESS
+    snippet.score(&[at], &PlanarMotion::rest(at), &snippet.others(sweep)) >= REST_CLOSENESS
 }

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 
 use super::AlignedSweep;
 use super::aligned::Aligned;
-use super::candidate::{Candidate, SCORE_MIN, confirms, is_motion, middle};
+use super::candidate::{Candidate, SCORE_MIN, confirms, is_motion};
 use super::evidence::places;
 use super::footprint::Footprint;
-use super::groups::{gap, joined};
+use super::groups::{gap, joined, middle};
 use super::plan::{Extent, Plan};
 use super::search::{Other, PlanarMotion, score, search};
 
@@ -110,14 +110,22 @@ impl<'a> Snippet<'a> {
         others
     }
 
+    /// How well a motion explains points of a sweep to the `others`, 0 to 1.
+    pub fn score(&self, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
+        score(self.scale.hidden, points, motion, others)
+    }
+
     /// Some points with a motion, if the scale permits it, the motion explains them and rest does not.
     fn with_motion(&self, sweep: usize, evident: Vec<[f64; 2]>, expected: &PlanarMotion) -> Option<Candidate> {
+        if !self.scale.follows {
+            return None;
+        }
         let centre = middle(&evident);
         let motion = PlanarMotion { centre, velocity: expected.at(centre).0, ..*expected };
         let others = self.others(sweep);
-        let of = |motion: &PlanarMotion| score(self.scale.hidden, &evident, motion, &others);
+        let of = |motion: &PlanarMotion| self.score(&evident, motion, &others);
         let (score, resting) = (of(&motion), of(&PlanarMotion::rest(centre)));
-        let moves = self.scale.follows && is_motion(score, resting);
+        let moves = is_motion(score, resting);
         moves.then(|| Candidate { sweep, evident, elsewhere: Vec::new(), motion, score, moves })
     }
 
@@ -142,7 +150,7 @@ impl<'a> Snippet<'a> {
         while body < bodies.len() {
             let motion = bodies[body].motion;
             let fits = |group: &Candidate| {
-                let score = score(self.scale.hidden, &group.evident, &motion, &others);
+                let score = self.score(&group.evident, &motion, &others);
                 score >= SCORE_MIN && score >= group.score - UNITE_LOSS
             };
             let joins = |list: &[Candidate], from: usize, body: &Candidate| {
@@ -211,7 +219,7 @@ impl<'a> Snippet<'a> {
         let others = self.others(body.sweep);
         let of_all = |motion: &PlanarMotion| score(0.0, &body.evident, motion, &others);
         if of_all(&motion) >= of_all(&body.motion) - ADOPT_LOSS {
-            (body.motion, body.score) = (motion, score(self.scale.hidden, &body.evident, &motion, &others));
+            (body.motion, body.score) = (motion, self.score(&body.evident, &motion, &others));
         }
     }
 

@@ -1,6 +1,7 @@
 //! A body of a sweep before its points are known.
 
 use super::footprint::Footprint;
+use super::groups::middle;
 use super::search::PlanarMotion;
 
 /// A motion is believed whose score reaches the first and exceeds that of rest by the second.
@@ -41,11 +42,6 @@ impl Candidate {
 /// Whether points with the score of a motion and that of rest move.
 pub fn is_motion(score: f64, resting: f64) -> bool {
     score >= SCORE_MIN && score >= resting + SCORE_GAIN
-}
-
-/// The mean of points.
-pub fn middle(points: &[[f64; 2]]) -> [f64; 2] {
-    [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / points.len() as f64)
 }
 
 /// Whether a body moves as a body followed from another sweep would, whose points would be in `footprint`.

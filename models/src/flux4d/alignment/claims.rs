@@ -7,7 +7,7 @@ use super::bodies::Snippet;
 use super::candidate::{Candidate, is_motion};
 use super::evidence::in_plan;
 use super::footprint::Footprint;
-use super::search::{PlanarMotion, score};
+use super::search::PlanarMotion;
 
 /// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
 /// under a car is within 0.2 m of the ground around it.
@@ -41,7 +41,7 @@ impl Snippet<'_> {
             let of_point = |point: &usize| {
                 let at = in_plan(&self.sweeps[sweep].points[*point]);
                 let near = (0..boxes.len()).filter(|body| boxes[*body].contains(at, AROUND));
-                let fits = near.map(|body| (score(self.scale.hidden, &[at], &bodies[body], &others), body));
+                let fits = near.map(|body| (self.score(&[at], &bodies[body], &others), body));
                 let best = fits.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score >= OWN_CLOSENESS);
                 (*point, best.map(|(_, body)| body as u32))
             };
@@ -71,8 +71,8 @@ impl Snippet<'_> {
                 let at = in_plan(&self.sweeps[sweep].points[index]);
                 let fit = |body: usize| {
                     let motion = &own[body].motion;
-                    let moving = score(self.scale.hidden, &[at], motion, &others);
-                    let rest = score(self.scale.hidden, &[at], &PlanarMotion::rest(motion.centre), &resting);
+                    let moving = self.score(&[at], motion, &others);
+                    let rest = self.score(&[at], &PlanarMotion::rest(motion.centre), &resting);
                     let fits = if boxes[body].contains(at, [MARGIN; 2]) {
                         moving >= OWN_CLOSENESS && moving >= rest - OWN_LOSS
                     } else {

@@ -6,6 +6,8 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
+
 /// Edge of a cell of the ground, metres: a slope of 10 % rises by the noise of a few LiDAR points over it.
 const CELL: f64 = 1.0;
 /// Cells to each side in which the ground is looked for: a car hides the ground 2 m around its middle.
@@ -66,7 +68,7 @@ impl Ground {
     /// Of the points of all sweeps.
     pub fn of(sweeps: &[&[[f32; 3]]]) -> Self {
         let low = lows(sweeps.iter().copied().flatten());
-        let of_sweeps: Vec<Heights> = sweeps.iter().map(|points| lows(points.iter())).collect();
+        let of_sweeps: Vec<Heights> = sweeps.par_iter().map(|points| lows(points.iter())).collect();
         let mut planes: HashMap<Cell, Option<[f64; 3]>> = HashMap::new();
         let mut ground = Heights::with_capacity(low.len());
         for at in low.keys() {

@@ -1,5 +1,6 @@
 //! The motion that brings a body's points onto the points of the other sweeps.
 
+use super::groups::middle;
 use super::plan::Plan;
 
 /// Fastest motion that is looked for, metres per second: 144 km/h.
@@ -105,8 +106,7 @@ pub fn score(hidden: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[
 /// share `hidden` of them does not count. `bends`: whether the velocity may change.
 pub fn search(body: &[[f64; 2]], others: &[Other], hidden: f64, bends: bool) -> (PlanarMotion, f64, f64) {
     let points = thinned(body, FINE_POINTS);
-    let centre = [0, 1].map(|axis| body.iter().map(|p| p[axis]).sum::<f64>() / body.len() as f64);
-    let rest = PlanarMotion::rest(centre);
+    let rest = PlanarMotion::rest(middle(body));
     let resting = score(hidden, &points, &rest, others);
     let penalised = |points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]| {
         score(hidden, points, motion, others) - SPEED_COST * motion.speed()

@@ -23,17 +23,23 @@ pub(super) fn street(place: &Place) -> FluxScene {
         velocity.extend(speed);
         times.push(time as f32);
     }
-    let full = |value: f64, columns: usize| place.tensor(&vec![value; 220 * columns], [220, columns]);
-    let quats: Vec<f64> = (0..220).flat_map(|_| [1.0, 0.0, 0.0, 0.0]).collect();
+    scene(place, &means, &velocity, &times)
+}
+
+/// Equal Gaussians with constant velocities, metres per second, in a window of one second from 5 s on.
+fn scene(place: &Place, means: &[f64], velocity: &[f64], times: &[f32]) -> FluxScene {
+    let count = times.len();
+    let full = |value: f64, columns: usize| place.tensor(&vec![value; count * columns], [count, columns]);
+    let quats: Vec<f64> = (0..count).flat_map(|_| [1.0, 0.0, 0.0, 0.0]).collect();
     let gaussians = Gaussians::from_tensors(
-        place.tensor(&means, [220, 3]),
-        place.tensor(&quats, [220, 4]),
+        place.tensor(means, [count, 3]),
+        place.tensor(&quats, [count, 4]),
         full(-3.0, 3),
-        full(0.0, 1).reshape([220]),
-        full(0.25, 3).reshape([220, 1, 3]),
+        full(0.0, 1).reshape([count]),
+        full(0.25, 3).reshape([count, 1, 3]),
     );
     let motion = PolynomialMotion::new(0).expect("a degree");
-    FluxScene::new(gaussians, place.tensor(&velocity, [220, 3]), &times, motion, [5.0, 6.0], 0.2).expect("a scene")
+    FluxScene::new(gaussians, place.tensor(velocity, [count, 3]), times, motion, [5.0, 6.0], 0.2).expect("a scene")
 }
 
 fn near(a: [f64; 3], b: [f64; 3], bound: f64) -> bool {
@@ -113,19 +119,8 @@ fn walls(place: &Place, rows: usize, speeds: [f64; 2]) -> FluxScene {
         means.extend([1.4 * wall as f64, 0.1 * (i % rows) as f64, 0.5]);
         velocity.extend([speeds[wall], 0.0, 0.0]);
     }
-    let full = |value: f64, columns: usize| place.tensor(&vec![value; count * columns], [count, columns]);
-    let quats: Vec<f64> = (0..count).flat_map(|_| [1.0, 0.0, 0.0, 0.0]).collect();
-    let gaussians = Gaussians::from_tensors(
-        place.tensor(&means, [count, 3]),
-        place.tensor(&quats, [count, 4]),
-        full(-3.0, 3),
-        full(0.0, 1).reshape([count]),
-        full(0.25, 3).reshape([count, 1, 3]),
-    );
-    let motion = PolynomialMotion::new(0).expect("a degree");
-    let velocity = place.tensor(&velocity, [count, 3]);
     // All at the middle of the window, at which they are clustered.
-    FluxScene::new(gaussians, velocity, &vec![0.5; count], motion, [5.0, 6.0], 0.2).expect("a scene")
+    scene(place, &means, &velocity, &vec![0.5; count])
 }
 
 /// The bumper of a far car and its window are one actor; bodies of many rows, and those that move otherwise, are not.

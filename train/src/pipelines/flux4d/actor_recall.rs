@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use gs_models::flux4d::FluxScene;
 use gs_models::flux4d::actors::Actor;
 
-use super::flow::FlowOfSweep;
+use super::flow::{FlowOfSweep, norm};
 use super::moving::MOVING;
 use crate::fit::figure::{Better, Figure};
 
@@ -51,7 +51,7 @@ impl ActorScores {
         for sweep in sweeps {
             let mut in_sweep = vec![0; sweep.tracks.len()];
             for ((truth, row), object) in sweep.truth.iter().zip(&sweep.rows).zip(&sweep.objects) {
-                let motion = truth.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+                let motion = norm(*truth);
                 let actor = actor_of[*row as usize];
                 if let Some(actor) = actor {
                     points_of[actor][0] += 1;

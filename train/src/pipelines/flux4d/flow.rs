@@ -142,7 +142,8 @@ fn class(class: ObjectClass) -> FlowClass {
     }
 }
 
-fn norm(vector: [f32; 3]) -> f64 {
+/// The length of a flow.
+pub fn norm(vector: [f32; 3]) -> f64 {
     vector.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
 }
 

@@ -4,9 +4,8 @@
 //! coefficients of zero. They are drawn to show that nothing else depends on the degree; the comparison is of 0 and 1.
 
 use anyhow::Result;
-use gs_driving::synthetic::StreetOptions;
 
-use super::trial::{applied, network, street};
+use super::trial::{applied, network, streets};
 use crate::pipelines::flux4d::network::FluxNetwork;
 use crate::report::charts::{Chart, Series};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
@@ -35,9 +34,8 @@ fn run(lab: &Lab) -> Result<Findings> {
         let network = FluxNetwork::new(&config, &lab.device);
         let count = lab.either(STREETS, STREETS_QUICK);
         let mut sums = [0.0; 2];
-        for index in 0..count {
-            let base = street();
-            let path = lab.street(&StreetOptions { seed: base.seed + index, ..base })?;
+        for options in streets(count) {
+            let path = lab.street(&options)?;
             let outcome = applied(lab, &path, &network, &config)?;
             sums = [sums[0] + outcome.moving, sums[1] + outcome.psnr];
         }

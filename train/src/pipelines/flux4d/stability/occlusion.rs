@@ -4,8 +4,8 @@ use anyhow::Result;
 use gs_driving::Snippet;
 use gs_driving::synthetic::{Encounter, StreetOptions};
 
-use super::trial::{network, street};
-use crate::pipelines::flux4d::flow::{FlowOfSweep, of_inputs};
+use super::trial::{network, streets};
+use crate::pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
 use crate::pipelines::flux4d::infer::{Ready, infer};
 use crate::pipelines::flux4d::logs::open;
 use crate::pipelines::flux4d::prepare::prepare;
@@ -52,11 +52,10 @@ fn run(lab: &Lab) -> Result<Findings> {
     let mut epe = Vec::new();
     for (encounter, name) in [(Encounter::Car, "alone"), (Encounter::HiddenCar, "behind the bus")] {
         let mut all = Car::default();
-        for index in 0..lab.either(STREETS, STREETS_QUICK) {
-            let base = street();
-            let options = StreetOptions { movers: 0, encounter, seed: base.seed + index, ..base };
+        for (index, base) in streets(lab.either(STREETS, STREETS_QUICK)).enumerate() {
+            let options = StreetOptions { movers: 0, encounter, ..base };
             let car = car(lab, &saved, &options)?;
-            let of = car.epe().map_or("none".to_string(), |epe| format!("{epe:.3} m"));
+            let of = shown(car.epe());
             found
                 .notes
                 .push(format!("Street {index}, {name}: {} points in {} sweeps, EPE {of}.", car.points, car.sweeps));
@@ -66,10 +65,13 @@ fn run(lab: &Lab) -> Result<Findings> {
         epe.push(all.epe());
     }
     let added = epe[1].zip(epe[0]).map(|(hidden, alone)| hidden - alone);
-    let shown = |epe: Option<f64>| epe.map_or("none".to_string(), |epe| format!("{epe:.3} m"));
     found.notes.push(format!("All streets: EPE {} alone, {} behind the bus.", shown(epe[0]), shown(epe[1])));
     found.criteria.push(Criterion::at_most("EPE3D of the car that the bus adds", added, BOUND, "m"));
     Ok(found)
+}
+
+fn shown(epe: Option<f64>) -> String {
+    epe.map_or("none".to_string(), |epe| format!("{epe:.3} m"))
 }
 
 /// The flow of the car of a street, which is the last of its objects.
@@ -92,8 +94,7 @@ fn added(mut car: Car, sweep: &FlowOfSweep, name: Option<&str>) -> Car {
     let before = car.points;
     for ((predicted, truth), object) in sweep.predicted.iter().zip(&sweep.truth).zip(&sweep.objects) {
         if is_car(*object) {
-            let squared = |axis: usize| f64::from(predicted[axis] - truth[axis]).powi(2);
-            car.error += (0..3).map(squared).sum::<f64>().sqrt();
+            car.error += norm([0, 1, 2].map(|axis| predicted[axis] - truth[axis]));
             car.points += 1;
         }
     }

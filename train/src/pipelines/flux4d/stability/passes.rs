@@ -3,9 +3,8 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use gs_driving::synthetic::StreetOptions;
 
-use super::trial::{applied, network, street};
+use super::trial::{applied, network, streets};
 use crate::report::charts::{Chart, Series};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
 
@@ -39,9 +38,8 @@ fn run(lab: &Lab) -> Result<Findings> {
         config.own.refinement.passes = *passes;
         let count = lab.either(STREETS, STREETS_QUICK);
         let (mut psnr, mut seconds) = (0.0, 0.0);
-        for index in 0..count {
-            let base = street();
-            let path = lab.street(&StreetOptions { seed: base.seed + index, ..base })?;
+        for options in streets(count) {
+            let path = lab.street(&options)?;
             let begun = Instant::now();
             psnr += applied(lab, &path, &saved.network, &config)?.psnr / count as f64;
             seconds += begun.elapsed().as_secs_f64() / count as f64;

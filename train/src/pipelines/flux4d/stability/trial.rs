@@ -24,6 +24,11 @@ pub fn street() -> StreetOptions {
     StreetOptions { frames: 11, cameras: 1, seed: SEED, ..StreetOptions::default() }
 }
 
+/// Streets of that kind, each with another seed.
+pub fn streets(count: u64) -> impl Iterator<Item = StreetOptions> {
+    (0..count).map(|index| StreetOptions { seed: SEED + index, ..street() })
+}
+
 /// The network that ships with the program.
 pub fn network(lab: &Lab) -> Result<SavedNetwork> {
     read_network(&shipped_checkpoint()?, &lab.device)
