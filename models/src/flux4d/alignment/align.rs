@@ -5,10 +5,11 @@ use rayon::prelude::*;
 use super::AlignedSweep;
 use super::aligned::Aligned;
 use super::bodies::{Before, COARSE, FINE, Snippet};
-use super::evidence::{evident, heights, in_plan, places, standing};
+use super::evidence::{evident, heights, images, in_plan, places, standing};
 use super::ground::Ground;
 use super::plan::Extent;
 use super::search::PlanarMotion;
+use super::shadow::Shadow;
 
 /// Closeness at rest from which on a point is of no body of the coarse scale.
 const REST_CLOSENESS: f64 = 0.4;
@@ -19,11 +20,13 @@ pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
     let heights: Vec<Vec<f32>> = sweeps.par_iter().map(|sweep| heights(sweep, &ground)).collect();
     let standing: Vec<Vec<usize>> = heights.iter().map(|heights| standing(heights)).collect();
     let extent = Extent::of(sweeps.iter().zip(&standing).flat_map(|(sweep, standing)| places(sweep, standing)));
-    let evident = evident(sweeps, &heights, &standing);
-    let fine = Snippet::new(sweeps, &heights, (FINE, extent), &standing);
+    let images = images(sweeps, &heights);
+    let evident = evident(sweeps, &images, &standing);
+    let shadows: Vec<Shadow> = images.par_iter().map(|image| Shadow::new(image, extent, &ground)).collect();
+    let fine = Snippet::new(sweeps, &heights, (FINE, extent), (&shadows, &standing));
     let mut found = fine.bodies(&evident);
     let moving = of_sweeps(&evident, |sweep, point| !rests(&fine, sweep, point));
-    let mut coarse = Snippet::new(sweeps, &heights, (COARSE, extent), &moving);
+    let mut coarse = Snippet::new(sweeps, &heights, (COARSE, extent), (&shadows, &moving));
     coarse.complete(&mut found);
     let left = of_sweeps(&moving, |sweep, point| found.of_point[sweep][point].is_none());
     coarse.before = Some(Before { snippet: &fine, found: &found });

@@ -10,6 +10,7 @@ use super::footprint::Footprint;
 use super::groups::{gap, joined, middle};
 use super::plan::{Extent, Plan};
 use super::search::{Other, PlanarMotion, score, search};
+use super::shadow::Shadow;
 
 /// Slowest motion that is told from rest, metres per second: 0.3 m in a window of a second, less than the reach.
 const SPEED_MIN: f64 = 0.4;
@@ -28,8 +29,8 @@ pub struct Scale {
     pub join: f64,
     /// Fewest evident points of a body in a sweep.
     pub fewest: usize,
-    /// Share of the other sweeps that do not count, the worst ones: a body may be hidden in them.
-    pub hidden: f64,
+    /// Share of the other sweeps that need not count, the worst ones: what is hidden is not known for sure.
+    pub unsure: f64,
     /// Sweeps in a row that may show nothing of a body.
     pub skipped: usize,
     /// Whether a body may be followed to points that by themselves show another motion.
@@ -41,11 +42,11 @@ pub struct Scale {
 /// Bodies with a surface. The reach is two steps of a spinning LiDAR at 50 m, and the change of the visible side of a car
 /// between sweeps; a person at 40 m has five points.
 pub const FINE: Scale =
-    Scale { reach: 0.4, join: 0.3, fewest: 5, hidden: 0.34, skipped: 0, follows: false, bends: true };
+    Scale { reach: 0.4, join: 0.3, fewest: 5, unsure: 0.34, skipped: 0, follows: false, bends: true };
 /// Bodies of a few beams, which meet the bumper in one sweep and the window 1.4 m behind it in another. Their places are too
 /// vague for a change of velocity.
 pub const COARSE: Scale =
-    Scale { reach: 1.2, join: 0.75, fewest: 3, hidden: 0.5, skipped: 1, follows: true, bends: false };
+    Scale { reach: 1.2, join: 0.75, fewest: 3, unsure: 0.5, skipped: 1, follows: true, bends: false };
 
 /// What all bodies of a scale are looked for in.
 pub struct Snippet<'a> {
@@ -59,6 +60,8 @@ pub struct Snippet<'a> {
     pub among: &'a [Vec<usize>],
     /// Of these points.
     plans: Vec<Plan>,
+    /// What each sweep does not see.
+    shadows: &'a [Shadow],
     /// What was found before.
     pub before: Option<Before<'a>>,
 }
@@ -77,11 +80,11 @@ impl<'a> Snippet<'a> {
         sweeps: &'a [AlignedSweep<'a>],
         heights: &'a [Vec<f32>],
         (scale, extent): (Scale, Extent),
-        among: &'a [Vec<usize>],
+        (shadows, among): (&'a [Shadow], &'a [Vec<usize>]),
     ) -> Self {
         let plan = |(sweep, among): (&AlignedSweep, &Vec<usize>)| Plan::new(places(sweep, among), extent, scale.reach);
         let plans = sweeps.par_iter().zip(among).map(plan).collect();
-        Self { sweeps, heights, scale, among, plans, before: None }
+        Self { sweeps, heights, scale, among, plans, shadows, before: None }
     }
 
     /// The bodies whose evident points are given, and what belongs to them.
@@ -102,8 +105,11 @@ impl<'a> Snippet<'a> {
 
     /// The other sweeps as seen from one, the nearest in time first.
     pub fn others(&self, sweep: usize) -> Vec<Other<'_>> {
-        let other =
-            |index: usize| Other { plan: &self.plans[index], after: self.sweeps[index].time - self.sweeps[sweep].time };
+        let other = |index: usize| Other {
+            plan: &self.plans[index],
+            shadow: &self.shadows[index],
+            after: self.sweeps[index].time - self.sweeps[sweep].time,
+        };
         let mut others: Vec<Other> =
             (0..self.sweeps.len()).filter(|i| *i != sweep && !self.sweeps[*i].points.is_empty()).map(other).collect();
         others.sort_by(|a, b| a.after.abs().total_cmp(&b.after.abs()));
@@ -112,14 +118,11 @@ impl<'a> Snippet<'a> {
 
     /// How well a motion explains points of a sweep to the `others`, 0 to 1.
     pub fn score(&self, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
-        score(self.scale.hidden, points, motion, others)
+        score(self.scale.unsure, points, motion, others)
     }
 
-    /// Some points with a motion, if the scale permits it, the motion explains them and rest does not.
+    /// Some points with a motion, if it explains them and rest does not.
     fn with_motion(&self, sweep: usize, evident: Vec<[f64; 2]>, expected: &PlanarMotion) -> Option<Candidate> {
-        if !self.scale.follows {
-            return None;
-        }
         let centre = middle(&evident);
         let motion = PlanarMotion { centre, velocity: expected.at(centre).0, ..*expected };
         let others = self.others(sweep);
@@ -131,7 +134,7 @@ impl<'a> Snippet<'a> {
 
     /// Some evident points with the motion that explains them best.
     fn searched(&self, sweep: usize, evident: Vec<[f64; 2]>) -> Candidate {
-        let (motion, best, resting) = search(&evident, &self.others(sweep), self.scale.hidden, self.scale.bends);
+        let (motion, best, resting) = search(&evident, &self.others(sweep), self.scale.unsure, self.scale.bends);
         let moves = is_motion(best, resting) && motion.speed() >= SPEED_MIN;
         Candidate { sweep, evident, elsewhere: Vec::new(), motion, score: best, moves }
     }
@@ -177,11 +180,8 @@ impl<'a> Snippet<'a> {
         bodies.sort_by_key(|(body, _)| std::cmp::Reverse(body.evident.len()));
         let mut next = 0;
         while next < bodies.len() {
-            let sweep = bodies[next].0.sweep;
-            let around = (1..=self.scale.skipped + 1).flat_map(|by| [sweep.wrapping_sub(by), sweep + by]);
-            for other in around.filter(|other| *other < self.sweeps.len()) {
+            for (other, moved, hidden) in self.around(&bodies[next].0) {
                 let expected = self.moved(&bodies[next].0, other);
-                let moved = self.moved_points(&bodies[next].0, other);
                 let footprint = Footprint::of(expected.velocity, moved.iter().copied());
                 let confirms = |body: &Candidate| confirms(body, &expected, &footprint);
                 let known = bodies.iter().position(|(body, _)| body.sweep == other && confirms(body));
@@ -199,7 +199,10 @@ impl<'a> Snippet<'a> {
                     continue;
                 }
                 let there = Some(self.searched(other, points.clone())).filter(|there| there.moves && confirms(there));
-                if let Some(mut there) = there.or_else(|| self.with_motion(other, points, &expected)) {
+                // What is seen of a body that is mostly hidden is too little for a motion of its own.
+                let follows = self.scale.follows || hidden;
+                let as_expected = || follows.then(|| self.with_motion(other, points, &expected)).flatten();
+                if let Some(mut there) = there.or_else(as_expected) {
                     self.adopt(&mut there, &expected);
                     there.elsewhere.extend(moved);
                     bodies[next].1 = true;
@@ -221,6 +224,24 @@ impl<'a> Snippet<'a> {
         if of_all(&motion) >= of_all(&body.motion) - ADOPT_LOSS {
             (body.motion, body.score) = (motion, self.score(&body.evident, &motion, &others));
         }
+    }
+
+    /// The sweeps next in time to that of a body, in both directions: those that see it, and as many that do not as lie
+    /// between. With each, where the body's points are there and whether most of them are hidden.
+    fn around(&self, body: &Candidate) -> Vec<(usize, Vec<[f64; 2]>, bool)> {
+        let mut left = [self.scale.skipped + 1; 2];
+        let mut around = Vec::new();
+        for by in 1..self.sweeps.len() {
+            for (other, left) in [body.sweep.wrapping_sub(by), body.sweep + by].into_iter().zip(&mut left) {
+                if *left > 0 && other < self.sweeps.len() {
+                    let moved = self.moved_points(body, other);
+                    let hidden = self.shadows[other].hides_most(moved.iter().copied());
+                    around.push((other, moved, hidden));
+                    *left -= usize::from(!hidden);
+                }
+            }
+        }
+        around
     }
 
     /// The motion of a body at the time of another sweep.

@@ -14,9 +14,10 @@ const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
 const EGO_RADIUS: f64 = 3.0;
 /// Points beyond this, metres, do not move: a car has a few points there.
 const RANGE: f64 = 80.0;
-/// Sweeps whose rays pass through a place before it is evident that something moved there; one for a snippet of three
-/// sweeps or fewer.
+/// Sweeps whose rays pass through a place before it is evident that something moved there; one where no more others see it than
+/// the second.
 const PASSES: usize = 2;
+const SEEN_BY_FEW: usize = 2;
 
 /// Heights above the ground; 0 beyond the range.
 pub fn heights(sweep: &AlignedSweep, ground: &Ground) -> Vec<f32> {
@@ -35,19 +36,27 @@ pub fn standing(heights: &[f32]) -> Vec<usize> {
     (0..heights.len()).filter(|index| (BODY_HEIGHTS[0]..BODY_HEIGHTS[1]).contains(&heights[*index])).collect()
 }
 
-/// The standing points of each sweep through whose places rays of other sweeps passed.
-pub fn evident(sweeps: &[AlignedSweep], heights: &[Vec<f32>], standing: &[Vec<usize>]) -> Vec<Vec<usize>> {
+/// What each sweep shows above the ground.
+pub fn images(sweeps: &[AlignedSweep], heights: &[Vec<f32>]) -> Vec<RangeImage> {
     let image = |(sweep, heights): (&AlignedSweep, &Vec<f32>)| {
         RangeImage::new(sweep, |index| heights[index] >= BODY_HEIGHTS[0])
     };
-    let images: Vec<RangeImage> = sweeps.par_iter().zip(heights).map(image).collect();
-    let needed = if images.len() <= 3 { 1 } else { PASSES };
+    sweeps.par_iter().zip(heights).map(image).collect()
+}
+
+/// The standing points of each sweep through whose places rays of other sweeps passed.
+pub fn evident(sweeps: &[AlignedSweep], images: &[RangeImage], standing: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let of_sweep = |sweep: usize| {
         let points = sweeps[sweep].points;
         let moved = |index: &usize| {
-            let others = images.iter().enumerate().filter(|(other, _)| *other != sweep);
-            distance(&sweeps[sweep], &points[*index]) >= EGO_RADIUS
-                && others.filter(|(_, image)| image.passed(&points[*index])).count() >= needed
+            let point = &points[*index];
+            let others = || images.iter().enumerate().filter(|(other, _)| *other != sweep).map(|(_, image)| image);
+            if distance(&sweeps[sweep], point) < EGO_RADIUS {
+                return false;
+            }
+            let passed = others().filter(|image| image.passed(point)).count();
+            let seen_by_few = || others().filter(|image| !image.hides(point)).count() <= SEEN_BY_FEW;
+            passed >= PASSES || passed > 0 && seen_by_few()
         };
         standing[sweep].par_iter().copied().filter(moved).collect()
     };

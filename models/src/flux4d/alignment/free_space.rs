@@ -15,6 +15,8 @@ const BEAM_ROWS: usize = 3;
 const BEHIND: f64 = 0.7;
 /// The same as a share of the range.
 const BEHIND_SHARE: f64 = 0.02;
+/// A return this much before a place, metres, hides it: less may be the near side of the body at the place.
+const BEFORE: f64 = 2.5;
 
 /// Returns by direction.
 #[derive(Debug)]
@@ -66,6 +68,18 @@ impl RangeImage {
         let rows = row.saturating_sub(1)..(row + 2).min(ROWS);
         let mut near = rows.flat_map(|row| columns.clone().map(move |column| row * COLUMNS + column));
         scanned && near.all(|slot| f64::from(self.nearest[slot]) > limit)
+    }
+
+    /// Whether something above the ground hides a place from the LiDAR.
+    pub fn hides(&self, point: &[f32; 3]) -> bool {
+        let ([row, column], range) = self.place(point);
+        let rows = row.saturating_sub(1)..(row + 2).min(ROWS);
+        rows.map(|row| self.nearest[row * COLUMNS + column]).any(|nearest| f64::from(nearest) < range - BEFORE)
+    }
+
+    /// Where the LiDAR is, metres.
+    pub fn origin(&self) -> [f64; 3] {
+        self.origin
     }
 
     fn is_between_beams(&self, row: usize) -> bool {

@@ -43,7 +43,11 @@ type Heights = HashMap<Cell, f32>;
 pub struct Ground(Heights);
 
 fn cell(point: &[f32; 3]) -> Cell {
-    [0, 1].map(|axis| (f64::from(point[axis]) / CELL).floor() as i32)
+    cell_of([0, 1].map(|axis| f64::from(point[axis])))
+}
+
+fn cell_of(at: [f64; 2]) -> Cell {
+    at.map(|x| (x / CELL).floor() as i32)
 }
 
 fn around([x, y]: Cell, by: i32) -> impl Iterator<Item = Cell> {
@@ -85,6 +89,17 @@ impl Ground {
             ground.insert(*at, if covered { below } else { lowest });
         }
         Self(ground)
+    }
+
+    /// Height of the ground at a place, where it is known.
+    pub fn at(&self, x: f64, y: f64) -> Option<f32> {
+        self.0.get(&cell_of([x, y])).copied()
+    }
+
+    /// Lowest known height of the ground around a place: a LiDAR sees no ground under its own vehicle.
+    pub fn near(&self, x: f64, y: f64) -> Option<f32> {
+        let heights = around(cell_of([x, y]), PLANE_AROUND).filter_map(|cell| self.0.get(&cell).copied());
+        heights.min_by(f32::total_cmp)
     }
 
     /// Metres above the ground; the point is one of those that it was made of.

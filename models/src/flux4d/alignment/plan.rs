@@ -46,6 +46,11 @@ impl Extent {
         Self { low, cell, size: lengths.map(|length| ((length / cell) as usize + 1).min(CELLS_MAX + 1)) }
     }
 
+    /// Its lowest corner and its lengths, metres.
+    pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
+        (self.low, self.size.map(|cells| cells as f64 * self.cell))
+    }
+
     fn place(&self, x: f64, y: f64) -> Option<usize> {
         let (column, row) = ((x - self.low[0]) / self.cell, (y - self.low[1]) / self.cell);
         // Also refuses NaN.

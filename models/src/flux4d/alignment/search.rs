@@ -2,6 +2,7 @@
 
 use super::groups::middle;
 use super::plan::Plan;
+use super::shadow::Shadow;
 
 /// Fastest motion that is looked for, metres per second: 144 km/h.
 const SPEED_MAX: f64 = 40.0;
@@ -82,34 +83,45 @@ impl PlanarMotion {
 pub struct Other<'a> {
     /// Its points from above.
     pub plan: &'a Plan,
+    /// What it does not see.
+    pub shadow: &'a Shadow,
     /// Seconds from the body's sweep to it.
     pub after: f64,
 }
 
-/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the share `hidden` of the sweeps,
-/// the worst ones: a body may be hidden in them.
-pub fn score(hidden: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
-    let of_sweep = |other: &Other| {
-        let close = |point: &[f64; 2]| {
-            let [x, y] = motion.moved(*point, other.after);
-            f64::from(other.plan.closeness(x, y))
-        };
-        points.iter().map(close).sum::<f64>() / points.len().max(1) as f64
-    };
-    let mut scores: Vec<f64> = others.iter().map(of_sweep).collect();
+impl Other<'_> {
+    /// Mean closeness of points that move, 0 to 1; `None` where most of them would be hidden and are not met.
+    fn closeness(&self, points: &[[f64; 2]], motion: &PlanarMotion) -> Option<f64> {
+        let (mut sum, mut hidden) = (0.0, 0);
+        for point in points {
+            let at = motion.moved(*point, self.after);
+            let close = self.plan.closeness(at[0], at[1]);
+            sum += f64::from(close);
+            hidden += usize::from(close == 0.0 && self.shadow.hides(at));
+        }
+        (2 * hidden <= points.len()).then_some(sum / points.len().max(1) as f64)
+    }
+}
+
+/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the points are
+/// hidden, and without the share `unsure` of all sweeps, the worst ones, of which those are a part.
+pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
+    let counted = others.len() - (unsure * others.len() as f64) as usize;
+    let mut scores: Vec<f64> = others.iter().filter_map(|other| other.closeness(points, motion)).collect();
     scores.sort_by(|a, b| b.total_cmp(a));
-    scores.truncate((scores.len() - (hidden * scores.len() as f64) as usize).max(COUNTED));
-    scores.iter().sum::<f64>() / scores.len().max(1) as f64
+    scores.truncate(counted.max(COUNTED));
+    let seen = scores.len().max(COUNTED.min(others.len()));
+    scores.iter().sum::<f64>() / seen.max(1) as f64
 }
 
 /// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time; the
-/// share `hidden` of them does not count. `bends`: whether the velocity may change.
-pub fn search(body: &[[f64; 2]], others: &[Other], hidden: f64, bends: bool) -> (PlanarMotion, f64, f64) {
+/// share `unsure` of them does not count. `bends`: whether the velocity may change.
+pub fn search(body: &[[f64; 2]], others: &[Other], unsure: f64, bends: bool) -> (PlanarMotion, f64, f64) {
     let points = thinned(body, FINE_POINTS);
     let rest = PlanarMotion::rest(middle(body));
-    let resting = score(hidden, &points, &rest, others);
+    let resting = score(unsure, &points, &rest, others);
     let penalised = |points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]| {
-        score(hidden, points, motion, others) - SPEED_COST * motion.speed()
+        score(unsure, points, motion, others) - SPEED_COST * motion.speed()
     };
     let near = &others[..others.len().min(2)];
     let mut found =
