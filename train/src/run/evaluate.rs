@@ -13,6 +13,7 @@ use crate::fit::figure::{Figure, FigureTable, Prominence};
 use crate::fit::method::{Compared, MOVING, Method, Region, Step, given_regions};
 use crate::fit::photos::{Photo, Photos, to_tensor};
 use crate::fit::trainer::Model;
+use crate::run::resources::release_freed_memory;
 
 /// Image quality of one view, or the mean over several.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -203,6 +204,7 @@ impl Evaluator {
         at: &Step<M>,
         kept: usize,
     ) -> (Measured, Vec<Comparison>) {
+        release_freed_memory();
         let (quality, comparisons) = self.quality(model, held_out, at, kept);
         let (method, gaussians) = (&model.method, &model.gaussians);
         let figures = method.figures(gaussians, scene, held_out.views, at);

@@ -29,14 +29,19 @@ pub fn peak_memory() -> Option<u64> {
     Some(kilobytes * 1024)
 }
 
-/// Returns freed buffers to the system and resets [`peak_memory`] to what is resident now, so that each of several runs in a
-/// process has its own peak. `false` if the system does not allow it.
-pub fn forget_peak_memory() -> bool {
+/// Returns freed buffers to the system: those of a step are of other sizes than those of a measurement, which would come on top.
+pub fn release_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `malloc_trim` may be called at any time.
     unsafe {
         libc::malloc_trim(0);
     }
+}
+
+/// Returns freed buffers to the system and resets [`peak_memory`] to what is resident now, so that each of several runs in a
+/// process has its own peak. `false` if the system does not allow it.
+pub fn forget_peak_memory() -> bool {
+    release_freed_memory();
     // 5 resets VmHWM (proc(5), since Linux 4.0).
     fs::write("/proc/self/clear_refs", "5").is_ok()
 }

@@ -4,6 +4,8 @@
 //! the coarsest, and each scale has half of the size of the one before. Windows are Gaussians of 11 x 11 pixels; images are continued
 //! by reflection. The result is the mean over the channels.
 
+use std::ops::Range;
+
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
@@ -19,6 +21,10 @@ const SIGMA: f64 = 1.5;
 /// Constants against division by zero, for values from 0 to 1: (0.01)^2 and (0.03)^2 of SSIM.
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
+
+/// Rows that are looked at at once: the work space of a thread is a few hundred rows, and the rows around a band that are averaged twice
+/// are a twelfth.
+const BAND: usize = 128;
 
 /// Least side of an image: at the fifth scale it is as large as the window, 11 pixels.
 const SMALLEST: usize = (2 * REACH + 1) << (WEIGHTS.len() - 1);
@@ -36,9 +42,9 @@ pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>) -> Option<f64> {
         width,
         values: values.iter().skip(channel).step_by(channels).map(|x| f64::from(*x)).collect(),
     };
-    let of_channel = |channel| of_planes(plane(&image, channel), plane(&truth, channel));
-    let parts: Vec<f64> = (0..channels).into_par_iter().map(of_channel).collect();
-    Some(parts.iter().sum::<f64>() / channels as f64)
+    // One channel after the other: its planes of doubles are as large as the image.
+    let parts: f64 = (0..channels).map(|channel| of_planes(plane(&image, channel), plane(&truth, channel))).sum();
+    Some(parts / channels as f64)
 }
 
 /// One channel of an image, rows from the top.
@@ -61,27 +67,55 @@ fn of_planes(mut x: Plane, mut y: Plane) -> f64 {
 
 /// The mean of contrast times structure, of luminance too where `with_luminance`.
 fn similarity(x: &Plane, y: &Plane, with_luminance: bool) -> f64 {
-    let [mean_x, mean_y] = [x, y].map(Plane::blurred);
-    let [square_x, square_y, both] = [(x, x), (y, y), (x, y)].map(|(a, b)| a.times(b).blurred());
-    let pixels = x.values.len();
-    let of_pixel = |i: usize| {
-        let (mx, my) = (mean_x.values[i], mean_y.values[i]);
-        let variances = (square_x.values[i] - mx * mx).max(0.0) + (square_y.values[i] - my * my).max(0.0);
-        let structure = (2.0 * (both.values[i] - mx * my) + C2) / (variances + C2);
+    let (width, height) = (x.width, x.height());
+    let window = window();
+    let of_pixel = |[mx, my, square_x, square_y, both]: [f64; 5]| {
+        let variances = (square_x - mx * mx).max(0.0) + (square_y - my * my).max(0.0);
+        let structure = (2.0 * (both - mx * my) + C2) / (variances + C2);
         let luminance = if with_luminance { (2.0 * mx * my + C1) / (mx * mx + my * my + C1) } else { 1.0 };
         luminance * structure
     };
-    (0..pixels).map(of_pixel).sum::<f64>() / pixels as f64
+    let of_band = |first: usize| {
+        let rows = first..(first + BAND).min(height);
+        let blurred = |product: &(dyn Fn(usize) -> f64 + Sync)| blurred(product, (width, height), &rows, &window);
+        let [mean_x, mean_y] = [x, y].map(|plane| blurred(&|i| plane.values[i]));
+        let squares = [(x, x), (y, y), (x, y)].map(|(a, b)| blurred(&|i| a.values[i] * b.values[i]));
+        let pixels = (0..rows.len() * width)
+            .map(|i| of_pixel([mean_x[i], mean_y[i], squares[0][i], squares[1][i], squares[2][i]]));
+        pixels.sum::<f64>()
+    };
+    let bands: Vec<f64> = (0..height).into_par_iter().step_by(BAND).map(of_band).collect();
+    bands.iter().sum::<f64>() / x.values.len() as f64
+}
+
+/// Some rows of an image whose pixels `value_of` gives, averaged by the window: along rows, then along columns.
+fn blurred(
+    value_of: &(dyn Fn(usize) -> f64 + Sync),
+    (width, height): (usize, usize),
+    rows: &Range<usize>,
+    window: &[f64; 2 * REACH + 1],
+) -> Vec<f64> {
+    // Row `index` of these is row `reflected(rows.start + index)` of the image.
+    let mut along = vec![0.0; (rows.len() + 2 * REACH) * width];
+    let mut row = vec![0.0; width + 2 * REACH];
+    for (index, target) in along.chunks_exact_mut(width).enumerate() {
+        let start = reflected(rows.start + index, height) * width;
+        row.iter_mut().enumerate().for_each(|(i, x)| *x = value_of(start + reflected(i, width)));
+        target.iter_mut().zip(row.windows(window.len())).for_each(|(x, values)| *x = weighted(window, values));
+    }
+    let mut values = vec![0.0; rows.len() * width];
+    for (y, target) in values.chunks_exact_mut(width).enumerate() {
+        for (i, weight) in window.iter().enumerate() {
+            let source = &along[(y + i) * width..][..width];
+            target.iter_mut().zip(source).for_each(|(x, value)| *x += weight * value);
+        }
+    }
+    values
 }
 
 impl Plane {
     fn height(&self) -> usize {
         self.values.len() / self.width
-    }
-
-    fn times(&self, other: &Self) -> Self {
-        let values = self.values.iter().zip(&other.values).map(|(a, b)| a * b).collect();
-        Self { width: self.width, values }
     }
 
     /// The means of blocks of 2 x 2 pixels; a last odd row or column is dropped.
@@ -93,26 +127,6 @@ impl Plane {
             (self.values[first] + self.values[first + 1] + self.values[below] + self.values[below + 1]) / 4.0
         };
         Self { width, values: (0..width * height).map(mean).collect() }
-    }
-
-    /// Averaged by the window: along rows, then along columns.
-    fn blurred(&self) -> Self {
-        let (width, height) = (self.width, self.height());
-        let window = window();
-        let mut rows = vec![0.0; self.values.len()];
-        let mut row = vec![0.0; width + 2 * REACH];
-        for (source, target) in self.values.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-            row.iter_mut().enumerate().for_each(|(i, x)| *x = source[reflected(i, width)]);
-            target.iter_mut().zip(row.windows(window.len())).for_each(|(x, values)| *x = weighted(&window, values));
-        }
-        let mut values = vec![0.0; self.values.len()];
-        for (y, target) in values.chunks_exact_mut(width).enumerate() {
-            for (i, weight) in window.iter().enumerate() {
-                let source = &rows[reflected(y + i, height) * width..][..width];
-                target.iter_mut().zip(source).for_each(|(x, value)| *x += weight * value);
-            }
-        }
-        Self { width, values }
     }
 }
 
