@@ -159,11 +159,16 @@ fn agrees(what: &str, picture: &[u8], truth: &[u8]) {
 
 /// Compares the page of a moving scene at the begin, the middle and the end, and at a time that is no simple share of its span.
 fn compare_through_time(what: &str, scene: &dyn DynamicScene) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let page = folder.path().join("page.html");
-    std::fs::write(&page, viewer::page(what, &viewed(scene, what).packed())).expect("written");
     let [first, last] = scene.span().expect("it moves");
     let times = [first, 0.5 * (first + last), last, first + 0.3719 * (last - first)];
+    compare_at(what, scene, &viewed(scene, what).packed(), times);
+}
+
+/// Compares the page of a scene that moves between the first of some times and the third.
+fn compare_at(what: &str, scene: &dyn DynamicScene, packed: &Packed, times: [f64; 4]) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = folder.path().join("page.html");
+    std::fs::write(&page, viewer::page(what, packed)).expect("written");
     let Some(drawn) = pictures(&page, &times.map(|t| format!("0@{t}")).join(",")) else { return };
     for (picture, t) in drawn.iter().zip(times) {
         let truth = bytes(render(&scene.at(t), &camera(), &options()).color);
@@ -292,6 +297,43 @@ fn key_frames_agree() {
     assert!(json["clock"]["keys"]["count"].as_u64() >= Some(17), "{}", json["clock"]);
     assert_eq!(json["moving"], 100);
     compare_through_time("key frames", &scene);
+}
+
+/// Circles that roll on after the last time that was seen, 1.3, up to 2.
+#[derive(Debug)]
+struct Predicted(Circles);
+
+impl DynamicScene for Predicted {
+    fn at(&self, t: f64) -> Gaussians {
+        self.0.at(t)
+    }
+
+    fn velocity(&self, t: f64) -> Tensor<2> {
+        self.0.velocity(t)
+    }
+
+    fn span(&self) -> Option<[f64; 2]> {
+        self.0.span()
+    }
+
+    fn reach(&self) -> Option<[f64; 2]> {
+        Some([0.0, 2.0])
+    }
+}
+
+#[test]
+fn the_future_is_shown_up_to_the_last_photo() {
+    let scene = Predicted(Circles(cloud(200, 1, 13)));
+    for (time, shown) in [(0.4, 1.3), (1.7, 1.7), (2.5, 2.0)] {
+        let mut viewed = viewed(&scene, "future");
+        viewed.cameras[0].time = Some(time);
+        let packed = viewed.packed();
+        let json: serde_json::Value = serde_json::from_str(&packed.json).expect("JSON");
+        assert_eq!((&json["span"], &json["seen_to"]), (&serde_json::json!([0.0, shown]), &serde_json::json!(1.3)));
+        if time == 1.7 {
+            compare_at("future", &scene, &packed, [0.0, 1.3, 1.7, 1.52]);
+        }
+    }
 }
 
 #[test]

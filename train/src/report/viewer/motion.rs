@@ -80,9 +80,8 @@ pub enum Clock {
 }
 
 impl Motion {
-    /// The motion of a scene; `None` where none of its rows moves.
-    pub fn of(scene: &dyn DynamicScene) -> Option<Self> {
-        let [first, last] = scene.span()?;
+    /// The motion of a scene from the first to the last of the times that are shown; `None` where none of its rows moves.
+    pub fn of(scene: &dyn DynamicScene, [first, last]: [f64; 2]) -> Option<Self> {
         let basis = scene.basis().filter(|basis| basis.functions.len().max(basis.turns.len()) <= BLOCKS_MAX);
         match basis {
             Some(basis) => Some(Self::of_basis(basis)),

@@ -77,6 +77,7 @@ pub struct Described {
     blocks: [usize; 3],
     clock: Option<Clock>,
     span: Option<[f64; 2]>,
+    seen_to: Option<f64>,
     middle: f64,
     full_speed: f64,
     shutter: Option<Shutter>,
@@ -101,7 +102,8 @@ pub struct Packed {
 impl Viewed<'_> {
     /// The scene as JSON and block.
     pub fn packed(&self) -> Packed {
-        let mut motion = Motion::of(self.scene);
+        let span = self.shown_span();
+        let mut motion = span.and_then(|span| Motion::of(self.scene, span));
         let gaussians = motion.as_ref().map_or_else(|| self.scene.at(self.middle), |motion| motion.base.clone());
         let mut numbers = Numbers::of(&gaussians);
         let total = numbers.len();
@@ -137,7 +139,8 @@ impl Viewed<'_> {
             moving: motion.as_ref().map_or(0, Motion::len),
             arrays: block.arrays.clone(),
             blocks: motion.as_ref().map_or([0; 3], Motion::blocks),
-            span: motion.as_ref().and(self.scene.span()),
+            span: motion.as_ref().and(span),
+            seen_to: motion.as_ref().and(self.scene.span()).map(|[_, seen]| seen),
             middle: self.middle,
             full_speed: motion.as_ref().map_or(0.0, |_| self.full_speed()),
             clock: motion.as_ref().map(|motion| motion.clock.clone()),
@@ -153,6 +156,14 @@ impl Viewed<'_> {
         };
         let json = serde_json::to_string(&described).expect("numbers and names are JSON");
         Packed { json: json.replace('<', "\\u003c"), block: block.text() }
+    }
+
+    /// The first and the last time that are shown: those that the scene was trained for, and what a scene that rolls its motion out
+    /// predicts for later photos.
+    fn shown_span(&self) -> Option<[f64; 2]> {
+        let [first, last] = self.scene.span()?;
+        let latest = self.cameras.iter().filter_map(|camera| camera.time).fold(last, f64::max);
+        Some([first, self.scene.reach().map_or(last, |[_, reach]| latest.min(reach).max(last))])
     }
 
     /// The distance of the scene's middle before the first camera, at least a little.

@@ -419,6 +419,7 @@ function marks() {
   controls.slider.value = (t - scene.span[0]) / (scene.span[1] - scene.span[0]);
   // Of a clock's seconds only those since the begin tell anything.
   controls.time.textContent = Math.abs(scene.span[0]) > 1e4 ? '+' + (t - scene.span[0]).toFixed(3) : 't = ' + t.toFixed(3);
+  if (t > scene.seen_to) controls.time.textContent += ' (predicted)';
 }
 function tell() {
   const number = n => n.toLocaleString('en').replaceAll(',', '\u202f'), parts = [number(scene.count) + ' Gaussians', 'SH ' + scene.degree];
