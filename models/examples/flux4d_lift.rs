@@ -22,9 +22,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         timed(&format!("lift with {sky_points} sky points"), || lift_rows(&input, &config)).map(|_| ())?;
     }
     let all = TimedPoints { points: points.clone(), times: times.clone(), colors: colors.clone() };
-    let config = MergeConfig { budget: count / 4, times: 6 };
+    let config = MergeConfig { budget: count / 4, times: 6, viewpoints: &[] };
     let merged = timed("merging to a quarter", || merge_to_budget(vec![all], &config))?;
-    println!("{} points with voxels of {:?} m", merged.parts[0].points.len(), merged.voxel);
+    println!("{} points with voxels of {:?} m", merged.parts[0].points.len(), merged.edge);
     timed("clustering of all points", || dbscan(&points, 0.4, 10))?;
     Ok(())
 }
