@@ -36,15 +36,29 @@ pub trait Network {
     fn forward(&self, features: Tensor<2>, times: Tensor<2>) -> (Tensor<2>, Option<Tensor<2>>);
 }
 
-/// The losses of a snippet, of raw channels `[N, 14]` and velocities `[N, 3 (l + 1)]`.
-pub trait Objective {
-    /// The loss over the input views, `[1]`; its gradient by the channels is fed back.
-    fn feedback(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1>;
+/// A term of the loss of a snippet, by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Term {
+    /// Of the input views: the gradient of all these by the channels is fed back.
+    FedBack(usize),
+    /// Of held-out views, part of the training alone.
+    HeldOut(usize),
+}
 
-    /// The loss over held-out views, `[1]`; part of the training alone. `None` is Algorithm 2.
-    fn held_out(&self, _raw: Tensor<2>, _velocity: Tensor<2>) -> Option<Tensor<1>> {
-        None
+/// The losses of a snippet as sums of terms. Each term has a backward of its own, so that memory does not grow with the number of views.
+pub trait Objective {
+    /// Terms that are fed back, at least one.
+    fn fed_back(&self) -> usize {
+        1
     }
+
+    /// Terms of the held-out views; none is Algorithm 2.
+    fn held_out(&self) -> usize {
+        0
+    }
+
+    /// A term `[1]` of raw channels `[N, 14]` and velocities `[N, 3 (l + 1)]`.
+    fn term(&self, term: Term, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1>;
 }
 
 /// How the gradient enters the next pass.
@@ -192,28 +206,37 @@ fn inner_gradient(
     pass: usize,
 ) -> Result<Inner, FluxError> {
     let _stage = profile::stage("inner gradient");
-    let of = |loss: &dyn Fn(Tensor<2>, Tensor<2>) -> Option<Tensor<1>>| {
+    let of_term = |term: Term| {
         let leaf = |tensor: &Tensor<2>| tensor.clone().autodiff().require_grad();
         let (raw, speed) = (leaf(state), leaf(velocity));
-        let Some(loss) = loss(raw.clone(), speed.clone()) else { return Ok(None) };
+        let loss = objective.term(term, raw.clone(), speed.clone());
         let value = scalar(loss.clone().inner());
         if !value.is_finite() {
             return Err(FluxError::NotFinite { what: "the loss", pass });
         }
         let gradients = loss.backward();
         let taken = |leaf: Tensor<2>| leaf.grad(&gradients).unwrap_or_else(|| leaf.inner().zeros_like());
-        let (raw, speed) = (taken(raw), taken(speed));
-        if !scalar(sum(raw.clone().abs()) + sum(speed.clone().abs())).is_finite() {
-            return Err(FluxError::NotFinite { what: "the gradient", pass });
-        }
-        Ok(Some((value, raw, speed)))
+        Ok((value, taken(raw), taken(speed)))
     };
-    let fed = of(&|raw, speed| Some(objective.feedback(raw, speed)))?.expect("the feedback loss exists");
-    let held_out = if is_training { of(&|raw, speed| objective.held_out(raw, speed))? } else { None };
-    Ok(match held_out {
-        None => Inner { loss: fed.0, raw: fed.1.clone(), velocity: fed.2, fed: fed.1 },
-        Some(held) => Inner { loss: fed.0 + held.0, raw: fed.1.clone() + held.1, velocity: fed.2 + held.2, fed: fed.1 },
-    })
+    let mut all = of_term(Term::FedBack(0))?;
+    for number in 1..objective.fed_back() {
+        all = added(all, of_term(Term::FedBack(number))?);
+    }
+    let fed = all.1.clone();
+    let held_out = if is_training { objective.held_out() } else { 0 };
+    for number in 0..held_out {
+        all = added(all, of_term(Term::HeldOut(number))?);
+    }
+    let (loss, raw, velocity) = all;
+    if !scalar(sum(raw.clone().abs()) + sum(velocity.clone().abs()) + sum(fed.clone().abs())).is_finite() {
+        return Err(FluxError::NotFinite { what: "the gradient", pass });
+    }
+    Ok(Inner { loss, raw, velocity, fed })
+}
+
+/// Loss and gradients of one term and of another.
+fn added(a: (f64, Tensor<2>, Tensor<2>), b: (f64, Tensor<2>, Tensor<2>)) -> (f64, Tensor<2>, Tensor<2>) {
+    (a.0 + b.0, a.1 + b.1, a.2 + b.2)
 }
 
 /// The gradient `[N, 14]` as it enters the network.

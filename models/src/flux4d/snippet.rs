@@ -32,6 +32,8 @@ pub struct SnippetFrame {
     pub limits: ScaleLimits,
     /// The velocity's polynomial.
     pub motion: PolynomialMotion,
+    /// First velocities `[N, 3 (l + 1)]`, metres per window, which the loss of speed keeps to; `None`: rest, as in the paper.
+    pub start: Option<Tensor<2>>,
     /// Time between two frames, in windows: 0.1 for 11 frames.
     pub frame: f64,
 }
@@ -63,12 +65,32 @@ impl SnippetFrame {
     /// # Panics
     /// Without views, or when shapes disagree.
     pub fn loss(&self, raw: Tensor<2>, velocity: Tensor<2>, views: &[TargetView], config: &LossConfig) -> Tensor<1> {
-        assert!(!views.is_empty(), "a snippet is compared with at least one view");
+        let of_view = |view| self.term(raw.clone(), velocity.clone(), (views, view), config);
+        (0..views.len()).map(of_view).reduce(|a, b| a + b).expect("a snippet is compared with at least one view")
+    }
+
+    /// The part of view `view` in [`Self::loss`], `[1]`; the first one has the mean speed of the change from the first velocities.
+    ///
+    /// # Panics
+    /// When there is no such view, or shapes disagree.
+    pub fn term(
+        &self,
+        raw: Tensor<2>,
+        velocity: Tensor<2>,
+        (views, view): (&[TargetView], usize),
+        config: &LossConfig,
+    ) -> Tensor<1> {
         let rows = raw.dims()[0];
         assert_shape!(velocity, [rows, self.motion.columns()]);
-        let of_view = |view: &TargetView| self.view_loss(raw.clone(), velocity.clone(), view, config);
-        let sum = views.iter().map(of_view).reduce(|a, b| a + b).expect("at least one view");
-        sum / views.len() as f64 + mean_speed(velocity.clone(), rows - self.far) * config.velocity
+        let own = self.view_loss(raw, velocity.clone(), &views[view], config) / views.len() as f64;
+        if view > 0 {
+            return own;
+        }
+        let change = match &self.start {
+            Some(start) => velocity - start.clone(),
+            None => velocity,
+        };
+        own + mean_speed(change, rows - self.far) * config.velocity
     }
 
     fn view_loss(&self, raw: Tensor<2>, velocity: Tensor<2>, view: &TargetView, config: &LossConfig) -> Tensor<1> {

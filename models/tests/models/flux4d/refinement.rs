@@ -1,7 +1,7 @@
 //! Algorithm 2 on a toy: rows of 14 numbers, a loss that has a closed form, and networks of two small layers.
 
 use burn::tensor::Tensor;
-use gs_models::flux4d::refinement::normalised;
+use gs_models::flux4d::refinement::{Term, normalised};
 use gs_models::flux4d::{Feedback, FluxError, Network, Objective, PolynomialMotion, Refinement, RefinementConfig};
 use gs_tests::devices::{Place, reference};
 use gs_tests::finite_differences::assert_derivative;
@@ -67,12 +67,19 @@ impl Bowl {
 }
 
 impl Objective for Bowl {
-    fn feedback(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1> {
-        self.at(raw, velocity, 0.2)
+    fn fed_back(&self) -> usize {
+        2
     }
 
-    fn held_out(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Option<Tensor<1>> {
-        self.held_out.then(|| self.at(raw, velocity, 0.9).sqrt())
+    fn held_out(&self) -> usize {
+        usize::from(self.held_out)
+    }
+
+    fn term(&self, term: Term, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1> {
+        match term {
+            Term::FedBack(number) => self.at(raw, velocity, 0.2) * [0.25, 0.75][number],
+            Term::HeldOut(_) => self.at(raw, velocity, 0.9).sqrt(),
+        }
     }
 }
 
@@ -102,8 +109,9 @@ fn detached(place: &Place, setting: &Setting, bowl: &Bowl, held: &[(Tensor<2>, T
     let (residual, velocity) = f.forward(setting.raw.clone(), times.clone());
     let velocity = velocity.expect("velocities");
     let loss = |raw: Tensor<2>| {
-        let held_out = bowl.held_out(raw.clone(), velocity.clone()).map_or(0.0, |loss| values(&loss)[0]);
-        values(&bowl.feedback(raw, velocity.clone()))[0] + held_out
+        let held_out =
+            if bowl.held_out { values(&bowl.term(Term::HeldOut(0), raw.clone(), velocity.clone()))[0] } else { 0.0 };
+        values(&bowl.at(raw, velocity.clone(), 0.2))[0] + held_out
     };
     let mut sum = loss(setting.raw.clone() + residual);
     for (state, fed) in held {
@@ -123,7 +131,7 @@ fn entering(place: &Place, setting: &Setting, bowl: &Bowl, passes: usize) -> Vec
     let mut held = Vec::new();
     for _ in 1..passes {
         let leaf = state.clone().autodiff().require_grad();
-        let loss = bowl.feedback(leaf.clone(), velocity.clone());
+        let loss = bowl.at(leaf.clone(), velocity.clone(), 0.2);
         let gradient = leaf.grad(&loss.backward()).expect("a gradient");
         let fed = gradient.clone() / gradient.abs().max_dim(0);
         held.push((state.clone(), fed.clone()));
@@ -233,7 +241,7 @@ fn the_fed_back_gradient_is_in_units_of_its_channel() {
 struct Broken;
 
 impl Objective for Broken {
-    fn feedback(&self, raw: Tensor<2>, _velocity: Tensor<2>) -> Tensor<1> {
+    fn term(&self, _term: Term, raw: Tensor<2>, _velocity: Tensor<2>) -> Tensor<1> {
         raw.sum() * f64::NAN
     }
 }

@@ -15,7 +15,8 @@ const ROWS: usize = 6;
 fn frame(place: &Place) -> SnippetFrame {
     let motion = PolynomialMotion::new(1).expect("a degree");
     let times = place.tensor(&[0.0, 0.2, 0.4, 0.6, 0.8, 0.5], [ROWS]);
-    SnippetFrame { times, far: 1, limits: ScaleLimits::default(), motion, frame: 0.1 }
+    let start = Some(place.tensor(&[0.05; 6 * ROWS], [ROWS, 6]));
+    SnippetFrame { times, far: 1, limits: ScaleLimits::default(), motion, start, frame: 0.1 }
 }
 
 /// Raw channels of wide Gaussians in front of the camera, and slow velocities.

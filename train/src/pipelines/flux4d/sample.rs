@@ -4,6 +4,7 @@ use anyhow::{Result, anyhow};
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Camera, Intrinsics};
 use gs_driving::DrivingLog;
+use gs_models::flux4d::refinement::Term;
 use gs_models::flux4d::unet::VoxelPyramid;
 use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, SnippetFrame, TargetView};
 
@@ -67,14 +68,15 @@ impl Sample {
         let pyramid = VoxelPyramid::of(&points, config.own.unet.voxel as f32, LEVELS, device)
             .map_err(|error| anyhow!("snippet {}: {error}", host.name))?;
         let motion = PolynomialMotion::new(config.own.unet.degree)?;
+        let start = (!host.start.is_empty()).then(|| Start::new(host, motion, device));
         let frame = SnippetFrame {
             times: lifted.times.clone(),
             far: lifted.far,
             limits: lifted.limits,
             motion,
+            start: start.as_ref().map(|start| start.velocity.clone()),
             frame: host.interval / (host.window[1] - host.window[0]),
         };
-        let start = (!host.start.is_empty()).then(|| Start::new(host, motion, device));
         Ok(Self { lifted, pyramid, frame, start })
     }
 
@@ -123,13 +125,22 @@ pub struct Supervision<'a> {
 }
 
 impl Objective for Supervision<'_> {
-    fn feedback(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1> {
-        self.frame.loss(raw, velocity, &self.inputs, &self.loss)
+    fn fed_back(&self) -> usize {
+        self.inputs.len()
     }
 
-    fn held_out(&self, raw: Tensor<2>, velocity: Tensor<2>) -> Option<Tensor<1>> {
-        // The mean speed is in the loss of the inputs already.
-        let loss = LossConfig { velocity: 0.0, ..self.loss };
-        (!self.targets.is_empty()).then(|| self.frame.loss(raw, velocity, &self.targets, &loss))
+    fn held_out(&self) -> usize {
+        self.targets.len()
+    }
+
+    fn term(&self, term: Term, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1> {
+        match term {
+            Term::FedBack(view) => self.frame.term(raw, velocity, (&self.inputs, view), &self.loss),
+            Term::HeldOut(view) => {
+                // The mean speed is in the loss of the inputs already.
+                let loss = LossConfig { velocity: 0.0, ..self.loss };
+                self.frame.term(raw, velocity, (&self.targets, view), &loss)
+            }
+        }
     }
 }
