@@ -179,13 +179,13 @@ pub struct SynthDrivingArgs {
     #[arg(long, default_value = "320x180", value_name = "WxH")]
     pub size: String,
 
-    /// Beams of the LiDAR
-    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=128), value_name = "N")]
-    pub beams: u32,
+    /// Beams of the LiDAR; several numbers are taken in turn, log by log
+    #[arg(long, default_value = "32", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=128), value_name = "N,...")]
+    pub beams: Vec<u32>,
 
-    /// Directions in one turn of the LiDAR
-    #[arg(long, default_value_t = 900, value_parser = clap::value_parser!(u32).range(36..=3600), value_name = "N")]
-    pub columns: u32,
+    /// Directions in one turn of the LiDAR; several numbers are taken in turn, log by log
+    #[arg(long, default_value = "900", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(36..=3600), value_name = "N,...")]
+    pub columns: Vec<u32>,
 
     /// Vehicles, cyclists and people that move
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(0..=60), value_name = "N")]

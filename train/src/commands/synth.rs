@@ -110,8 +110,6 @@ fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
         cameras: args.cameras as usize,
         width,
         height,
-        beams: args.beams as usize,
-        columns: args.columns as usize,
         movers: args.movers as usize,
         range_noise: args.range_noise,
         camera_delay: args.camera_delay,
@@ -121,7 +119,13 @@ fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
     let bar = bar();
     for log in 0..args.logs {
         let folder = if args.logs == 1 { args.out.clone() } else { args.out.join(format!("{log:03}")) };
-        let options = StreetOptions { seed: args.seed.wrapping_add(u64::from(log)), ..options.clone() };
+        let in_turn = |list: &[u32]| list[log as usize % list.len()] as usize;
+        let options = StreetOptions {
+            beams: in_turn(&args.beams),
+            columns: in_turn(&args.columns),
+            seed: args.seed.wrapping_add(u64::from(log)),
+            ..options.clone()
+        };
         gs_driving::synthetic::write(&folder, &options, |done, total| {
             bar.set_length(total as u64 * u64::from(args.logs));
             bar.set_position(done as u64 + total as u64 * u64::from(log));
