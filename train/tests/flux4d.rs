@@ -61,6 +61,7 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     let times = [0.25, 1.2];
     let request = Reconstruction {
         log,
+        set: &[],
         out: &out,
         start: 0,
         full: false,
@@ -109,6 +110,14 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     fs::write(&script, "[[edits]]\ndo = \"paint\"\n").expect("written");
     assert!(refused(Reconstruction { edit: Some(&script), ..request }).contains("edits.toml"));
     assert!(refused(Reconstruction { start: 9, ..request }).contains("--start 9"));
+    let set = ["lift.points=200".to_string()];
+    let lines = pipeline.reconstruct(&checkpoint, &Reconstruction { set: &set, ..request }).expect("fewer points");
+    // With the 100 sky points.
+    assert!(
+        lines[0].contains("of at most") && json(&out.join("reconstruction.json"))["gaussians"].as_u64() <= Some(300)
+    );
+    let set = ["unet.width=0.5".to_string()];
+    assert!(refused(Reconstruction { set: &set, ..request }).contains("those of the network"));
 }
 
 fn json(path: &Path) -> serde_json::Value {
@@ -184,6 +193,29 @@ fn the_split_of_the_paper_is_by_name() {
     fs::remove_dir_all(data.join("001")).expect("removed");
     let error = Logs::open(&data, &of(&[]).own.logs).expect_err("no test log");
     assert!(error.to_string().contains("001, 011"), "{error}");
+}
+
+/// Of its own logs a network is measured on those that it has not seen, also in another folder; of others on all.
+#[test]
+fn logs_of_another_data_set_are_all_held_out() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let (own, other) = (streets(temporary.path(), 3), temporary.path().join("other"));
+    write(&other, &small_street(11, 9), |_, _| {}).expect("written");
+    let named =
+        FluxConfig::from_table(&common::config(1, &["pipeline=flux4d", "logs.validation=[\"001\"]"]), "the test");
+    for config in [FluxConfig::default().own.logs, named.expect("valid").own.logs] {
+        let trained = Logs::open(&own, &config).expect("logs").fingerprint();
+        let of = |path: &Path| Logs::open_to_measure(path, &config, &trained).expect("logs");
+        let moved = temporary.path().join("moved");
+        fs::rename(&own, &moved).expect("renamed");
+        let found = of(&moved);
+        assert_eq!((found.split, found.held_out.len()), ("validation", 1));
+        fs::rename(&moved, &own).expect("renamed");
+        let found = of(&other);
+        assert_eq!((found.split, found.held_out.len(), found.train.len()), ("unseen", 1, 1));
+        let error = Logs::open_to_measure(temporary.path(), &config, &trained).expect_err("no log");
+        assert!(error.to_string().contains("expected a driving log"), "{error}");
+    }
 }
 
 /// Before any training the sweeps alone show most of the motion, and nothing that rests moves: the bounds are half of what
@@ -275,7 +307,8 @@ fn a_network_is_passed_on() {
 fn a_resumed_training_is_the_same_to_the_bit() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = streets(temporary.path(), 2);
-    let at = |name: &str| job(&data, &temporary.path().join(name), 4, &["learning.accumulate=2"]);
+    let at =
+        |name: &str| job(&data, &temporary.path().join(name), 4, &["learning.accumulate=2", "learning.recolour=0.3"]);
     let (whole, stopped) = (at("whole"), at("stopped"));
     common::finish(&whole);
     common::finish_interrupted(&stopped, &[1, 3]);

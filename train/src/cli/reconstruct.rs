@@ -21,6 +21,10 @@ pub struct ReconstructArgs {
     #[arg(long, value_name = "RUN", value_hint = ValueHint::AnyPath)]
     pub model: Option<PathBuf>,
 
+    /// Set one value of the network's configuration, as in --set lift.points=100000 or --set logs.camera=all (repeatable)
+    #[arg(short, long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+
     /// Folder for images, actors, Gaussians and figures
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

@@ -85,6 +85,7 @@ fn driving(args: &DemoArgs, device: &Device) -> Result<ExitCode> {
     print(format!("a driving log is in {}; its reconstruction takes seconds", log.display()));
     let request = Reconstruction {
         log: &log,
+        set: &[],
         out: &out,
         start: 0,
         full: false,

@@ -27,6 +27,7 @@ pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
     };
     let request = Reconstruction {
         log: &args.log,
+        set: &args.set,
         out: &args.out,
         start: args.start,
         full: args.full,

@@ -33,6 +33,8 @@ pub enum Purpose {
     Supervision = 11,
     /// The images that a polished snippet is compared with in a step.
     Polish = 12,
+    /// The colours of a snippet in a step.
+    Colors = 13,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

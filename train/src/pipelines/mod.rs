@@ -169,6 +169,8 @@ pub fn shipped() -> Result<Checkpoint> {
 pub struct Reconstruction<'a> {
     /// The recording.
     pub log: &'a Path,
+    /// Changes of the network's configuration, each as `key=value`.
+    pub set: &'a [String],
     /// Folder for the results.
     pub out: &'a Path,
     /// The first frame.

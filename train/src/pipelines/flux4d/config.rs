@@ -127,12 +127,26 @@ pub enum VelocityChoice {
     Aligned,
 }
 
+/// Voxels whose points are merged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MergeChoice {
+    /// Their edge grows with the root of the distance from the nearest input camera.
+    #[default]
+    Growing,
+    /// Their edge is the same everywhere.
+    Equal,
+}
+
 /// Points to first Gaussians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LiftSection {
-    /// LiDAR points of a snippet at most; beyond them, the points of a voxel in one sweep are merged. 0: no limit.
+    /// LiDAR points of a snippet at most for each camera of its inputs; beyond them, the points of a voxel in one sweep are merged.
+    /// 0: no limit.
     pub points: usize,
+    /// Edges of the voxels whose points are merged.
+    pub merge: MergeChoice,
     /// Whether points that no input image shows are left out.
     pub in_view: bool,
     /// Points on the sky's half sphere.
@@ -207,7 +221,8 @@ pub struct SupervisionConfig {
     pub dssim: f64,
     /// Weight of the LiDAR's depth, one over metres; 0: none.
     pub depth: f64,
-    /// Weight of the mean speed ("as static as possible"), windows per metre; 0: none.
+    /// Weight of the mean speed ("as static as possible"), windows per metre; 0: none. Where velocities begin at what the sweeps show
+    /// (`lift.velocity`), the speed of the change from these counts: what the sweeps show is kept.
     pub velocity: f64,
     /// Largest image velocity of the reweighting, pixels per frame; 0: no reweighting.
     pub reweight_clip: f64,
@@ -225,6 +240,9 @@ pub struct LearningConfig {
     pub warm_up: usize,
     /// Snippets whose gradients are averaged in a step.
     pub accumulate: usize,
+    /// Change of a snippet's brightness, contrast and tint, drawn anew for each step: largest logarithm of gain and gamma; 0: none
+    /// (the paper). More: other light and other paint than those of the training logs cost less, and those cost more.
+    pub recolour: f64,
 }
 
 impl Default for LogsConfig {
@@ -245,7 +263,8 @@ impl Default for LogsConfig {
 impl Default for LiftSection {
     fn default() -> Self {
         Self {
-            points: 20_000,
+            points: 50_000,
+            merge: MergeChoice::Growing,
             in_view: true,
             sky_points: 2000,
             random_points: 0,
@@ -277,7 +296,7 @@ impl Default for SupervisionConfig {
 
 impl Default for LearningConfig {
     fn default() -> Self {
-        Self { rate: 4e-3, last_rate: 2e-4, warm_up: 10, accumulate: 1 }
+        Self { rate: 4e-3, last_rate: 2e-4, warm_up: 10, accumulate: 1, recolour: 0.0 }
     }
 }
 

@@ -11,6 +11,7 @@ use rand::seq::SliceRandom;
 use super::config::FluxConfig;
 use super::logs::{Logs, Place};
 use super::prepare::{HostSnippet, prepare};
+use super::recolour::recoloured;
 use crate::fit::random::{Purpose, stream};
 
 /// Snippets that wait for the training at most.
@@ -70,7 +71,7 @@ impl Feed {
             let mut order = Order::new(places.len(), library.config.seed);
             for draw in (draws.first..).step_by(draws.every) {
                 let place = places[order.at(draw)].clone();
-                let prepared = library.get(&place);
+                let prepared = library.drawn(&place, draw);
                 if sender.send(Drawn { draw, place, prepared }).is_err() {
                     break;
                 }
@@ -134,6 +135,13 @@ impl Library {
     pub fn new(logs: Arc<Logs>, config: &FluxConfig) -> Self {
         let shelf = Mutex::new(Shelf { kept: BTreeMap::new(), room: config.own.logs.cache_mb << 20 });
         Self { logs, config: config.clone(), shelf }
+    }
+
+    /// A snippet in the colours of draw `draw`.
+    fn drawn(&self, place: &Place, draw: usize) -> Prepared {
+        let host = self.get(place)?;
+        let strength = self.config.own.learning.recolour;
+        Ok(if strength > 0.0 { Arc::new(recoloured(&host, strength, self.config.seed, draw)) } else { host })
     }
 
     /// A snippet.

@@ -30,7 +30,7 @@ pub struct Place {
 pub struct Logs {
     /// By name.
     pub logs: Vec<DrivingLog>,
-    /// Snippets to train on.
+    /// Snippets to train on; all of a data set that is measured alone.
     pub train: Vec<Place>,
     /// Snippets that are measured; those of training where no log is held out.
     pub held_out: Vec<Place>,
@@ -45,8 +45,7 @@ impl Logs {
     /// One sentence: no log, a log that cannot be read, a log without cameras or with too few frames, a name that no
     /// log has.
     pub fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
-        let found = find(path)?;
-        let logs: Vec<DrivingLog> = found.iter().map(|path| open(path, config)).collect::<Result<_>>()?;
+        let logs = open_all(path, config)?;
         let is_held_out = held_out(path, &logs, config)?;
         let (mut train, mut validation) = (Vec::new(), Vec::new());
         for (index, log) in logs.iter().enumerate() {
@@ -70,6 +69,32 @@ impl Logs {
         Ok(Self { logs, train, held_out, split })
     }
 
+    /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set are all
+    /// held out, unless the configuration names some of them.
+    ///
+    /// # Errors
+    /// As [`Self::open`], but for names that no log of another data set has.
+    pub fn open_to_measure(path: &Path, config: &LogsConfig, trained: &Fingerprint) -> Result<Self> {
+        let opened = Self::open(path, config);
+        let is_own = |logs: &Self| !config.validation.is_empty() || logs.fingerprint() == *trained;
+        match opened {
+            Ok(logs) if is_own(&logs) => Ok(logs),
+            Err(error) if config.validation.is_empty() && config.split == SplitChoice::LastEighth => Err(error),
+            _ => Self::unseen(path, config),
+        }
+    }
+
+    /// All logs are held out.
+    fn unseen(path: &Path, config: &LogsConfig) -> Result<Self> {
+        let logs = open_all(path, config)?;
+        let of_log = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
+            snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()
+        };
+        let places: Vec<Vec<Place>> = logs.iter().enumerate().map(of_log).collect();
+        let held_out = places.iter().flat_map(|places| spread(places.clone(), config.validation_snippets)).collect();
+        Ok(Self { train: places.concat(), held_out, logs, split: "unseen" })
+    }
+
     /// The fingerprint of the frames that train: names, times and poses.
     pub fn fingerprint(&self) -> Fingerprint {
         let mut hasher = crc32fast::Hasher::new();
@@ -88,6 +113,10 @@ impl Logs {
     pub fn name(&self, place: &Place) -> String {
         format!("{}-{:03}", self.logs[place.log].name(), place.snippet.frames[0])
     }
+}
+
+fn open_all(path: &Path, config: &LogsConfig) -> Result<Vec<DrivingLog>> {
+    find(path)?.iter().map(|path| open(path, config)).collect()
 }
 
 /// Describes one log.

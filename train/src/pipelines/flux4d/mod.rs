@@ -5,7 +5,8 @@
 //! | file | idea |
 //! |---|---|
 //! | [`config`] | the sections and their ranges |
-//! | [`logs`], [`prepare`](mod@prepare), [`feed`] | the logs of a folder; a snippet on the host; those to come |
+//! | [`logs`], [`prepare`](mod@prepare), [`feed`], [`recolour`] | the logs of a folder; a snippet on the host; those to come; other colours |
+//! | [`memory`] | prediction of the memory |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
 //! | [`trainer`], [`steps`], `learner` | a step; steps on one device; steps by burn-train's learner (cargo feature `learner`) |
 //! | [`train`](mod@train), [`observer`], [`saved`] | the run; what follows a step; checkpoints |
@@ -27,11 +28,13 @@ pub mod infer;
 #[cfg(feature = "learner")]
 pub mod learner;
 pub mod logs;
+pub mod memory;
 pub mod moving;
 pub mod network;
 pub mod observer;
 pub mod polish;
 pub mod prepare;
+pub mod recolour;
 pub mod reconstruct;
 pub mod sample;
 pub mod saved;
@@ -53,8 +56,8 @@ use burn::tensor::Device;
 use gs_datasets::{CheckReport, counted};
 use toml::Table;
 
-use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction};
-use crate::config::ConfigError;
+use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction, resolve_changed};
+use crate::config::{ConfigError, tables};
 use crate::fit::snapshot::Snapshot;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::scene::{LoadedScene, SceneFile};
@@ -63,7 +66,7 @@ use crate::stability::Experiment;
 use config::FluxConfig;
 use evaluate::{Split, measure};
 use logs::Logs;
-use saved::{read_network, shipped_checkpoint};
+use saved::{SavedNetwork, read_network, shipped_checkpoint};
 
 /// The pipeline's name.
 pub const NAME: &str = "flux4d";
@@ -123,28 +126,28 @@ impl Pipeline for Flux4d {
         let SceneFile::Checkpoint(checkpoint) = request.file else {
             bail!("expected a run or a checkpoint of the pipeline {NAME}, found a PLY file, which is no network");
         };
-        let saved = read_network(checkpoint, request.device)?;
-        let config = FluxConfig::from_table(request.config, "configuration")?;
-        let asked = (&config.own.unet, config.own.refinement.passes > 1);
-        if asked != (&saved.config.own.unet, saved.config.own.refinement.passes > 1) {
-            bail!("{}: the keys of [unet] and refinement are those of the network", checkpoint.path.display());
-        }
-        let logs = Arc::new(Logs::open(request.dataset, &config.own.logs)?);
+        let saved = read_configured(checkpoint, request.config, request.device)?;
+        let config = &saved.config;
+        let logs = Arc::new(Logs::open_to_measure(request.dataset, &config.own.logs, &checkpoint.origin.views)?);
         let name = request.split.unwrap_or(logs.split);
         let places = match name {
             "train" => &logs.train,
             name if name == logs.split => &logs.held_out,
-            other => bail!("{}: expected a split from train, validation; found {other:?}", request.dataset.display()),
+            other => {
+                let path = request.dataset.display();
+                bail!("{path}: expected a split from train, {}; found {other:?}", logs.split)
+            }
         };
         let pictures = if request.pictures { usize::MAX } else { 0 };
         let split = Split { logs: &logs, places, name, pictures };
-        let found = measure(&saved.network, &split, &config, request.device)?;
+        let found = measure(&saved.network, &split, config, request.device)?;
         Ok(Evaluated { step: saved.step, measured: found.measured, pictures: found.pictures })
     }
 
     fn reconstruct(&self, checkpoint: &Checkpoint, request: &Reconstruction) -> Result<Vec<String>> {
-        let saved = read_network(checkpoint, request.device)?;
-        reconstruct::reconstruct(&saved, request)
+        let origin = format!("{}: configuration", checkpoint.path.display());
+        let config = resolve_changed(&tables::parse(&checkpoint.origin.config, &origin)?, &origin, request.set)?.config;
+        reconstruct::reconstruct(&read_configured(checkpoint, &config, request.device)?, request)
     }
 
     fn network(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Option<Snapshot>> {
@@ -163,3 +166,14 @@ impl Pipeline for Flux4d {
 /// Why a checkpoint cannot be shown.
 const NO_SCENE: &str =
     "expected a scene, found a network; `gsburn reconstruct LOG --model RUN` makes a scene of a log with it";
+
+/// The network of a checkpoint with another configuration, whose network is the same.
+fn read_configured(checkpoint: &Checkpoint, config: &Table, device: &Device) -> Result<SavedNetwork> {
+    let saved = read_network(checkpoint, device)?;
+    let config = FluxConfig::from_table(config, "configuration")?;
+    let networks = [&config, &saved.config].map(|config| (&config.own.unet, config.own.refinement.passes > 1));
+    if networks[0] != networks[1] {
+        bail!("{}: the keys of [unet] and refinement are those of the network", checkpoint.path.display());
+    }
+    Ok(SavedNetwork { config, ..saved })
+}

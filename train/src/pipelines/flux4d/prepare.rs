@@ -3,6 +3,8 @@
 //! Positions are relative to the ego vehicle at the middle input frame, and the x axis is the horizontal direction of
 //! its first camera, so that a network sees every street from the same place in the same direction. z stays up.
 
+use std::collections::BTreeSet;
+
 use anyhow::{Result, anyhow, bail};
 use glam::{DMat4, DVec2, DVec3};
 use gs_datasets::RgbImage8;
@@ -11,7 +13,7 @@ use gs_models::flux4d::merge::{MergeConfig, TimedPoints, merge_to_budget};
 use gs_models::flux4d::{BoxLength, FarConfig, LiftConfig, LiftInput, LiftedRows, Rotations, lift_rows};
 use rayon::prelude::*;
 
-use super::config::{LiftSection, RotationChoice, VelocityChoice};
+use super::config::{LiftSection, MergeChoice, RotationChoice, VelocityChoice};
 use super::start::{Motions, RowMotion, motions_of};
 
 /// An image whose brightest channel is at most this, of 255, shows nothing: a covered lens or a lost frame.
@@ -297,8 +299,12 @@ fn points(
         parts.push((place as u16, Some(motions.collect()), of(moving)));
     }
     let before: Vec<TimedPoints> = parts.iter().map(|(_, _, points)| points.clone()).collect();
-    let budget = if config.points == 0 { usize::MAX } else { config.points };
-    let thinned = merge_to_budget(before, &MergeConfig { budget, times: 1 })?.parts;
+    let budget = if config.points == 0 { usize::MAX } else { config.points * cameras(inputs) };
+    let viewpoints: Vec<[f32; 3]> = match config.merge {
+        MergeChoice::Growing => inputs.iter().map(|view| view.c2w.w_axis.truncate().as_vec3().to_array()).collect(),
+        MergeChoice::Equal => Vec::new(),
+    };
+    let thinned = merge_to_budget(before, &MergeConfig { budget, times: 1, viewpoints: &viewpoints })?.parts;
     let mut all = Points { points: TimedPoints::default(), row_frames: Vec::new(), start: Vec::new() };
     for ((place, motions, before), after) in parts.into_iter().zip(thinned) {
         all.row_frames.resize(all.row_frames.len() + after.points.len(), place);
@@ -313,6 +319,11 @@ fn points(
         all.points.colors.extend(after.colors);
     }
     Ok(all)
+}
+
+/// Cameras of some views.
+fn cameras(views: &[HostView]) -> usize {
+    views.iter().map(|view| view.camera).collect::<BTreeSet<_>>().len()
 }
 
 /// Some points of a sweep with their times in the window and their colours in views of the same frame.

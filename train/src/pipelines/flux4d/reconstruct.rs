@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::{Context, Result, anyhow, bail};
 use burn::tensor::Tensor;
 use gs_burn::{Gaussians, RenderOptions, render};
-use gs_datasets::guarded;
 use gs_datasets::image_io::{encode_png, write_atomic};
+use gs_datasets::{counted, guarded};
 use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
@@ -20,6 +20,7 @@ use super::degrees::{Degrees, choose_degrees};
 use super::flow::{self, FlowScores};
 use super::infer::{Ready, infer};
 use super::logs::{MIN_FRAMES, open, snippets, times};
+use super::memory::of_reconstruction;
 use super::polish::{Polished, polish};
 use super::prepare::{HostSnippet, HostView, prepare};
 use super::sample::{camera, photo};
@@ -33,6 +34,7 @@ use crate::report::viewer;
 use crate::run::interrupt;
 use crate::run::metrics::psnr;
 use crate::run::outputs::{MARK, marked_png};
+use crate::run::progress;
 use crate::run::results::Results;
 use crate::run::scene::write_ply;
 
@@ -77,6 +79,8 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
     }
     let log = open(request.log, &saved.config.own.logs)?;
     let list = chosen(&log, saved, request)?;
+    let memory = of_reconstruction(&saved.config, &log, &list);
+    progress::say(&format!("{}: {}; memory expected: {memory}", log.name(), counted(list.len(), "snippet")), false);
     let results = Results::begin(request.out, SUMMARY)?;
     let ready = Ready::new(&saved.network);
     let mut work = Work {

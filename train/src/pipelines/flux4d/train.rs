@@ -5,13 +5,12 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use glam::DVec3;
 use gs_datasets::counted;
-use gs_models::flux4d::unet::BYTES_PER_VOXEL;
 
 use super::NAME;
-use super::config::{FarChoice, FluxConfig};
+use super::config::FluxConfig;
 use super::evaluate::Measurement;
-use super::feed::in_flight;
-use super::logs::{Logs, Place};
+use super::logs::Logs;
+use super::memory;
 use super::network::FluxNetwork;
 use super::observer::Observer;
 use super::saved::{parameters, restore, snapshot};
@@ -20,7 +19,7 @@ use crate::report;
 use crate::report::viewer::section;
 use crate::run::checkpoint::Origin;
 use crate::run::folder::{Setting, full_path};
-use crate::run::memory::{Prediction, megabytes};
+use crate::run::memory::megabytes;
 use crate::run::progress;
 use crate::run::scene::write_ply;
 use crate::run::watch::{self, Ending, Job, Plan, Run};
@@ -135,42 +134,6 @@ fn plan(job: &Job, config: &FluxConfig, logs: &Logs) -> Plan {
         setting("degree", "unet.degree", own.unet.degree.to_string(), format!("degree {}", own.unet.degree)),
     ];
     let facts = Vec::new();
-    let prediction = predicted(config, logs, job.devices());
+    let prediction = memory::of_training(config, logs, job.devices());
     Plan { steps: config.steps, checkpoint: config.checkpoint.clone(), origin, prediction, facts, settings }
-}
-
-/// Bytes that a Gaussian holds in a step: raw channels, activations, projected rows and their gradients.
-const BYTES_PER_GAUSSIAN: u64 = 2000;
-/// Program, thread stacks and allocator.
-const PROGRAM_BYTES: u64 = 60 << 20;
-/// LiDAR points of a snippet where the configuration has no limit: six sweeps of PandaSet.
-const USUAL_POINTS: usize = 1_000_000;
-
-fn predicted(config: &FluxConfig, logs: &Logs, devices: usize) -> Prediction {
-    let own = &config.own;
-    let points = if own.lift.points == 0 { USUAL_POINTS } else { own.lift.points };
-    let rows = points + own.lift.sky_points + own.lift.random_points;
-    let bytes = |place: &Place| {
-        let cameras = logs.logs[place.log].cameras();
-        let pixels =
-            place.snippet.frames.len() * cameras.iter().map(|camera| camera.width * camera.height).sum::<usize>();
-        // 8-bit colours and depth; 14 channels and a time; motion and input frame.
-        7 * pixels + 60 * rows + 18 * points
-    };
-    let all: usize = logs.train.iter().map(bytes).sum();
-    let largest = logs.train.iter().chain(&logs.held_out).map(bytes).max().unwrap_or(0);
-    // Snippets in flight are shared with the library where it keeps them.
-    let (kept, in_flight) = (all.min(own.logs.cache_mb << 20), largest * in_flight(own.learning.accumulate, devices));
-    let snippets = (kept + in_flight).min(all + largest);
-    // Half of the points share their voxel with another at the default edge; each far point is alone in its voxel.
-    let alone = if own.unet.far == FarChoice::Voxels { rows - points } else { 0 };
-    let unet = (0.5 * points as f64 + alone as f64) * BYTES_PER_VOXEL * own.unet.width;
-    Prediction {
-        parts: vec![
-            ("snippets", snippets as u64),
-            ("UNet", unet as u64),
-            ("rendering", rows as u64 * BYTES_PER_GAUSSIAN),
-            ("program", PROGRAM_BYTES),
-        ],
-    }
 }

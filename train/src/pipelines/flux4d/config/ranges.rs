@@ -69,6 +69,7 @@ impl LearningConfig {
     fn validate(&self) -> Result<(), ConfigError> {
         check("learning.rate", self.rate, positive(self.rate), "above 0")?;
         check("learning.last_rate", self.last_rate, positive(self.last_rate), "above 0")?;
+        check("learning.recolour", self.recolour, (0.0..=2.0).contains(&self.recolour), "0 to 2")?;
         check("learning.accumulate", self.accumulate, self.accumulate >= 1, "at least 1")
     }
 }
