@@ -205,7 +205,7 @@ fn logs_of_another_data_set_are_all_held_out() {
         FluxConfig::from_table(&common::config(1, &["pipeline=flux4d", "logs.validation=[\"001\"]"]), "the test");
     for config in [FluxConfig::default().own.logs, named.expect("valid").own.logs] {
         let trained = Logs::open(&own, &config).expect("logs").fingerprint();
-        let of = |path: &Path| Logs::open_to_measure(path, &config, &trained).expect("logs");
+        let of = |path: &Path| Logs::open_to_measure(path, &config, &trained, false).expect("logs");
         let moved = temporary.path().join("moved");
         fs::rename(&own, &moved).expect("renamed");
         let found = of(&moved);
@@ -213,8 +213,12 @@ fn logs_of_another_data_set_are_all_held_out() {
         fs::rename(&moved, &own).expect("renamed");
         let found = of(&other);
         assert_eq!((found.split, found.held_out.len(), found.train.len()), ("unseen", 1, 1));
+        // The same name is another street elsewhere.
+        let same_name = tempfile::tempdir().expect("a folder");
+        write(&same_name.path().join("001"), &small_street(11, 8), |_, _| {}).expect("written");
+        assert_eq!(of(same_name.path()).split, "unseen");
         let empty = tempfile::tempdir().expect("a folder");
-        let error = Logs::open_to_measure(empty.path(), &config, &trained).map(|_| ()).expect_err("no log");
+        let error = Logs::open_to_measure(empty.path(), &config, &trained, false).map(|_| ()).expect_err("no log");
         assert!(error.to_string().contains("expected a driving log"), "{error}");
     }
 }

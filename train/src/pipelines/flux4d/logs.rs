@@ -70,16 +70,17 @@ impl Logs {
     }
 
     /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set are all
-    /// held out, unless the configuration names some of them.
+    /// held out, unless the split `is_asked` for.
     ///
     /// # Errors
     /// As [`Self::open`], but for names that no log of another data set has.
-    pub fn open_to_measure(path: &Path, config: &LogsConfig, trained: &Fingerprint) -> Result<Self> {
-        let opened = Self::open(path, config);
-        let is_own = |logs: &Self| !config.validation.is_empty() || logs.fingerprint() == *trained;
-        match opened {
-            Ok(logs) if is_own(&logs) => Ok(logs),
-            Err(error) if config.validation.is_empty() && config.split == SplitChoice::LastEighth => Err(error),
+    pub fn open_to_measure(path: &Path, config: &LogsConfig, trained: &Fingerprint, is_asked: bool) -> Result<Self> {
+        if is_asked {
+            return Self::open(path, config);
+        }
+        match Self::open(path, config) {
+            Ok(logs) if logs.fingerprint() == *trained => Ok(logs),
+            // A split of the training logs says nothing of others, also where they have the same names.
             _ => Self::unseen(path, config),
         }
     }

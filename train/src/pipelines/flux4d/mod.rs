@@ -128,7 +128,11 @@ impl Pipeline for Flux4d {
         };
         let saved = read_configured(checkpoint, request.config, request.device)?;
         let config = &saved.config;
-        let logs = Arc::new(Logs::open_to_measure(request.dataset, &config.own.logs, &checkpoint.origin.views)?);
+        let trained = tables::parse(&checkpoint.origin.config, "configuration")?;
+        let trained = FluxConfig::from_table(&trained, "configuration")?.own.logs;
+        let asked = &config.own.logs;
+        let is_asked = asked.validation != trained.validation || asked.split != trained.split;
+        let logs = Arc::new(Logs::open_to_measure(request.dataset, asked, &checkpoint.origin.views, is_asked)?);
         let name = request.split.unwrap_or(logs.split);
         let places = match name {
             "train" => &logs.train,
