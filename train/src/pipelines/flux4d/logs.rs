@@ -85,8 +85,11 @@ impl Logs {
         }
     }
 
-    /// All logs are held out.
-    fn unseen(path: &Path, config: &LogsConfig) -> Result<Self> {
+    /// Describes logs of which none was trained on: all are held out, whatever split the configuration has.
+    ///
+    /// # Errors
+    /// As [`Self::open`], but for the split.
+    pub fn unseen(path: &Path, config: &LogsConfig) -> Result<Self> {
         let logs = open_all(path, config)?;
         let of_log = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
             snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()

@@ -67,7 +67,7 @@ pub fn applied(lab: &Lab, street: &Path, network: &FluxNetwork, config: &FluxCon
     if interrupt::asked() {
         return Err(Interrupted.into());
     }
-    let logs = Arc::new(Logs::open(street, &config.own.logs)?);
+    let logs = Arc::new(Logs::unseen(street, &config.own.logs)?);
     let split = Split { places: &logs.held_out, name: logs.split, logs: &logs, pictures: 0 };
     Ok(Outcome::of(&measure(network, &split, config, &lab.device)?.measured))
 }

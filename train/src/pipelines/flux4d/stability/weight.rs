@@ -64,7 +64,7 @@ fn run(lab: &Lab) -> Result<Findings> {
 
 /// Trains on a street and measures on it.
 fn trained(lab: &Lab, path: &Path, config: &FluxConfig) -> Result<Outcome> {
-    let logs = Arc::new(Logs::open(path, &config.own.logs)?);
+    let logs = Arc::new(Logs::unseen(path, &config.own.logs)?);
     let mut trainer = Trainer::new(FluxNetwork::new(config, &lab.device));
     let feed = Feed::start(Arc::new(Library::new(logs.clone(), config)), Draws::from(0))?;
     while trainer.step < config.steps {
