@@ -1,6 +1,6 @@
 //! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`].
-//! Everything computes in `f32`. Only the number of intersections, and the rows from which an exposure's lists are made, leave the
-//! device.
+//! Everything computes in `f32`. Only the number of intersections, where no room for them was given, and the rows from which an
+//! exposure's lists are made, leave the device.
 
 mod dispatches;
 mod images;
@@ -21,7 +21,7 @@ use gs_kernels::cube::{adam, intersect, noise, opacity, projection, rasterize, r
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::adam::{AdamKernels, AdamState};
-use crate::ops::intersect::{IntersectKernels, IntersectionLists};
+use crate::ops::intersect::{FoundIntersections, IntersectKernels, IntersectionLists};
 use crate::ops::noise::NoiseKernels;
 use crate::ops::opacity::OpacityKernels;
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
@@ -197,17 +197,21 @@ impl IntersectKernels for CubeBackend {
         features: CubeTensor,
         width: u32,
         height: u32,
-    ) -> IntersectionLists<Self> {
+        room: Option<usize>,
+    ) -> FoundIntersections<Self> {
         let (launch, channels) = (Launch::of(&projected), features.meta.shape()[1]);
         let [projected, opacities, features] = [projected, opacities, features].map(|t| launch.floats(t));
-        let lists = intersect::intersect(&launch.client, &projected, &opacities, &features, width, height, channels);
-        let lists = unwrap(lists);
-        IntersectionLists {
+        let size = [width, height];
+        let found = intersect::intersect(&launch.client, &projected, &opacities, &features, size, channels, room);
+        let intersect::Found { lists, words } = unwrap(found);
+        let words = words.unwrap_or_else(|| unwrap(Buffer::empty(&launch.client, "no number of pairs", 0)));
+        let number_len = words.len();
+        FoundIntersections {
             tile_offsets: launch.int_tensor(lists.tile_offsets),
             gaussian_ids: launch.int_tensor(lists.gaussian_ids),
             gaussian_offsets: launch.int_tensor(lists.gaussian_offsets),
             positions: launch.int_tensor(lists.positions),
-            places: launch.int_tensor(unwrap(Buffer::empty(&launch.client, "no places of tiles", 0))),
+            words: launch.float_tensor(words, [number_len]),
         }
     }
 }

@@ -14,6 +14,7 @@ use gs_kernels::config::{RasterizeConfig, tile_grid};
 use crate::ops::channels::channels;
 use crate::ops::columns;
 use crate::ops::exposure::{AverageConfig, TileShares, average_tiles, intersect_instants};
+use crate::ops::intersect::PairCount;
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
 use crate::ops::sh::sh_colors;
@@ -84,7 +85,7 @@ pub struct ExposureRendering {
     /// in order.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
-    pub intersections: usize,
+    pub intersections: PairCount,
     /// Number of tiles that were drawn.
     pub tiles: usize,
     /// Number of tiles that one rendering per instant would draw.
@@ -107,7 +108,7 @@ impl ExposureRendering {
             alpha: channels(output, self.image.output_channels() - 1, 1),
             features: None,
             projected: self.projected.clone().narrow(0, 0, self.scene),
-            intersections: self.intersections,
+            intersections: self.intersections.clone(),
         }
     }
 
@@ -186,7 +187,7 @@ pub fn render_exposure(
         depth: render.depth.then(|| channels(output.clone(), 3, 1)),
         alpha: channels(output, image.output_channels() - 1, 1),
         projected,
-        intersections: lists.count(),
+        intersections: lists.count,
         tiles: shares.tiles(),
         full_tiles: samples.instants * columns * rows,
         shares,

@@ -6,7 +6,7 @@ use gs_kernels::constants::{EPS2D, FAR, NEAR};
 
 use crate::ops::channels::channels;
 use crate::ops::columns;
-use crate::ops::intersect::intersect;
+use crate::ops::intersect::{PairCount, intersect_within};
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
 use crate::ops::sh::sh_colors;
@@ -60,7 +60,7 @@ pub struct Rendering {
     /// Rows of [`project`], `[N, 8]`.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
-    pub intersections: usize,
+    pub intersections: PairCount,
 }
 
 impl Rendering {
@@ -92,6 +92,9 @@ pub struct Extras {
     pub features: Option<Tensor<2>>,
     /// The input of [`render_with_screen_gradients`], `[N, 4]`.
     pub screen: Option<Tensor<2>>,
+    /// Pairs of tile and Gaussian for which a GPU makes room, so that it need not wait for their number; see [`intersect_within`]. A
+    /// rendering with more pairs shows the background alone, and [`Rendering::intersections`] tells.
+    pub room: Option<usize>,
 }
 
 /// Like [`render`], with the statistic that density control needs.
@@ -107,7 +110,7 @@ pub fn render_with_screen_gradients(
     options: &RenderOptions,
     screen: Tensor<2>,
 ) -> Rendering {
-    render_with(gaussians, camera, options, Extras { screen: Some(screen), features: None })
+    render_with(gaussians, camera, options, Extras { screen: Some(screen), ..Extras::default() })
 }
 
 /// Like [`render`], with [`Extras`]; differentiable with respect to the features too.
@@ -145,7 +148,8 @@ pub fn render_with(gaussians: &Gaussians, camera: &Camera, options: &RenderOptio
         blended = Tensor::cat(vec![blended, features], 1);
         count += extra;
     }
-    let intersections = intersect(projected.clone(), opacities.clone(), blended.clone(), width, height);
+    let (rows, alphas, values) = (projected.clone(), opacities.clone(), blended.clone());
+    let intersections = intersect_within(rows, alphas, values, width, height, extras.room);
     let image = RasterizeConfig { width: width as u32, height: height as u32, channels: count, depth: options.depth };
     let output = rasterize(projected.clone(), opacities, blended, background, extras.screen, &intersections, &image);
 
@@ -155,7 +159,7 @@ pub fn render_with(gaussians: &Gaussians, camera: &Camera, options: &RenderOptio
         depth: options.depth.then(|| channels(output.clone(), count, 1)),
         alpha: channels(output, image.output_channels() - 1, 1),
         projected,
-        intersections: intersections.count(),
+        intersections: intersections.count,
     }
 }
 

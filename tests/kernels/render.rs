@@ -65,7 +65,7 @@ fn expected_depth_is_the_depth_of_what_is_there() {
         // Alpha is 1 - T and rounded as T is, by 2^-24; that is a share of the faintest alpha. Depth is rounded as well.
         let bound = 2.0 * 2.0 * f64::from(f32::EPSILON) / 2.0 / ALPHA_MIN;
         assert_near(&place.name, &depth, &expected, bound);
-        assert!(rendering.intersections > 0 && values(&rendering.radii())[0] > 0.0, "{}", place.name);
+        assert!(rendering.intersections.get() > 0 && values(&rendering.radii())[0] > 0.0, "{}", place.name);
     }
 }
 

@@ -2,7 +2,10 @@
 
 mod common;
 
+use burn::tensor::Tensor;
+use gs_burn::{Camera, Intrinsics};
 use gs_train::fit::parameters::{Group, Table};
+use gs_train::fit::trainer::Trainer;
 
 #[test]
 fn steps_lower_the_loss() {
@@ -33,8 +36,47 @@ fn ignored_pixels_teach_nothing() {
     let config = common::config(10, &still);
     let mut begun = common::begun(&config);
     let [height, width, _] = begun.photo.image.dims();
-    begun.photo.mask = Some(burn::tensor::Tensor::zeros([height, width, 1], &common::device()));
+    begun.photo.mask = Some(Tensor::zeros([height, width, 1], &common::device()));
     let before = begun.trainer.gaussians().read(Group::Means);
     begun.step();
     assert_eq!(before, begun.trainer.gaussians().read(Group::Means));
+}
+
+/// A GPU makes its lists as long as the steps before tell. The first step near the scene has many times the pairs of those far from it,
+/// so the pass is done again; the next one has room. Neither differs in a bit from a trainer that counts first.
+#[test]
+fn room_for_intersections_changes_no_bit() {
+    for backend in common::backends() {
+        let device = common::named(backend);
+        let mut begun = common::begun_on(&common::config(10, &["density.noise=0"]), &device);
+        let near = &begun.photo.camera;
+        let Intrinsics { fx, fy, cx, cy } = near.intrinsics;
+        let intrinsics = Intrinsics { fx: 8.0 * fx, fy: 8.0 * fy, cx: 8.0 * cx, cy: 8.0 * cy };
+        let back =
+            Tensor::from_floats([[0., 0., 0., 0.], [0., 0., 0., 0.], [0., 0., 0., 300.], [0., 0., 0., 0.]], &device);
+        let far = Camera { viewmat: near.viewmat.clone() + back, intrinsics, width: 320, height: 240 };
+        let near = Camera { viewmat: near.viewmat.clone(), ..far.clone() };
+        begun.photo.image = Tensor::zeros([240, 320, 3], &device);
+
+        begun.photo.camera = far;
+        let few = begun.step().intersections;
+        begun.photo.camera = near;
+        for step in ["the pass is done again", "there is room"] {
+            let mut counting = Trainer::from_model(begun.trainer.model().clone(), begun.data.facts, &begun.config);
+            (counting.adam, counting.step) = (begun.trainer.adam.clone(), begun.trainer.step);
+            let photos = std::slice::from_ref(&begun.photo);
+            let expected = counting.step(photos, &begun.data.scene.train, &begun.data.cues, &begun.config);
+            let report = begun.step();
+            assert_eq!(
+                (report.intersections, report.loss),
+                (expected.intersections, expected.loss),
+                "{backend}: {step}"
+            );
+            assert!(report.intersections > 4096.max(4 * few), "{backend}: {few}, then {}", report.intersections);
+            for group in Group::ALL {
+                let [ours, theirs] = [&begun.trainer, &counting].map(|trainer| trainer.gaussians().read(group));
+                assert_eq!(ours, theirs, "{backend}: {step}: {}", group.path());
+            }
+        }
+    }
 }

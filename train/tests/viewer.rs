@@ -236,7 +236,7 @@ fn velocities_and_exposures_agree() {
     let json: serde_json::Value = serde_json::from_str(&packed.json).expect("JSON");
     let full = json["full_speed"].as_f64().expect("a speed");
     let colors = (scene.velocity(0.3) / full).clamp(-1.0, 1.0) * 0.5;
-    let extras = Extras { features: Some(colors), screen: None };
+    let extras = Extras { features: Some(colors), ..Extras::default() };
     let features = render_with(&scene.at(0.3), &camera(), &options(), extras).features.expect("features");
     agrees("velocity", &drawn[1], &bytes(features + 0.5));
 }

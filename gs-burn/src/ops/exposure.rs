@@ -14,7 +14,7 @@ use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
 use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
-use super::intersect::TileIntersections;
+use super::intersect::{PairCount, TileIntersections};
 use crate::device::is_gpu;
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
@@ -67,7 +67,9 @@ pub fn intersect_instants(
         let len = values.len();
         Tensor::<1, Int>::from_data(TensorData::new(values, [len]), (&device, DType::I32))
     };
+    let count = PairCount::Known(lists.gaussian_ids.len());
     let lists = TileIntersections {
+        count,
         tile_offsets: tensor(lists.tile_offsets),
         gaussian_ids: tensor(lists.gaussian_ids),
         gaussian_offsets: tensor(lists.gaussian_offsets),

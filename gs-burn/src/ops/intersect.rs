@@ -1,5 +1,6 @@
 //! Tile intersections: the Gaussians that touch each tile, in depth order; the test is in [`gs_kernels::cpu::intersect`].
 
+mod count;
 mod reference;
 #[cfg(test)]
 mod tests;
@@ -11,9 +12,9 @@ use gs_kernels::cpu::intersect as cpu;
 use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
-use super::gradient::{Autodiff, CheckpointStrategy};
 use crate::profile;
-use crate::slices::{HostBackend, HostTensor, int_tensor, with_float};
+use crate::slices::{HostBackend, HostTensor, float_tensor, int_tensor, with_float};
+pub use count::PairCount;
 pub use reference::intersect_reference;
 
 /// Tiles of 16 x 16 pixels and the Gaussians that touch them; `M` is the number of (tile, Gaussian) pairs. All `i32`.
@@ -30,13 +31,8 @@ pub struct TileIntersections {
     /// `[tiles]`: the image's tile of each list; `None` if the lists are those of the image's tiles in order. See
     /// [`intersect_instants`](super::exposure::intersect_instants).
     pub places: Option<Tensor<1, Int>>,
-}
-
-impl TileIntersections {
-    /// Number of (tile, Gaussian) pairs.
-    pub fn count(&self) -> usize {
-        self.gaussian_ids.dims()[0]
-    }
+    /// Number of (tile, Gaussian) pairs: `M`, or less where [`intersect_within`] made lists for more.
+    pub count: PairCount,
 }
 
 /// Finds all (tile, Gaussian) pairs of an image of `width` x `height` pixels.
@@ -57,22 +53,50 @@ pub fn intersect(
     width: usize,
     height: usize,
 ) -> TileIntersections {
+    intersect_within(projected, opacities, features, width, height, None)
+}
+
+/// Like [`intersect`]; with `room`, a GPU makes lists of this length and does not wait for the number of pairs.
+///
+/// Places of the lists behind the last pair belong to no tile and no Gaussian. If there are more pairs than `room`, all lists are empty
+/// and [`PairCount::overflows`] tells so once the number is read. The CPU, and a GPU whose buffers do not hold `room` pairs, take no
+/// notice of `room`.
+///
+/// # Panics
+/// As [`intersect`].
+pub fn intersect_within(
+    projected: Tensor<2>,
+    opacities: Tensor<1>,
+    features: Tensor<2>,
+    width: usize,
+    height: usize,
+    room: Option<usize>,
+) -> TileIntersections {
     check(&projected, &opacities, &features);
     let _stage = profile::stage("sort into tiles");
     // Outside the graph: there is no gradient to record.
-    let lists = Dispatch::intersect(
+    let found = Dispatch::intersect(
         projected.inner().into_dispatch(),
         opacities.inner().into_dispatch(),
         features.inner().into_dispatch(),
         width as u32,
         height as u32,
+        room,
     );
+    let gaussian_ids: Tensor<1, Int> = Tensor::from_dispatch(found.gaussian_ids);
+    let words: Tensor<1> = Tensor::from_dispatch(found.words);
+    let [made] = gaussian_ids.dims();
+    let count = match words.dims() {
+        [0] => PairCount::Known(made),
+        _ => PairCount::OnDevice { words, room: made },
+    };
     TileIntersections {
-        tile_offsets: Tensor::from_dispatch(lists.tile_offsets),
-        gaussian_ids: Tensor::from_dispatch(lists.gaussian_ids),
-        gaussian_offsets: Tensor::from_dispatch(lists.gaussian_offsets),
-        positions: Tensor::from_dispatch(lists.positions),
+        tile_offsets: Tensor::from_dispatch(found.tile_offsets),
+        gaussian_ids,
+        gaussian_offsets: Tensor::from_dispatch(found.gaussian_offsets),
+        positions: Tensor::from_dispatch(found.positions),
         places: None,
+        count,
     }
 }
 
@@ -100,34 +124,50 @@ pub struct IntersectionLists<B: Backend> {
     pub places: IntTensor<B>,
 }
 
-/// Burn's dispatch for [`intersect`].
+/// What [`IntersectOps::intersect`] finds: [`TileIntersections`] without places, as a backend's primitives.
+#[derive(Clone, Debug, ExtensionType)]
+pub struct FoundIntersections<B: Backend> {
+    /// `[tiles + 1]`
+    pub tile_offsets: IntTensor<B>,
+    /// `[M]`
+    pub gaussian_ids: IntTensor<B>,
+    /// `[N + 1]`
+    pub gaussian_offsets: IntTensor<B>,
+    /// `[M]`
+    pub positions: IntTensor<B>,
+    /// `[2]`: see [`PairCount::OnDevice`]; `[0]` if there are `M` pairs.
+    pub words: FloatTensor<B>,
+}
+
+/// Burn's dispatch for [`intersect_within`].
 #[backend_extension(
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
+    Cube: cfg(feature = "cube")
 )]
 pub trait IntersectOps: Backend {
-    /// See [`intersect`].
+    /// See [`intersect_within`].
     fn intersect(
         projected: FloatTensor<Self>,
         opacities: FloatTensor<Self>,
         features: FloatTensor<Self>,
         width: u32,
         height: u32,
-    ) -> IntersectionLists<Self>;
+        room: Option<usize>,
+    ) -> FoundIntersections<Self>;
 }
 
 /// Intersection on a backend's primitives. Shapes as in [`intersect`]; tensors may be strided.
 pub trait IntersectKernels: Backend {
-    /// The lists; `M` may be zero.
+    /// The lists; `M` may be zero. A backend that makes lists of exactly as many pairs as there are ignores `room`.
     fn intersect_forward(
         projected: FloatTensor<Self>,
         opacities: FloatTensor<Self>,
         features: FloatTensor<Self>,
         width: u32,
         height: u32,
-    ) -> IntersectionLists<Self>;
+        room: Option<usize>,
+    ) -> FoundIntersections<Self>;
 }
 
 impl<B: IntersectKernels> IntersectOps for B {
@@ -137,8 +177,9 @@ impl<B: IntersectKernels> IntersectOps for B {
         features: FloatTensor<B>,
         width: u32,
         height: u32,
-    ) -> IntersectionLists<B> {
-        B::intersect_forward(projected, opacities, features, width, height)
+        room: Option<usize>,
+    ) -> FoundIntersections<B> {
+        B::intersect_forward(projected, opacities, features, width, height, room)
     }
 }
 
@@ -149,40 +190,21 @@ impl<B: HostBackend> IntersectKernels for B {
         features: FloatTensor<B>,
         width: u32,
         height: u32,
-    ) -> IntersectionLists<B> {
+        _room: Option<usize>,
+    ) -> FoundIntersections<B> {
         let channels = burn::backend::TensorMetadata::shape(&features)[1];
         let [projected, opacities, features] = [projected, opacities, features].map(HostTensor::contiguous);
-        let lists = with_float!(projected, F => {
-            cpu::intersect::<F>(
+        with_float!(projected, F => {
+            let lists = cpu::intersect::<F>(
                 projected.elements(), opacities.elements(), features.elements(), width, height, channels,
-            )
-        });
-        IntersectionLists {
-            tile_offsets: int_tensor::<B>(lists.tile_offsets),
-            gaussian_ids: int_tensor::<B>(lists.gaussian_ids),
-            gaussian_offsets: int_tensor::<B>(lists.gaussian_offsets),
-            positions: int_tensor::<B>(lists.positions),
-            places: int_tensor::<B>(lists.places),
-        }
-    }
-}
-
-impl<B: IntersectKernels, C: CheckpointStrategy> IntersectOps for Autodiff<B, C> {
-    fn intersect(
-        projected: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        features: FloatTensor<Self>,
-        width: u32,
-        height: u32,
-    ) -> IntersectionLists<Self> {
-        let [projected, opacities, features] = [projected, opacities, features].map(|tensor| tensor.into_primitive());
-        let lists = B::intersect_forward(projected, opacities, features, width, height);
-        IntersectionLists {
-            tile_offsets: lists.tile_offsets,
-            gaussian_ids: lists.gaussian_ids,
-            gaussian_offsets: lists.gaussian_offsets,
-            positions: lists.positions,
-            places: lists.places,
-        }
+            );
+            FoundIntersections {
+                tile_offsets: int_tensor::<B>(lists.tile_offsets),
+                gaussian_ids: int_tensor::<B>(lists.gaussian_ids),
+                gaussian_offsets: int_tensor::<B>(lists.gaussian_offsets),
+                positions: int_tensor::<B>(lists.positions),
+                words: float_tensor::<B>(Vec::<F>::new(), [0]),
+            }
+        })
     }
 }

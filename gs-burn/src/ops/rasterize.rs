@@ -52,7 +52,8 @@ pub fn rasterize(
     let _stage = profile::stage("rasterize");
     // Burn's dispatch has no optional tensors. An untracked substitute receives no gradient and is never read.
     let screen = screen.unwrap_or_else(|| Tensor::empty([1, SCREEN], (&projected.device(), projected.dtype())));
-    let TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places } = intersections.clone();
+    let TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places, count: _ } =
+        intersections.clone();
     let places = places.unwrap_or_else(|| Tensor::from_data([0_i32; 0], (&gaussian_ids.device(), DType::I32)));
     Tensor::from_dispatch(Dispatch::rasterize(
         projected.into_dispatch(),

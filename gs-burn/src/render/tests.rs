@@ -67,7 +67,7 @@ fn an_empty_scene_shows_the_background() {
             assert!(pixel.iter().zip([0.2, 0.5, 0.7]).all(|(a, b)| (a - b).abs() < 1e-7));
         }
         assert!(values(&rendering.alpha).iter().all(|&alpha| alpha == 0.0));
-        assert_eq!((rendering.intersections, rendering.radii().dims()), (0, [0]));
+        assert_eq!((rendering.intersections.get(), rendering.radii().dims()), (0, [0]));
         let gradients = rendering.color.sum().backward();
         for gradient in [scene.means.grad(&gradients), scene.quats.grad(&gradients)] {
             assert_eq!(gradient.unwrap().dims()[0], 0);
@@ -80,7 +80,7 @@ fn a_scene_out_of_sight_shows_the_background() {
     let mut scene = Scene::random(3, 0, 23);
     scene.means = tensor(vec![0.0, 0.0, -1.0, 50.0, 0.0, 1.0, 0.0, 0.0, 0.1], [3, 3]).require_grad();
     let rendering = render(&scene.gaussians(), &scene.camera(), &RenderOptions { near: 1.0, ..options() });
-    assert_eq!(rendering.intersections, 0);
+    assert_eq!(rendering.intersections.get(), 0);
     assert!(values(&rendering.radii()).iter().all(|&radius| radius == 0.0));
     let gradients = loss(&rendering).backward();
     assert!(values(&scene.means.grad(&gradients).unwrap()).iter().all(|&g| g == 0.0));

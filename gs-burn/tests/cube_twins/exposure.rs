@@ -86,7 +86,7 @@ fn trial(device: &Device, scene: &Scene, every: usize, instants: usize) -> Trial
         all.push((format!("means of sample {k}"), values(sample.means.grad(&gradients).expect(of))));
         all.push((format!("quats of sample {k}"), values(sample.quats.grad(&gradients).expect(of))));
     }
-    let counts = [rendering.tiles, rendering.full_tiles, rendering.intersections];
+    let counts = [rendering.tiles, rendering.full_tiles, rendering.intersections.get()];
     let middle = values(rendering.middle().color);
     // The scene itself is the second instant.
     let single = values(render(&gaussians, &camera, &render_options).color);

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use gs_burn::ops::intersect::PairCount;
 use gs_kernels::config::tile_grid;
 use gs_kernels::constants::{ALPHA_MIN, TILE};
 use gs_kernels::cpu;
@@ -51,8 +52,15 @@ fn brightest(row: &ProjectedRow<f32>, opacity: f32, tile: usize, width: u32, hei
 fn check(projected: &[f32], opacities: &[f32], features: &[f32], width: u32, height: u32) {
     let (count, channels) = (opacities.len(), features.len() / opacities.len().max(1));
     let want = cpu::intersect::intersect(projected, opacities, features, width, height, channels);
-    let found = intersect::intersect(client(), &up(projected), &up(opacities), &up(features), width, height, channels);
-    let got = lists(&found.expect("intersect"));
+    let inputs = [projected, opacities, features].map(up);
+    let found = |room| {
+        let [projected, opacities, features] = &inputs;
+        let found = intersect::intersect(client(), projected, opacities, features, [width, height], channels, room);
+        found.expect("intersect")
+    };
+    let counted = found(None);
+    assert!(counted.words.is_none(), "the number was read");
+    let got = lists(&counted.lists);
     println!("{} pairs of {count} Gaussians", got.gaussian_ids.len());
 
     // The twins may disagree where rounding decides, and only about pairs that no pixel will draw.
@@ -77,6 +85,24 @@ fn check(projected: &[f32], opacities: &[f32], features: &[f32], width: u32, hei
         let places = &got.positions[range];
         assert!(places.is_sorted());
         assert!(places.iter().all(|&place| got.gaussian_ids[place as usize] == id as i32));
+    }
+
+    // Room changes no pair; too little empties all lists and tells so.
+    let total = got.gaussian_ids.len();
+    for room in [total, total + 1, total + 3000, total.saturating_sub(1), total / 2] {
+        let found = found(Some(room));
+        let words = found.words.expect("the number was not read").download::<f32>(client()).expect("the device works");
+        assert_eq!(PairCount::of_words(&words), total);
+        let within = lists(&found.lists);
+        assert_eq!((within.gaussian_ids.len(), within.positions.len()), (room, room));
+        if room >= total {
+            assert_eq!(within.tile_offsets, got.tile_offsets);
+            assert_eq!(within.gaussian_offsets, got.gaussian_offsets);
+            assert_eq!(within.gaussian_ids[..total], got.gaussian_ids);
+            assert_eq!(within.positions[..total], got.positions);
+        } else {
+            assert!(within.tile_offsets.iter().chain(&within.gaussian_offsets).all(|offset| *offset == 0));
+        }
     }
 }
 

@@ -2,8 +2,9 @@
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::ops::adam::{AdamConfig, adam_step};
+use gs_burn::ops::intersect::PairCount;
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::{RenderOptions, Rendering, device, render_with_screen_gradients};
+use gs_burn::{Extras, RenderOptions, Rendering, device, render_with};
 
 use crate::support::{Random, Scene, assert_gradient, assert_values, data, wide};
 
@@ -29,12 +30,16 @@ struct Trial {
     image: Vec<f32>,
     alpha: Vec<f32>,
     depth: Vec<f32>,
-    intersections: usize,
+    intersections: PairCount,
     gradients: Vec<(&'static str, Vec<f32>)>,
     stepped: Vec<f32>,
 }
 
 fn trial(device: &Device, scene: &Scene, antialiased: bool) -> Trial {
+    trial_within(device, scene, antialiased, None)
+}
+
+fn trial_within(device: &Device, scene: &Scene, antialiased: bool, room: Option<usize>) -> Trial {
     let count = scene.count;
     let mut random = Random(90);
     let gaussians = scene.gaussians(&mut random, device);
@@ -42,7 +47,7 @@ fn trial(device: &Device, scene: &Scene, antialiased: bool) -> Trial {
     let screen = Tensor::<2>::zeros([count, 4], device).require_grad();
     let options = RenderOptions { background: [0.2, 0.4, 0.6], antialiased, depth: true, ..Default::default() };
     let Rendering { color, alpha, depth, intersections, .. } =
-        render_with_screen_gradients(&gaussians, &camera, &options, screen.clone());
+        render_with(&gaussians, &camera, &options, Extras { screen: Some(screen.clone()), features: None, room });
     let depth = depth.expect("depth was asked for");
 
     let target = Tensor::from_data(data(&random.list(WIDTH * HEIGHT * 3, 0.0, 1.0), &[HEIGHT, WIDTH, 3]), device);
@@ -77,8 +82,8 @@ fn same_scene_on_both_devices() {
         let scene = Scene::random(91, 150, WIDTH as u32, HEIGHT as u32);
         let want = trial(&device::select("flex").expect("flex is built").autodiff(), &scene, antialiased);
         let got = trial(&gpu(), &scene, antialiased);
-        println!("{} pairs", got.intersections);
-        assert_eq!(got.intersections, want.intersections);
+        println!("{} pairs", got.intersections.get());
+        assert_eq!(got.intersections.get(), want.intersections.get());
         assert_values("image", &got.image, &wide(&want.image), 1e-5);
         assert_values("alpha", &got.alpha, &wide(&want.alpha), 1e-5);
         assert_values("depth", &got.depth, &wide(&want.depth), 1e-5);
@@ -96,8 +101,37 @@ fn same_scene_on_both_devices() {
 fn empty_scene() {
     let scene = Scene::random(92, 0, WIDTH as u32, HEIGHT as u32);
     let got = trial(&gpu(), &scene, false);
-    assert_eq!(got.intersections, 0);
+    assert_eq!(got.intersections.get(), 0);
     for pixel in got.image.chunks(3) {
         assert_eq!(pixel, [0.2, 0.4, 0.6]);
     }
+}
+
+#[test]
+fn room_for_intersections_changes_no_bit() {
+    let scene = Scene::random(93, 150, WIDTH as u32, HEIGHT as u32);
+    let counted = trial(&gpu(), &scene, false);
+    let count = counted.intersections.get();
+    for room in [count, count + 1, 3 * count] {
+        let within = trial_within(&gpu(), &scene, false, Some(room));
+        assert!(within.intersections.words().is_some(), "the number was not read");
+        assert_eq!(within.intersections.get(), count);
+        assert!(!within.intersections.overflows(count));
+        assert_eq!(
+            [within.image, within.alpha, within.depth],
+            [&counted.image, &counted.alpha, &counted.depth].map(Clone::clone)
+        );
+        assert_eq!(within.gradients, counted.gradients);
+    }
+}
+
+#[test]
+fn too_little_room_shows_the_background_and_tells() {
+    let scene = Scene::random(93, 150, WIDTH as u32, HEIGHT as u32);
+    let count = trial(&gpu(), &scene, false).intersections.get();
+    let within = trial_within(&gpu(), &scene, false, Some(count - 1));
+    assert_eq!(within.intersections.get(), count);
+    assert!(within.intersections.overflows(count));
+    assert!(within.image.chunks(3).all(|pixel| pixel == [0.2, 0.4, 0.6]));
+    assert!(within.gradients.iter().all(|(_, numbers)| numbers.iter().all(|number| number.is_finite())));
 }

@@ -57,7 +57,7 @@ impl SnippetFrame {
             image_velocity(gaussians.means.val(), speed, camera, self.frame)
         });
         let options = RenderOptions { depth: true, sh_degree: 0, ..RenderOptions::default() };
-        render_with(&gaussians, camera, &options, Extras { features, screen: None })
+        render_with(&gaussians, camera, &options, Extras { features, ..Extras::default() })
     }
 
     /// The loss over `views`: the mean over the views, and the mean speed once, `[1]`.

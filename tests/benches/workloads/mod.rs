@@ -198,7 +198,7 @@ fn in_front(gaussians: &Gaussians, device: &Device) -> Camera {
 }
 
 fn workload(name: &str, gaussians: Gaussians, camera: Camera) -> Workload {
-    let intersections = render(&gaussians, &camera, &RenderOptions::default()).intersections;
+    let intersections = render(&gaussians, &camera, &RenderOptions::default()).intersections.get();
     let (count, Camera { width, height, intrinsics: Intrinsics { fx, fy, cx, cy }, .. }) = (gaussians.len(), &camera);
     println!("{name}: {count} Gaussians, {width}x{height}, {intersections} intersections");
     let config = ProjectionConfig {

@@ -64,7 +64,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     let k = camera.intrinsics;
     let options = RenderOptions::default();
     let rendering = render(&gaussians, &camera, &options);
-    let intersections = rendering.intersections;
+    let intersections = rendering.intersections.get();
     let target = rendering.color.clone() * 0.5 + 0.25;
     print(format!(
         "{} Gaussians, SH degree {degree}, {width}x{height}, {intersections} tile intersections, {}, {} threads",

@@ -10,7 +10,8 @@ use std::path::Path;
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Gradients, Tensor};
 use gs_burn::adam::Adam;
-use gs_burn::{Gaussians, NamedGradients, RowMap};
+use gs_burn::ops::intersect::PairCount;
+use gs_burn::{Gaussians, NamedGradients, Rendering, RowMap};
 use gs_datasets::{LoadOptions, Scene, View};
 use gs_models::{DynamicScene, Static};
 
@@ -34,6 +35,8 @@ pub struct Step<'a, M: Method> {
     pub facts: &'a SceneFacts,
     /// The method's cues from the data set.
     pub cues: &'a M::Cues,
+    /// Room for the pairs of a rendering, if steps before this one tell; see [`gs_burn::Extras::room`].
+    pub room: Option<usize>,
 }
 
 impl<M: Method> Clone for Step<'_, M> {
@@ -77,12 +80,19 @@ impl Forward {
     }
 }
 
-/// The quantities of a rendering that density control needs.
+/// The quantities of a photo's renderings that density control and the trainer need.
 pub struct Drawn {
-    /// Bounding radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen.
-    pub radii: Tensor<1>,
-    /// Tile intersections.
-    pub intersections: usize,
+    /// Bounding radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen. `None` where the step has no `screens`.
+    pub radii: Option<Tensor<1>>,
+    /// Tile intersections of each rendering.
+    pub intersections: Vec<PairCount>,
+}
+
+impl Drawn {
+    /// Those of one rendering, made with `screen`.
+    pub fn of(rendering: &Rendering, screen: Option<&Tensor<2>>) -> Self {
+        Self { radii: screen.map(|_| rendering.radii()), intersections: vec![rendering.intersections.clone()] }
+    }
 }
 
 /// A departure of one step from the configuration.

@@ -32,6 +32,7 @@ pub mod parameters;
 pub mod photos;
 pub mod preflight;
 pub mod random;
+pub mod room;
 pub mod sampler;
 pub mod schedule;
 pub mod session;

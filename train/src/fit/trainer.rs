@@ -3,6 +3,7 @@
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::ops::intersect::PairCount;
 use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
@@ -14,6 +15,7 @@ use super::losses::regularised;
 use super::method::{Drawn, Forward, Method, Note, Step};
 use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
+use super::room::{PairRoom, fitting};
 use super::schedule::{exponential, rate_factor, sh_degree};
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
@@ -41,6 +43,7 @@ pub struct Trainer<M: Method> {
     pub skipped: usize,
     /// Values fixed by the data set.
     pub facts: SceneFacts,
+    room: PairRoom,
 }
 
 /// The outcome of a step.
@@ -63,7 +66,8 @@ pub struct StepReport {
 /// A finished backward pass.
 struct Backward {
     images: Vec<Tensor<3>>,
-    intersections: usize,
+    /// Tile intersections of each rendering.
+    intersections: Vec<usize>,
     notes: Vec<Note>,
     observations: Vec<Observation>,
     loss: f32,
@@ -80,14 +84,14 @@ impl<M: Method> Trainer<M> {
         facts: SceneFacts,
         device: &Device,
     ) -> Self {
-        let (initial, method) = M::begin(scene, &Step { step: 0, config, facts: &facts, cues }, device);
+        let (initial, method) = M::begin(scene, &Step { step: 0, config, facts: &facts, cues, room: None }, device);
         Self::from_model(Model { gaussians: first(&initial, device), method }, facts, config)
     }
 
     /// The state before the first step of a training that starts from `model`.
     pub fn from_model(model: Model<M>, facts: SceneFacts, config: &Config) -> Self {
         let density = Density::new(&config.density, &model.gaussians);
-        Self { model: Some(model), adam: Adam::new(), density, step: 0, skipped: 0, facts }
+        Self { model: Some(model), adam: Adam::new(), density, step: 0, skipped: 0, facts, room: PairRoom::default() }
     }
 
     /// The model.
@@ -128,7 +132,7 @@ impl<M: Method> Trainer<M> {
 
     /// The current step, with everything that the method may read.
     pub fn at<'a>(&'a self, cues: &'a M::Cues, config: &'a FitConfig<M::Config>) -> Step<'a, M> {
-        Step { step: self.step, config, facts: &self.facts, cues }
+        Step { step: self.step, config, facts: &self.facts, cues, room: None }
     }
 
     /// One step on some photos; `views` are all training views.
@@ -142,7 +146,9 @@ impl<M: Method> Trainer<M> {
         self.step += 1;
         self.raise_sh_degree(config);
         let Backward { images, intersections, notes, observations, loss, gradients } =
-            self.compare(photos, cues, config);
+            self.compared(photos, cues, config);
+        self.room.observe(&intersections);
+        let intersections = intersections.iter().sum();
         let skipped = gradients.is_none();
         let mut changes = Changes::default();
         match gradients {
@@ -159,28 +165,44 @@ impl<M: Method> Trainer<M> {
         StepReport { loss, images, intersections, notes, skipped, changes }
     }
 
-    /// Forward and backward pass over the photos.
-    fn compare(&self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
+    /// Forward and backward pass over the photos. If a rendering had more pairs than the steps before made room for, both are done
+    /// again with lists of the right length.
+    fn compared(&self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
+        self.compare(photos, cues, config, self.room.room()).unwrap_or_else(|| {
+            tracing::debug!(
+                step = self.step,
+                "more tile intersections than there was room for: the step is done again"
+            );
+            let again = self.compare(photos, cues, config, None);
+            again.expect("lists that are counted first have room")
+        })
+    }
+
+    /// Forward and backward pass with `room` for the pairs of each rendering; `None` if there was too little.
+    fn compare(
+        &self,
+        photos: &[Photo<M::Extra>],
+        cues: &M::Cues,
+        config: &FitConfig<M::Config>,
+        room: Option<usize>,
+    ) -> Option<Backward> {
         let tracked = self.model().clone().train();
         let (rows, device) = (tracked.gaussians.len(), self.gaussians().device());
         let wanted = self.density.wants_screen(&config.density, M::control(self.step, config), self.step, config.steps);
         let screen = |_| Tensor::<2>::zeros([rows, 4], &device).autodiff().require_grad();
         let screens: Vec<Tensor<2>> = if wanted { photos.iter().map(screen).collect() } else { Vec::new() };
-        let at = self.at(cues, config);
+        let at = Step { room, ..self.at(cues, config) };
         let Forward { images, loss, drawn, notes, remainder } =
             tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
         let loss = regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
-        let mut screens = screens.into_iter();
-        let intersections = drawn.iter().map(|drawn| drawn.intersections).sum();
-        let mut observe = |(drawn, photo): (Drawn, &Photo<M::Extra>)| Observation {
-            screen: screens.next().and_then(|screen| screen.grad_remove(&mut graph)),
-            radii: drawn.radii.inner(),
-            width: photo.camera.width,
-            height: photo.camera.height,
+        let counts: Vec<PairCount> = drawn.iter().flat_map(|drawn| drawn.intersections.clone()).collect();
+        let mut observe = |((drawn, photo), screen): ((Drawn, &Photo<M::Extra>), Tensor<2>)| {
+            let (width, height) = (photo.camera.width, photo.camera.height);
+            Some(Observation { screen: screen.grad_remove(&mut graph)?, radii: drawn.radii?.inner(), width, height })
         };
-        let observations = drawn.into_iter().zip(photos).map(&mut observe).collect();
+        let observations = drawn.into_iter().zip(photos).zip(screens).filter_map(&mut observe).collect();
         let mut gradients = NamedGradients::take(&tracked, &mut graph);
         if let Some(remainder) = remainder {
             remainder(&mut graph, &mut gradients);
@@ -188,18 +210,21 @@ impl<M: Method> Trainer<M> {
         let _stage = profile::stage("check of the gradients");
         let mut checked = vec![loss.inner()];
         checked.extend(gradients.finiteness());
+        let numbers = checked.len();
+        checked.extend(counts.iter().filter_map(PairCount::words));
         // One read for all: a read waits for the device.
         let checked = Tensor::cat(checked, 0).into_data();
-        let checked = checked.as_slice::<f32>().expect("tensors of this crate hold f32");
-        let finite = checked.iter().all(|value| value.is_finite());
-        Backward {
+        let (numbers, words) = checked.as_slice::<f32>().expect("tensors of this crate hold f32").split_at(numbers);
+        let (intersections, fit) = fitting(&counts, words);
+        let finite = numbers.iter().all(|value| value.is_finite());
+        fit.then(|| Backward {
             images: images.into_iter().map(Tensor::inner).collect(),
             intersections,
             notes,
             observations,
-            loss: checked[0],
+            loss: numbers[0],
             gradients: finite.then_some(gradients),
-        }
+        })
     }
 
     /// One Adam update of the Gaussians, then of the method's tensors.
@@ -209,7 +234,7 @@ impl<M: Method> Trainer<M> {
         let Model { gaussians, method } = self.take_model();
         self.adam.advance();
         let gaussians = self.adam.update_under("gaussians", gaussians, &mut gradients, rate);
-        let at = Step { step: self.step, config, facts: &self.facts, cues };
+        let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
         let method = method.update(&gaussians, &mut gradients, &mut self.adam, &at);
         self.model = Some(Model { gaussians, method });
     }
@@ -238,7 +263,7 @@ impl<M: Method> Trainer<M> {
             self.prune(views, config);
         }
         let Model { mut gaussians, method } = self.take_model();
-        let at = Step { step: self.step, config, facts: &self.facts, cues };
+        let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
         let method = method.simplify(&mut gaussians, &mut self.adam, views, &at);
         self.model = Some(Model { gaussians, method });
     }

@@ -106,13 +106,13 @@ impl Method for Brightness {
         at: &Step<Self>,
     ) -> Forward {
         let (photo, options) = (&photos[0], at.facts.render_options(&at.config.render, gaussians.sh_degree()));
-        let extras = Extras { screen: screens.first().cloned(), features: None };
+        let extras = Extras { screen: screens.first().cloned(), features: None, room: at.room };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
         let factor = self.factors().narrow(0, photo.extra.0, 1).reshape([1, 1, 1]);
         let image = rendering.color.clone() * factor;
         Forward {
             loss: photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),
-            drawn: vec![Drawn { radii: rendering.radii(), intersections: rendering.intersections }],
+            drawn: vec![Drawn::of(&rendering, screens.first())],
             images: vec![image],
             notes: Vec::new(),
             remainder: None,

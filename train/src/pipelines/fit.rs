@@ -358,7 +358,7 @@ impl<M: Method> Pipeline for Fit<M> {
                 (model, notes.facts(), notes.step, checkpoint.origin.world())
             }
             SceneFile::Ply(gaussians) => {
-                let at = Step { step: 0, config: &config, facts: &found, cues: &cues };
+                let at = Step { step: 0, config: &config, facts: &found, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
                 (Model { gaussians: gaussians.clone(), method }, found, 0, glam::DVec3::ZERO)
             }
@@ -366,7 +366,7 @@ impl<M: Method> Pipeline for Fit<M> {
         // A PLY file is in the data set's own world, a checkpoint has its `origin` subtracted; views have `scene.origin`
         // subtracted.
         model.gaussians = translated(&model.gaussians, origin - scene.origin);
-        let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues };
+        let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues, room: None };
         let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {
             let names: Vec<&str> = scene.held_out.iter().map(|split| split.name.as_str()).collect();
             let asked = request.split.unwrap_or_default();

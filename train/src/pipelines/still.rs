@@ -47,11 +47,11 @@ impl Method for Still {
         let photo = &photos[0];
         let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
         let options = RenderOptions { eps2d: dilation(options.eps2d, photo.pixel), ..options };
-        let extras = Extras { screen: screens.first().cloned(), features: None };
+        let extras = Extras { screen: screens.first().cloned(), features: None, room: at.room };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
         Forward {
             loss: photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),
-            drawn: vec![Drawn { radii: rendering.radii(), intersections: rendering.intersections }],
+            drawn: vec![Drawn::of(&rendering, screens.first())],
             images: vec![rendering.color],
             notes: Vec::new(),
             remainder: None,

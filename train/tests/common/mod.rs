@@ -98,12 +98,17 @@ impl Begun {
 
 /// A trainer on the tiny scene at the beginning of `config`.
 pub fn begun(config: &Table) -> Begun {
+    begun_on(config, &device())
+}
+
+/// The same on a device.
+pub fn begun_on(config: &Table, device: &Device) -> Begun {
     let folder = tempfile::tempdir().expect("a folder");
     let config = typed::<Still>(config);
     let scene = fit::load::<Still>(&tiny_scene(folder.path()), &config).expect("loads");
     let data = Data::new(scene, &config);
-    let trainer = Trainer::begin(&data.scene, &data.cues, &config, data.facts, &device());
-    let photo = gs_train::fit::photos::Photos::plain(&data.scene.train, &device()).get(0);
+    let trainer = Trainer::begin(&data.scene, &data.cues, &config, data.facts, device);
+    let photo = gs_train::fit::photos::Photos::plain(&data.scene.train, device).get(0);
     Begun { config, data, trainer, photo }
 }
 

@@ -4,7 +4,7 @@ use cubecl::prelude::*;
 
 use super::spans::{columns_in, ellipse, tile_count_kernel};
 use crate::config::tile_grid;
-use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for, most_bytes};
 use crate::cube::error::CubeError;
 use crate::cube::rows::read_row;
 use crate::cube::scan::exclusive_scan;
@@ -27,12 +27,41 @@ pub struct Intersections {
     pub positions: Buffer,
 }
 
-/// `out[k] = values[order[k]]`.
+/// Lists, and the number of their pairs where the device alone knows it.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The lists; `M` is the number of pairs, or the room for them if there are `words`.
+    pub lists: Intersections,
+    /// `[2]`, `f32`: the higher and the lower 16 bits of the number of pairs.
+    pub words: Option<Buffer>,
+}
+
+/// One unit per Gaussian and one behind: `counts_in_order[k] = counts[order[k]]` and a copy of `offsets`, all zero if the pairs, whose
+/// number the offsets end with, exceed `room`. Unit 0 writes that number's higher and lower 16 bits.
 #[cube(launch_unchecked)]
-fn gather_kernel(values: &[u32], order: &[u32], out: &mut [u32], count: u32) {
+fn admit_kernel(
+    counts: &[u32],
+    order: &[u32],
+    offsets: &[u32],
+    counts_in_order: &mut [u32],
+    admitted: &mut [u32],
+    words: &mut [f32],
+    count: u32,
+    room: u32,
+) {
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
+    if index > count as usize {
+        terminate!();
+    }
+    let pairs = offsets[count as usize];
+    let fit = pairs <= room;
+    admitted[index] = select(fit, offsets[index], 0u32);
     if index < count as usize {
-        out[index] = values[order[index] as usize];
+        counts_in_order[index] = select(fit, counts[order[index] as usize], 0u32);
+    }
+    if index == 0 {
+        words[0] = f32::cast_from(pairs >> 16u32);
+        words[1] = f32::cast_from(pairs & 0xffffu32);
     }
 }
 
@@ -42,7 +71,8 @@ pub const PAIRS_OF_A_UNIT: u32 = 16;
 
 /// One unit per [`PAIRS_OF_A_UNIT`] pairs in depth order of their Gaussians: writes them. `pairs` has three parts of one length: the tile
 /// of each pair, the pair's slot in the list by Gaussian, and the Gaussian of each slot. The unit searches the Gaussian of its first pair
-/// and walks over that Gaussian's tile rows up to the pair, so a unit walks over at most a column of tiles more than it writes.
+/// and walks over that Gaussian's tile rows up to the pair, so a unit walks over at most a column of tiles more than it writes. Places
+/// behind the last pair, up to `room`, go to a tile behind the last.
 #[cube(launch_unchecked)]
 fn emit_kernel(
     projected: &[f32],
@@ -52,7 +82,7 @@ fn emit_kernel(
     emit_offsets: &[u32],
     pairs: &mut [u32],
     count: u32,
-    pair_count: u32,
+    room: u32,
     width: f32,
     height: f32,
     tile_columns: u32,
@@ -62,10 +92,12 @@ fn emit_kernel(
 ) {
     let first = (CUBE_POS * UNITS) as u32 + UNIT_POS;
     let mut pair = first * PAIRS_OF_A_UNIT;
-    if pair >= pair_count {
+    if pair >= room {
         terminate!();
     }
-    let end = select(pair_count - pair > PAIRS_OF_A_UNIT, pair + PAIRS_OF_A_UNIT, pair_count);
+    let written = select(room - pair > PAIRS_OF_A_UNIT, pair + PAIRS_OF_A_UNIT, room);
+    let pair_count = gaussian_offsets[count as usize];
+    let end = select(pair_count < written, pair_count, written);
     // The last Gaussian whose pairs begin at `pair` or before; those without pairs are behind all others.
     let mut rank = 0u32;
     let mut high = count;
@@ -110,6 +142,12 @@ fn emit_kernel(
         }
         rank += 1u32;
     }
+    while pair < written {
+        pairs[pair as usize] = tiles;
+        pairs[(start_slots + pair) as usize] = pair;
+        pairs[(start_owners + pair) as usize] = 0u32;
+        pair += 1u32;
+    }
 }
 
 /// One unit per pair in tile order: writes its Gaussian, and its position into the Gaussian's list.
@@ -126,6 +164,10 @@ fn place_kernel(slots: &[u32], owners: &[u32], gaussian_ids: &mut [u32], positio
 /// Finds all (tile, Gaussian) pairs: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`; the twin of
 /// [`crate::cpu::intersect::intersect`].
 ///
+/// Without `room` the number of pairs is read back. With it, the lists have this length and nothing waits for the device: places behind
+/// the last pair belong to no tile and no Gaussian, and if there are more pairs than `room`, all lists are empty. Room that does not fit
+/// into a buffer is not used.
+///
 /// # Errors
 /// When there are 2^31 pairs or more, a buffer would be too large, an image side exceeds 2^20 pixels, or the device fails
 /// while the number of pairs is read.
@@ -137,10 +179,10 @@ pub fn intersect(
     projected: &Buffer,
     opacities: &Buffer,
     features: &Buffer,
-    width: u32,
-    height: u32,
+    [width, height]: [u32; 2],
     channels: usize,
-) -> Result<Intersections, CubeError> {
+    room: Option<usize>,
+) -> Result<Found, CubeError> {
     let count = projected.len() / PROJECTED;
     assert_eq!(opacities.len(), count, "opacities must be [N] for {count} projected rows");
     assert_eq!(features.len(), count * channels, "features must be [N, {channels}] for {count} projected rows");
@@ -177,24 +219,41 @@ pub fn intersect(
     let gaussian_offsets = exclusive_scan(client, &counts, count + 1)?;
     let (_, order) = sort_pairs(client, keys, ids, u32::BITS)?;
     let counts_in_order = Buffer::empty(client, "tile counts in depth order", count)?;
-    if count > 0 {
-        let (counts, order, out) = (counts.arg(), order.arg(), counts_in_order.arg());
-        // SAFETY: `order` is a permutation of the `count` rows.
-        unsafe {
-            gather_kernel::launch_unchecked(client, grid_for(count), cube_dim(), counts, order, out, count as u32)
-        };
+    let all_offsets = gaussian_offsets;
+    let gaussian_offsets = Buffer::empty(client, "offsets of Gaussians", count + 1)?;
+    let words = Buffer::empty(client, "number of pairs", 2)?;
+    // A pair has 12 bytes in the largest of these buffers.
+    let room = room.filter(|room| *room <= i32::MAX as usize && *room as u64 * 12 <= most_bytes(client));
+    // SAFETY: `order` is a permutation of the `count` rows; both offsets hold `count + 1` values.
+    unsafe {
+        admit_kernel::launch_unchecked(
+            client,
+            grid_for(count + 1),
+            cube_dim(),
+            counts.arg(),
+            order.arg(),
+            all_offsets.arg(),
+            counts_in_order.arg(),
+            gaussian_offsets.arg(),
+            words.arg(),
+            count as u32,
+            room.map_or(u32::MAX, |room| room as u32),
+        );
     }
     let emit_offsets = exclusive_scan(client, &counts_in_order, count)?;
 
-    let pairs = gaussian_offsets.part(count, 1).download::<u32>(client)?[0] as usize;
+    let pairs = match room {
+        Some(room) => room,
+        None => gaussian_offsets.part(count, 1).download::<u32>(client)?[0] as usize,
+    };
     if pairs > i32::MAX as usize {
         return Err(CubeError::TooManyIntersections);
     }
 
     let slab = Buffer::slab(client, "pairs of tile and Gaussian", [pairs; 3])?;
     if pairs > 0 {
-        // SAFETY: ranks and Gaussians are below `count`, as the sort permutes them; pairs and slots are below the number of pairs, in
-        // which the offsets end; the slab's parts are that long.
+        // SAFETY: ranks and Gaussians are below `count`, as the sort permutes them; pairs and slots are below `pairs`, because the
+        // admitted offsets end there or before; the slab's parts are that long.
         unsafe {
             emit_kernel::launch_unchecked(
                 client,
@@ -238,5 +297,6 @@ pub fn intersect(
             );
         }
     }
-    Ok(Intersections { tile_offsets, placed: 0, gaussian_ids, gaussian_offsets, positions })
+    let lists = Intersections { tile_offsets, placed: 0, gaussian_ids, gaussian_offsets, positions };
+    Ok(Found { lists, words: room.map(|_| words) })
 }

@@ -8,5 +8,5 @@
 mod lists;
 mod spans;
 
-pub use lists::{Intersections, PAIRS_OF_A_UNIT, intersect};
+pub use lists::{Found, Intersections, PAIRS_OF_A_UNIT, intersect};
 pub(in crate::cube) use spans::{CutOff, cut_off, touches};

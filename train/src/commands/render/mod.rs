@@ -75,7 +75,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         for (stem, t) in moments {
             let gaussians = loaded.scene.at(t);
             let features = (args.maps && loaded.scene.span().is_some()).then(|| loaded.scene.velocity(t));
-            let rendering = render_with(&gaussians, &camera, &options, Extras { features, screen: None });
+            let rendering = render_with(&gaussians, &camera, &options, Extras { features, ..Extras::default() });
             write(&stem, pose, &rendering, args.format)?;
             if let Some(path) = &film_path {
                 let size = (pose.width, pose.height);

@@ -36,7 +36,8 @@ impl Adaptive {
 
     /// Adds one view. The gradient is with respect to image coordinates from -1 to 1, as in 3DGS, so that one threshold serves
     /// every resolution.
-    pub fn gather(&mut self, screen: &Tensor<2>, observation: &Observation, absolute: bool) {
+    pub fn gather(&mut self, observation: &Observation, absolute: bool) {
+        let screen = &observation.screen;
         let n = screen.dims()[0];
         let first = if absolute { 2 } else { 0 };
         let column = |index: usize, pixels: usize| {

@@ -17,11 +17,11 @@ use gs_burn::adam::Adam;
 
 pub use default::Adaptive;
 
-/// Observations of one step for density control.
+/// What one rendering shows density control, for steps in which [`Density::wants_screen`] is true.
 #[derive(Debug)]
 pub struct Observation {
-    /// Gradient of the loss with respect to each 2D mean, `[N, 4]` (`SCREEN` rows); present if [`Density::wants_screen`] is true.
-    pub screen: Option<Tensor<2>>,
+    /// Gradient of the loss with respect to each 2D mean, `[N, 4]` (`SCREEN` rows).
+    pub screen: Tensor<2>,
     /// Radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen.
     pub radii: Tensor<1>,
     /// Image width, pixels.
@@ -128,11 +128,7 @@ impl Density {
         context: &StepContext,
     ) -> Refinement {
         if let Self::Adaptive(adaptive) = &mut *self {
-            for observation in observations {
-                if let Some(screen) = &observation.screen {
-                    adaptive.gather(screen, observation, config.absgrad);
-                }
-            }
+            observations.iter().for_each(|observation| adaptive.gather(observation, config.absgrad));
         }
         let mut refinement = Refinement::default();
         if due(context.step, config.interval(context.steps)) && context.is_active(config) {

@@ -46,7 +46,7 @@ fn weights(scene: &Gaussians, view: &View, options: &RenderOptions) -> Vec<f32> 
         scene.opacity_logits.val().autodiff(),
         scene.sh.val().autodiff(),
     );
-    let extras = Extras { features: Some(feature.clone()), screen: None };
+    let extras = Extras { features: Some(feature.clone()), ..Extras::default() };
     let rendering = render_with(&scene, &camera(view, &feature.device()), options, extras);
     let gradients = rendering.features.expect("a feature was given").sum().backward();
     to_host(feature.grad(&gradients).expect("the feature is a leaf"))

@@ -47,7 +47,7 @@ impl Sparsedyn {
                 loss = loss + outline_misfit(rendering.alpha.clone(), sides) * of_outlines;
             }
             forward.loss = forward.loss + loss * weight(index, count, at);
-            forward.drawn.push(Drawn { radii: rendering.radii(), intersections: rendering.intersections });
+            forward.drawn.push(Drawn::of(&rendering, screens.get(index)));
             forward.images.push(rendering.color);
         }
         forward
@@ -63,7 +63,7 @@ impl Sparsedyn {
     ) -> Forward {
         let warmup = &at.config.method.warmup;
         let prior = photo.extra.depth.as_ref().filter(|_| warmup.depth > 0.0);
-        let rendering = drawn(gaussians, photo, screen, prior.is_some(), at);
+        let rendering = drawn(gaussians, photo, screen.clone(), prior.is_some(), at);
         let mut loss = photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
         if warmup.opacity > 0.0 && !gaussians.is_empty() {
             let factor = if at.cues.source == Source::Hull { ON_HULL } else { 1.0 };
@@ -78,7 +78,7 @@ impl Sparsedyn {
         }
         Forward {
             loss,
-            drawn: vec![Drawn { radii: rendering.radii(), intersections: rendering.intersections }],
+            drawn: vec![Drawn::of(&rendering, screen.as_ref())],
             images: vec![rendering.color],
             ..Forward::empty(&gaussians.device())
         }
@@ -150,5 +150,5 @@ fn drawn(
 ) -> Rendering {
     let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
     let options = gs_burn::RenderOptions { depth, ..options };
-    render_with(gaussians, &photo.camera, &options, Extras { screen, features: None })
+    render_with(gaussians, &photo.camera, &options, Extras { screen, features: None, room: at.room })
 }

@@ -149,7 +149,7 @@ impl Moving<'_> {
         let camera = camera(view, &scene.device());
         let usual = self.at.facts.render_options(&self.at.config.render, 0);
         let options = RenderOptions { depth: true, background: [0.0; 3], ..usual };
-        let extras = Extras { features: Some(self.paths.velocities(self.gaussians.len(), t)), screen: None };
+        let extras = Extras { features: Some(self.paths.velocities(self.gaussians.len(), t)), ..Extras::default() };
         let rendering = render_with(&scene, &camera, &options, extras);
         let pixels = Pixels::all(view.width, view.height, &scene.device());
         let alpha = pixels.of(rendering.alpha.clone());

@@ -36,10 +36,8 @@ struct Formed {
     color: Tensor<3>,
     /// All terms but the regularisers, `[1]`.
     loss: Tensor<1>,
-    /// Bounding radii in the image, `[N]`, pixels.
-    radii: Tensor<1>,
-    /// Tile intersections.
-    intersections: usize,
+    /// What the trainer needs of the renderings.
+    drawn: Drawn,
 }
 
 impl Taylormode {
@@ -60,9 +58,10 @@ impl Taylormode {
             config: at.config,
             options: at.facts.render_options(&at.config.render, gaussians.sh_degree()),
             progress: at.progress(),
+            room: at.room,
             misfit: Cell::new(false),
         };
-        let Formed { color, loss, radii, intersections } = match at.config.method.blur.mode {
+        let Formed { color, loss, drawn } = match at.config.method.blur.mode {
             BlurMode::None => step.unblurred(screen),
             BlurMode::Integrate => step.integrated(screen),
             BlurMode::Warp => step.warped(screen),
@@ -70,7 +69,7 @@ impl Taylormode {
         Forward {
             images: vec![color],
             loss,
-            drawn: vec![Drawn { radii, intersections }],
+            drawn: vec![drawn],
             notes: step.misfit.get().then_some(DEPTH_MISFIT).into_iter().collect(),
             remainder: None,
         }
@@ -86,6 +85,7 @@ struct Formation<'a> {
     options: RenderOptions,
     /// Share of the run before this step, 0 to 1.
     progress: f64,
+    room: Option<usize>,
     /// Whether the photo's depth prior could not be aligned with the rendering.
     misfit: Cell<bool>,
 }
@@ -93,10 +93,10 @@ struct Formation<'a> {
 impl Formation<'_> {
     /// ITG (Table 1): the sharp rendering is fitted to the blurry photo.
     fn unblurred(&self, screen: Option<Tensor<2>>) -> Formed {
-        let centre = self.centre(screen);
+        let centre = self.centre(screen.clone());
         let color = centre.color.clone();
         let loss = self.add_depth(self.photometric(color.clone(), self.photo.image.clone(), None), &centre);
-        Formed { color, loss, radii: centre.radii(), intersections: centre.intersections }
+        Formed { color, loss, drawn: Drawn::of(&centre, screen.as_ref()) }
     }
 
     /// The exact formation: the mean of renderings at times inside the exposure.
@@ -109,9 +109,9 @@ impl Formation<'_> {
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
         let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples);
         let rows = &self.model.motion.rows;
-        let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen);
+        let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
-        let mut intersections = formed.intersections;
+        let mut intersections = vec![formed.intersections.clone()];
         let mut loss = if decoupled {
             self.photometric(formed.color.clone(), image, self.photo.extra.moving.clone())
                 * self.config.method.prior.blur
@@ -122,7 +122,7 @@ impl Formation<'_> {
             // An odd number of samples includes the centre, which has been rendered already.
             let centre = if decoupled || instants.len().is_multiple_of(2) {
                 let centre = self.centre(None);
-                intersections += centre.intersections;
+                intersections.push(centre.intersections.clone());
                 centre
             } else {
                 formed.middle()
@@ -133,21 +133,18 @@ impl Formation<'_> {
             }
             loss = self.add_depth(loss, &centre);
         }
-        Formed { radii: formed.radii(), color: formed.color, loss, intersections }
+        let radii = screen.map(|_| formed.radii());
+        Formed { color: formed.color, loss, drawn: Drawn { radii, intersections } }
     }
 
     /// The paper's formation: the sharp image gathered along the velocity at each moving pixel (Eq. 5 to 12).
     fn warped(&self, screen: Option<Tensor<2>>) -> Formed {
         let (blur, prior) = (&self.config.method.blur, &self.config.method.prior);
         let photo = self.photo;
-        let centre = self.centre(screen);
+        let centre = self.centre(screen.clone());
         let mut loss = self.add_depth(self.sharp_loss(&centre), &centre);
-        let finished = |color: Tensor<3>, loss: Tensor<1>| Formed {
-            color,
-            loss,
-            radii: centre.radii(),
-            intersections: centre.intersections,
-        };
+        let finished =
+            |color: Tensor<3>, loss: Tensor<1>| Formed { color, loss, drawn: Drawn::of(&centre, screen.as_ref()) };
         let all = Pixels::all(photo.camera.width, photo.camera.height, &self.gaussians.device());
         let pixels = match &photo.extra.compared {
             ComparedPixels::All => &all,
@@ -206,7 +203,7 @@ impl Formation<'_> {
         let scene = self.paths.moved(self.gaussians, t);
         let features = self.needs_velocity().then(|| self.paths.velocities(self.gaussians.len(), t));
         let options = RenderOptions { depth: self.needs_depth(), ..self.options };
-        render_with(&scene, &self.photo.camera, &options, Extras { features, screen })
+        render_with(&scene, &self.photo.camera, &options, Extras { features, screen, room: self.room })
     }
 
     fn needs_velocity(&self) -> bool {

@@ -41,7 +41,7 @@ impl Studio {
     /// The same with `features` `[N, F]` of the Gaussians, see [`Extras`].
     pub fn with_features(&self, gaussians: &Gaussians, pose: &CameraPose, features: Tensor<2>) -> Rendering {
         let camera = self.camera(pose);
-        let extras = Extras { features: Some(features), screen: None };
+        let extras = Extras { features: Some(features), ..Extras::default() };
         render_with(gaussians, &camera, &self.options(gaussians), extras)
     }
 
