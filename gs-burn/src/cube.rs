@@ -14,10 +14,10 @@ use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
-use gs_kernels::config::{Activation, AdamConfig, NoiseConfig, ProjectionConfig, ShConfig};
+use gs_kernels::config::{Activation, AdamConfig, NoiseConfig, ProjectionConfig, ShConfig, StatisticsConfig};
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{adam, intersect, noise, opacity, projection, rasterize, rows_of, sh, sum};
+use gs_kernels::cube::{adam, intersect, noise, opacity, projection, rasterize, rows_of, sh, statistics, sum};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::adam::{AdamKernels, AdamState};
@@ -28,6 +28,7 @@ use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
 use crate::ops::rows::{RowsKernels, columns, with_rows};
 use crate::ops::sh::{ShGradients, ShKernels};
+use crate::ops::statistics::{Statistics, StatisticsKernels};
 use crate::ops::sum::SumKernels;
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
@@ -363,6 +364,23 @@ impl NoiseKernels for CubeBackend {
             [means.clone(), quats, log_scales, logits].map(|tensor| launch.floats(tensor));
         noise::perturb(&launch.client, &b_means, &quats, &log_scales, &logits, config);
         means
+    }
+}
+
+impl StatisticsKernels for CubeBackend {
+    fn statistics_forward(
+        gradient: CubeTensor,
+        views: CubeTensor,
+        screen: CubeTensor,
+        rows: CubeTensor,
+        config: &StatisticsConfig,
+    ) -> Statistics<Self> {
+        let launch = Launch::of(&gradient);
+        let [gradient, views] = [gradient, views].map(owned);
+        let [b_gradient, b_views, screen, rows] =
+            [gradient.clone(), views.clone(), screen, rows].map(|tensor| launch.floats(tensor));
+        statistics::gather(&launch.client, &b_gradient, &b_views, &screen, &rows, config);
+        Statistics { gradient, views }
     }
 }
 

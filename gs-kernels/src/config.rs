@@ -139,6 +139,31 @@ pub struct FirstColumns {
     pub lr: f64,
 }
 
+/// One view of the statistics of classic density control (3DGS, section 5.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StatisticsConfig {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Whether the absolute contributions of pixels count (AbsGS) and not their sum.
+    pub absolute: bool,
+    /// Columns of the rows whose last one is the radius.
+    pub columns: usize,
+}
+
+impl StatisticsConfig {
+    /// Factors from a gradient by pixels to one by image coordinates from -1 to 1, which one threshold serves at every resolution.
+    pub fn halves(&self) -> [f64; 2] {
+        [self.width, self.height].map(|pixels| 0.5 * f64::from(pixels))
+    }
+
+    /// Column of the x component in a row of screen gradients.
+    pub fn first_column(&self) -> usize {
+        if self.absolute { 2 } else { 0 }
+    }
+}
+
 /// The position noise of one step of 3DGS-MCMC (Kheradmand et al. 2024, Eq. 8): `mean += Sigma n strength gate`, with the
 /// covariance `Sigma`, `n` standard normal and `gate = sigmoid(steepness (opacity_half - opacity))`.
 #[derive(Clone, Copy, Debug, PartialEq)]

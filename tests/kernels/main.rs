@@ -18,4 +18,5 @@ mod rows;
 mod sh;
 mod sparse_conv;
 mod ssim;
+mod statistics;
 mod sum;

@@ -27,6 +27,7 @@ pub mod segments;
 pub mod sh;
 pub mod sparse_conv;
 pub mod ssim;
+pub mod statistics;
 pub mod sum;
 
 pub(crate) mod columns;

@@ -11,7 +11,8 @@ pub use gs_kernels::config::RasterizeConfig;
 use gs_kernels::constants::TILE;
 use gs_kernels::cpu::intersect::IntersectionSlices;
 use gs_kernels::cpu::rasterize as cpu;
-use gs_kernels::rows::{PROJECTED, SCREEN};
+use gs_kernels::rows::PROJECTED;
+pub use gs_kernels::rows::SCREEN;
 
 use super::assert_same_dtype;
 use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};

@@ -25,6 +25,7 @@ pub mod sh;
 pub mod sort;
 pub mod sparse_conv;
 pub mod ssim;
+pub mod statistics;
 pub mod sum;
 pub mod wide;
 

@@ -31,4 +31,5 @@ pub mod sh;
 pub mod sort;
 pub mod sparse_conv;
 pub mod ssim;
+pub mod statistics;
 pub mod sum;

@@ -82,8 +82,9 @@ impl Forward {
 
 /// The quantities of a photo's renderings that density control and the trainer need.
 pub struct Drawn {
-    /// Bounding radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen. `None` where the step has no `screens`.
-    pub radii: Option<Tensor<1>>,
+    /// Rows whose last column is the bounding radius of each Gaussian in the image, `[N, C]`, pixels; 0 if it was not seen. `None` where
+    /// the step has no `screens`.
+    pub radii: Option<Tensor<2>>,
     /// Tile intersections of each rendering.
     pub intersections: Vec<PairCount>,
 }
@@ -91,7 +92,10 @@ pub struct Drawn {
 impl Drawn {
     /// Those of one rendering, made with `screen`.
     pub fn of(rendering: &Rendering, screen: Option<&Tensor<2>>) -> Self {
-        Self { radii: screen.map(|_| rendering.radii()), intersections: vec![rendering.intersections.clone()] }
+        Self {
+            radii: screen.map(|_| rendering.projected.clone()),
+            intersections: vec![rendering.intersections.clone()],
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
 use gs_burn::ops::intersect::PairCount;
+use gs_burn::ops::rasterize::SCREEN;
 use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
@@ -44,6 +45,8 @@ pub struct Trainer<M: Method> {
     /// Values fixed by the data set.
     pub facts: SceneFacts,
     room: PairRoom,
+    /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each step.
+    zeros: Option<Tensor<2>>,
 }
 
 /// The outcome of a step.
@@ -91,7 +94,16 @@ impl<M: Method> Trainer<M> {
     /// The state before the first step of a training that starts from `model`.
     pub fn from_model(model: Model<M>, facts: SceneFacts, config: &Config) -> Self {
         let density = Density::new(&config.density, &model.gaussians);
-        Self { model: Some(model), adam: Adam::new(), density, step: 0, skipped: 0, facts, room: PairRoom::default() }
+        Self {
+            model: Some(model),
+            adam: Adam::new(),
+            density,
+            step: 0,
+            skipped: 0,
+            facts,
+            room: PairRoom::default(),
+            zeros: None,
+        }
     }
 
     /// The model.
@@ -154,7 +166,7 @@ impl<M: Method> Trainer<M> {
         match gradients {
             Some(gradients) => {
                 self.update(gradients, cues, config);
-                changes = self.control_density(&observations, config);
+                changes = self.control_density(observations, config);
             }
             None => {
                 self.skipped += 1;
@@ -167,7 +179,14 @@ impl<M: Method> Trainer<M> {
 
     /// Forward and backward pass over the photos. If a rendering had more pairs than the steps before made room for, both are done
     /// again with lists of the right length.
-    fn compared(&self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
+    fn compared(&mut self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
+        if self.wants_screen(config) {
+            let (shape, device) = ([self.gaussians().len(), SCREEN], self.gaussians().device());
+            self.zeros = self.zeros.take().filter(|zeros| zeros.dims() == shape);
+            self.zeros.get_or_insert_with(|| Tensor::zeros(shape, &device));
+        } else {
+            self.zeros = None;
+        }
         self.compare(photos, cues, config, self.room.room()).unwrap_or_else(|| {
             tracing::debug!(
                 step = self.step,
@@ -176,6 +195,10 @@ impl<M: Method> Trainer<M> {
             let again = self.compare(photos, cues, config, None);
             again.expect("lists that are counted first have room")
         })
+    }
+
+    fn wants_screen(&self, config: &FitConfig<M::Config>) -> bool {
+        self.density.wants_screen(&config.density, M::control(self.step, config), self.step, config.steps)
     }
 
     /// Forward and backward pass with `room` for the pairs of each rendering; `None` if there was too little.
@@ -187,10 +210,8 @@ impl<M: Method> Trainer<M> {
         room: Option<usize>,
     ) -> Option<Backward> {
         let tracked = self.model().clone().train();
-        let (rows, device) = (tracked.gaussians.len(), self.gaussians().device());
-        let wanted = self.density.wants_screen(&config.density, M::control(self.step, config), self.step, config.steps);
-        let screen = |_| Tensor::<2>::zeros([rows, 4], &device).autodiff().require_grad();
-        let screens: Vec<Tensor<2>> = if wanted { photos.iter().map(screen).collect() } else { Vec::new() };
+        let screen = |zeros: &Tensor<2>| zeros.clone().autodiff().require_grad();
+        let screens: Vec<Tensor<2>> = photos.iter().filter_map(|_| self.zeros.as_ref().map(screen)).collect();
         let at = Step { room, ..self.at(cues, config) };
         let Forward { images, loss, drawn, notes, remainder } =
             tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
@@ -239,7 +260,7 @@ impl<M: Method> Trainer<M> {
         self.model = Some(Model { gaussians, method });
     }
 
-    fn control_density(&mut self, observations: &[Observation], config: &FitConfig<M::Config>) -> Changes {
+    fn control_density(&mut self, observations: Vec<Observation>, config: &FitConfig<M::Config>) -> Changes {
         let _stage = profile::whole_stage("density control");
         let context = StepContext {
             step: self.step,

@@ -4,6 +4,7 @@
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
 use gs_burn::Gaussians;
+use gs_burn::ops::statistics::{StatisticsConfig, gather_statistics};
 
 use super::{Changes, Observation, Refinement, StepContext};
 use crate::config::{DensityConfig, OpacityPolicy};
@@ -22,7 +23,7 @@ const RESET_TO: f64 = 2.0;
 /// Statistics of classic adaptive control since the last refinement.
 #[derive(Debug, Clone)]
 pub struct Adaptive {
-    /// Sum over views of the norm of the screen gradient, `[N]`, in half image widths.
+    /// Sum over views of the norm of the screen gradient, `[N]`, by image coordinates from -1 to 1.
     pub gradient: Tensor<1>,
     /// Number of views that showed the Gaussian, `[N]`.
     pub views: Tensor<1>,
@@ -36,17 +37,16 @@ impl Adaptive {
 
     /// Adds one view. The gradient is with respect to image coordinates from -1 to 1, as in 3DGS, so that one threshold serves
     /// every resolution.
-    pub fn gather(&mut self, observation: &Observation, absolute: bool) {
-        let screen = &observation.screen;
-        let n = screen.dims()[0];
-        let first = if absolute { 2 } else { 0 };
-        let column = |index: usize, pixels: usize| {
-            screen.clone().slice([0..n, index..index + 1]).reshape([n]) * (0.5 * pixels as f64)
-        };
-        let (x, y) = (column(first, observation.width), column(first + 1, observation.height));
-        let norm = (x.clone() * x + y.clone() * y).sqrt();
-        self.gradient = self.gradient.clone() + norm;
-        self.views = self.views.clone() + observation.radii.clone().greater_elem(0.0).float();
+    pub fn gather(&mut self, observation: Observation, absolute: bool) {
+        let Observation { screen, radii, width, height } = observation;
+        let [_, columns] = radii.dims();
+        let config = StatisticsConfig { width: width as u32, height: height as u32, absolute, columns };
+        // An update in place needs a single owner.
+        let device = screen.device();
+        let none = Self { gradient: Tensor::empty([0], &device), views: Tensor::empty([0], &device) };
+        let Self { gradient, views } = std::mem::replace(self, none);
+        let (gradient, views) = gather_statistics(gradient, views, screen, radii, &config);
+        *self = Self { gradient, views };
     }
 
     /// Clones, splits and removes, never above `config.cap`; the statistics are reset.

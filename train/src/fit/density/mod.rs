@@ -22,8 +22,8 @@ pub use default::Adaptive;
 pub struct Observation {
     /// Gradient of the loss with respect to each 2D mean, `[N, 4]` (`SCREEN` rows).
     pub screen: Tensor<2>,
-    /// Radius of each Gaussian in the image, `[N]`, pixels; 0 if it was not seen.
-    pub radii: Tensor<1>,
+    /// Rows whose last column is the radius of each Gaussian in the image, `[N, C]`, pixels; 0 if it was not seen.
+    pub radii: Tensor<2>,
     /// Image width, pixels.
     pub width: usize,
     /// Image height, pixels.
@@ -123,12 +123,12 @@ impl Density {
         &mut self,
         gaussians: &mut Gaussians,
         adam: &mut Adam,
-        observations: &[Observation],
+        observations: Vec<Observation>,
         config: &DensityConfig,
         context: &StepContext,
     ) -> Refinement {
         if let Self::Adaptive(adaptive) = &mut *self {
-            observations.iter().for_each(|observation| adaptive.gather(observation, config.absgrad));
+            observations.into_iter().for_each(|observation| adaptive.gather(observation, config.absgrad));
         }
         let mut refinement = Refinement::default();
         if due(context.step, config.interval(context.steps)) && context.is_active(config) {

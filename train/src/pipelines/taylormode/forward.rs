@@ -133,7 +133,7 @@ impl Formation<'_> {
             }
             loss = self.add_depth(loss, &centre);
         }
-        let radii = screen.map(|_| formed.radii());
+        let radii = screen.map(|_| formed.radii().unsqueeze_dim(1));
         Formed { color: formed.color, loss, drawn: Drawn { radii, intersections } }
     }
 

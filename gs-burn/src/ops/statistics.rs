@@ -1,0 +1,125 @@
+//! Statistics of classic density control (3DGS, section 5.2), in place where memory allows. They have no gradient.
+
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
+use burn::tensor::{Tensor, assert_shape};
+pub use gs_kernels::config::StatisticsConfig;
+use gs_kernels::cpu::statistics as cpu;
+use gs_kernels::rows::SCREEN;
+
+use super::assert_same_dtype;
+use crate::slices::{HostBackend, HostTensor, with_float};
+
+/// Adds one view to the statistics `gradient` `[N]` and `views` `[N]`, and returns them.
+///
+/// - `screen` `[N, 4]`: the gradient of [`render_with_screen_gradients`](crate::render_with_screen_gradients()). The length of its
+///   signed or absolute part (`config.absolute`), by image coordinates from -1 to 1, is added to `gradient`.
+/// - `rows` `[N, config.columns]`: their last column is the radius of a Gaussian in the image, as in the rows of
+///   [`project`](super::projection::project); where it is positive, 1 is added to `views`.
+///
+/// One launch on a GPU. Gradient tracking is dropped.
+///
+/// # Panics
+/// When shapes or float types disagree.
+pub fn gather_statistics(
+    gradient: Tensor<1>,
+    views: Tensor<1>,
+    screen: Tensor<2>,
+    rows: Tensor<2>,
+    config: &StatisticsConfig,
+) -> (Tensor<1>, Tensor<1>) {
+    let [count] = gradient.dims();
+    assert_shape!(views, [count]);
+    assert_shape!(screen, [count, SCREEN]);
+    assert_shape!(rows, [count, config.columns]);
+    assert_same_dtype("views", &views, "gradient", &gradient);
+    assert_same_dtype("screen", &screen, "gradient", &gradient);
+    assert_same_dtype("rows", &rows, "gradient", &gradient);
+    let [gradient, views] = [gradient, views].map(|tensor| tensor.inner().into_dispatch());
+    let [screen, rows] = [screen, rows].map(|tensor| tensor.inner().into_dispatch());
+    let gathered = Dispatch::gather_statistics(gradient, views, screen, rows, *config);
+    (Tensor::from_dispatch(gathered.gradient), Tensor::from_dispatch(gathered.views))
+}
+
+/// [`gather_statistics`] in Burn's tensor operations: the definition.
+pub fn gather_statistics_reference(
+    gradient: Tensor<1>,
+    views: Tensor<1>,
+    screen: Tensor<2>,
+    rows: Tensor<2>,
+    config: &StatisticsConfig,
+) -> (Tensor<1>, Tensor<1>) {
+    let [half_width, half_height] = config.halves();
+    let column = |table: &Tensor<2>, index: usize| table.clone().narrow(1, index, 1).squeeze_dim::<1>(1);
+    let first = config.first_column();
+    let (x, y) = (column(&screen, first) * half_width, column(&screen, first + 1) * half_height);
+    let seen = column(&rows, config.columns - 1).greater_elem(0.0).float().cast(views.dtype());
+    (gradient + (x.clone() * x + y.clone() * y).sqrt(), views + seen)
+}
+
+/// Both statistics, `[N]`.
+#[derive(Clone, Debug, ExtensionType)]
+pub struct Statistics<B: Backend> {
+    /// Sums of the lengths of screen gradients.
+    pub gradient: FloatTensor<B>,
+    /// Numbers of views that showed the Gaussian.
+    pub views: FloatTensor<B>,
+}
+
+/// Burn's dispatch for [`gather_statistics`].
+#[backend_extension(
+    Flex: cfg(feature = "flex"),
+    NdArray: cfg(feature = "ndarray"),
+    Cube: cfg(feature = "cube")
+)]
+pub trait StatisticsOps: Backend {
+    /// See [`gather_statistics`].
+    fn gather_statistics(
+        gradient: FloatTensor<Self>,
+        views: FloatTensor<Self>,
+        screen: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
+        config: StatisticsConfig,
+    ) -> Statistics<Self>;
+}
+
+/// The statistics on a backend's primitives. Tensors may be strided.
+pub trait StatisticsKernels: Backend {
+    /// See [`gather_statistics`].
+    fn statistics_forward(
+        gradient: FloatTensor<Self>,
+        views: FloatTensor<Self>,
+        screen: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
+        config: &StatisticsConfig,
+    ) -> Statistics<Self>;
+}
+
+impl<B: StatisticsKernels> StatisticsOps for B {
+    fn gather_statistics(
+        gradient: FloatTensor<B>,
+        views: FloatTensor<B>,
+        screen: FloatTensor<B>,
+        rows: FloatTensor<B>,
+        config: StatisticsConfig,
+    ) -> Statistics<B> {
+        B::statistics_forward(gradient, views, screen, rows, &config)
+    }
+}
+
+impl<B: HostBackend> StatisticsKernels for B {
+    fn statistics_forward(
+        gradient: FloatTensor<B>,
+        views: FloatTensor<B>,
+        screen: FloatTensor<B>,
+        rows: FloatTensor<B>,
+        config: &StatisticsConfig,
+    ) -> Statistics<B> {
+        let [mut gradient, mut views, screen, rows] = [gradient, views, screen, rows].map(HostTensor::contiguous);
+        with_float!(gradient, F => {
+            let screen = screen.elements::<F>();
+            cpu::gather(gradient.elements_mut(), views.elements_mut(), screen, rows.elements(), config);
+        });
+        Statistics { gradient, views }
+    }
+}
