@@ -229,7 +229,7 @@ impl RasterizeKernels for CubeBackend {
             saved: saved.map(|saved| {
                 let len = saved.attributes.len();
                 let rows = launch.float_tensor(saved.attributes, [len]);
-                RasterizeSaved { rows, pixels: launch.int_tensor(saved.pixels) }
+                RasterizeSaved { rows, words: launch.int_tensor(saved.pixels) }
             }),
         }
     }
@@ -243,7 +243,7 @@ impl RasterizeKernels for CubeBackend {
         let (launch, config) = (Launch::of(&inputs.projected), inputs.config);
         let count = inputs.projected.meta.shape()[0];
         let saved = saved.expect("a tracked forward pass saves its state");
-        let saved = rasterize::Saved { attributes: launch.floats(saved.rows), pixels: launch.ints(saved.pixels) };
+        let saved = rasterize::Saved { attributes: launch.floats(saved.rows), pixels: launch.ints(saved.words) };
         let v_output = launch.floats(v_output);
         let bytes = dispatches::pair_bytes(&launch.device);
         let gradients = Blended::of(&launch, inputs).with(|inputs| {

@@ -34,7 +34,7 @@ fn main() {
         let lists = intersect::intersect(&rows, &opacities, &colors, w, h, 3);
         lap();
         let lists = lists.as_slices();
-        let image = rasterize::forward(&config, &rows, &opacities, &colors, &[0.0; 3], lists);
+        let (image, changed) = rasterize::forward_saving(&config, &rows, &opacities, &colors, &[0.0; 3], lists);
         lap();
         let rgb: Vec<f32> = image.chunks(4).flat_map(|p| p[..3].to_vec()).collect();
         let l = {
@@ -46,7 +46,7 @@ fn main() {
         };
         let v: Vec<f32> = image.iter().map(|x| (x - 0.4) / (w * h) as f32).collect();
         lap();
-        let r = rasterize::backward(&config, &rows, &opacities, &colors, &[0.0; 3], lists, &v);
+        let r = rasterize::backward(&config, &rows, &opacities, &colors, &[0.0; 3], lists, &v, Some(&changed));
         lap();
         let s = sh::backward(&scene.means, &scene.sh, &scene.viewmat, &rows, &sh_config, &r.features);
         lap();

@@ -273,7 +273,7 @@ fn gradients_are_the_sum_over_instants() {
     let drawn = case.table.draw(&case.config, &case.lists);
     let v_tiles = average_backward(&case.average_config(0), &case.shares, &drawn, &v_image);
     let lists = case.lists.as_slices();
-    let got = rasterize::backward(&case.config, projected, opacities, colors, &background, lists, &v_tiles);
+    let got = rasterize::backward(&case.config, projected, opacities, colors, &background, lists, &v_tiles, None);
 
     let moving: Vec<usize> = (0..count).filter(|i| i % every == every - 1).collect();
     let mut want = [vec![0.0; projected.len()], vec![0.0; opacities.len()], vec![0.0; colors.len()]];
@@ -284,7 +284,7 @@ fn gradients_are_the_sum_over_instants() {
         let lists = lists.as_slices();
         let v: Vec<f64> = v_image.iter().map(|v| v / instants).collect();
         let Rows { projected, opacities, colors } = rows;
-        let g = rasterize::backward(&case.config, projected, opacities, colors, &background, lists, &v);
+        let g = rasterize::backward(&case.config, projected, opacities, colors, &background, lists, &v, None);
         for row in 0..count {
             let to = match moving.binary_search(&row) {
                 Ok(m) if k > 0 => count + (k - 1) * moving.len() + m,

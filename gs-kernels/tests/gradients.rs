@@ -3,7 +3,8 @@
 mod scenes;
 
 use gs_kernels::config::{RasterizeConfig, ShConfig};
-use gs_kernels::cpu::{intersect, projection, rasterize, sh, ssim};
+use gs_kernels::cpu::rasterize::RasterizeGradients;
+use gs_kernels::cpu::{Real, intersect, projection, rasterize, sh, ssim};
 use scenes::{Random, Scene};
 
 /// Step of the central difference. Its error is `h^2 f'''` (about 1e-10 here) plus rounding `1e-16 / h` (1e-10).
@@ -127,7 +128,15 @@ fn rasterize_backward() {
         let run = |r: &[f64], o: &[f64], f: &[f64], b: &[f64]| {
             weigh(&rasterize::forward(&config, r, o, f, b, lists.as_slices()), &weights)
         };
-        let g = rasterize::backward(&config, &rows, &opacities, &features, &background, lists.as_slices(), &weights);
+        let (image, changed) =
+            rasterize::forward_saving(&config, &rows, &opacities, &features, &background, lists.as_slices());
+        assert_eq!(image, rasterize::forward(&config, &rows, &opacities, &features, &background, lists.as_slices()));
+        let back = |changed: Option<&[i32]>| {
+            let lists = lists.as_slices();
+            rasterize::backward(&config, &rows, &opacities, &features, &background, lists, &weights, changed)
+        };
+        let g = back(Some(&changed));
+        assert_same(&g, &back(None));
         check("projected", &rows, &g.projected, 480, |x| run(x, &opacities, &features, &background));
         check("opacities", &opacities, &g.opacities, 60, |x| run(&rows, x, &features, &background));
         check("features", &features, &g.features, 200, |x| run(&rows, &opacities, x, &background));
@@ -179,5 +188,38 @@ fn singles_follow_doubles() {
         for (a, b) in a.iter().zip(b) {
             assert!((a - f64::from(*b)).abs() <= 1e-3 * scale, "{name}: {a} against {b}, scale {scale}");
         }
+    }
+}
+
+/// Equal to the bit.
+fn assert_same<F: Real>(a: &RasterizeGradients<F>, b: &RasterizeGradients<F>) {
+    for (a, b) in [
+        (&a.projected, &b.projected),
+        (&a.opacities, &b.opacities),
+        (&a.features, &b.features),
+        (&a.background, &b.background),
+        (&a.screen, &b.screen),
+    ] {
+        assert!(a == b);
+    }
+}
+
+/// What the forward pass saves spares the backward pass a search and changes no bit, where pixels end too.
+#[test]
+fn saved_blocks_change_no_bit() {
+    for (scale, some_end) in [(1.0, false), (8.0, true)] {
+        let scene = Scene::<f32>::cloud(4000, 75, 53, scale);
+        let config = RasterizeConfig { width: 75, height: 53, channels: 3, depth: true };
+        let (rows, opacities) = (scene.project(), scene.opacities());
+        let sh_config = ShConfig { degree: 3, coefficients: 16 };
+        let colors = sh::forward(&scene.means, &scene.sh, &scene.viewmat, &rows, &sh_config);
+        let lists = intersect::intersect(&rows, &opacities, &colors, 75, 53, 3);
+        let (lists, background) = (lists.as_slices(), [0.5; 3]);
+        let (image, changed) = rasterize::forward_saving(&config, &rows, &opacities, &colors, &background, lists);
+        assert!(changed.contains(&0), "some pairs change nothing");
+        assert_eq!(image.chunks(5).any(|pixel| pixel[4] > 0.9998), some_end, "pixels end at a transmittance of 1e-4");
+        let v: Vec<f32> = (0..image.len()).map(|i| ((i * 37) % 101) as f32 / 101.0 - 0.4).collect();
+        let back = |changed| rasterize::backward(&config, &rows, &opacities, &colors, &background, lists, &v, changed);
+        assert_same(&back(Some(&changed)), &back(None));
     }
 }

@@ -125,7 +125,7 @@ fn empty_scene_shows_the_background() {
         let image = rasterize::forward(&config, &[], &[], &[], &[0.1, 0.2, 0.3], lists.as_slices());
         assert!(image.chunks(5).all(|p| *p == [0.1, 0.2, 0.3, 0.0, 0.0]));
         let v = vec![1.0; image.len()];
-        let g = rasterize::backward(&config, &[], &[], &[], &[0.1, 0.2, 0.3], lists.as_slices(), &v);
+        let g = rasterize::backward(&config, &[], &[], &[], &[0.1, 0.2, 0.3], lists.as_slices(), &v, None);
         assert_eq!(g.background, [(width * height) as f32; 3]);
         let identity = Scene::<f32>::cloud(0, 1, 1, 1.0).viewmat;
         assert!(projection::forward::<f32>(&[], &[], &[], &identity, &Default::default()).is_empty());

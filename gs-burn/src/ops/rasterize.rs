@@ -18,7 +18,7 @@ use super::assert_same_dtype;
 use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
 use super::intersect::{IntersectionLists, TileIntersections};
 use crate::profile;
-use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
+use crate::slices::{HostBackend, HostTensor, float_tensor, int_tensor, with_float};
 pub use reference::rasterize_reference;
 
 /// Blends Gaussians into an image, front to back.
@@ -170,10 +170,10 @@ pub struct RasterizeForward<B: Backend> {
 /// State of a forward pass, of a layout that is the backend's own.
 #[derive(Clone, Debug)]
 pub struct RasterizeSaved<B: Backend> {
-    /// Numbers by Gaussian.
+    /// Numbers by Gaussian, on a GPU.
     pub rows: FloatTensor<B>,
-    /// Words by pixel.
-    pub pixels: IntTensor<B>,
+    /// Words by pixel on a GPU, by pair on the CPU.
+    pub words: IntTensor<B>,
 }
 
 /// Rasterization on a backend's primitives, without gradient tracking.
@@ -239,26 +239,32 @@ impl<B: HostBackend> IntersectionLists<B> {
 }
 
 impl<B: HostBackend> RasterizeKernels for B {
-    // The CPU kernel repeats the forward walk, so it saves nothing.
-    fn rasterize_forward(inputs: RasterizeInputs<B>, _save: bool) -> RasterizeForward<B> {
+    fn rasterize_forward(inputs: RasterizeInputs<B>, save: bool) -> RasterizeForward<B> {
         let inputs = inputs.contiguous();
         let RasterizeInputs { projected, opacities, features, background, intersections, config } = &inputs;
         with_float!(*projected, F => {
-            let output = cpu::forward::<F>(
-                config,
-                projected.elements(),
-                opacities.elements(),
-                features.elements(),
-                background.elements(),
-                intersections.as_slices(),
-            );
-            RasterizeForward { output: float_tensor::<B>(output, inputs.output_shape()), saved: None }
+            let (rows, opacities, features) = (projected.elements::<F>(), opacities.elements(), features.elements());
+            let (background, lists) = (background.elements(), intersections.as_slices());
+            let (output, changed) = match save {
+                false => (cpu::forward(config, rows, opacities, features, background, lists), None),
+                true => {
+                    let (output, changed) = cpu::forward_saving(config, rows, opacities, features, background, lists);
+                    (output, Some(changed))
+                }
+            };
+            RasterizeForward {
+                output: float_tensor::<B>(output, inputs.output_shape()),
+                saved: changed.map(|changed| RasterizeSaved {
+                    rows: float_tensor::<B>(Vec::<F>::new(), [0]),
+                    words: int_tensor::<B>(changed),
+                }),
+            }
         })
     }
 
     fn rasterize_backward(
         inputs: RasterizeInputs<B>,
-        _saved: Option<RasterizeSaved<B>>,
+        saved: Option<RasterizeSaved<B>>,
         v_output: FloatTensor<B>,
         _of_background: bool,
     ) -> RasterizeGradients<B> {
@@ -274,6 +280,7 @@ impl<B: HostBackend> RasterizeKernels for B {
                 background.elements(),
                 intersections.as_slices(),
                 v_output.elements(),
+                saved.as_ref().map(|saved| saved.words.elements()),
             );
             RasterizeGradients {
                 projected: float_tensor::<B>(gradients.projected, [count, PROJECTED]),

@@ -91,6 +91,7 @@ impl Case {
             &wide(&self.background),
             self.lists.as_slices(),
             &wide(v_output),
+            None,
         )
     }
 

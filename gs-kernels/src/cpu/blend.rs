@@ -41,11 +41,9 @@ impl<F: Real> TileGaussian<F> {
         }
     }
 
-    /// The values of the tile's blocks of 4 x 4 pixels, and which of them can reach the cut-off.
-    ///
-    /// `limit` is `log2(opacity / ALPHA_MIN)`.
+    /// The values of the tile's blocks of 4 x 4 pixels.
     #[inline(always)]
-    pub fn blocks<L: Lanes<Real = F>>(&self, limit: F) -> Blocks<L> {
+    pub fn blocks<L: Lanes<Real = F>>(&self) -> Blocks<L> {
         // One lane per row of the tile.
         let dy = L::ramp().sub(L::splat(self.offset[1]));
         let skew = dy.mul(L::splat(self.shear));
@@ -54,20 +52,14 @@ impl<F: Real> TileGaussian<F> {
         for (k, dx) in dx.iter_mut().enumerate() {
             *dx = L::load(&positions(|i| k * EDGE + i % EDGE)).sub(L::splat(self.offset[0]));
         }
-        Blocks {
-            dx,
-            dy: dy.to_array(),
-            skew: skew.to_array(),
-            power: L::splat(F::ZERO).sub(power).to_array(),
-            reached: self.reached::<L>(limit),
-        }
+        Blocks { dx, dy: dy.to_array(), skew: skew.to_array(), power: L::splat(F::ZERO).sub(power).to_array() }
     }
 
     /// Blocks that can reach the cut-off, as bits: `|dx + l dy|` and `|dy|` are each at least what they are at the nearest
     /// point of the block. (The two need not be the same point; the exact test takes three times as long, and spares a
-    /// thirtieth of the blocks.)
+    /// thirtieth of the blocks.) `limit` is `log2(opacity / ALPHA_MIN)`.
     #[inline(always)]
-    fn reached<L: Lanes<Real = F>>(&self, limit: F) -> u16 {
+    pub fn reached<L: Lanes<Real = F>>(&self, limit: F) -> u16 {
         let zero = L::splat(F::ZERO);
         let reach = F::of((EDGE - 1) as f64);
         let lean = self.shear * reach;
@@ -111,8 +103,6 @@ pub struct Blocks<L: Lanes> {
     dy: [L::Real; LANES],
     skew: [L::Real; LANES],
     power: [L::Real; LANES],
-    /// Bit `b`: block `b` can reach the cut-off.
-    pub reached: u16,
 }
 
 impl<L: Lanes> Blocks<L> {
@@ -160,6 +150,12 @@ impl<L: Lanes> Blend<L> {
     #[inline(always)]
     pub fn is_open(&self) -> bool {
         L::bits(self.open) != 0
+    }
+
+    /// Whether the Gaussian reaches the cut-off at some pixel. Otherwise it is blended at none, and ends none.
+    #[inline(always)]
+    pub fn is_visible(&self) -> bool {
+        L::bits(self.visible) != 0
     }
 
     /// Whether the Gaussian is blended at some pixel.

@@ -22,6 +22,17 @@ pub fn gate(logit: f64, config: &NoiseConfig) -> f64 {
     sigmoid(config.steepness * (config.opacity - sigmoid(logit)))
 }
 
+/// Slack of [`closed_above`], in logits: it changes a gate by a millionth of itself, 10^9 roundings.
+const SLACK: f64 = 1e-6;
+
+/// A logit above which every gate is certainly below `config.gate_min`. It spares most rows both exponentials.
+fn closed_above(config: &NoiseConfig) -> f64 {
+    let logit = |share: f64| (share / (1.0 - share)).ln();
+    let opacity = config.opacity - logit(config.gate_min) / config.steepness;
+    // Outside 0..1 the gate is open or closed for all, and the rows tell.
+    if opacity > 0.0 && opacity < 1.0 { logit(opacity) + SLACK } else { f64::INFINITY }
+}
+
 fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
@@ -35,10 +46,15 @@ pub fn perturb<F: Real>(means: &mut [F], quats: &[F], log_scales: &[F], logits: 
     let count = logits.len();
     let fits = means.len() == 3 * count && quats.len() == 4 * count && log_scales.len() == 3 * count;
     assert!(fits, "means, quats and log_scales must be [N, 3], [N, 4] and [N, 3] for {count} logits");
+    let closed_above = closed_above(config);
     means.par_chunks_mut(3 * BLOCK).enumerate().for_each(|(block, means)| {
         for (i, mean) in means.chunks_exact_mut(3).enumerate() {
             let row = block * BLOCK + i;
-            let gate = gate(logits[row].to_f64(), config);
+            let logit = logits[row].to_f64();
+            if logit > closed_above {
+                continue;
+            }
+            let gate = gate(logit, config);
             if gate < config.gate_min || gate.is_nan() {
                 continue;
             }
@@ -88,5 +104,18 @@ mod tests {
         let open = |opacity: f64| gate(logit(opacity), &config) >= config.gate_min;
         assert_eq!([0.005, 0.9, 0.05, 0.2].map(open), [true, false, true, false]);
         assert!((gate(logit(0.005), &config) - 0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn gates_are_closed_above_the_bound_and_open_near_it() {
+        for (steepness, gate_min) in [(100.0, 1e-3), (20.0, 1e-2), (100.0, 0.5), (5.0, 1e-6)] {
+            let config = NoiseConfig { steepness, gate_min, ..NoiseConfig::new(1.0, 0, 1) };
+            let bound = closed_above(&config);
+            assert!(!(gate(bound, &config) >= gate_min), "{steepness}, {gate_min}");
+            assert!(
+                bound == f64::INFINITY || gate(bound - 2.0 * SLACK, &config) >= gate_min,
+                "{steepness}, {gate_min}"
+            );
+        }
     }
 }

@@ -1,9 +1,9 @@
 //! Stable radix sort of `u32` keys with `u32` values, any length, eight bits per pass.
 //!
-//! A pass counts digits in blocks of 4096 keys, turns the counts into positions by one prefix sum, and moves every key to its
-//! digit's position plus its rank among equal digits before it in the block. The rank is computed from bit masks in shared memory,
-//! one bit per unit and one mask per digit. It assumes neither the width of a plane nor an order of arrival, so the result is the
-//! same on every device.
+//! A pass counts digits in blocks of 2048 keys, turns the counts into positions by one prefix sum, and moves every key to its
+//! digit's position plus its rank among equal digits before it in the block. A cube first sorts its block by the digit in shared memory,
+//! four bits at a time, so that the keys of a digit are written side by side. Ranks are prefix sums over units and assume neither the width
+//! of a plane nor an order of arrival, so the result is the same on every device.
 
 use cubecl::prelude::*;
 
@@ -15,12 +15,17 @@ use crate::cube::scan::exclusive_scan;
 const DIGIT_BITS: u32 = 8;
 /// Digits: one for each unit of a cube.
 const DIGITS: usize = 1 << DIGIT_BITS;
-/// Rows of [`UNITS`] keys in a block.
-const ROWS: usize = 16;
-/// Keys a cube handles.
+/// Keys of a unit.
+const ROWS: usize = 8;
+/// Keys a cube handles. With the counters they take 16 KiB of shared memory, the least that WebGPU promises.
 const BLOCK: usize = UNITS * ROWS;
-/// Words of 32 bits in a mask with a bit for each unit.
-const WORDS: usize = UNITS / 32;
+/// Bits of half a digit, by which a cube sorts its block at once.
+const HALF_BITS: u32 = DIGIT_BITS / 2;
+/// Words of counters for each unit: two counters of 16 bits in one, for the values of half a digit and for those with its highest bit. A
+/// counter is at most [`BLOCK`].
+const WORDS: usize = 1 << (HALF_BITS - 1);
+/// `log2(UNITS)`: doubling steps of the scan over a cube's units.
+const STEPS: usize = UNITS.ilog2() as usize;
 
 #[cube]
 fn digit(key: u32, shift: u32) -> usize {
@@ -47,6 +52,90 @@ fn sort_count_kernel(keys: &[u32], counts: &mut [u32], count: u32, blocks: u32, 
     counts[unit * blocks as usize + CUBE_POS] = bins[unit].load();
 }
 
+/// The stable places in the block of a unit's `keys`, sorted by the four bits from `shift` on. `counters` and `scratch` are shared; a
+/// barrier is behind the last use of both.
+#[cube]
+fn places_by_half(
+    keys: &Array<u32>,
+    places: &mut Array<u32>,
+    counters: &mut Shared<[u32]>,
+    scratch: &mut Shared<[u32]>,
+    shift: u32,
+) {
+    let unit = UNIT_POS as usize;
+    #[unroll]
+    for word in 0..WORDS {
+        counters[word * UNITS + unit] = 0u32;
+    }
+    // Counters are `[word, unit]`: those of a unit are its own until the barrier.
+    #[unroll]
+    for k in 0..ROWS {
+        let value = (keys[k] >> shift) & comptime!((1u32 << HALF_BITS) - 1);
+        let at = (value as usize % WORDS) * UNITS + unit;
+        let up = (value >> comptime!(HALF_BITS - 1)) * 16u32;
+        let counted = counters[at];
+        places[k] = (counted >> up) & 0xffffu32;
+        counters[at] = counted + (1u32 << up);
+    }
+    sync_cube();
+    // A unit adds up `WORDS` counters that follow one another, a scan over units adds what is before them.
+    let first = unit * WORDS;
+    let mut own = 0u32;
+    #[unroll]
+    for word in 0..WORDS {
+        own += counters[first + word];
+    }
+    scratch[unit] = own;
+    sync_cube();
+    #[unroll]
+    for step in 0..STEPS {
+        let reach = comptime!(1usize << step);
+        let from = comptime!((step % 2) * UNITS);
+        let to = comptime!(UNITS - (step % 2) * UNITS);
+        let mut total = scratch[from + unit];
+        if unit >= reach {
+            total += scratch[from + unit - reach];
+        }
+        scratch[to + unit] = total;
+        sync_cube();
+    }
+    let last = comptime!((STEPS % 2) * UNITS);
+    // The counters in the higher bits come behind all in the lower.
+    let mut running = (scratch[last + UNITS - 1] & 0xffffu32) << 16u32;
+    if unit > 0 {
+        running += scratch[last + unit - 1];
+    }
+    #[unroll]
+    for word in 0..WORDS {
+        let counted = counters[first + word];
+        counters[first + word] = running;
+        running += counted;
+    }
+    sync_cube();
+    #[unroll]
+    for k in 0..ROWS {
+        let value = (keys[k] >> shift) & comptime!((1u32 << HALF_BITS) - 1);
+        let up = (value >> comptime!(HALF_BITS - 1)) * 16u32;
+        places[k] += (counters[(value as usize % WORDS) * UNITS + unit] >> up) & 0xffffu32;
+    }
+    sync_cube();
+}
+
+/// Moves a block's `items` to their `places` through `shared`; unit `u` then holds the items from place `u ROWS` on.
+#[cube]
+fn move_within(items: &mut Array<u32>, places: &Array<u32>, shared: &mut Shared<[u32]>) {
+    #[unroll]
+    for k in 0..ROWS {
+        shared[places[k] as usize] = items[k];
+    }
+    sync_cube();
+    #[unroll]
+    for k in 0..ROWS {
+        items[k] = shared[UNIT_POS as usize * ROWS + k];
+    }
+    sync_cube();
+}
+
 /// Each cube moves the pairs of its block to their positions; `offsets` is the prefix sum of the counts.
 #[cube(launch_unchecked)]
 fn sort_move_kernel(
@@ -63,54 +152,78 @@ fn sort_move_kernel(
         terminate!();
     }
     let unit = UNIT_POS as usize;
-    let own_word = unit / 32;
-    let own_bit = 1u32 << (UNIT_POS % 32);
-    // `[word, digit]`, so that units walking over digits touch neighbouring banks.
-    let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!(WORDS * DIGITS));
-    let mut next = Shared::<[u32]>::new_slice(DIGITS);
-    next[unit] = offsets[unit * blocks as usize + CUBE_POS];
+    let begin = CUBE_POS * BLOCK;
+    let left = count - begin as u32;
+    let inside = select(left < comptime!(BLOCK as u32), left, comptime!(BLOCK as u32)) as usize;
+    let mut shared = Shared::<[u32]>::new_slice(BLOCK);
+    let mut counters = Shared::<[u32]>::new_slice(comptime!(WORDS * UNITS));
+    let mut own_keys = Array::<u32>::new(ROWS);
+    let mut own_values = Array::<u32>::new(ROWS);
+    let mut places = Array::<u32>::new(ROWS);
+
+    // Neighbouring units read neighbouring keys; then each unit has keys that follow one another. Keys behind the last have the largest
+    // digit and come behind all others of it.
     #[unroll]
-    for word in 0..WORDS {
-        masks[word * DIGITS + unit].store(0u32);
+    for k in 0..ROWS {
+        let index = k * UNITS + unit;
+        places[k] = index as u32;
+        own_keys[k] = 0xffff_ffffu32;
+        own_values[k] = 0u32;
+        if index < inside {
+            own_keys[k] = keys[begin + index];
+            own_values[k] = values[begin + index];
+        }
+    }
+    move_within(&mut own_keys, &places, &mut shared);
+    move_within(&mut own_values, &places, &mut shared);
+    #[unroll]
+    for half in 0..2u32 {
+        let by = shift + half * HALF_BITS;
+        places_by_half(&own_keys, &mut places, &mut counters, &mut shared, by);
+        move_within(&mut own_keys, &places, &mut shared);
+        move_within(&mut own_values, &places, &mut shared);
+    }
+
+    // Where each digit's keys begin in the block, less where they begin in the output.
+    #[unroll]
+    for k in 0..ROWS {
+        shared[unit * ROWS + k] = own_keys[k];
     }
     sync_cube();
-
-    for row in 0..ROWS {
-        let index = CUBE_POS * BLOCK + row * UNITS + unit;
-        let inside = index < count as usize;
-        let mut key = 0u32;
-        if inside {
-            key = keys[index];
-            masks[own_word * DIGITS + digit(key, shift)].fetch_or(own_bit);
+    #[unroll]
+    for k in 0..ROWS {
+        let index = unit * ROWS + k;
+        let bin = digit(own_keys[k], shift);
+        let mut starts = index == 0;
+        if !starts {
+            starts = digit(shared[index - 1], shift) != bin;
         }
-        sync_cube();
-        if inside {
-            let bin = digit(key, shift);
-            let mut position = next[bin];
-            #[unroll]
-            for word in 0..WORDS {
-                let bits = masks[word * DIGITS + bin].load();
-                if word < own_word {
-                    position += bits.count_ones();
-                }
-                if word == own_word {
-                    position += (bits & (own_bit - 1u32)).count_ones();
-                }
-            }
-            keys_out[position as usize] = key;
-            values_out[position as usize] = values[index];
+        if starts {
+            counters[bin] = offsets[bin * blocks as usize + CUBE_POS] - index as u32;
         }
-        sync_cube();
-        // Unit `d` closes digit `d`: advances its position and clears its masks for the next row.
-        let mut moved = 0u32;
-        #[unroll]
-        for word in 0..WORDS {
-            moved += masks[word * DIGITS + unit].load().count_ones();
-            masks[word * DIGITS + unit].store(0u32);
+    }
+    sync_cube();
+    #[unroll]
+    for k in 0..ROWS {
+        let index = k * UNITS + unit;
+        let key = shared[index];
+        places[k] = counters[digit(key, shift)] + index as u32;
+        if index < inside {
+            keys_out[places[k] as usize] = key;
         }
-        let position = next[unit] + moved;
-        next[unit] = position;
-        sync_cube();
+    }
+    sync_cube();
+    #[unroll]
+    for k in 0..ROWS {
+        shared[unit * ROWS + k] = own_values[k];
+    }
+    sync_cube();
+    #[unroll]
+    for k in 0..ROWS {
+        let index = k * UNITS + unit;
+        if index < inside {
+            values_out[places[k] as usize] = shared[index];
+        }
     }
 }
 

@@ -97,7 +97,7 @@ impl<F: Real> Scene<F> {
         let lists = lists.as_slices();
         let image = rasterize::forward(&config, &rows, &opacities, &colors, &background, lists);
         let v: Vec<F> = (0..image.len()).map(|i| F::of(((i * 37) % 101) as f64 / 101.0 - 0.4)).collect();
-        let r = rasterize::backward(&config, &rows, &opacities, &colors, &background, lists, &v);
+        let r = rasterize::backward(&config, &rows, &opacities, &colors, &background, lists, &v, None);
         let s = sh::backward(&self.means, &self.sh, &self.viewmat, &rows, &sh_config, &r.features);
         let p = projection::backward(
             &self.means,

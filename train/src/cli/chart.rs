@@ -11,6 +11,7 @@ Examples:
   gsburn chart runs/a runs/b --out comparison.html    one page with charts and table that needs no other file
   gsburn chart runs/* --report runs/a                 also as a section of runs/a/report.html
   gsburn chart runs/* --csv runs.csv
+  gsburn chart runs/* --beside others.csv             with the points of other programs
 
 Accuracy is PSNR on held-out photos (of moving scenes also of the moving parts alone, on sharp photos where the data set has
 them). It is drawn against the processor time of training, all threads, which other work on the machine does not change;
@@ -32,6 +33,10 @@ pub struct ChartArgs {
     /// Also write the table to this CSV file
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub csv: Option<PathBuf>,
+
+    /// Figures of other programs in the chart of time: a CSV file of program,seconds,psnr (rows of one program are its curve)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub beside: Option<PathBuf>,
 
     /// Also put charts and table into the report.html of this run, which keeps them when it is written again (repeatable)
     #[arg(long, value_name = "RUN", value_hint = ValueHint::DirPath)]

@@ -8,7 +8,7 @@ use gs_datasets::printable;
 
 use crate::cli::ChartArgs;
 use crate::commands::{command_line, in_markdown, marked, print};
-use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, soonest, stacked};
+use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, read_others, soonest, stacked};
 use crate::run::folder::RunFolder;
 use crate::run::outputs;
 
@@ -28,8 +28,9 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     outputs::check(&paths, &[])?;
     let found = gather(&args.runs)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
-    let (panels, command) = (Panels::new(&found.runs), command_line());
-    let tables: Vec<Table> = std::iter::once(Table::new(&found.runs)).chain(soonest(&found.runs)).collect();
+    let others = args.beside.as_deref().map_or(Ok(Vec::new()), read_others)?;
+    let (panels, command) = (Panels::new(&found.runs).beside(&others), command_line());
+    let tables: Vec<Table> = std::iter::once(Table::new(&found.runs)).chain(soonest(&found.runs, &others)).collect();
     // Printed first: tables need no file, so they are shown even if a file cannot be written.
     tables.iter().for_each(|table| print(format!("{}\n", table.text())));
     if let Some(verdict) = enough(&found.runs) {

@@ -112,7 +112,7 @@ fn compare(out: &Path, plan: &[Planned]) -> Result<Gathered> {
     let found = gather(&paths)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
-    let times = soonest(&found.runs);
+    let times = soonest(&found.runs, &[]);
     print(table.text());
     times.iter().for_each(|table| print(format!("\n{}", table.text())));
     if let Some(verdict) = enough(&found.runs) {

@@ -1,6 +1,6 @@
 //! Blending backward.
 //!
-//! Per tile, the forward walk is replayed and every alpha and transmittance is kept (a pixel blends at most 2,346 Gaussians,
+//! Per tile, the forward walk is replayed, at the blocks that it changed, and every alpha and transmittance is kept (a pixel blends at most 2,346 Gaussians,
 //! because each takes 1/255 of the light and the pixel ends at 1e-4), so that nothing is recomputed by division. Then the list is
 //! walked back to front with the light behind each Gaussian as one running number `R` per pixel:
 //!
@@ -26,7 +26,8 @@ use crate::cpu::real::LaneTask;
 use crate::cpu::wide::Number;
 use crate::rows::ProjectedRow;
 
-/// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read.
+/// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read. `changed` `[M]` is
+/// that of [`super::forward_saving`] for the same inputs; without it the blocks are searched again, with the same result.
 ///
 /// A Gaussian whose gradient is not finite receives zero.
 ///
@@ -40,10 +41,13 @@ pub fn backward<F: Real>(
     background: &[F],
     lists: IntersectionSlices<'_>,
     v_output: &[F],
+    changed: Option<&[i32]>,
 ) -> RasterizeGradients<F> {
     let inputs = Inputs::new(config, projected, opacities, features, background, lists);
     let values = inputs.pixels() * config.output_channels();
     assert_eq!(v_output.len(), values, "v_output must have the shape of the output");
+    let pairs = lists.gaussian_ids.len();
+    assert!(changed.is_none_or(|changed| changed.len() == pairs), "changed must be [M] for {pairs} pairs");
     let mut pairs = zeros(lists.gaussian_ids.len() * (FIXED + inputs.blended));
     let shared = Disjoint::new(&mut pairs);
     let backgrounds: Vec<Vec<F>> = (0..inputs.tiles)
@@ -51,11 +55,11 @@ pub fn backward<F: Real>(
         .map_init(Scratch::default, |scratch, tile| {
             let (inputs, pairs) = (&inputs, &shared);
             match inputs.blended {
-                1 => F::with_lanes(TileBackward::<F, 1> { inputs, tile, pairs, v_output, scratch }),
-                2 => F::with_lanes(TileBackward::<F, 2> { inputs, tile, pairs, v_output, scratch }),
-                3 => F::with_lanes(TileBackward::<F, 3> { inputs, tile, pairs, v_output, scratch }),
-                4 => F::with_lanes(TileBackward::<F, 4> { inputs, tile, pairs, v_output, scratch }),
-                _ => F::with_lanes(TileBackward::<F, 0> { inputs, tile, pairs, v_output, scratch }),
+                1 => F::with_lanes(TileBackward::<F, 1> { inputs, tile, pairs, v_output, changed, scratch }),
+                2 => F::with_lanes(TileBackward::<F, 2> { inputs, tile, pairs, v_output, changed, scratch }),
+                3 => F::with_lanes(TileBackward::<F, 3> { inputs, tile, pairs, v_output, changed, scratch }),
+                4 => F::with_lanes(TileBackward::<F, 4> { inputs, tile, pairs, v_output, changed, scratch }),
+                _ => F::with_lanes(TileBackward::<F, 0> { inputs, tile, pairs, v_output, changed, scratch }),
             }
         })
         .collect();
@@ -99,6 +103,7 @@ struct TileBackward<'a, F, const UNROLL: usize> {
     tile: usize,
     pairs: &'a Disjoint<'a, F>,
     v_output: &'a [F],
+    changed: Option<&'a [i32]>,
     scratch: &'a mut Scratch<F>,
 }
 
@@ -151,15 +156,27 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         gaussians.clear();
         let (mut transmittance, mut ended) = fresh_transmittance::<F>(inputs.inside(origin));
         let (ids, begin) = inputs.list(self.tile);
+        let changed = self.changed.map(|changed| &changed[begin..begin + ids.len()]);
         for (k, &id) in ids.iter().enumerate() {
+            // A pair that changed nothing is not read at all.
+            let known = changed.map(|changed| changed[k] as u16);
+            if known == Some(0) {
+                continue;
+            }
             inputs.prefetch(ids, k);
             let id = id as usize;
             let (_, gaussian) = inputs.gaussian(id, origin);
-            let blocks = gaussian.blocks::<L>(inputs.limits[id]);
+            let mut active = match known {
+                Some(known) => known,
+                None => gaussian.reached::<L>(inputs.limits[id]) & !ended,
+            };
+            if active == 0 {
+                continue;
+            }
+            let blocks = gaussian.blocks::<L>();
             let first_step = steps.len();
             steps.reserve(BLOCKS);
             let mut blended = 0;
-            let mut active = blocks.reached & !ended;
             while active != 0 {
                 let b = active.trailing_zeros() as usize % BLOCKS;
                 active &= active - 1;
@@ -221,7 +238,7 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
             let row = ProjectedRow::read(self.inputs.projected, replayed.id);
             let [d1, l, d2] = row.conic;
             // The reached blocks are known; the rest is cheaper to recompute than to keep.
-            let blocks = replayed.gaussian.blocks::<L>(F::ZERO);
+            let blocks = replayed.gaussian.blocks::<L>();
             let mut moments = Moments::<L>::new();
             let mut active = replayed.blended;
             let mut step = replayed.first_step;

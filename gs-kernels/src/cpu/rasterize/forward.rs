@@ -26,15 +26,37 @@ pub fn forward<F: Real>(
     background: &[F],
     lists: IntersectionSlices<'_>,
 ) -> Vec<F> {
+    walk(&Inputs::new(config, projected, opacities, features, background, lists), None)
+}
+
+/// Like [`forward`], with what spares [`backward`](super::backward()) the search for it: for each pair `[M]` the blocks of its tile that it
+/// may have changed, as bits; 0 for pairs behind the last visible one.
+///
+/// # Panics
+/// As [`forward`].
+pub fn forward_saving<F: Real>(
+    config: &RasterizeConfig,
+    projected: &[F],
+    opacities: &[F],
+    features: &[F],
+    background: &[F],
+    lists: IntersectionSlices<'_>,
+) -> (Vec<F>, Vec<i32>) {
+    let mut changed = vec![0; lists.gaussian_ids.len()];
     let inputs = Inputs::new(config, projected, opacities, features, background, lists);
-    let mut output = zeros(inputs.pixels() * config.output_channels());
-    let pixels = Disjoint::new(&mut output);
+    let output = walk(&inputs, Some(&Disjoint::new(&mut changed)));
+    (output, changed)
+}
+
+fn walk<F: Real>(inputs: &Inputs<'_, F>, changed: Option<&Disjoint<'_, i32>>) -> Vec<F> {
+    let mut output = zeros(inputs.pixels() * inputs.config.output_channels());
+    let pixels = &Disjoint::new(&mut output);
     (0..inputs.tiles).into_par_iter().for_each(|tile| match inputs.blended {
-        1 => F::with_lanes(TileForward::<F, 1> { inputs: &inputs, tile, pixels: &pixels }),
-        2 => F::with_lanes(TileForward::<F, 2> { inputs: &inputs, tile, pixels: &pixels }),
-        3 => F::with_lanes(TileForward::<F, 3> { inputs: &inputs, tile, pixels: &pixels }),
-        4 => F::with_lanes(TileForward::<F, 4> { inputs: &inputs, tile, pixels: &pixels }),
-        _ => F::with_lanes(TileForward::<F, 0> { inputs: &inputs, tile, pixels: &pixels }),
+        1 => F::with_lanes(TileForward::<F, 1> { inputs, tile, pixels, changed }),
+        2 => F::with_lanes(TileForward::<F, 2> { inputs, tile, pixels, changed }),
+        3 => F::with_lanes(TileForward::<F, 3> { inputs, tile, pixels, changed }),
+        4 => F::with_lanes(TileForward::<F, 4> { inputs, tile, pixels, changed }),
+        _ => F::with_lanes(TileForward::<F, 0> { inputs, tile, pixels, changed }),
     });
     output
 }
@@ -44,6 +66,8 @@ struct TileForward<'a, F, const UNROLL: usize> {
     inputs: &'a Inputs<'a, F>,
     tile: usize,
     pixels: &'a Disjoint<'a, F>,
+    /// See [`forward_saving`].
+    changed: Option<&'a Disjoint<'a, i32>>,
 }
 
 impl<F: Real, const UNROLL: usize> LaneTask<F> for TileForward<'_, F, UNROLL> {
@@ -60,14 +84,18 @@ impl<F: Real, const UNROLL: usize> LaneTask<F> for TileForward<'_, F, UNROLL> {
         let sums: &mut [TilePlane<F>] = if UNROLL > 0 { &mut small[..UNROLL] } else { &mut large };
         let mut features = FeatureLanes::<L, UNROLL>::new(channels);
 
-        let ids = inputs.list(self.tile).0;
+        let (ids, begin) = inputs.list(self.tile);
         for (k, &id) in ids.iter().enumerate() {
             inputs.prefetch(ids, k);
             let id = id as usize;
             let (_, gaussian) = inputs.gaussian(id, origin);
-            let blocks = gaussian.blocks::<L>(inputs.limits[id]);
+            let mut active = gaussian.reached::<L>(inputs.limits[id]) & !ended;
+            if active == 0 {
+                continue;
+            }
+            let blocks = gaussian.blocks::<L>();
             let features = features.read(inputs, id);
-            let mut active = blocks.reached & !ended;
+            let mut changed = 0;
             while active != 0 {
                 let b = active.trailing_zeros() as usize % BLOCKS;
                 active &= active - 1;
@@ -79,9 +107,15 @@ impl<F: Real, const UNROLL: usize> LaneTask<F> for TileForward<'_, F, UNROLL> {
                     let sum = &mut plane[b].0;
                     weight.mul_add(feature, L::load(sum)).store(sum);
                 }
+                changed |= i32::from(step.is_visible()) << b;
                 if !step.is_open() {
                     ended |= 1 << b;
                 }
+            }
+            if let Some(all) = self.changed {
+                // SAFETY: every pair of the sorted list belongs to one tile.
+                let own = unsafe { all.slice_mut(begin + k, 1) };
+                own[0] = changed;
             }
             if ended == u16::MAX {
                 break;

@@ -10,5 +10,5 @@ mod gather;
 mod tile;
 
 pub use backward::backward;
-pub use forward::forward;
+pub use forward::{forward, forward_saving};
 pub use gather::RasterizeGradients;

@@ -4,6 +4,7 @@ use cubecl::prelude::*;
 
 use super::basis::{basis, basis_vjp, centre, direction, raw_colour};
 use super::forward::check;
+use super::table::{read_rows, shared_len, write_rows};
 use crate::config::ShConfig;
 use crate::cpu::sh::MAX_COEFFICIENTS;
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
@@ -36,14 +37,20 @@ fn sh_backward_kernel(
     }
     let used = comptime!(((degree + 1) * (degree + 1)) as usize);
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
+    let mut shared = Shared::<[f32]>::new_slice(comptime!(shared_len(3 * coefficients)));
+    let mut own = Array::<f32>::new(comptime!(3 * MAX_COEFFICIENTS));
+    #[unroll]
+    for k in 0..comptime!(3 * used) {
+        own[k] = 0.0f32;
+    }
+    read_rows(sh, &mut own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used));
     let inside = CUBE_POS * UNITS + (UNIT_POS as usize) < count as usize;
     let index = select(inside, CUBE_POS * UNITS + UNIT_POS as usize, 0usize);
-    let base = index * comptime!(3 * coefficients);
 
     let dir = direction(read3(means, index), centre(read_pose(viewmat)));
     let mut b = Array::<f32>::new(MAX_COEFFICIENTS);
     basis(degree, dir.unit, &mut b);
-    let raw = raw_colour(&b, sh, base, used);
+    let raw = raw_colour(&b, &own, used);
     let v_shown = read3(v_colors, index);
     let valid = inside && finite3(raw) && finite3(v_shown) && read_radius(projected, index) > 0.0f32;
     let v = Vec3 {
@@ -53,22 +60,16 @@ fn sh_backward_kernel(
     };
 
     let mut v_basis = Array::<f32>::new(MAX_COEFFICIENTS);
-    if inside {
-        #[unroll]
-        for k in 0..used {
-            let coefficient = Vec3 { x: sh[base + 3 * k], y: sh[base + 3 * k + 1], z: sh[base + 3 * k + 2] };
-            v_basis[k] = select(valid, dot(coefficient, v), 0.0f32);
-            let to = base + 3 * k;
-            // The basis is at most 3 in magnitude.
-            v_sh[to] = b[k] * v.x;
-            v_sh[to + 1] = b[k] * v.y;
-            v_sh[to + 2] = b[k] * v.z;
-        }
-        #[unroll]
-        for k in comptime!(3 * used)..comptime!(3 * coefficients) {
-            v_sh[base + k] = 0.0f32;
-        }
+    #[unroll]
+    for k in 0..used {
+        let coefficient = Vec3 { x: own[3 * k], y: own[3 * k + 1], z: own[3 * k + 2] };
+        v_basis[k] = select(valid, dot(coefficient, v), 0.0f32);
+        // The gradient takes the place of the coefficient. The basis is at most 3 in magnitude.
+        own[3 * k] = b[k] * v.x;
+        own[3 * k + 1] = b[k] * v.y;
+        own[3 * k + 2] = b[k] * v.z;
     }
+    write_rows(v_sh, &own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used));
 
     let mut v_mean = Vec3 { x: 0.0f32, y: 0.0f32, z: 0.0f32 };
     if comptime!(degree > 0) {

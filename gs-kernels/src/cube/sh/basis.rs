@@ -130,17 +130,17 @@ pub(super) fn basis_vjp(#[comptime] degree: u32, d: Vec3, v: &Array<f32>) -> Vec
     Vec3 { x: gx, y: gy, z: gz }
 }
 
-/// `1/2 + sum_k b_k sh_k`, not yet clamped at zero; `base` is the offset of the Gaussian's coefficients.
+/// `1/2 + sum_k b_k sh_k`, not yet clamped at zero, of the Gaussian's own coefficients.
 #[cube]
-pub(super) fn raw_colour(b: &Array<f32>, sh: &[f32], base: usize, #[comptime] used: usize) -> Vec3 {
+pub(super) fn raw_colour(b: &Array<f32>, sh: &Array<f32>, #[comptime] used: usize) -> Vec3 {
     let mut r = 0.5f32;
     let mut g = 0.5f32;
     let mut blue = 0.5f32;
     #[unroll]
     for k in 0..used {
-        r += b[k] * sh[base + 3 * k];
-        g += b[k] * sh[base + 3 * k + 1];
-        blue += b[k] * sh[base + 3 * k + 2];
+        r += b[k] * sh[3 * k];
+        g += b[k] * sh[3 * k + 1];
+        blue += b[k] * sh[3 * k + 2];
     }
     Vec3 { x: r, y: g, z: blue }
 }

@@ -3,10 +3,11 @@
 use cubecl::prelude::*;
 
 use super::basis::{basis, centre, direction, raw_colour};
+use super::table::{read_rows, shared_len};
 use crate::config::ShConfig;
 use crate::constants;
 use crate::cpu::sh::MAX_COEFFICIENTS;
-use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
+use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
 use crate::cube::camera::read_pose;
 use crate::cube::error::CubeError;
 use crate::cube::math::{Vec3, finite3, read3, write3};
@@ -20,7 +21,7 @@ fn shown(raw: f32, valid: bool) -> f32 {
     select(valid, select(raw > 0.0f32, raw, 0.0f32), INVALID_FEATURE.runtime())
 }
 
-/// Forward: one unit per Gaussian reads `3 (degree + 1)^2 + 4` values and writes 3.
+/// Forward: one unit per Gaussian.
 #[cube(launch_unchecked)]
 fn sh_forward_kernel(
     means: &[f32],
@@ -29,9 +30,17 @@ fn sh_forward_kernel(
     projected: &[f32],
     colors: &mut [f32],
     count: u32,
-    stride: u32,
+    cubes: u32,
     #[comptime] degree: u32,
+    #[comptime] coefficients: usize,
 ) {
+    if CUBE_POS >= cubes as usize {
+        terminate!();
+    }
+    let used = comptime!(((degree + 1) * (degree + 1)) as usize);
+    let mut shared = Shared::<[f32]>::new_slice(comptime!(shared_len(3 * coefficients)));
+    let mut own = Array::<f32>::new(comptime!(3 * MAX_COEFFICIENTS));
+    read_rows(sh, &mut own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used));
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index >= count as usize {
         terminate!();
@@ -41,7 +50,7 @@ fn sh_forward_kernel(
         let dir = direction(read3(means, index), centre(read_pose(viewmat)));
         let mut b = Array::<f32>::new(MAX_COEFFICIENTS);
         basis(degree, dir.unit, &mut b);
-        let raw = raw_colour(&b, sh, index * stride as usize, comptime!(((degree + 1) * (degree + 1)) as usize));
+        let raw = raw_colour(&b, &own, used);
         let valid = finite3(raw);
         colour.x = shown(raw.x, valid);
         colour.y = shown(raw.y, valid);
@@ -68,12 +77,13 @@ pub fn forward(
 ) -> Result<Buffer, CubeError> {
     let count = check(means, sh, viewmat, projected, config);
     let colors = Buffer::empty(client, "colours", count * 3)?;
+    let cubes = count.div_ceil(UNITS);
     if count > 0 {
         // SAFETY: rows below `count`, which `check` found in every buffer, and coefficients of the stored degree.
         unsafe {
             sh_forward_kernel::launch_unchecked(
                 client,
-                grid_for(count),
+                grid(cubes),
                 cube_dim(),
                 means.arg(),
                 sh.arg(),
@@ -81,8 +91,9 @@ pub fn forward(
                 projected.arg(),
                 colors.arg(),
                 count as u32,
-                config.coefficients as u32 * 3,
+                cubes as u32,
                 config.degree.min(3),
+                config.coefficients,
             );
         }
     }

@@ -6,6 +6,7 @@
 mod backward;
 mod basis;
 mod forward;
+mod table;
 
 pub use backward::{ShGradients, backward};
 pub use forward::forward;

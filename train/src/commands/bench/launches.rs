@@ -51,7 +51,7 @@ mod recorded {
         ("ssim::ssim_mean_kernel", "two values a tile and channel"),
         ("ssim::loss", "two values"),
         ("sort::first_of_keys_kernel", "a bisection a tile or pixel"),
-        ("sort::", "4,096 keys a cube, 16 a unit"),
+        ("sort::", "2,048 keys a cube, 8 a unit"),
     ];
 
     /// Burn's kernels that work on an element a unit: small launches have little work.

@@ -1,11 +1,12 @@
 //! Several runs compared: the Pareto front of accuracy against cost, as charts, table and page.
 //!
-//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `choice` the smallest sufficient model, `panels`, `table` and `soonest` choose what is shown, `page` writes
+//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `choice` the smallest sufficient model, `others` reads the figures of other programs, `panels`, `table` and `soonest` choose what is shown, `page` writes
 //! HTML.
 
 mod budget;
 mod choice;
 mod gather;
+mod others;
 mod page;
 mod panels;
 mod soonest;
@@ -17,6 +18,7 @@ mod testing;
 pub use budget::enough;
 pub use choice::{Candidate, Choice};
 pub use gather::{Gathered, gather};
+pub use others::{Other, read_others};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;
 pub use soonest::soonest;

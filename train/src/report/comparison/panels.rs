@@ -24,6 +24,16 @@ pub struct Panels {
     pub charts: Vec<Scatter>,
 }
 
+/// The axis of whole images.
+const WHOLE: &str = "held-out PSNR, dB";
+
+impl Scatter {
+    /// Whether the chart shows the PSNR of whole images against time.
+    pub(super) fn is_of_whole_images(&self) -> bool {
+        self.log_x && self.y == WHOLE
+    }
+}
+
 type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
 
 impl Panels {
@@ -38,13 +48,13 @@ impl Panels {
         let measured = runs.iter().flat_map(ComparedRun::measurements).any(|e| e.moving().is_some());
         let (best, best_title, best_axis) = match measured {
             true => (moving, "Moving parts", "held-out PSNR of moving parts, dB"),
-            false => (whole, "Whole image", "held-out PSNR, dB"),
+            false => (whole, "Whole image", WHOLE),
         };
         let over_time =
             |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(runs, title, (time, cost), y, shown) };
         let mut charts = vec![over_time(&format!("{best_title} against time"), (best_axis, best), decibels)];
         if measured {
-            charts.push(over_time("Whole image against time", ("held-out PSNR, dB", whole), decibels));
+            charts.push(over_time("Whole image against time", (WHOLE, whole), decibels));
         }
         if runs.iter().any(|run| run.measurements().len() >= CURVE) {
             let ssim: &Value = &|e| Some(e.mean().ssim);

@@ -3,7 +3,7 @@
 //! Between two measurements the PSNR is taken to rise evenly with the logarithm of the seconds, as it nearly does. A quality that the first
 //! measurement already exceeds was reached before it, by an unknown time.
 
-use super::{ComparedRun, Table, by_cpu, seconds};
+use super::{ComparedRun, Other, Table, by_cpu, seconds};
 
 /// Qualities of the table are multiples of this, dB.
 const EVERY: usize = 3;
@@ -18,14 +18,16 @@ enum Reached {
     Never,
 }
 
-/// One row a run, one column a quality that any run reached; `None` where no run was measured on the way.
-pub fn soonest(runs: &[ComparedRun]) -> Option<Table> {
+/// One row a run or other program, one column a quality that any of them reached; `None` where none was measured on the way.
+pub fn soonest(runs: &[ComparedRun], others: &[Other]) -> Option<Table> {
     let cpu = by_cpu(runs);
     let curve = |run: &ComparedRun| -> Vec<(f64, f64)> {
         let points = run.measurements().iter().map(|e| (seconds(e, cpu), e.mean().psnr));
         points.filter(|(x, y)| x.is_finite() && y.is_finite() && *x > 0.0).collect()
     };
-    let curves: Vec<Vec<(f64, f64)>> = runs.iter().map(curve).collect();
+    let curves: Vec<Vec<(f64, f64)>> =
+        runs.iter().map(curve).chain(others.iter().map(|other| other.points.clone())).collect();
+    let names = runs.iter().map(|run| &run.name).chain(others.iter().map(|other| &other.name));
     if curves.iter().all(|curve| curve.len() < 2) {
         return None;
     }
@@ -36,13 +38,13 @@ pub fn soonest(runs: &[ComparedRun]) -> Option<Table> {
     let levels: Vec<f64> = (1..=best as usize / EVERY).map(|i| (i * EVERY) as f64).filter(is_told).collect();
     let unit = if cpu { "CPU s" } else { "s" };
     let columns = std::iter::once("run".to_string()).chain(levels.iter().map(|level| format!("{unit} to {level} dB")));
-    let rows = runs.iter().zip(&curves).map(|(run, curve)| {
+    let rows = names.zip(&curves).map(|(name, curve)| {
         let cells = levels.iter().map(|level| match reached(curve, *level) {
             Reached::At(seconds) => format!("{seconds:.1}"),
             Reached::Before(seconds) => format!("< {seconds:.1}"),
             Reached::Never => String::new(),
         });
-        std::iter::once(run.name.clone()).chain(cells).collect()
+        std::iter::once(name.clone()).chain(cells).collect()
     });
     Some(Table::of(columns.collect(), rows.collect()))
 }
@@ -81,7 +83,7 @@ mod tests {
     #[test]
     fn qualities_are_met_between_measurements() {
         let runs = [run("old", &[(10.0, 29.0), (40.0, 31.0), (90.0, 34.0)]), run("new", &[(5.0, 31.0), (20.0, 35.0)])];
-        let table = soonest(&runs).expect("curves");
+        let table = soonest(&runs, &[]).expect("curves");
         // 30 dB: half way between 10 and 40 in the logarithm. 33 dB: two thirds of the way from 40 to 90, and half from 5 to 20.
         assert_eq!(table.columns, ["run", "CPU s to 30 dB", "CPU s to 33 dB"]);
         assert_eq!(table.rows, [["old", "20.0", "68.7"], ["new", "< 5.0", "10.0"]]);
@@ -90,8 +92,8 @@ mod tests {
     #[test]
     fn a_quality_that_a_run_never_reached_is_empty() {
         let runs = [run("short", &[(10.0, 20.0), (20.0, 22.0)]), run("long", &[(10.0, 20.0), (20.0, 25.0)])];
-        let table = soonest(&runs).expect("curves");
+        let table = soonest(&runs, &[]).expect("curves");
         assert_eq!(table.rows[0], ["short".to_string(), "14.1".into(), String::new()]);
-        assert_eq!(soonest(&[testing::run("once", 30.0, None)]), None);
+        assert_eq!(soonest(&[testing::run("once", 30.0, None)], &[]), None);
     }
 }
