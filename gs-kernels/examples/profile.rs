@@ -1,4 +1,5 @@
-//! Processor time of each kernel on one workload, for finding where it goes: `profile [gaussians] [width] [height] [scale]`.
+//! Processor time of each kernel on one workload, for finding where it goes: `profile [gaussians] [width] [height] [scale]
+//! [morton]`. With 1 for `morton`, neighbours in space are neighbours in memory.
 
 #[path = "../tests/scenes/mod.rs"]
 mod scenes;
@@ -13,7 +14,10 @@ use gs_kernels::cpu::{adam, intersect, projection, rasterize, sh, ssim};
 fn main() {
     let arg = |i: usize, default: f64| std::env::args().nth(i).map_or(default, |a| a.parse().expect("a number"));
     let (n, w, h) = (arg(1, 1e5) as usize, arg(2, 640.0) as u32, arg(3, 480.0) as u32);
-    let scene = scenes::Scene::<f32>::cloud(n, w, h, arg(4, 1.0));
+    let mut scene = scenes::Scene::<f32>::cloud(n, w, h, arg(4, 1.0));
+    if arg(5, 0.0) > 0.0 {
+        sort_along_curve(&mut scene);
+    }
     let config = RasterizeConfig { width: w, height: h, channels: 3, depth: false };
     let sh_config = ShConfig { degree: 3, coefficients: 16 };
     let target = vec![0.4_f32; (w * h * 3) as usize];
@@ -96,4 +100,29 @@ fn main() {
         .map(|k| best[k])
         .sum();
     println!("{:>14}  {:8.2} ms without loss and Adam", "sum", step * 1e3);
+}
+
+/// Orders the rows along a Morton curve through the cube around the scene.
+fn sort_along_curve(scene: &mut scenes::Scene<f32>) {
+    const BITS: u32 = 10;
+    let low: [f32; 3] = std::array::from_fn(|c| scene.means.chunks(3).map(|m| m[c]).fold(f32::INFINITY, f32::min));
+    let high: [f32; 3] = std::array::from_fn(|c| scene.means.chunks(3).map(|m| m[c]).fold(f32::NEG_INFINITY, f32::max));
+    let edge = (0..3).map(|c| high[c] - low[c]).fold(f32::MIN_POSITIVE, f32::max);
+    let code = |row: usize| -> u64 {
+        let cell = |c: usize| ((scene.means[3 * row + c] - low[c]) / edge * ((1 << BITS) - 1) as f32) as u64;
+        (0..BITS)
+            .flat_map(|bit| (0..3).map(move |c| (bit, c)))
+            .map(|(bit, c)| (cell(c) >> bit & 1) << (3 * bit + c as u32))
+            .sum()
+    };
+    let mut order: Vec<usize> = (0..scene.count()).collect();
+    order.sort_by_cached_key(|row| code(*row));
+    let rows = |table: &[f32], columns: usize| -> Vec<f32> {
+        order.iter().flat_map(|row| table[row * columns..][..columns].iter().copied()).collect()
+    };
+    scene.means = rows(&scene.means, 3);
+    scene.quats = rows(&scene.quats, 4);
+    scene.log_scales = rows(&scene.log_scales, 3);
+    scene.logits = rows(&scene.logits, 1);
+    scene.sh = rows(&scene.sh, 48);
 }

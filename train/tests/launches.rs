@@ -3,16 +3,13 @@
 
 use std::process::Command;
 
-/// Most launches of a step of `static`: each takes 5 to 15 microseconds on CUDA and up to 40 through wgpu, and a step of 100,000
+/// Most launches of a step of `static`, MCMC or classic: each takes 5 to 15 microseconds on CUDA and up to 40 through wgpu, and a step of 100,000
 /// Gaussians at 640 x 480 has about one millisecond of work.
 const MOST: usize = 80;
 
-/// Classic density control also gathers the gradients on the screen.
-const MOST_WITH_SCREEN: usize = 92;
-
 /// The exact exposure: motion, rows, copies and their backward as tensors of all instants, whatever their number. It had 865 when each instant
 /// had its own.
-const MOST_INTEGRATED: usize = 254;
+const MOST_INTEGRATED: usize = 246;
 
 /// The paper's warp: depth, velocity, path and weights at the moving pixels.
 const MOST_WARPED: usize = 459;
@@ -29,7 +26,7 @@ fn a_step_has_few_launches_and_no_serial_one() {
     assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
     for (step, most, most_serial) in [
         ("density.strategy = mcmc", MOST, 0),
-        ("density.strategy = default", MOST_WITH_SCREEN, 0),
+        ("density.strategy = default", MOST, 0),
         ("blur.mode = integrate", MOST_INTEGRATED, 0),
         ("blur.mode = warp", MOST_WARPED, SERIAL_WARPED),
     ] {
