@@ -91,7 +91,7 @@ fn with_opacities(opacities: &[f64]) -> (Gaussians, Adam) {
 #[test]
 fn the_dead_move_onto_the_living_and_the_image_stays() {
     let (mut gaussians, mut adam) = with_opacities(&[0.001, 0.9, 0.002, 0.003]);
-    let config = DensityConfig { growth: 0.0, ..DensityConfig::default() };
+    let config = DensityConfig { growth: 0.0, separation: 0.0, ..DensityConfig::default() };
     let changes = mcmc::refine(&mut gaussians, &mut adam, &config, &context()).changes;
     assert_eq!((changes.moved, changes.added, gaussians.len()), (3, 0, 4));
     let transmittance: f64 = gaussians

@@ -58,6 +58,9 @@ pub struct DensityConfig {
     /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means; 0: none. Few
     /// photos need less: no photo contradicts a Gaussian that has drifted away.
     pub noise: f64,
+    /// `mcmc`: root mean square distance of a Gaussian and its copies from its former mean, along its longest axis, in standard deviations. They
+    /// shrink there so that together they are as wide as before. 0: they coincide, as in the paper, and part slowly.
+    pub separation: f64,
     /// `default`: mean screen gradient above which a Gaussian is cloned or split, in half image widths.
     pub gradient: f64,
     /// `default`: sum the magnitudes of the gradient over pixels (AbsGS) instead of the gradient; needs a threshold about four
@@ -88,6 +91,7 @@ impl Default for DensityConfig {
             growth: 0.2,
             full: 0.45,
             noise: 5e5,
+            separation: 0.7,
             gradient: 2e-4,
             absgrad: false,
             split_size: 0.01,
@@ -115,6 +119,12 @@ impl DensityConfig {
         check("density.growth", self.growth, not_negative(self.growth), "0 or more")?;
         check("density.full", self.full, (0.0..=1.0).contains(&self.full), "from 0 to 1")?;
         check("density.noise", self.noise, not_negative(self.noise), "0 or more")?;
+        check(
+            "density.separation",
+            self.separation,
+            (0.0..0.95).contains(&self.separation),
+            "at least 0 and below 0.95",
+        )?;
         check("density.gradient", self.gradient, positive(self.gradient), "positive")?;
         check("density.split_size", self.split_size, positive(self.split_size), "positive")?;
         check("density.prune_size", self.prune_size, positive(self.prune_size), "positive")?;

@@ -6,7 +6,8 @@
 //! - [`perturb`]: after each step, the means get noise with the Gaussian's own covariance, gated to nearly transparent ones: `mean
 //!   += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
 //!
-//! Departures: covariance and rate are in scene extents, which makes the noise independent of the scene's unit and equal to the
+//! Departures: a Gaussian and its copies stand apart by [`DensityConfig::separation`] along its longest axis, because coincident copies
+//! have equal gradients and the noise, which is gated, does not part opaque ones; covariance and rate are in scene extents, which makes the noise independent of the scene's unit and equal to the
 //! paper's at extent 1; the moments of both the live Gaussian and its copies are reset to zero.
 
 use gs_burn::Gaussians;
@@ -32,16 +33,27 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
     let weights: Vec<f64> = alive.iter().map(|row| draft.opacity(*row)).collect();
     let onto: Vec<usize> = sample(&weights, dead.len(), &mut rng).into_iter().map(|i| alive[i]).collect();
     draft.share_out(&onto, config.min_opacity);
-    for (dead, onto) in dead.iter().zip(&onto) {
+    let quats = if config.separation > 0.0 { gaussians.read(Group::Quats) } else { Vec::new() };
+    let apart = |draft: &mut Draft, rows: &[usize]| -> Vec<[f32; 3]> {
+        match config.separation > 0.0 {
+            true => draft.spread_out(rows, &quats, config.separation),
+            false => rows.iter().map(|row| draft.means[*row]).collect(),
+        }
+    };
+    let means = apart(&mut draft, &onto);
+    for ((dead, onto), mean) in dead.iter().zip(&onto).zip(means) {
         draft.overwrite(*dead, *onto);
+        draft.means[*dead] = mean;
     }
 
     let wanted = config.grown(before, context.step, context.steps);
     let weights: Vec<f64> = (0..before).map(|row| draft.opacity(row)).collect();
     let copied = sample(&weights, wanted.saturating_sub(before), &mut rng);
     draft.share_out(&copied, config.min_opacity);
-    for row in &copied {
-        draft.duplicate(*row);
+    let means = apart(&mut draft, &copied);
+    for (row, mean) in copied.iter().zip(means) {
+        let copy = draft.duplicate(*row);
+        draft.means[copy] = mean;
     }
 
     let changes = Changes { added: copied.len(), moved: onto.len(), removed: 0 };

@@ -3,6 +3,7 @@
 //! A draft holds only the columns whose numbers change (means, scales, opacities). All others (rotations, SH, the optimiser's
 //! moments) follow by row number when the draft is committed, so that rows stay consistent.
 
+use glam::Vec3;
 use gs_burn::Gaussians;
 use rand::Rng;
 
@@ -116,6 +117,43 @@ impl Draft {
         }
     }
 
+    /// Moves every row in `rows` and its copies, one per mention, apart along the row's longest axis: `separation`, below 1, is their root
+    /// mean square distance from its mean in standard deviations. They shrink along that axis so that together they keep the variance, and
+    /// their opacity rises by as much. Returns the copies' means in the order of mention. To be called after [`Draft::share_out`]; `quats` are
+    /// the table's, `[N, 4]`. A row whose numbers are not finite stays, with its copies.
+    pub fn spread_out(&mut self, rows: &[usize], quats: &[f32], separation: f64) -> Vec<[f32; 3]> {
+        let shrunk = (1.0 - separation * separation).sqrt();
+        let mut copies = vec![0usize; self.len()];
+        rows.iter().for_each(|row| copies[*row] += 1);
+        let mut parts = vec![0usize; self.len()];
+        let mut means = Vec::with_capacity(rows.len());
+        for row in rows {
+            parts[*row] += 1;
+            let offset = place(parts[*row], copies[*row], separation) as f32;
+            means.push((Vec3::from(self.means[*row]) + self.longest(*row, quats) * offset).to_array());
+        }
+        for row in (0..copies.len()).filter(|row| copies[*row] > 0) {
+            let axis = self.longest(row, quats);
+            if axis == Vec3::ZERO {
+                continue;
+            }
+            self.means[row] =
+                (Vec3::from(self.means[row]) + axis * place(0, copies[row], separation) as f32).to_array();
+            let longest = Vec3::from(self.log_scales[row]).max_position();
+            self.log_scales[row][longest] += shrunk.ln() as f32;
+            self.set_opacity(row, self.opacity(row) / shrunk);
+        }
+        means
+    }
+
+    /// The longest axis of a row, a standard deviation long; zero if it is not finite.
+    fn longest(&self, row: usize, quats: &[f32]) -> Vec3 {
+        let axis = Vec3::from(self.log_scales[row]).max_position();
+        let [w, x, y, z] = [0, 1, 2, 3].map(|c| quats[4 * self.from[row] as usize + c]);
+        let along = glam::Quat::from_xyzw(x, y, z, w).normalize() * Vec3::AXES[axis] * self.log_scales[row][axis].exp();
+        if along.is_finite() { along } else { Vec3::ZERO }
+    }
+
     /// Keeps the rows for which `keep` is true.
     pub fn retain(&mut self, keep: impl Fn(&Self, usize) -> bool) {
         let kept: Vec<usize> = (0..self.len()).filter(|row| keep(self, *row)).collect();
@@ -147,6 +185,14 @@ impl Draft {
         }
         rows
     }
+}
+
+/// Where part `part` of a Gaussian and its `copies` stands: evenly spaced about 0, with a root mean square of `separation`.
+fn place(part: usize, copies: usize, separation: f64) -> f64 {
+    // Of `n` places from -1 to 1 the mean square is (n + 1) / (3 (n - 1)).
+    let copies = copies as f64;
+    let farthest = separation * (3.0 * copies / (copies + 2.0)).sqrt();
+    farthest * (2.0 * part as f64 / copies - 1.0)
 }
 
 /// New opacity, and factor of the scales, of each of `n` coincident Gaussians that together replace one of `opacity` (3DGS-MCMC,
@@ -225,6 +271,39 @@ mod tests {
         }
         let (alone, factor) = relocation(0.3, 1);
         assert!((alone - 0.3).abs() < 1e-12 && (factor - 1.0).abs() < 1e-12);
+    }
+
+    /// A flat row on its side, and how it and its copies lie afterwards.
+    #[test]
+    fn parts_stand_apart_and_keep_mean_and_variance() {
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        for copies in [1, 2, 5] {
+            let mut draft = Draft {
+                from: vec![0, 1],
+                reset: vec![false; 2],
+                means: vec![[9.0; 3], [1.0, 2.0, 3.0]],
+                log_scales: vec![[0.0; 3], [0.5_f32.ln(), 2.0_f32.ln(), 0.1_f32.ln()]],
+                opacity_logits: vec![0.0, -2.0],
+            };
+            // A quarter turn about z: the second axis points along -x.
+            let quats = [1.0, 0.0, 0.0, 0.0, half, 0.0, 0.0, half];
+            let mut means = draft.spread_out(&vec![1; copies], &quats, 0.6);
+            means.push(draft.means[1]);
+            assert_eq!(draft.means[0], [9.0; 3], "others stay");
+            assert!(means.iter().all(|mean| (mean[1] - 2.0).abs() < 1e-5 && mean[2] == 3.0), "{means:?}");
+            let xs: Vec<f64> = means.iter().map(|mean| f64::from(mean[0])).collect();
+            let n = xs.len() as f64;
+            let middle = xs.iter().sum::<f64>() / n;
+            let between = xs.iter().map(|x| (x - middle).powi(2)).sum::<f64>() / n;
+            let within = f64::from(draft.log_scales[1][1]).exp().powi(2);
+            assert!((middle - 1.0).abs() < 1e-5, "{xs:?}");
+            assert!((between.sqrt() / 2.0 - 0.6).abs() < 1e-5, "{xs:?}");
+            assert!((between + within - 4.0).abs() < 1e-4, "the variance along the axis was 4: {between} + {within}");
+            assert_eq!([draft.log_scales[1][0], draft.log_scales[1][2]], [0.5_f32.ln(), 0.1_f32.ln()]);
+            let mut distances: Vec<f64> = xs.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+            distances.pop();
+            assert!(distances.iter().all(|x| (x - distances[0]).abs() < 1e-5), "evenly spaced: {xs:?}");
+        }
     }
 
     #[test]

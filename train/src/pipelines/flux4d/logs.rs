@@ -45,15 +45,84 @@ impl Logs {
     /// One sentence: no log, a log that cannot be read, a log without cameras or with too few frames, a name that no
     /// log has.
     pub fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
-        let logs = open_all(path, config)?;
-        let is_held_out = held_out(path, &logs, config)?;
+        let described = Described::open(path, config)?;
+        let division = described.divided(path, config)?;
+        Ok(Self::of(described, division))
+    }
+
+    /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set are all
+    /// held out, unless the split `is_asked` for.
+    ///
+    /// # Errors
+    /// As [`Self::open`], but for names that no log of another data set has.
+    pub fn open_to_measure(path: &Path, config: &LogsConfig, trained: &Fingerprint, is_asked: bool) -> Result<Self> {
+        let described = Described::open(path, config)?;
+        let division = match described.divided(path, config) {
+            Ok(division) if is_asked || fingerprint(&described.logs, &division.train) == *trained => division,
+            Err(error) if is_asked => return Err(error),
+            // A split of the training logs says nothing of others, also where they have the same names.
+            _ => described.all_held_out(config),
+        };
+        Ok(Self::of(described, division))
+    }
+
+    /// Describes logs of which none was trained on: all are held out, whatever split the configuration has.
+    ///
+    /// # Errors
+    /// As [`Self::open`], but for the split.
+    pub fn unseen(path: &Path, config: &LogsConfig) -> Result<Self> {
+        let described = Described::open(path, config)?;
+        let division = described.all_held_out(config);
+        Ok(Self::of(described, division))
+    }
+
+    fn of(described: Described, division: Division) -> Self {
+        let Division { train, held_out, split } = division;
+        Self { logs: described.logs, train, held_out, split }
+    }
+
+    /// The fingerprint of the frames that train: names, times and poses.
+    pub fn fingerprint(&self) -> Fingerprint {
+        fingerprint(&self.logs, &self.train)
+    }
+
+    /// The name of a snippet: log and first frame.
+    pub fn name(&self, place: &Place) -> String {
+        format!("{}-{:03}", self.logs[place.log].name(), place.snippet.frames[0])
+    }
+}
+
+/// The logs at a path, and the snippets of each.
+struct Described {
+    logs: Vec<DrivingLog>,
+    places: Vec<Vec<Place>>,
+}
+
+/// The snippets that train and those that are measured; see [`Logs`].
+struct Division {
+    train: Vec<Place>,
+    held_out: Vec<Place>,
+    split: &'static str,
+}
+
+impl Described {
+    fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
+        let logs: Vec<DrivingLog> = find(path)?.iter().map(|path| open(path, config)).collect::<Result<_>>()?;
+        let of_log = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
+            snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()
+        };
+        let places = logs.iter().enumerate().map(of_log).collect();
+        Ok(Self { logs, places })
+    }
+
+    /// As the configuration divides them.
+    fn divided(&self, path: &Path, config: &LogsConfig) -> Result<Division> {
+        let is_held_out = held_out(path, &self.logs, config)?;
         let (mut train, mut validation) = (Vec::new(), Vec::new());
-        for (index, log) in logs.iter().enumerate() {
-            let places = snippets(&times(log), config).into_iter();
-            let places = places.map(|snippet| Place { log: index, snippet });
-            match is_held_out[index] {
-                true => validation.extend(spread(places.collect(), config.validation_snippets)),
-                false => train.extend(places),
+        for (places, is_held_out) in self.places.iter().zip(is_held_out) {
+            match is_held_out {
+                true => validation.extend(spread(places.clone(), config.validation_snippets)),
+                false => train.extend(places.iter().cloned()),
             }
         }
         if train.is_empty() {
@@ -66,61 +135,29 @@ impl Logs {
             true => (spread(train.clone(), config.validation_snippets), "train"),
             false => (validation, "validation"),
         };
-        Ok(Self { logs, train, held_out, split })
+        Ok(Division { train, held_out, split })
     }
 
-    /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set are all
-    /// held out, unless the split `is_asked` for.
-    ///
-    /// # Errors
-    /// As [`Self::open`], but for names that no log of another data set has.
-    pub fn open_to_measure(path: &Path, config: &LogsConfig, trained: &Fingerprint, is_asked: bool) -> Result<Self> {
-        if is_asked {
-            return Self::open(path, config);
-        }
-        match Self::open(path, config) {
-            Ok(logs) if logs.fingerprint() == *trained => Ok(logs),
-            // A split of the training logs says nothing of others, also where they have the same names.
-            _ => Self::unseen(path, config),
-        }
-    }
-
-    /// Describes logs of which none was trained on: all are held out, whatever split the configuration has.
-    ///
-    /// # Errors
-    /// As [`Self::open`], but for the split.
-    pub fn unseen(path: &Path, config: &LogsConfig) -> Result<Self> {
-        let logs = open_all(path, config)?;
-        let of_log = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
-            snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()
-        };
-        let places: Vec<Vec<Place>> = logs.iter().enumerate().map(of_log).collect();
-        let held_out = places.iter().flat_map(|places| spread(places.clone(), config.validation_snippets)).collect();
-        Ok(Self { train: places.concat(), held_out, logs, split: "unseen" })
-    }
-
-    /// The fingerprint of the frames that train: names, times and poses.
-    pub fn fingerprint(&self) -> Fingerprint {
-        let mut hasher = crc32fast::Hasher::new();
-        for place in &self.train {
-            let log = &self.logs[place.log];
-            hasher.update(log.name().as_bytes());
-            for frame in place.snippet.frames.iter().map(|frame| &log.frames()[*frame]) {
-                hasher.update(&frame.time.to_le_bytes());
-                frame.ego.to_cols_array().iter().for_each(|x| hasher.update(&x.to_le_bytes()));
-            }
-        }
-        Fingerprint { views: self.train.len(), crc32: hasher.finalize() }
-    }
-
-    /// The name of a snippet: log and first frame.
-    pub fn name(&self, place: &Place) -> String {
-        format!("{}-{:03}", self.logs[place.log].name(), place.snippet.frames[0])
+    /// All held out.
+    fn all_held_out(&self, config: &LogsConfig) -> Division {
+        let spread = |places: &Vec<Place>| spread(places.clone(), config.validation_snippets);
+        let held_out = self.places.iter().flat_map(spread).collect();
+        Division { train: self.places.concat(), held_out, split: "unseen" }
     }
 }
 
-fn open_all(path: &Path, config: &LogsConfig) -> Result<Vec<DrivingLog>> {
-    find(path)?.iter().map(|path| open(path, config)).collect()
+/// The fingerprint of the frames of `places`: names, times and poses.
+fn fingerprint(logs: &[DrivingLog], places: &[Place]) -> Fingerprint {
+    let mut hasher = crc32fast::Hasher::new();
+    for place in places {
+        let log = &logs[place.log];
+        hasher.update(log.name().as_bytes());
+        for frame in place.snippet.frames.iter().map(|frame| &log.frames()[*frame]) {
+            hasher.update(&frame.time.to_le_bytes());
+            frame.ego.to_cols_array().iter().for_each(|x| hasher.update(&x.to_le_bytes()));
+        }
+    }
+    Fingerprint { views: places.len(), crc32: hasher.finalize() }
 }
 
 /// Describes one log.
