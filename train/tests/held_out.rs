@@ -131,7 +131,7 @@ fn inferred_masks_are_not_given_ones() {
     let found = data.cues.masks.masks.iter().flatten().count();
     assert_eq!(found, scene.train.len(), "static cameras show what moves");
 
-    let at = Step::<Taylormode> { step: 1, config: &config, facts: &data.facts, cues: &data.cues };
+    let at = Step::<Taylormode> { step: 1, config: &config, facts: &data.facts, cues: &data.cues, room: None };
     let held_out = HeldOut::of(&data.scene, None, &at).expect("a split");
     assert!(held_out.regions.iter().flatten().any(|region| region.name == MOVING), "moving parts are measured");
     assert_eq!(held_out.regions, Taylormode::regions(held_out.views, &config));

@@ -8,6 +8,7 @@
 
 use std::num::NonZero;
 
+use super::outlines::Outlines;
 use super::random::{Purpose, stream};
 use crate::config::InitConfig;
 use gs_datasets::{PointCloud, Scene, View, subject_distance};
@@ -84,13 +85,19 @@ fn dense_in_front(views: &[View], random: usize, wanted: usize, extent: f64, see
     let mut rng = stream(seed, Purpose::Init, 0);
     let distance = distance_of(views, extent);
     let [near, far] = DEPTHS.map(|d| d * distance);
-    let seeds = plane_sweep(views, near, far, SEEDS.min(wanted), seed);
+    let outlines = Outlines::of(views);
+    let within = |points: PointCloud| match &outlines {
+        Some(outlines) => outlines.within(points),
+        None => points,
+    };
+    let seeds = within(plane_sweep(views, near, far, SEEDS.min(wanted), seed));
     tracing::info!(agreed = seeds.len(), "no points in the data set: looked where photos agree");
     // Another seed, so that the rays are others.
-    let mut points = with_swept(seeds, views, wanted, extent, seed.wrapping_add(1));
-    let count = random.max(points.len() + (random as f64 * (1.0 - SWEPT)) as usize);
+    let mut points = within(with_swept(seeds, views, wanted, extent, seed.wrapping_add(1)));
+    let further = points.len() + (random as f64 * (1.0 - SWEPT)) as usize;
+    let count = if outlines.is_some() { further } else { random.max(further) };
     let depths = Random { nearest: near, plain_nearest: near };
-    add_random(&mut points, views, count, (&depths, far), &mut rng);
+    add_random(&mut points, views, count, (&depths, far), outlines.as_ref(), &mut rng);
     points
 }
 
@@ -194,23 +201,31 @@ pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Rando
     let mut points = plane_sweep(views, near, far, (SWEPT * count as f64) as usize, seed);
     tracing::info!(agreed = points.len(), of = count, "no points in the data set: looked where photos agree");
     let random = Random { nearest: random.nearest * distance, plain_nearest: random.plain_nearest * distance };
-    add_random(&mut points, views, count, (&random, far), &mut rng);
+    add_random(&mut points, views, count, (&random, far), None, &mut rng);
     points
 }
 
+/// Random positions drawn for each that is wanted where outlines admit few: an object fills a tenth of the depths of its pixels, or less.
+const TRIES: usize = 10;
+
 /// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Depth is uniform
-/// in its logarithm, so that both near surfaces and a far background get points. Depths in scene units.
+/// in its logarithm, so that both near surfaces and a far background get points. Depths in scene units. Fewer come where `outlines` admit few.
 fn add_random(
     points: &mut PointCloud,
     views: &[View],
     count: usize,
     (random, far): (&Random, f64),
+    outlines: Option<&Outlines>,
     rng: &mut impl Rng,
 ) {
     if views.is_empty() {
         return;
     }
-    for _ in points.len()..count {
+    let tries = if outlines.is_some() { TRIES } else { 1 };
+    for _ in 0..tries * count.saturating_sub(points.len()) {
+        if points.len() >= count {
+            break;
+        }
         let view = &views[rng.random_range(0..views.len())];
         let (column, row) = (rng.random_range(0..view.width), rng.random_range(0..view.height));
         if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
@@ -221,6 +236,9 @@ fn add_random(
         let depth = rng.random_range(near.ln()..far.ln()).exp();
         let ray = view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5);
         let position = view.c2w.transform_point3(ray * depth).as_vec3();
+        if outlines.is_some_and(|outlines| !outlines.admit(position.to_array())) {
+            continue;
+        }
         let pixel = (row * view.width + column) * 3;
         points.positions.push(position.to_array());
         points.colors.push([0, 1, 2].map(|c| view.image.data[pixel + c]));
@@ -292,7 +310,7 @@ mod tests {
         assert!(!is_plain(&view, 10, 25) && !is_plain(&view, 10, 14), "texture, and the edge of it");
         let mut points = PointCloud::default();
         let random = Random { nearest: 0.5, plain_nearest: 1.5 };
-        add_random(&mut points, &[view], 2000, (&random, 3.0), &mut stream(1, Purpose::Init, 0));
+        add_random(&mut points, &[view], 2000, (&random, 3.0), None, &mut stream(1, Purpose::Init, 0));
         let depth_of = |plain: bool| {
             let depths = points.positions.iter().filter(|p| (p[1] / p[2] < -0.15) == plain).map(|p| p[2]);
             depths.fold(f32::INFINITY, f32::min)

@@ -28,6 +28,7 @@ pub mod foresight;
 pub mod initialise;
 pub mod losses;
 pub mod method;
+pub mod outlines;
 pub mod parameters;
 pub mod photos;
 pub mod preflight;
