@@ -207,7 +207,7 @@ fn assert_same<F: Real>(a: &RasterizeGradients<F>, b: &RasterizeGradients<F>) {
 /// What the forward pass saves spares the backward pass a search and changes no bit, where pixels end too.
 #[test]
 fn saved_blocks_change_no_bit() {
-    for (scale, some_end) in [(1.0, false), (8.0, true)] {
+    for scale in [1.0, 8.0] {
         let scene = Scene::<f32>::cloud(4000, 75, 53, scale);
         let config = RasterizeConfig { width: 75, height: 53, channels: 3, depth: true };
         let (rows, opacities) = (scene.project(), scene.opacities());
@@ -217,7 +217,7 @@ fn saved_blocks_change_no_bit() {
         let (lists, background) = (lists.as_slices(), [0.5; 3]);
         let (image, changed) = rasterize::forward_saving(&config, &rows, &opacities, &colors, &background, lists);
         assert!(changed.contains(&0), "some pairs change nothing");
-        assert_eq!(image.chunks(5).any(|pixel| pixel[4] > 0.9998), some_end, "pixels end at a transmittance of 1e-4");
+        assert!(image.chunks(5).any(|pixel| pixel[4] > 0.9998), "some pixels end, at a transmittance of 1e-4");
         let v: Vec<f32> = (0..image.len()).map(|i| ((i * 37) % 101) as f32 / 101.0 - 0.4).collect();
         let back = |changed| rasterize::backward(&config, &rows, &opacities, &colors, &background, lists, &v, changed);
         assert_same(&back(Some(&changed)), &back(None));

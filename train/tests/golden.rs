@@ -41,22 +41,33 @@ struct Golden {
     moving: Option<f64>,
 }
 
-/// Seeds 42, 43, 44: 25.23, 25.59, 25.20. As published, without the measures that follow the run: 20.37, 20.14, 20.17.
-const STATIC: Golden = Golden { recipe: "static/base", whole: 25.34, moving: None };
+/// What a recipe reached.
+struct Held {
+    /// Mean PSNR of moving parts, dB.
+    moving: Option<f64>,
+    /// A sentence for each figure beyond its bound.
+    misses: Vec<String>,
+}
+
+/// Seeds 42, 43, 44: 26.92, 26.93, 26.84. With copies that coincide: 25.23, 25.59, 25.20; as published, also without the measures that follow
+/// the run: 20.37, 20.14, 20.17.
+const STATIC: Golden = Golden { recipe: "static/base", whole: 26.90, moving: None };
 
 /// Seeds 42, 43, 44, whole and moving:
 ///
 /// | recipe | whole | moving |
 /// |---|---|---|
-/// | base | 22.73, 22.77, 23.09 | 17.44, 17.51, 17.52 |
-/// | paper | 22.64, 22.71, 22.93 | 17.52, 17.43, 17.51 |
-/// | itg | 22.63, 22.71, 22.73 | 17.02, 17.01, 17.02 |
-/// | no-blur | 22.80, 22.74, 22.86 | 17.28, 17.31, 17.33 |
+/// | base | 23.17, 23.05, 23.19 | 17.51, 17.52, 17.64 |
+/// | paper | 23.21, 22.94, 23.09 | 17.83, 17.47, 17.63 |
+/// | itg | 23.14, 22.95, 23.22 | 17.13, 17.09, 17.10 |
+/// | no-blur | 23.04, 22.95, 23.13 | 17.41, 17.35, 17.38 |
+///
+/// With copies that coincide their means were 22.86, 22.76, 22.69 and 22.80, and 17.49, 17.48, 17.02 and 17.31.
 const MOTION: [Golden; 4] = [
-    Golden { recipe: "taylormode/base", whole: 22.86, moving: Some(17.49) },
-    Golden { recipe: "taylormode/paper", whole: 22.76, moving: Some(17.48) },
-    Golden { recipe: "taylormode/itg", whole: 22.69, moving: Some(17.02) },
-    Golden { recipe: "taylormode/no-blur", whole: 22.80, moving: Some(17.31) },
+    Golden { recipe: "taylormode/base", whole: 23.14, moving: Some(17.56) },
+    Golden { recipe: "taylormode/paper", whole: 23.08, moving: Some(17.64) },
+    Golden { recipe: "taylormode/itg", whole: 23.10, moving: Some(17.11) },
+    Golden { recipe: "taylormode/no-blur", whole: 23.04, moving: Some(17.38) },
 ];
 
 #[test]
@@ -65,15 +76,18 @@ fn photos_of_a_still_scene() {
     let data = temporary.path().join("photos");
     let options = DemoOptions { train_views: 12, test_views: 4, width: 64, height: 48, points: 400, seed: 1 };
     demo_scene(&data, &options).expect("the scene is written");
-    STATIC.holds(&data, temporary.path(), &[]);
+    let Held { misses, .. } = STATIC.holds(&data, temporary.path(), &[]);
+    assert!(misses.is_empty(), "{misses:#?}");
 }
 
 #[test]
 fn blurry_video() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = video(temporary.path());
-    let moving = MOTION.each_ref().map(|golden| golden.holds(&data, temporary.path(), &SMALL_MOTION));
-    let [base, paper, itg, no_blur] = moving.map(|moving| moving.expect("moving parts"));
+    let held = MOTION.each_ref().map(|golden| golden.holds(&data, temporary.path(), &SMALL_MOTION));
+    let misses: Vec<&String> = held.iter().flat_map(|held| &held.misses).collect();
+    assert!(misses.is_empty(), "{misses:#?}");
+    let [base, paper, itg, no_blur] = held.map(|held| held.moving.expect("moving parts"));
     // Both formations win where things move, by more than the means scatter.
     assert!(base > itg + MOVING && paper > itg + MOVING, "base {base}, paper {paper}, itg {itg} dB in moving parts");
     assert!(base > no_blur + MOVING, "base {base}, no blur model {no_blur} dB in moving parts");
@@ -98,16 +112,19 @@ fn video(folder: &Path) -> PathBuf {
 
 impl Golden {
     /// Trains with each seed, compares the means, and gives back that of the moving parts.
-    fn holds(&self, data: &Path, folder: &Path, more: &[&str]) -> Option<f64> {
+    fn holds(&self, data: &Path, folder: &Path, more: &[&str]) -> Held {
         let runs: Vec<[f64; 2]> = SEEDS.iter().map(|seed| self.trained(data, folder, more, *seed)).collect();
         let mean = |part: usize| runs.iter().map(|run| run[part]).sum::<f64>() / runs.len() as f64;
         let all = [("whole", mean(0), Some(self.whole), WHOLE), ("moving", mean(1), self.moving, MOVING)];
+        // All are printed before the first miss ends the test, since new figures are written down together.
+        let mut misses: Vec<String> = Vec::new();
         for (part, mean, golden, bound) in all {
             let Some(golden) = golden else { continue };
             let what = format!("{}, {part}: {mean:.3} dB, golden {golden} +- {bound}; runs {runs:.3?}", self.recipe);
-            assert!((mean - golden).abs() <= bound, "{what}");
+            println!("{what}");
+            misses.extend(((mean - golden).abs() > bound).then_some(what));
         }
-        self.moving.map(|_| mean(1))
+        Held { moving: self.moving.map(|_| mean(1)), misses }
     }
 
     fn trained(&self, data: &Path, folder: &Path, more: &[&str], seed: u64) -> [f64; 2] {

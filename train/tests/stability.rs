@@ -32,16 +32,16 @@ fn full(name: &str) -> Outcome {
 }
 
 /// A bound that an experiment does not keep.
-struct KnownMiss {
+struct KnownMiss<'a> {
     /// Part of the criterion's description.
-    what: &'static str,
+    what: &'a str,
     /// The bound that the experiment asks.
     bound: &'static str,
     /// How far off it may be: what was measured when it was listed, with some room. It guards against worse and is no aim.
     no_worse: f64,
 }
 
-fn known_miss(what: &'static str, bound: &'static str, no_worse: f64) -> KnownMiss {
+fn known_miss<'a>(what: &'a str, bound: &'static str, no_worse: f64) -> KnownMiss<'a> {
     KnownMiss { what, bound, no_worse }
 }
 
@@ -193,7 +193,9 @@ fn the_exposure_is_found_from_any_start() {
 fn sharp_photos_stay_sharp_at_first() {
     let outcome = quick("absorb");
     // Sixty steps make no scene sharp enough for blur to matter: 0.1 dB is noise.
-    holds(&outcome, &[known_miss("integrate: sharp PSNR of moving parts", "at least 0", -0.2)]);
+    let misses = ["integrate", "warp"].map(|mode| format!("{mode}: sharp PSNR of moving parts"));
+    let misses: Vec<KnownMiss> = misses.iter().map(|what| known_miss(what, "at least 0", -0.2)).collect();
+    holds(&outcome, &misses);
 }
 
 #[test]

@@ -54,8 +54,8 @@ mod tests {
     fn view(angle: f64) -> View {
         let size = 40;
         let eye = 4.0 * DVec3::new(angle.cos(), angle.sin(), 0.0);
-        let c2w =
-            DMat4::look_to_rh(eye, -eye, DVec3::Z).inverse() * DMat4::from_diagonal(glam::dvec4(1., -1., -1., 1.));
+        let c2w = DMat4::look_to_rh(eye, -eye.normalize(), DVec3::Z).inverse()
+            * DMat4::from_diagonal(glam::dvec4(1., -1., -1., 1.));
         let intrinsics = Intrinsics { fx: 40.0, fy: 40.0, cx: 20.0, cy: 20.0 };
         let inside = |i: usize| {
             let (x, y) = ((i % size) as f64 - 19.5, (i / size) as f64 - 19.5);

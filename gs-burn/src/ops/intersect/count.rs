@@ -4,6 +4,7 @@ use burn::tensor::Tensor;
 
 /// Number of (tile, Gaussian) pairs of a rendering.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // there is one per rendering
 pub enum PairCount {
     /// The lists were made for this number.
     Known(usize),
