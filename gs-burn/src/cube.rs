@@ -4,6 +4,7 @@
 
 mod dispatches;
 mod images;
+mod in_place;
 mod products;
 mod sparse_conv;
 
@@ -14,21 +15,18 @@ use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
-use gs_kernels::config::{Activation, AdamConfig, NoiseConfig, ProjectionConfig, ShConfig, StatisticsConfig};
+use gs_kernels::config::{Activation, ProjectionConfig, ShConfig};
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{adam, intersect, noise, opacity, projection, rasterize, rows_of, sh, statistics, sum};
+use gs_kernels::cube::{intersect, opacity, projection, rasterize, rows_of, sh, sum};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
-use crate::ops::adam::{AdamKernels, AdamState};
 use crate::ops::intersect::{FoundIntersections, IntersectKernels, IntersectionLists};
-use crate::ops::noise::NoiseKernels;
 use crate::ops::opacity::OpacityKernels;
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
 use crate::ops::rows::{RowsKernels, columns, with_rows};
 use crate::ops::sh::{ShGradients, ShKernels};
-use crate::ops::statistics::{Statistics, StatisticsKernels};
 use crate::ops::sum::SumKernels;
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
@@ -350,59 +348,8 @@ impl RowsKernels for CubeBackend {
     }
 }
 
-impl NoiseKernels for CubeBackend {
-    fn noise_forward(
-        means: CubeTensor,
-        quats: CubeTensor,
-        log_scales: CubeTensor,
-        logits: CubeTensor,
-        config: &NoiseConfig,
-    ) -> CubeTensor {
-        let launch = Launch::of(&means);
-        let means = owned(means);
-        let [b_means, quats, log_scales, logits] =
-            [means.clone(), quats, log_scales, logits].map(|tensor| launch.floats(tensor));
-        noise::perturb(&launch.client, &b_means, &quats, &log_scales, &logits, config);
-        means
-    }
-}
-
-impl StatisticsKernels for CubeBackend {
-    fn statistics_forward(
-        gradient: CubeTensor,
-        views: CubeTensor,
-        screen: CubeTensor,
-        rows: CubeTensor,
-        config: &StatisticsConfig,
-    ) -> Statistics<Self> {
-        let launch = Launch::of(&gradient);
-        let [gradient, views] = [gradient, views].map(owned);
-        let [b_gradient, b_views, screen, rows] =
-            [gradient.clone(), views.clone(), screen, rows].map(|tensor| launch.floats(tensor));
-        statistics::gather(&launch.client, &b_gradient, &b_views, &screen, &rows, config);
-        Statistics { gradient, views }
-    }
-}
-
 /// The tensor, contiguous and alone in its memory, so that it may be written: memory that is shared is copied.
 fn owned(tensor: CubeTensor) -> CubeTensor {
     let tensor = into_contiguous(tensor);
     if tensor.can_mut() { tensor } else { tensor.copy() }
-}
-
-impl AdamKernels for CubeBackend {
-    fn adam_update(
-        param: CubeTensor,
-        grad: CubeTensor,
-        m: CubeTensor,
-        v: CubeTensor,
-        config: &AdamConfig,
-    ) -> AdamState<Self> {
-        let launch = Launch::of(&param);
-        let [param, m, v] = [param, m, v].map(owned);
-        let buffers = [&param, &grad, &m, &v].map(|tensor| launch.floats(tensor.clone()));
-        let [b_param, b_grad, b_m, b_v] = &buffers;
-        adam::step(&launch.client, b_param, b_grad, b_m, b_v, config);
-        AdamState { param, m, v }
-    }
 }

@@ -27,7 +27,6 @@ const SLACK: f64 = 1e-6;
 
 /// A logit above which every gate is certainly below `config.gate_min`. It spares most rows both exponentials.
 fn closed_above(config: &NoiseConfig) -> f64 {
-    let logit = |share: f64| (share / (1.0 - share)).ln();
     let opacity = config.opacity - logit(config.gate_min) / config.steepness;
     // Outside 0..1 the gate is open or closed for all, and the rows tell.
     if opacity > 0.0 && opacity < 1.0 { logit(opacity) + SLACK } else { f64::INFINITY }
@@ -35,6 +34,11 @@ fn closed_above(config: &NoiseConfig) -> f64 {
 
 fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
+}
+
+/// The inverse of [`sigmoid`].
+fn logit(share: f64) -> f64 {
+    (share / (1.0 - share)).ln()
 }
 
 /// Moves every mean by `Sigma n strength gate`, with `Sigma` the Gaussian's covariance and `n` the [`normals`] of its row. A gate
@@ -100,7 +104,6 @@ mod tests {
     #[test]
     fn only_the_nearly_dead_are_gated() {
         let config = NoiseConfig::new(1.0, 0, 1);
-        let logit = |opacity: f64| (opacity / (1.0 - opacity)).ln();
         let open = |opacity: f64| gate(logit(opacity), &config) >= config.gate_min;
         assert_eq!([0.005, 0.9, 0.05, 0.2].map(open), [true, false, true, false]);
         assert!((gate(logit(0.005), &config) - 0.5).abs() < 1e-9);

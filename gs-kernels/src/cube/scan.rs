@@ -22,6 +22,30 @@ fn saturating_sum(a: u32, b: u32) -> u32 {
     select(sum < a, 0xffff_ffffu32, sum)
 }
 
+/// Where [`sums_over_units`] leaves its sums.
+pub(super) const SUMS: usize = (STEPS % 2) * UNITS;
+
+/// Sums of `own` over each unit of a cube and those before it, from [`SUMS`] on in `totals`, which holds `2 UNITS` values: two halves, read
+/// from one and written to the other, so that one barrier a step is enough. All units must call this.
+#[cube]
+pub(super) fn sums_over_units(own: u32, totals: &mut Shared<[u32]>) {
+    let unit = UNIT_POS as usize;
+    totals[unit] = own;
+    sync_cube();
+    #[unroll]
+    for step in 0..STEPS {
+        let reach = comptime!(1usize << step);
+        let from = comptime!((step % 2) * UNITS);
+        let to = comptime!(UNITS - (step % 2) * UNITS);
+        let mut total = totals[from + unit];
+        if unit >= reach {
+            total = saturating_sum(total, totals[from + unit - reach]);
+        }
+        totals[to + unit] = total;
+        sync_cube();
+    }
+}
+
 /// Each cube scans its block of `input` (0 beyond `count`) into `output`, and writes the block's sum.
 #[cube(launch_unchecked)]
 fn scan_block_kernel(input: &[u32], output: &mut [u32], sums: &mut [u32], count: u32, out_count: u32, blocks: u32) {
@@ -42,27 +66,11 @@ fn scan_block_kernel(input: &[u32], output: &mut [u32], sums: &mut [u32], count:
         own = saturating_sum(own, value);
     }
 
-    // Two halves, read from one and written to the other, so that one barrier a step is enough.
     let mut totals = Shared::<[u32]>::new_slice(comptime!(2 * UNITS));
-    totals[unit] = own;
-    sync_cube();
-    #[unroll]
-    for step in 0..STEPS {
-        let reach = comptime!(1usize << step);
-        let from = comptime!((step % 2) * UNITS);
-        let to = comptime!(UNITS - (step % 2) * UNITS);
-        let mut total = totals[from + unit];
-        if unit >= reach {
-            total = saturating_sum(total, totals[from + unit - reach]);
-        }
-        totals[to + unit] = total;
-        sync_cube();
-    }
-
-    let last = comptime!((STEPS % 2) * UNITS);
+    sums_over_units(own, &mut totals);
     let mut running = 0u32;
     if unit > 0 {
-        running = totals[last + unit - 1];
+        running = totals[SUMS + unit - 1];
     }
     #[unroll]
     for k in 0..ITEMS {

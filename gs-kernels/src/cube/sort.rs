@@ -9,7 +9,7 @@ use cubecl::prelude::*;
 
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid, grid_for};
 use crate::cube::error::CubeError;
-use crate::cube::scan::exclusive_scan;
+use crate::cube::scan::{SUMS, exclusive_scan, sums_over_units};
 
 /// Bits of a digit.
 const DIGIT_BITS: u32 = 8;
@@ -24,8 +24,6 @@ const HALF_BITS: u32 = DIGIT_BITS / 2;
 /// Words of counters for each unit: two counters of 16 bits in one, for the values of half a digit and for those with its highest bit. A
 /// counter is at most [`BLOCK`].
 const WORDS: usize = 1 << (HALF_BITS - 1);
-/// `log2(UNITS)`: doubling steps of the scan over a cube's units.
-const STEPS: usize = UNITS.ilog2() as usize;
 
 #[cube]
 fn digit(key: u32, shift: u32) -> usize {
@@ -85,25 +83,11 @@ fn places_by_half(
     for word in 0..WORDS {
         own += counters[first + word];
     }
-    scratch[unit] = own;
-    sync_cube();
-    #[unroll]
-    for step in 0..STEPS {
-        let reach = comptime!(1usize << step);
-        let from = comptime!((step % 2) * UNITS);
-        let to = comptime!(UNITS - (step % 2) * UNITS);
-        let mut total = scratch[from + unit];
-        if unit >= reach {
-            total += scratch[from + unit - reach];
-        }
-        scratch[to + unit] = total;
-        sync_cube();
-    }
-    let last = comptime!((STEPS % 2) * UNITS);
+    sums_over_units(own, scratch);
     // The counters in the higher bits come behind all in the lower.
-    let mut running = (scratch[last + UNITS - 1] & 0xffffu32) << 16u32;
+    let mut running = (scratch[SUMS + UNITS - 1] & 0xffffu32) << 16u32;
     if unit > 0 {
-        running += scratch[last + unit - 1];
+        running += scratch[SUMS + unit - 1];
     }
     #[unroll]
     for word in 0..WORDS {

@@ -1,8 +1,8 @@
 //! Blending backward.
 //!
-//! Per tile, the forward walk is replayed, at the blocks that it changed, and every alpha and transmittance is kept (a pixel blends at most 2,346 Gaussians,
-//! because each takes 1/255 of the light and the pixel ends at 1e-4), so that nothing is recomputed by division. Then the list is
-//! walked back to front with the light behind each Gaussian as one running number `R` per pixel:
+//! Per tile, the forward walk is replayed, at the blocks that it changed, and every alpha and transmittance is kept (a pixel blends at
+//! most 2,346 Gaussians, because each takes 1/255 of the light and the pixel ends at 1e-4), so that nothing is recomputed by division.
+//! Then the list is walked back to front with the light behind each Gaussian as one running number `R` per pixel:
 //!
 //! `q = f . v`, `v_alpha = T (q - R)`, `R += alpha (q - R)`, where `v` is the gradient with respect to the pixel's channels. (The
 //! usual form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
@@ -46,9 +46,9 @@ pub fn backward<F: Real>(
     let inputs = Inputs::new(config, projected, opacities, features, background, lists);
     let values = inputs.pixels() * config.output_channels();
     assert_eq!(v_output.len(), values, "v_output must have the shape of the output");
-    let pairs = lists.gaussian_ids.len();
-    assert!(changed.is_none_or(|changed| changed.len() == pairs), "changed must be [M] for {pairs} pairs");
-    let mut pairs = zeros(lists.gaussian_ids.len() * (FIXED + inputs.blended));
+    let count = lists.gaussian_ids.len();
+    assert!(changed.is_none_or(|changed| changed.len() == count), "changed must be [M] for {count} pairs");
+    let mut pairs = zeros(count * (FIXED + inputs.blended));
     let shared = Disjoint::new(&mut pairs);
     let backgrounds: Vec<Vec<F>> = (0..inputs.tiles)
         .into_par_iter()

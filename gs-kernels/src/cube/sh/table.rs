@@ -20,6 +20,12 @@ pub(super) const fn shared_len(columns: usize) -> usize {
     BATCH * stride(columns)
 }
 
+/// Where value `index` of a batch of rows is in shared memory.
+#[cube]
+fn place(index: usize, #[comptime] columns: usize) -> usize {
+    index / columns * comptime!(stride(columns)) + index % columns
+}
+
 /// Each unit of a cube reads the first `used` of the `columns` values of its row; a row from `count` on leaves `row` as it is. The whole
 /// cube takes part.
 #[cube]
@@ -38,7 +44,7 @@ pub(super) fn read_rows(
         let mut index = unit;
         while index < comptime!(BATCH * columns) {
             if begin + index < values {
-                shared[index / columns * comptime!(stride(columns)) + index % columns] = table[begin + index];
+                shared[place(index, columns)] = table[begin + index];
             }
             index += UNITS;
         }
@@ -83,7 +89,7 @@ pub(super) fn write_rows(
         let mut index = unit;
         while index < comptime!(BATCH * columns) {
             if begin + index < values {
-                table[begin + index] = shared[index / columns * comptime!(stride(columns)) + index % columns];
+                table[begin + index] = shared[place(index, columns)];
             }
             index += UNITS;
         }

@@ -8,7 +8,7 @@ use gs_burn::ops::statistics::{StatisticsConfig, gather_statistics};
 
 use super::{Changes, Observation, Refinement, StepContext};
 use crate::config::{DensityConfig, OpacityPolicy};
-use crate::fit::density::ops::{Draft, logit, sigmoid};
+use crate::fit::density::ops::{Draft, logit, rotation, sigmoid};
 use crate::fit::parameters::{Group, Table, from_host, to_host};
 use crate::fit::random::{Purpose, normal_triple, stream};
 use crate::fit::schedule::due;
@@ -113,8 +113,7 @@ fn split_or_clone(
             continue;
         }
         split[row] = true;
-        let [w, x, y, z] = [0, 1, 2, 3].map(|c| quats[4 * row + c]);
-        let rotation = glam::Quat::from_xyzw(x, y, z, w).normalize();
+        let rotation = rotation(&quats, row);
         for _ in 0..2 {
             let part = draft.duplicate(row);
             let size = Vec3::from(draft.log_scales[row]).exp();

@@ -33,14 +33,8 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
     let weights: Vec<f64> = alive.iter().map(|row| draft.opacity(*row)).collect();
     let onto: Vec<usize> = sample(&weights, dead.len(), &mut rng).into_iter().map(|i| alive[i]).collect();
     draft.share_out(&onto, config.min_opacity);
-    let quats = if config.separation > 0.0 { gaussians.read(Group::Quats) } else { Vec::new() };
-    let apart = |draft: &mut Draft, rows: &[usize]| -> Vec<[f32; 3]> {
-        match config.separation > 0.0 {
-            true => draft.spread_out(rows, &quats, config.separation),
-            false => rows.iter().map(|row| draft.means[*row]).collect(),
-        }
-    };
-    let means = apart(&mut draft, &onto);
+    let quats = gaussians.read(Group::Quats);
+    let means = draft.spread_out(&onto, &quats, config.separation);
     for ((dead, onto), mean) in dead.iter().zip(&onto).zip(means) {
         draft.overwrite(*dead, *onto);
         draft.means[*dead] = mean;
@@ -50,7 +44,7 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
     let weights: Vec<f64> = (0..before).map(|row| draft.opacity(row)).collect();
     let copied = sample(&weights, wanted.saturating_sub(before), &mut rng);
     draft.share_out(&copied, config.min_opacity);
-    let means = apart(&mut draft, &copied);
+    let means = draft.spread_out(&copied, &quats, config.separation);
     for (row, mean) in copied.iter().zip(means) {
         let copy = draft.duplicate(*row);
         draft.means[copy] = mean;

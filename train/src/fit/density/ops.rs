@@ -3,7 +3,7 @@
 //! A draft holds only the columns whose numbers change (means, scales, opacities). All others (rotations, SH, the optimiser's
 //! moments) follow by row number when the draft is committed, so that rows stay consistent.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use gs_burn::Gaussians;
 use rand::Rng;
 
@@ -103,10 +103,7 @@ impl Draft {
     /// Lowers opacity and scale of every row in `rows` so that, with one copy per mention, it looks as before; see [`relocation`].
     /// The moments are reset.
     pub fn share_out(&mut self, rows: &[usize], min_opacity: f64) {
-        let mut copies = vec![0usize; self.len()];
-        for row in rows {
-            copies[*row] += 1;
-        }
+        let copies = self.mentions(rows);
         for row in 0..copies.len() {
             if copies[row] > 0 {
                 let (opacity, factor) = relocation(self.opacity(row), copies[row] + 1);
@@ -122,36 +119,46 @@ impl Draft {
     /// their opacity rises by as much. Returns the copies' means in the order of mention. To be called after [`Draft::share_out`]; `quats` are
     /// the table's, `[N, 4]`. A row whose numbers are not finite stays, with its copies.
     pub fn spread_out(&mut self, rows: &[usize], quats: &[f32], separation: f64) -> Vec<[f32; 3]> {
-        let shrunk = (1.0 - separation * separation).sqrt();
-        let mut copies = vec![0usize; self.len()];
-        rows.iter().for_each(|row| copies[*row] += 1);
-        let mut parts = vec![0usize; self.len()];
-        let mut means = Vec::with_capacity(rows.len());
-        for row in rows {
-            parts[*row] += 1;
-            let offset = place(parts[*row], copies[*row], separation) as f32;
-            means.push((Vec3::from(self.means[*row]) + self.longest(*row, quats) * offset).to_array());
+        if separation == 0.0 {
+            return rows.iter().map(|row| self.means[*row]).collect();
         }
-        for row in (0..copies.len()).filter(|row| copies[*row] > 0) {
-            let axis = self.longest(row, quats);
-            if axis == Vec3::ZERO {
-                continue;
+        let copies = self.mentions(rows);
+        let moved = |draft: &Self, row: usize, part: usize| match draft.longest(row, quats) {
+            Some((_, axis)) => {
+                let offset = place(part, copies[row], separation) as f32;
+                (Vec3::from(draft.means[row]) + axis * offset).to_array()
             }
-            self.means[row] =
-                (Vec3::from(self.means[row]) + axis * place(0, copies[row], separation) as f32).to_array();
-            let longest = Vec3::from(self.log_scales[row]).max_position();
+            None => draft.means[row],
+        };
+        let mut parts = vec![0usize; self.len()];
+        let mut next = |row: usize| {
+            parts[row] += 1;
+            parts[row]
+        };
+        let means = rows.iter().map(|row| moved(self, *row, next(*row))).collect();
+        let shrunk = (1.0 - separation * separation).sqrt();
+        for row in (0..copies.len()).filter(|row| copies[*row] > 0) {
+            let Some((longest, _)) = self.longest(row, quats) else { continue };
+            self.means[row] = moved(self, row, 0);
             self.log_scales[row][longest] += shrunk.ln() as f32;
             self.set_opacity(row, self.opacity(row) / shrunk);
         }
         means
     }
 
-    /// The longest axis of a row, a standard deviation long; zero if it is not finite.
-    fn longest(&self, row: usize, quats: &[f32]) -> Vec3 {
+    /// How often each row is mentioned.
+    fn mentions(&self, rows: &[usize]) -> Vec<usize> {
+        let mut mentions = vec![0; self.len()];
+        rows.iter().for_each(|row| mentions[*row] += 1);
+        mentions
+    }
+
+    /// The longest axis of a row: which of the three, and as a vector of a standard deviation; `None` if it is zero or not finite.
+    fn longest(&self, row: usize, quats: &[f32]) -> Option<(usize, Vec3)> {
         let axis = Vec3::from(self.log_scales[row]).max_position();
-        let [w, x, y, z] = [0, 1, 2, 3].map(|c| quats[4 * self.from[row] as usize + c]);
-        let along = glam::Quat::from_xyzw(x, y, z, w).normalize() * Vec3::AXES[axis] * self.log_scales[row][axis].exp();
-        if along.is_finite() { along } else { Vec3::ZERO }
+        let size = self.log_scales[row][axis].exp();
+        let along = rotation(quats, self.from[row] as usize) * Vec3::AXES[axis] * size;
+        (along.is_finite() && along != Vec3::ZERO).then_some((axis, along))
     }
 
     /// Keeps the rows for which `keep` is true.
@@ -185,6 +192,12 @@ impl Draft {
         }
         rows
     }
+}
+
+/// The rotation of a row of `quats` `[N, 4]`, w x y z of any length.
+pub fn rotation(quats: &[f32], row: usize) -> Quat {
+    let [w, x, y, z] = [0, 1, 2, 3].map(|c| quats[4 * row + c]);
+    Quat::from_xyzw(x, y, z, w).normalize()
 }
 
 /// Where part `part` of a Gaussian and its `copies` stands: evenly spaced about 0, with a root mean square of `separation`.
