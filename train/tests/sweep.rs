@@ -58,6 +58,40 @@ fn a_sweep_continues_where_it_was_cut_off() {
 }
 
 #[test]
+fn each_of_several_data_sets_has_a_folder_and_seeds_are_one_curve() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    fs::create_dir(folder.join("other")).expect("made");
+    common::tiny_scene(&folder.join("other"));
+    let common = COMMON.iter().flat_map(|set| ["--set", set]);
+    let sweep = |own: &[&'static str]| -> Vec<&'static str> {
+        let args = ["sweep", "--out", "swept", "--over", "seed=1,2", "--set", "density.cap=160"];
+        args.into_iter().chain(common.clone()).chain(own.iter().copied()).collect()
+    };
+    let refused = |own: &[&'static str]| {
+        let output = gsburn(folder, &sweep(own));
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(refused(&["scene", "other/scene"]).contains("would have the folder swept/scene"));
+    assert!(refused(&["scene", "nowhere"]).contains("nowhere: expected a data set"));
+    fs::rename(folder.join("other/scene"), folder.join("door")).expect("renamed");
+    let three = ["scene", "door", "--recipe", "static/base,static/base,static/base"];
+    assert!(refused(&three).contains("one for each of 2 data sets, found 3"));
+
+    let [tables, said] = says(folder, &sweep(&["scene", "door", "--recipe", "static/base,static/demo"]));
+    assert!(said.contains("data set door") && said.matches("run 2 of 2: seed-2").count() == 2, "{said}");
+    assert!(tables.contains("2 seeds"), "{tables}");
+    let saved = |name: &str| fs::read_to_string(folder.join("swept").join(name)).expect("read");
+    assert!(
+        saved("door/chart.md").contains("2 seeds") && saved("door/index.html").contains("href=\"seed-2/report.html\"")
+    );
+    assert!(saved("index.html").contains("href=\"door/seed-2/report.html\""));
+    assert!(saved("chart.svg").contains("scene: Whole image") && saved("chart.svg").contains("door: Whole image"));
+}
+
+#[test]
 fn a_chart_names_what_it_leaves_out() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();

@@ -15,8 +15,10 @@ Examples:
 
 Accuracy is PSNR on held-out photos (of moving scenes also of the moving parts alone, on sharp photos where the data set has
 them). It is drawn against the processor time of training, all threads, which other work on the machine does not change;
-where a run does not know its processor time, against wall-clock time. What nothing beats at its cost is ringed. Runs that
-are unfinished, have no figures or are on another data set are named and left out. `gsburn sweep` makes the runs too.";
+where a run does not know its processor time, against wall-clock time. What nothing beats at its cost is ringed. Runs of
+one folder that differ in their seed alone are one curve of their means, with bars from the lowest to the highest. Further
+tables give the seconds and the Gaussians at which each run reached 24, 27, 30, ... dB. Runs that are unfinished, have no
+figures or are on another data set are named and left out. `gsburn sweep` makes the runs too.";
 
 /// Arguments of `chart`.
 #[derive(Debug, Args)]

@@ -12,9 +12,9 @@ use crate::pipelines::examples;
 #[derive(Debug, Args)]
 #[command(after_help = examples::SWEEP)]
 pub struct SweepArgs {
-    /// The data set of all runs
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub dataset: PathBuf,
+    /// Data sets; of several, each has a folder of its own in --out
+    #[arg(required = true, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
+    pub datasets: Vec<PathBuf>,
 
     /// Configuration file (TOML) of all runs
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "configs")]
@@ -24,9 +24,9 @@ pub struct SweepArgs {
     #[arg(long, value_name = "FILE,...", value_delimiter = ',', value_hint = ValueHint::FilePath)]
     pub configs: Vec<PathBuf>,
 
-    /// A compiled-in recipe of all runs (`gsburn recipes` lists them)
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["config", "configs", "recipes"])]
-    pub recipe: Option<String>,
+    /// A compiled-in recipe of all runs, or one for each data set in their order (`gsburn recipes` lists them)
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', conflicts_with_all = ["config", "configs", "recipes"])]
+    pub recipe: Vec<String>,
 
     /// Recipes to sweep over
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', conflicts_with_all = ["config", "configs"])]

@@ -8,7 +8,7 @@ use gs_datasets::printable;
 
 use crate::cli::ChartArgs;
 use crate::commands::{command_line, in_markdown, marked, print};
-use crate::report::comparison::{Panels, Table, add_to_report, enough, gather, page, read_others, soonest, stacked};
+use crate::report::comparison::{Comparison, add_to_report, enough, gather, page, read_others, stacked};
 use crate::run::folder::RunFolder;
 use crate::run::outputs;
 
@@ -29,20 +29,20 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     let found = gather(&args.runs)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     let others = args.beside.as_deref().map_or(Ok(Vec::new()), read_others)?;
-    let (panels, command) = (Panels::new(&found.runs).beside(&others), command_line());
-    let tables: Vec<Table> = std::iter::once(Table::new(&found.runs)).chain(soonest(&found.runs, &others)).collect();
+    let (compared, command) = (Comparison::new(&found, &others), command_line());
+    let Comparison { panels, tables, .. } = &compared;
     // Printed first: tables need no file, so they are shown even if a file cannot be written.
     tables.iter().for_each(|table| print(format!("{}\n", table.text())));
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);
     }
     if extension == "html" {
-        let html = page("Accuracy against cost", &panels, &tables, &found.warnings, &command);
+        let html = page("Runs", std::slice::from_ref(&compared), &command);
         write_atomic(&args.out, html.as_bytes())?;
         print(format!("page   {}", args.out.display()));
     } else {
-        write_atomic(&args.out, stacked(&panels, &command).as_bytes())?;
-        write_atomic(&markdown, marked(&in_markdown(&tables)).as_bytes())?;
+        write_atomic(&args.out, stacked(&panels.charts, &command).as_bytes())?;
+        write_atomic(&markdown, marked(&in_markdown(tables)).as_bytes())?;
         print(format!("chart  {}\ntable  {}", args.out.display(), markdown.display()));
     }
     if let Some(path) = &args.csv {
@@ -50,7 +50,7 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
         print(format!("table  {}", path.display()));
     }
     for folder in args.report.iter().map(RunFolder::at) {
-        add_to_report(&folder, &panels, &tables, &found.warnings, &command)?;
+        add_to_report(&folder, &compared, &command)?;
         print(format!("report {}", folder.report().display()));
     }
     Ok(ExitCode::SUCCESS)

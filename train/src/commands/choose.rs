@@ -5,11 +5,10 @@ use burn::tensor::Device;
 use gs_datasets::Split;
 use gs_datasets::image_io::write_atomic;
 
-use crate::cli::SweepArgs;
+use crate::commands::planned::Sweep;
 use crate::commands::{marked, print};
 use crate::pipelines::{EvalRequest, Resolved, resolve_changed};
 use crate::report::comparison::{Candidate, Choice, ComparedRun, by_cpu, seconds};
-use crate::run::folder::RunFolder;
 use crate::run::scene::read_file;
 
 /// The table of a choice in the folder of a sweep.
@@ -22,8 +21,8 @@ const LEFT_OUT: [&str; 2] = ["eval.lpips=false", "eval.ms_ssim=false"];
 ///
 /// # Errors
 /// One sentence.
-pub fn check_split(args: &SweepArgs, config: &Resolved) -> Result<()> {
-    let report = config.pipeline.check(&args.dataset, &config.config)?;
+pub(super) fn check_split(sweep: &Sweep, config: &Resolved) -> Result<()> {
+    let report = config.pipeline.check(sweep.dataset, &config.config)?;
     if !report.is_ok() {
         // Training says what is wrong with the data set.
         return Ok(());
@@ -31,7 +30,7 @@ pub fn check_split(args: &SweepArgs, config: &Resolved) -> Result<()> {
     let names: Vec<&str> = report.held_out.iter().map(|(name, _)| name.as_str()).collect();
     let reported = [Split::TEST, Split::VALIDATION].into_iter().find(|name| names.contains(name));
     let reported = reported.or(names.first().copied());
-    let (by, data) = (args.choose_by.as_str(), args.dataset.display());
+    let (by, data) = (sweep.args.choose_by.as_str(), sweep.dataset.display());
     if reported == Some(by) {
         bail!(
             "{data}: expected a split to choose by that is not the reported one, found only {by}; data.train_cameras and data.seen \
@@ -45,24 +44,24 @@ pub fn check_split(args: &SweepArgs, config: &Resolved) -> Result<()> {
     Ok(())
 }
 
-/// Measures `runs`, whose configurations are in `plan`, on the split, chooses, prints the choice and writes its table into the folder of the sweep.
+/// Measures the finished runs of a sweep on the split, chooses, prints the choice and writes its table into the folder of the sweep.
 ///
 /// # Errors
 /// One sentence: a run that cannot be measured, a full disk.
-pub fn choose(args: &SweepArgs, runs: &[ComparedRun], plan: &[(&RunFolder, &Resolved)], device: &Device) -> Result<()> {
-    let cpu = by_cpu(runs);
+pub(super) fn choose(sweep: &Sweep, runs: &[ComparedRun], device: &Device) -> Result<()> {
+    let (cpu, by) = (by_cpu(runs), &sweep.args.choose_by);
     let left_out = LEFT_OUT.map(String::from);
     let mut candidates = Vec::with_capacity(runs.len());
     for run in runs {
-        let own = plan.iter().find(|(folder, _)| folder.path() == run.folder.path());
-        let Some((_, resolved)) = own else { continue };
+        let own = sweep.runs.iter().find(|planned| planned.folder.path() == run.folder.path());
+        let Some(resolved) = own.map(|planned| &planned.config) else { continue };
         let config = resolve_changed(&resolved.config, "config.toml", &left_out)?;
         let file = read_file(run.folder.path(), device)?;
         let evaluated = resolved.pipeline.evaluate(&EvalRequest {
             file: &file,
-            dataset: &args.dataset,
+            dataset: sweep.dataset,
             config: &config.config,
-            split: Some(&args.choose_by),
+            split: Some(by),
             device,
             pictures: false,
         })?;
@@ -76,12 +75,12 @@ pub fn choose(args: &SweepArgs, runs: &[ComparedRun], plan: &[(&RunFolder, &Reso
             seconds: seconds(&run.eval.last, cpu),
         });
     }
-    let Some(choice) = Choice::smallest(candidates, &args.choose_by) else {
-        bail!("{}: expected at least 2 images in the split {} to choose by", args.dataset.display(), args.choose_by);
+    let Some(choice) = Choice::smallest(candidates, by) else {
+        bail!("{}: expected at least 2 images in the split {by} to choose by", sweep.dataset.display());
     };
     let (table, sentence) = (choice.table(), choice.sentence());
     print(format!("\n{}\n{sentence}", table.text()));
-    let path = args.out.join(FILE);
+    let path = sweep.out.join(FILE);
     write_atomic(&path, marked(&format!("{}\n{sentence}\n", table.markdown())).as_bytes())?;
     print(format!("choice {}", path.display()));
     Ok(())

@@ -23,17 +23,17 @@ pub(super) struct Combination {
     pub overrides: Vec<String>,
 }
 
-/// Every combination of configuration files and values, the last key changing fastest; or every single change.
+/// Every combination of configuration files and values, the last key changing fastest; or every single change. `recipe` is the data set's.
 ///
 /// # Errors
 /// One sentence: nothing to sweep over, a value that cannot be read, two runs of one name.
-pub(super) fn combinations(args: &SweepArgs) -> Result<Vec<Combination>> {
+pub(super) fn combinations(args: &SweepArgs, recipe: Option<&str>) -> Result<Vec<Combination>> {
     let typed: Vec<(&str, Vec<&str>)> = args.over.iter().map(|text| parse_over(text)).collect::<Result<_>>()?;
-    let keys = if typed.is_empty() { proposed(args)? } else { typed };
+    let keys = if typed.is_empty() { proposed(args, recipe)? } else { typed };
     if args.configs.is_empty() && args.recipes.is_empty() && keys.is_empty() {
         bail!("a sweep needs something to sweep over: --over KEY=VALUE,..., --configs FILE,... or --recipes NAME,...");
     }
-    let begun = begun(args);
+    let begun = begun(args, recipe);
     let all: Vec<Combination> = match args.one_at_a_time {
         true => begun.iter().flat_map(|combination| around(combination, &keys)).collect(),
         false => keys.iter().fold(begun, |all, (key, values)| {
@@ -51,15 +51,15 @@ pub(super) fn combinations(args: &SweepArgs) -> Result<Vec<Combination>> {
 }
 
 /// The configurations that values are changed in.
-fn begun(args: &SweepArgs) -> Vec<Combination> {
-    let begin = |file: Option<&PathBuf>, recipe: Option<&String>, name: String| Combination {
+fn begun(args: &SweepArgs, recipe: Option<&str>) -> Vec<Combination> {
+    let begin = |file: Option<&PathBuf>, recipe: Option<&str>, name: String| Combination {
         name,
         file: file.cloned(),
-        recipe: recipe.cloned(),
+        recipe: recipe.map(String::from),
         overrides: args.set.clone(),
     };
     match (args.configs.as_slice(), args.recipes.as_slice()) {
-        ([], []) => vec![begin(args.config.as_ref(), args.recipe.as_ref(), String::new())],
+        ([], []) => vec![begin(args.config.as_ref(), recipe, String::new())],
         ([], recipes) => recipes.iter().map(|name| begin(None, Some(name), stem(Path::new(name)))).collect(),
         (files, _) => files.iter().map(|file| begin(Some(file), None, stem(file))).collect(),
     }
@@ -86,12 +86,11 @@ impl Combination {
 }
 
 /// The keys and values that the pipeline proposes where a model is to be chosen and nothing else is to be swept.
-fn proposed(args: &SweepArgs) -> Result<Vec<(&'static str, Vec<&'static str>)>> {
+fn proposed(args: &SweepArgs, recipe: Option<&str>) -> Result<Vec<(&'static str, Vec<&'static str>)>> {
     if args.choose.is_none() || !args.configs.is_empty() || !args.recipes.is_empty() {
         return Ok(Vec::new());
     }
-    let sources =
-        Sources { file: args.config.as_deref(), recipe: args.recipe.as_deref(), overrides: args.set.as_slice() };
+    let sources = Sources { file: args.config.as_deref(), recipe, overrides: args.set.as_slice() };
     let sizes = resolve(sources)?.pipeline.sizes();
     Ok(sizes.iter().map(|(key, values)| (*key, values.to_vec())).collect())
 }
@@ -151,7 +150,8 @@ mod tests {
         let Command::Sweep(args) = Cli::try_parse_from(line).expect("valid arguments").command else {
             unreachable!("the command is sweep")
         };
-        Ok(combinations(&args)?.into_iter().map(|combination| combination.name).collect())
+        let recipe = args.recipe.first().map(String::as_str);
+        Ok(combinations(&args, recipe)?.into_iter().map(|combination| combination.name).collect())
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod extrapolate;
 pub mod flow;
 pub mod import;
 pub mod info;
+mod planned;
 pub mod recipes;
 pub mod reconstruct;
 pub mod render;

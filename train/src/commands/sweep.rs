@@ -1,155 +1,124 @@
-//! `gsburn sweep`: a run for every combination of some values, and their comparison.
+//! `gsburn sweep`: on each data set a run for every combination of some values, and their comparison.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::printable;
 
 use crate::cli::SweepArgs;
-use crate::commands::combinations::{Combination, combinations};
+use crate::commands::planned::{Planned, State, Sweep, say, sweeps};
 use crate::commands::{choose, command_line, describe, device, in_markdown, marked, print};
-use crate::pipelines::{Resolved, Sources, resolve, resolve_saved};
-use crate::report::comparison::{Gathered, Panels, Table, enough, gather, page, soonest, stacked};
-use crate::run::folder::{RunFolder, full_path};
+use crate::report::comparison::{Comparison, Gathered, enough, gather, page, stacked};
+use crate::run::folder::RunFolder;
 use crate::run::interrupt;
 use crate::run::outputs;
 use crate::run::resources::forget_peak_memory;
 use crate::run::watch::{Ending, Job};
 
-/// Progress of a combination.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    New,
-    Begun,
-    Finished,
-}
-
-/// A planned run: its folder, configuration and progress.
-type Planned = (RunFolder, Resolved, State);
-
-/// Trains the combinations that are not finished yet, then compares all.
+/// Trains the combinations that are not finished yet, data set by data set, and compares those of each.
 ///
 /// # Errors
 /// One sentence: a value that is not valid, a folder that holds another run, bad data, a full disk.
 pub fn run(args: &SweepArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
-    if !args.dataset.exists() {
-        bail!("{}: expected a data set, found nothing", args.dataset.display());
-    }
     // Every argument is checked here, before the first of many hours of training.
-    let plan = planned(args)?;
+    let sweeps = sweeps(args)?;
     let choice = args.choose.map(|_| choose::FILE);
-    let files = ["chart.svg", "chart.md", "chart.csv", "index.html"].into_iter().chain(choice);
-    outputs::check(&files.map(|name| args.out.join(name)).collect::<Vec<_>>(), &[])?;
-    if let (Some(_), Some((_, config, _))) = (args.choose, plan.first()) {
-        choose::check_split(args, config)?;
+    let several = sweeps.len() > 1;
+    for sweep in &sweeps {
+        let files = ["chart.svg", "chart.md", "chart.csv", "index.html"].into_iter().chain(choice);
+        outputs::check(&files.map(|name| sweep.out.join(name)).collect::<Vec<_>>(), &[])?;
+        if let (Some(_), Some(first)) = (args.choose, sweep.runs.first()) {
+            choose::check_split(sweep, &first.config)?;
+        }
+    }
+    if several {
+        outputs::check(&["chart.svg", "index.html"].map(|name| args.out.join(name)), &[])?;
     }
     interrupt::watch();
-    for (i, (folder, config, state)) in plan.iter().enumerate() {
-        let place = format!("run {} of {}: {}", i + 1, plan.len(), folder.name());
-        if *state == State::Finished {
-            say(args, &format!("{place}: finished already"));
-            continue;
+    let mut compared = Vec::new();
+    for sweep in &sweeps {
+        if several {
+            say(args, &format!("data set {}", sweep.dataset.display()));
         }
-        say(args, &place);
-        if interrupt::asked() || !finishes(args, folder, config, *state, &device)? {
+        if !train(sweep, &device)? {
             eprintln!("stopped; the same command continues");
             return Ok(ExitCode::from(interrupt::exit_code()));
         }
+        let (found, comparison) = compare(sweep)?;
+        if args.choose.is_some() {
+            choose::choose(sweep, &found.runs, &device)?;
+        }
+        compared.push(comparison);
     }
-    let found = compare(&args.out, &plan)?;
-    if args.choose.is_some() {
-        let plan: Vec<(&RunFolder, &Resolved)> = plan.iter().map(|(folder, config, _)| (folder, config)).collect();
-        choose::choose(args, &found.runs, &plan, &device)?;
+    if several {
+        let command = command_line();
+        let chart = args.out.join("chart.svg");
+        let index = args.out.join("index.html");
+        write_atomic(&chart, stacked(compared.iter().flat_map(|one| &one.panels.charts), &command).as_bytes())?;
+        write_atomic(&index, page(&RunFolder::at(&args.out).name(), &compared, &command).as_bytes())?;
+        print(format!("all: chart  {}\n     page   {}", chart.display(), index.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The runs of a sweep. A change that changes nothing (the recipe's own value) is left out.
-fn planned(args: &SweepArgs) -> Result<Vec<Planned>> {
-    let mut plan: Vec<Planned> = Vec::new();
-    for combination in combinations(args)? {
-        let Combination { name, file, recipe, overrides } = combination;
-        let sources = Sources { file: file.as_deref(), recipe: recipe.as_deref(), overrides: &overrides };
-        let config = resolve(sources)?;
-        let folder = RunFolder::at(args.out.join(&name));
-        let same = plan.iter().find(|(_, other, _)| other.text == config.text);
-        if let Some((other, ..)) = same.filter(|_| args.one_at_a_time) {
-            say(args, &format!("{name}: has the configuration of {}; left out", other.name()));
+/// Trains what is not finished; `false` when it was interrupted.
+fn train(sweep: &Sweep<'_>, device: &Device) -> Result<bool> {
+    let count = sweep.runs.len();
+    for (i, run) in sweep.runs.iter().enumerate() {
+        let place = format!("run {} of {count}: {}", i + 1, run.folder.name());
+        if run.state == State::Finished {
+            say(sweep.args, &format!("{place}: finished already"));
             continue;
         }
-        let state = state(&folder, &config, &args.dataset)?;
-        plan.push((folder, config, state));
+        say(sweep.args, &place);
+        if interrupt::asked() || !finishes(sweep, run, device)? {
+            return Ok(false);
+        }
     }
-    Ok(plan)
+    Ok(true)
 }
 
-/// Trains one combination; `false` when it was interrupted.
-fn finishes(args: &SweepArgs, folder: &RunFolder, config: &Resolved, state: State, device: &Device) -> Result<bool> {
+/// Trains one run; `false` when it was interrupted.
+fn finishes(sweep: &Sweep<'_>, run: &Planned, device: &Device) -> Result<bool> {
     if !forget_peak_memory() {
         tracing::warn!("the system does not reset the peak of memory: each run shows the largest so far");
     }
     let job = Job {
-        dataset: args.dataset.clone(),
-        config: config.config.clone(),
-        folder: folder.clone(),
+        dataset: sweep.dataset.to_path_buf(),
+        config: run.config.config.clone(),
+        folder: run.folder.clone(),
         device: device.clone(),
         more_devices: Vec::new(),
         device_name: describe(device),
-        resume: state == State::Begun,
+        resume: run.state == State::Begun,
         stop_at: None,
-        quiet: args.quiet,
+        quiet: sweep.args.quiet,
     };
-    Ok(matches!(config.pipeline.train(&job)?, Ending::Finished(_)))
+    Ok(matches!(run.config.pipeline.train(&job)?, Ending::Finished(_)))
 }
 
-/// Writes chart, tables and page, and returns the runs.
-fn compare(out: &Path, plan: &[Planned]) -> Result<Gathered> {
-    let paths: Vec<PathBuf> = plan.iter().map(|(folder, ..)| folder.path().to_path_buf()).collect();
+/// Writes chart, tables and page of a data set, and returns its runs and their comparison.
+fn compare(sweep: &Sweep<'_>) -> Result<(Gathered, Comparison)> {
+    let paths: Vec<PathBuf> = sweep.runs.iter().map(|run| run.folder.path().to_path_buf()).collect();
     let found = gather(&paths)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
-    let (panels, table, command) = (Panels::new(&found.runs), Table::new(&found.runs), command_line());
-    let times = soonest(&found.runs, &[]);
-    print(table.text());
-    times.iter().for_each(|table| print(format!("\n{}", table.text())));
+    let compared = Comparison::new(&found, &[]).linked(&found.runs, &sweep.out);
+    compared.tables.iter().for_each(|table| print(format!("{}\n", table.text())));
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);
     }
-    write_atomic(&out.join("chart.svg"), stacked(&panels, &command).as_bytes())?;
-    write_atomic(&out.join("chart.md"), marked(&in_markdown(std::iter::once(&table).chain(&times))).as_bytes())?;
-    write_atomic(&out.join("chart.csv"), table.csv().as_bytes())?;
+    let (command, out) = (command_line(), &sweep.out);
+    write_atomic(&out.join("chart.svg"), stacked(&compared.panels.charts, &command).as_bytes())?;
+    write_atomic(&out.join("chart.md"), marked(&in_markdown(&compared.tables)).as_bytes())?;
+    write_atomic(&out.join("chart.csv"), compared.tables[0].csv().as_bytes())?;
     let index = out.join("index.html");
-    let tables: Vec<Table> = std::iter::once(table.linked(&found.runs)).chain(times).collect();
-    write_atomic(&index, page(&RunFolder::at(out).name(), &panels, &tables, &found.warnings, &command).as_bytes())?;
+    let name = RunFolder::at(out).name();
+    write_atomic(&index, page(&name, std::slice::from_ref(&compared), &command).as_bytes())?;
     print(format!("chart  {}\npage   {}", out.join("chart.svg").display(), index.display()));
-    Ok(found)
-}
-
-fn say(args: &SweepArgs, line: &str) {
-    if !args.quiet {
-        eprintln!("{line}");
-    }
-}
-
-/// Progress of the run in `folder`.
-fn state(folder: &RunFolder, config: &Resolved, dataset: &Path) -> Result<State> {
-    if !folder.config().exists() {
-        RunFolder::vacant(folder.path())?;
-        return Ok(State::New);
-    }
-    let (found, trained_on) = folder.read_config()?;
-    let same = resolve_saved(&found, "config.toml").is_ok_and(|found| found.text == config.text);
-    let wanted = full_path(dataset);
-    if !same || trained_on != wanted {
-        bail!(
-            "{}: holds a run with another {}; choose another folder with --out",
-            folder.path().display(),
-            if same { "data set" } else { "configuration" }
-        );
-    }
-    let finished = folder.read_eval().is_ok_and(|eval| eval.last.step >= eval.steps);
-    Ok(if finished { State::Finished } else { State::Begun })
+    let compared = compared.linked(&found.runs, &sweep.args.out).of(&name);
+    Ok((found, compared))
 }

@@ -39,12 +39,14 @@ Examples:
   gsburn sweep cube --recipes taylormode/paper,taylormode/itg,taylormode/base --set steps=2000 --out runs/methods
   gsburn sweep fan --set pipeline=sparsedyn --one-at-a-time --over dynamics.step_frames=1,4 --over dynamics.ask=step,stage --out runs/fan-cost
   gsburn sweep fan --set pipeline=sparsedyn --set data.train_cameras=5 --choose smallest --out runs/fan-size
+  gsburn sweep door fox --recipe static/lund-door,static/fox --over seed=42,43,44 --set 'eval.at=[100,300,1000,3000]' --out runs/time
 
 --choose smallest measures the runs on the validation images and chooses the smallest scene within one standard error of the best;
 choice.md says what it saves and what it costs. The reported split takes no part in the choice.
 
 One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
-chart.csv and index.html with all of them. The same command again continues: finished runs are kept, an interrupted one goes
+chart.csv and index.html with all of them. Runs that differ in their seed alone are one curve, with bars from the lowest to the highest.
+Of several data sets each has such a folder in --out, and chart.svg and index.html there hold all. The same command again continues: finished runs are kept, an interrupted one goes
 on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130, SIGTERM likewise with 143.";
 
 /// Shown below `gsburn stability --help`.

@@ -28,6 +28,8 @@ pub struct Dot {
     pub x: f64,
     /// Quality.
     pub y: f64,
+    /// Lowest and highest of the qualities whose mean it is.
+    pub range: Option<(f64, f64)>,
     /// Index into the colours.
     pub color: usize,
     /// Its label.
@@ -139,7 +141,9 @@ impl Scatter {
         if dots.is_empty() {
             return text(svg, frame.left, frame.top + 20.0, "start", 13, "#222222", "no data");
         }
-        let (xs, ys) = (range(|dot| dot.x), range(|dot| dot.y));
+        let (lows, highs) =
+            (range(|dot| dot.range.map_or(dot.y, |r| r.0)), range(|dot| dot.range.map_or(dot.y, |r| r.1)));
+        let (xs, ys) = (range(|dot| dot.x), (lows.0, highs.1));
         let log_from = if self.log_x { LOG_FROM_ASKED } else { LOG_FROM };
         let x_axis = Axis::new(xs, frame.left, frame.right, xs.0 > 0.0 && xs.1 / xs.0 > log_from);
         let y_axis = Axis::new(ys, frame.bottom, frame.top, false);
@@ -160,6 +164,10 @@ impl Scatter {
         line(svg, front.iter().copied(), "stroke=\"#222222\" stroke-width=\"1\" stroke-dasharray=\"4 3\"")?;
         for dot in &dots {
             let ((x, y), radius) = (place(dot.x, dot.y), if dot.last { 5.0 } else { 3.0 });
+            if let Some((low, high)) = dot.range {
+                let style = format!("stroke=\"{}\" stroke-width=\"1.5\"", COLORS[dot.color]);
+                line(svg, [place(dot.x, low), place(dot.x, high)].into_iter(), &style)?;
+            }
             if dot.front {
                 writeln!(
                     svg,
@@ -291,6 +299,7 @@ mod tests {
         let dot = |(x, y): &(f64, f64)| Dot {
             x: *x,
             y: *y,
+            range: None,
             color: 0,
             label: Some("a<b".into()),
             last: true,

@@ -1,7 +1,8 @@
 //! Several runs compared: the Pareto front of accuracy against cost, as charts, table and page.
 //!
-//! `gather` reads the runs, `budget` finds the smallest sufficient cap, `choice` the smallest sufficient model, `others` reads the figures of other programs, `panels`, `table` and `soonest` choose what is shown, `page` writes
-//! HTML.
+//! `gather` reads the runs, `seeds` makes one curve of those that differ in their seed alone, `budget` finds the smallest sufficient cap,
+//! `choice` the smallest sufficient model, `others` reads the figures of other programs, `panels`, `table` and `soonest` choose what is shown,
+//! `page` writes HTML.
 
 mod budget;
 mod choice;
@@ -9,6 +10,7 @@ mod gather;
 mod others;
 mod page;
 mod panels;
+mod seeds;
 mod soonest;
 mod star;
 mod table;
@@ -21,10 +23,10 @@ pub use gather::{Gathered, gather};
 pub use others::{Other, read_others};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;
-pub use soonest::soonest;
 pub use table::Table;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use crate::run::evaluate::Evaluation;
 use crate::run::folder::{EvalFile, RunFolder, Setting};
@@ -40,6 +42,46 @@ pub struct ComparedRun {
     pub values: BTreeMap<String, String>,
     /// Its figures.
     pub eval: EvalFile,
+}
+
+/// Runs on one data set compared.
+#[derive(Debug)]
+pub struct Comparison {
+    /// Its heading.
+    pub title: String,
+    /// Charts.
+    pub panels: Panels,
+    /// Tables: every measurement, means over seeds, what qualities cost.
+    pub tables: Vec<Table>,
+    /// One sentence for each run that is left out.
+    pub warnings: Vec<String>,
+}
+
+impl Comparison {
+    /// Of the runs that could be read, beside other programs.
+    pub fn new(found: &Gathered, others: &[Other]) -> Self {
+        let runs = &found.runs;
+        let curves = seeds::curves(runs);
+        let costs = soonest::soonest(&curves, others, by_cpu(runs));
+        Self {
+            title: "Accuracy against cost".into(),
+            panels: Panels::new(runs).beside(others),
+            tables: std::iter::once(Table::new(runs)).chain(seeds::spreads(&curves)).chain(costs).collect(),
+            warnings: found.warnings.clone(),
+        }
+    }
+
+    /// The same with links to the runs' reports from a page in this folder.
+    pub fn linked(mut self, runs: &[ComparedRun], page: &Path) -> Self {
+        self.tables[0] = self.tables[0].clone().linked(runs, page);
+        self
+    }
+
+    /// The same under the name of a data set, which also stands in the charts.
+    pub fn of(mut self, dataset: &str) -> Self {
+        self.panels.charts.iter_mut().for_each(|chart| chart.title = format!("{dataset}: {}", chart.title));
+        Self { title: dataset.into(), ..self }
+    }
 }
 
 /// The settings by which the pipelines of the runs distinguish them, as name and key, in the order of their first run.

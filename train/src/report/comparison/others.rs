@@ -67,7 +67,8 @@ impl Panels {
                 for (k, (x, y)) in points.iter().copied().enumerate() {
                     let last = k + 1 == points.len();
                     let tip = format!("{name}: {y:.2} dB at {x:.1}");
-                    chart.dots.push(Dot { x, y, color, label: last.then(|| name.clone()), last, front: false, tip });
+                    let label = last.then(|| name.clone());
+                    chart.dots.push(Dot { x, y, range: None, color, label, last, front: false, tip });
                 }
                 chart.trails.push((color, points.clone()));
             }
@@ -79,7 +80,8 @@ impl Panels {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::comparison::soonest;
+    use crate::report::comparison::seeds::curves;
+    use crate::report::comparison::soonest::soonest;
     use crate::report::comparison::testing::run;
 
     fn read(text: &str) -> Result<Vec<Other>> {
@@ -101,7 +103,8 @@ mod tests {
         let chart = &panels.beside(&others).charts[0];
         assert_eq!(chart.dots.len(), before + 3);
         assert!(chart.dots.iter().any(|dot| dot.label.as_deref() == Some("OpenSplat") && dot.last));
-        let table = soonest(&[run("ours", 30.0, None)], &others).expect("one of them has a curve");
+        let tables = soonest(&curves(&[run("ours", 30.0, None)]), &others, true);
+        let table = tables.first().expect("one of them has a curve");
         assert_eq!(table.rows.last().map(|row| row[0].as_str()), Some("Brush, on a CPU"));
     }
 

@@ -6,9 +6,9 @@ use anyhow::{Result, bail};
 use gs_datasets::guarded;
 use gs_datasets::image_io::write_atomic;
 
-use super::{Panels, Table};
+use super::Comparison;
 use crate::report::html::escaped;
-use crate::report::scatter::SIZE;
+use crate::report::scatter::{SIZE, Scatter};
 use crate::report::{COMPARISON, STYLE, with_section};
 use crate::run::folder::RunFolder;
 use crate::run::outputs::MARK;
@@ -17,15 +17,16 @@ use crate::run::outputs::MARK;
 const PAGE_MAX: u64 = 1 << 30;
 
 /// The charts as one SVG, one below the other; the SVG's description is the command that made them.
-pub fn stacked(panels: &Panels, command: &str) -> String {
+pub fn stacked<'a>(charts: impl IntoIterator<Item = &'a Scatter>, command: &str) -> String {
+    let charts: Vec<&Scatter> = charts.into_iter().collect();
     let (width, height) = SIZE;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{total}\" viewBox=\"0 0 {width} {total}\">\n\
          <desc>{MARK}: {}</desc>\n",
         escaped(command),
-        total = height * panels.charts.len() as u32
+        total = height * charts.len() as u32
     );
-    for (index, chart) in panels.charts.iter().enumerate() {
+    for (index, chart) in charts.iter().enumerate() {
         writeln!(svg, "<g transform=\"translate(0 {})\">{}</g>", height * index as u32, chart.svg())
             .expect("writing to a string does not fail");
     }
@@ -33,8 +34,9 @@ pub fn stacked(panels: &Panels, command: &str) -> String {
 }
 
 /// Charts, tables, warnings and the command that made them.
-fn section(panels: &Panels, tables: &[Table], warnings: &[String], command: &str) -> String {
-    let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>Accuracy against cost</h2>\n<div class=\"plots\">\n");
+fn section(comparison: &Comparison, command: &str) -> String {
+    let Comparison { title, panels, tables, warnings } = comparison;
+    let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>{}</h2>\n<div class=\"plots\">\n", escaped(title));
     panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
     html += "</div>\n";
     warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(warning)));
@@ -42,13 +44,14 @@ fn section(panels: &Panels, tables: &[Table], warnings: &[String], command: &str
     html + &format!("<p>Made by <code>{}</code></p>\n</section>\n", escaped(command))
 }
 
-/// A page of its own that needs no other file.
-pub fn page(title: &str, panels: &Panels, tables: &[Table], warnings: &[String], command: &str) -> String {
-    let (title, section) = (escaped(title), section(panels, tables, warnings, command));
+/// A page of its own that needs no other file, with a section for each comparison.
+pub fn page(title: &str, comparisons: &[Comparison], command: &str) -> String {
+    let title = escaped(title);
+    let sections: String = comparisons.iter().map(|comparison| section(comparison, command)).collect();
     format!(
         "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title} · gsburn</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>{title}</h1>\n</header>\n{section}\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>{title}</h1>\n</header>\n{sections}\
          </main>\n</body>\n</html>\n"
     )
 }
@@ -58,19 +61,13 @@ pub fn page(title: &str, panels: &Panels, tables: &[Table], warnings: &[String],
 ///
 /// # Errors
 /// When the run has no report, or a file cannot be written.
-pub fn add_to_report(
-    folder: &RunFolder,
-    panels: &Panels,
-    tables: &[Table],
-    warnings: &[String],
-    command: &str,
-) -> Result<()> {
+pub fn add_to_report(folder: &RunFolder, comparison: &Comparison, command: &str) -> Result<()> {
     let path = folder.report();
     if !path.is_file() {
         bail!("{}: expected the report of a finished run, found none", path.display());
     }
     let report = guarded::read_to_string(&path, PAGE_MAX)?;
-    let section = section(panels, tables, warnings, command);
+    let section = section(comparison, command);
     let Some(report) = with_section(&report, COMPARISON, &section) else {
         bail!("{}: expected a report of gsburn, found another page", path.display());
     };

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::seeds::{Curve, Spread, curves};
 use super::star::Star;
 use super::table::differing_keys;
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
@@ -39,9 +40,12 @@ type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
 impl Panels {
     /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the number of
     /// Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
+    ///
+    /// Runs that differ in their seed alone are one curve of their means, with a bar from the lowest to the highest.
     pub fn new(runs: &[ComparedRun]) -> Self {
         let cpu = by_cpu(runs);
-        let marks = Marks::new(runs);
+        let curves = &curves(runs);
+        let marks = Marks::new(&curves.iter().map(|curve| curve.shown.clone()).collect::<Vec<_>>());
         let time = if cpu { "CPU seconds of training, all threads" } else { "wall-clock seconds of training" };
         let (moving, whole): (&Value, &Value) = (&|e| e.moving().map(|m| m.psnr), &|e| Some(e.mean().psnr));
         let (cost, count): (&Value, &Value) = (&|e| Some(seconds(e, cpu)), &|e| Some(e.measured.size.gaussians as f64));
@@ -51,7 +55,7 @@ impl Panels {
             false => (whole, "Whole image", WHOLE),
         };
         let over_time =
-            |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(runs, title, (time, cost), y, shown) };
+            |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(curves, title, (time, cost), y, shown) };
         let mut charts = vec![over_time(&format!("{best_title} against time"), (best_axis, best), decibels)];
         if measured {
             charts.push(over_time("Whole image against time", (WHOLE, whole), decibels));
@@ -62,7 +66,7 @@ impl Panels {
         }
         if counts_differ(runs) {
             let title = format!("{best_title} against size");
-            charts.push(marks.chart(runs, &title, ("Gaussians", count), (best_axis, best), decibels));
+            charts.push(marks.chart(curves, &title, ("Gaussians", count), (best_axis, best), decibels));
         }
         Self { charts }
     }
@@ -149,7 +153,7 @@ impl Marks {
 
     fn chart(
         &self,
-        runs: &[ComparedRun],
+        curves: &[Curve],
         title: &str,
         (x, x_of): (&str, &Value),
         (y, y_of): (&str, &Value),
@@ -157,19 +161,26 @@ impl Marks {
     ) -> Scatter {
         let mut dots = Vec::new();
         let mut trails = Vec::new();
-        for (i, run) in runs.iter().enumerate() {
-            let measured: Vec<(&Evaluation, (f64, f64))> =
-                run.measurements().iter().filter_map(|e| Some((e, (x_of(e)?, y_of(e)?)))).collect();
-            for (k, (e, (x, y))) in measured.iter().enumerate() {
+        for (i, curve) in curves.iter().enumerate() {
+            let spread = |of: &Value, measured: &[&Evaluation]| -> Option<Spread> {
+                Spread::of(&measured.iter().map(|e| of(e)).collect::<Option<Vec<_>>>()?)
+            };
+            let measured: Vec<(usize, Spread, Spread)> = curve
+                .measurements()
+                .filter_map(|measured| Some((measured[0].step, spread(x_of, &measured)?, spread(y_of, &measured)?)))
+                .collect();
+            for (k, (step, x, y)) in measured.iter().enumerate() {
                 let last = k + 1 == measured.len();
                 let label = last.then(|| self.labels[i].clone());
-                let tip = format!("{}, step {}: {} at {x:.1}", run.name, e.step, shown(*y));
-                dots.push(Dot { x: *x, y: *y, color: self.colors[i], label, last, front: false, tip });
+                let range = curve.is_of_seeds().then_some((y.low, y.high));
+                let told = range.map_or(String::new(), |(low, high)| format!(" ({} to {})", shown(low), shown(high)));
+                let tip = format!("{}, step {step}: {}{told} at {:.1}", curve.shown.name, shown(y.mean), x.mean);
+                dots.push(Dot { x: x.mean, y: y.mean, range, color: self.colors[i], label, last, front: false, tip });
             }
-            trails.push((self.colors[i], measured.into_iter().map(|(_, point)| point).collect()));
+            trails.push((self.colors[i], measured.iter().map(|(_, x, y)| (x.mean, y.mean)).collect()));
         }
         let front = pareto_front(&dots.iter().map(|dot| (dot.x, dot.y)).collect::<Vec<_>>());
-        let crowded = runs.len() > LABELLED;
+        let crowded = curves.len() > LABELLED;
         for (dot, front) in dots.iter_mut().zip(front) {
             dot.front = front;
             dot.label = dot.label.take().filter(|_| front || !crowded);

@@ -1,55 +1,102 @@
-//! The time to a quality: the seconds after which each run reached 24, 27, 30, ... dB on its held-out views.
+//! The cost of a quality: the seconds after which each run reached 24, 27, 30, ... dB on its held-out views, and the Gaussians it had then.
 //!
-//! Between two measurements the PSNR is taken to rise evenly with the logarithm of the seconds, as it nearly does. A quality that the first
-//! measurement already exceeds was reached before it, by an unknown time.
+//! Between two measurements the PSNR is taken to rise evenly with the logarithm of the cost, as it nearly does. A quality that the first
+//! measurement already exceeds was reached before it, at an unknown cost.
 
-use super::{ComparedRun, Other, Table, by_cpu, seconds};
+use super::seeds::{Curve, Spread};
+use super::{ComparedRun, Other, Table, seconds};
+use crate::run::evaluate::Evaluation;
 
 /// Qualities of the table are multiples of this, dB.
 const EVERY: usize = 3;
 
-/// Time to a quality.
+/// Cost and PSNR, measurement by measurement.
+type Points = Vec<(f64, f64)>;
+
+/// Name and runs of a row.
+type Row = (String, Vec<Points>);
+
+/// The cost of a quality.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Reached {
-    /// Between two measurements, seconds.
+    /// Between two measurements.
     At(f64),
-    /// Before the first measurement, seconds.
+    /// Before the first measurement, whose cost is given.
     Before(f64),
     Never,
 }
 
-/// One row a run or other program, one column a quality that any of them reached; `None` where none was measured on the way.
-pub fn soonest(runs: &[ComparedRun], others: &[Other]) -> Option<Table> {
-    let cpu = by_cpu(runs);
-    let curve = |run: &ComparedRun| -> Vec<(f64, f64)> {
-        let points = run.measurements().iter().map(|e| (seconds(e, cpu), e.mean().psnr));
-        points.filter(|(x, y)| x.is_finite() && y.is_finite() && *x > 0.0).collect()
+/// What a quality costs: its name, the cost of a measurement, and digits behind the point.
+type Measure<'a> = (&'a str, &'a dyn Fn(&Evaluation) -> f64, usize);
+
+/// Seconds and Gaussians at which qualities of moving parts, if they were measured, and of whole images were first reached. A row is a curve,
+/// or among the seconds of whole images another program; a column is a quality that any of them reached. Of several seeds it is the mean,
+/// with the range. There is no table where nothing was measured on the way.
+pub fn soonest(curves: &[Curve], others: &[Other], cpu: bool) -> Vec<Table> {
+    let time: Measure = (if cpu { "CPU s" } else { "s" }, &|e| seconds(e, cpu), 1);
+    let count: Measure = ("Gaussians", &|e| e.measured.size.gaussians as f64, 0);
+    let rows = |cost: &Measure, psnr: fn(&Evaluation) -> Option<f64>| -> Vec<Row> {
+        let of_run = |run: &ComparedRun| -> Points {
+            let points = run.measurements().iter().filter_map(|e| Some((cost.1(e), psnr(e)?)));
+            points.filter(|(x, y)| x.is_finite() && y.is_finite() && *x > 0.0).collect()
+        };
+        curves.iter().map(|curve| (curve.shown.name.clone(), curve.runs.iter().map(of_run).collect())).collect()
     };
-    let curves: Vec<Vec<(f64, f64)>> =
-        runs.iter().map(curve).chain(others.iter().map(|other| other.points.clone())).collect();
-    let names = runs.iter().map(|run| &run.name).chain(others.iter().map(|other| &other.name));
-    if curves.iter().all(|curve| curve.len() < 2) {
+    let mut tables = Vec::new();
+    for measure in [&time, &count] {
+        let mut whole = rows(measure, |e| Some(e.mean().psnr));
+        if measure.0 == time.0 {
+            whole.extend(others.iter().map(|other| (other.name.clone(), vec![other.points.clone()])));
+        }
+        let moving = rows(measure, |e| e.moving().map(|scores| scores.psnr));
+        tables.extend([(moving, ", moving"), (whole, "")].iter().filter_map(|(rows, of)| costs(rows, measure, of)));
+    }
+    tables
+}
+
+/// The costs of the qualities, one table.
+fn costs(rows: &[Row], (unit, _, digits): &Measure, of: &str) -> Option<Table> {
+    let all = || rows.iter().flat_map(|(_, runs)| runs);
+    if all().all(|points| points.len() < 2) {
         return None;
     }
-    let best = curves.iter().flatten().map(|(_, y)| *y).fold(0.0, f64::max);
+    let best = all().flatten().map(|(_, y)| *y).fold(0.0, f64::max);
     // A quality that every run exceeds from its first measurement on tells nothing.
-    let is_told =
-        |level: &f64| curves.iter().any(|curve| !matches!(reached(curve, *level), Reached::Before(_) | Reached::Never));
+    let is_told = |level: &f64| all().any(|points| matches!(reached(points, *level), Reached::At(_)));
     let levels: Vec<f64> = (1..=best as usize / EVERY).map(|i| (i * EVERY) as f64).filter(is_told).collect();
-    let unit = if cpu { "CPU s" } else { "s" };
-    let columns = std::iter::once("run".to_string()).chain(levels.iter().map(|level| format!("{unit} to {level} dB")));
-    let rows = names.zip(&curves).map(|(name, curve)| {
-        let cells = levels.iter().map(|level| match reached(curve, *level) {
-            Reached::At(seconds) => format!("{seconds:.1}"),
-            Reached::Before(seconds) => format!("< {seconds:.1}"),
-            Reached::Never => String::new(),
-        });
-        std::iter::once(name.clone()).chain(cells).collect()
+    let columns =
+        std::iter::once("run".to_string()).chain(levels.iter().map(|level| format!("{unit} to {level} dB{of}")));
+    let rows = rows.iter().map(|(name, runs)| {
+        let of_level = |level: &f64| cell(&runs.iter().map(|run| reached(run, *level)).collect::<Vec<_>>(), *digits);
+        std::iter::once(name.clone()).chain(levels.iter().map(of_level)).collect()
     });
     Some(Table::of(columns.collect(), rows.collect()))
 }
 
-/// When a curve of seconds and PSNR first reaches a level.
+/// The cell of a quality, from the runs of a row.
+fn cell(reached: &[Reached], digits: usize) -> String {
+    if let [one] = reached {
+        return match one {
+            Reached::At(cost) => format!("{cost:.digits$}"),
+            Reached::Before(cost) => format!("< {cost:.digits$}"),
+            Reached::Never => String::new(),
+        };
+    }
+    let known: Vec<f64> =
+        reached.iter().filter_map(|r| if let Reached::At(cost) = r { Some(*cost) } else { None }).collect();
+    match Spread::of(&known) {
+        Some(Spread { mean, low, high }) if known.len() == reached.len() => {
+            format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})")
+        }
+        _ => match reached.iter().filter(|r| **r != Reached::Never).count() {
+            0 => String::new(),
+            // Some before their first measurement, so that there is no mean, or some never.
+            count => format!("{count} of {}", reached.len()),
+        },
+    }
+}
+
+/// Where a curve of cost and PSNR first reaches a level.
 fn reached(curve: &[(f64, f64)], level: f64) -> Reached {
     match curve.iter().position(|(_, psnr)| *psnr >= level) {
         None => Reached::Never,
@@ -64,6 +111,7 @@ fn reached(curve: &[(f64, f64)], level: f64) -> Reached {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::comparison::seeds::curves;
     use crate::report::comparison::testing;
 
     /// A run with these seconds and PSNR.
@@ -80,10 +128,14 @@ mod tests {
         run
     }
 
+    fn whole(runs: &[ComparedRun]) -> Table {
+        soonest(&curves(runs), &[], true).swap_remove(0)
+    }
+
     #[test]
     fn qualities_are_met_between_measurements() {
         let runs = [run("old", &[(10.0, 29.0), (40.0, 31.0), (90.0, 34.0)]), run("new", &[(5.0, 31.0), (20.0, 35.0)])];
-        let table = soonest(&runs, &[]).expect("curves");
+        let table = whole(&runs);
         // 30 dB: half way between 10 and 40 in the logarithm. 33 dB: two thirds of the way from 40 to 90, and half from 5 to 20.
         assert_eq!(table.columns, ["run", "CPU s to 30 dB", "CPU s to 33 dB"]);
         assert_eq!(table.rows, [["old", "20.0", "68.7"], ["new", "< 5.0", "10.0"]]);
@@ -92,8 +144,32 @@ mod tests {
     #[test]
     fn a_quality_that_a_run_never_reached_is_empty() {
         let runs = [run("short", &[(10.0, 20.0), (20.0, 22.0)]), run("long", &[(10.0, 20.0), (20.0, 25.0)])];
-        let table = soonest(&runs, &[]).expect("curves");
+        let table = whole(&runs);
         assert_eq!(table.rows[0], ["short".to_string(), "14.1".into(), String::new()]);
-        assert_eq!(soonest(&[testing::run("once", 30.0, None)], &[]), None);
+        assert!(soonest(&curves(&[testing::run("once", 30.0, None)]), &[], true).is_empty());
+    }
+
+    #[test]
+    fn seeds_have_a_mean_and_a_range() {
+        let mut runs = [run("seed-1", &[(10.0, 20.0), (40.0, 22.0)]), run("seed-2", &[(20.0, 20.0), (80.0, 22.0)])];
+        for (run, seed) in runs.iter_mut().zip(["1", "2"]) {
+            run.values.insert("seed".into(), seed.into());
+        }
+        // 21 dB: after 20 and after 40 seconds.
+        assert_eq!(whole(&runs).rows, [["2 seeds", "30.0 (20.0 to 40.0)"]]);
+        runs[1].eval.evaluations[1].measured.quality.mean.psnr = 20.5;
+        assert_eq!(whole(&runs).rows, [["2 seeds", "1 of 2"]]);
+    }
+
+    #[test]
+    fn moving_parts_have_times_of_their_own() {
+        let mut moving = run("moving", &[(10.0, 20.0), (40.0, 22.0)]);
+        for (evaluation, psnr) in moving.eval.evaluations.iter_mut().zip([17.0, 19.0]) {
+            let scores = crate::run::evaluate::Scores { psnr, ..evaluation.measured.quality.mean.clone() };
+            evaluation.measured.quality.regions.insert(crate::fit::method::MOVING.into(), scores);
+        }
+        let tables = soonest(&curves(&[moving]), &[], true);
+        assert_eq!(tables[0].columns, ["run", "CPU s to 18 dB, moving"]);
+        assert_eq!(tables[1].rows, [["moving", "20.0"]]);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::path::Path;
 
 use gs_datasets::printable;
 
@@ -76,10 +77,12 @@ impl Table {
         Self { columns, rows, links: Vec::new() }.without_empty_columns()
     }
 
-    /// Links each run's name to its report, `name/report.html` from the folder of the page.
-    pub fn linked(self, runs: &[ComparedRun]) -> Self {
+    /// Links each run's name to its report, by the path from the folder of the page.
+    pub fn linked(self, runs: &[ComparedRun], page: &Path) -> Self {
         let links = runs.iter().flat_map(|run| {
-            let link = format!("{}/report.html", run.folder.name());
+            let folder = run.folder.path();
+            let from_page = folder.strip_prefix(page).unwrap_or(folder);
+            let link = format!("{}/report.html", from_page.display());
             run.measurements().iter().map(move |_| link.clone())
         });
         Self { links: links.collect(), ..self }
