@@ -120,8 +120,16 @@ impl Marks {
         let keys: Vec<&str> = settings(runs).into_iter().map(|(_, key)| key).collect();
         let differing: Vec<&str> = keys.into_iter().filter(|key| values(key).len() > 1).collect();
         let colored = differing.iter().copied().find(|key| values(key).len() < COLORS.len());
-        let colors = runs.iter().map(|run| match colored {
-            None => 0,
+        // Without such a setting a few runs have a colour each.
+        let each = colored.is_none() && (2..COLORS.len()).contains(&runs.len());
+        let colors = runs.iter().enumerate().map(|(i, run)| match colored {
+            None => {
+                if each {
+                    i
+                } else {
+                    0
+                }
+            }
             // A run for which the setting has no meaning has the last colour, which no value has.
             Some(key) => run
                 .setting(key)
@@ -144,11 +152,16 @@ impl Marks {
             let settings = runs.iter().filter_map(|run| run.setting(key));
             settings.into_iter().find(|setting| setting.value == value).map(|setting| setting.label.clone())
         };
-        let legend = colored.map_or(Vec::new(), |key| {
-            let values = values(key).into_iter().enumerate();
-            values.filter_map(|(color, value)| Some((label(key, value)?, color))).collect()
-        });
-        Self { colors: colors.collect(), labels: labels.collect(), legend, note: note(runs) }
+        let labels: Vec<String> = labels.collect();
+        let legend = match colored {
+            Some(key) => {
+                let values = values(key).into_iter().enumerate();
+                values.filter_map(|(color, value)| Some((label(key, value)?, color))).collect()
+            }
+            None if each => labels.iter().cloned().zip(0..).collect(),
+            None => Vec::new(),
+        };
+        Self { colors: colors.collect(), labels, legend, note: note(runs) }
     }
 
     fn chart(
@@ -259,7 +272,8 @@ mod tests {
         let runs = [of("with", 20.0, &[CAP], &pseudo("true")), of("without", 21.0, &[CAP], &pseudo("false"))];
         let marks = Marks::new(&runs);
         assert_eq!(marks.labels, ["with", "without"]);
-        assert!(marks.legend.is_empty() && marks.note.contains("also differing: prior.pseudo"), "{marks:?}");
+        assert_eq!(marks.legend, [("with".to_string(), 0), ("without".to_string(), 1)]);
+        assert!(marks.note.contains("also differing: prior.pseudo"), "{marks:?}");
         let charts = Panels::new(&runs).charts;
         assert_eq!(charts.len(), 2, "moving parts and whole image; the count is the same");
         assert!(charts[0].x.starts_with("CPU seconds"));

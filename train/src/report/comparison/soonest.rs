@@ -26,6 +26,16 @@ enum Reached {
     Never,
 }
 
+impl Reached {
+    /// The cost, or a bound of it.
+    fn cost(self) -> Option<f64> {
+        match self {
+            Self::At(cost) | Self::Before(cost) => Some(cost),
+            Self::Never => None,
+        }
+    }
+}
+
 /// What a quality costs: its name, the cost of a measurement, and digits behind the point.
 type Measure<'a> = (&'a str, &'a dyn Fn(&Evaluation) -> f64, usize);
 
@@ -73,26 +83,17 @@ fn costs(rows: &[Row], (unit, _, digits): &Measure, of: &str) -> Option<Table> {
     Some(Table::of(columns.collect(), rows.collect()))
 }
 
-/// The cell of a quality, from the runs of a row.
+/// The cell of a quality, from the runs of a row: the mean with its range, or a bound, or how many of the runs reached it.
 fn cell(reached: &[Reached], digits: usize) -> String {
-    if let [one] = reached {
-        return match one {
-            Reached::At(cost) => format!("{cost:.digits$}"),
-            Reached::Before(cost) => format!("< {cost:.digits$}"),
-            Reached::Never => String::new(),
-        };
+    let costs: Vec<f64> = reached.iter().filter_map(|reached| reached.cost()).collect();
+    let Some(Spread { mean, low, high }) = Spread::of(&costs) else { return String::new() };
+    if costs.len() < reached.len() {
+        return format!("{} of {}", costs.len(), reached.len());
     }
-    let known: Vec<f64> =
-        reached.iter().filter_map(|r| if let Reached::At(cost) = r { Some(*cost) } else { None }).collect();
-    match Spread::of(&known) {
-        Some(Spread { mean, low, high }) if known.len() == reached.len() => {
-            format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})")
-        }
-        _ => match reached.iter().filter(|r| **r != Reached::Never).count() {
-            0 => String::new(),
-            // Some before their first measurement, so that there is no mean, or some never.
-            count => format!("{count} of {}", reached.len()),
-        },
+    match reached.iter().any(|reached| matches!(reached, Reached::Before(_))) {
+        true => format!("< {high:.digits$}"),
+        false if reached.len() == 1 => format!("{mean:.digits$}"),
+        false => format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})"),
     }
 }
 
