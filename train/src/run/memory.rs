@@ -18,18 +18,33 @@ pub struct Prediction {
 /// Bytes per Gaussian of projected row, colours, opacity and their gradients: 2 (8 + 3 + 1) floats, the screen row and sums.
 const STEP_BYTES_PER_GAUSSIAN: u64 = 4 * (2 * 12 + 8);
 
-/// Tiles that a Gaussian touches, the mean over the scenes tried.
-const TILES_PER_GAUSSIAN: u64 = 6;
+/// Tiles that a Gaussian touches: 1.6 to 3.2 in the scenes tried, at 320 to 480 pixels of width.
+const TILES_PER_GAUSSIAN: u64 = 3;
 
-/// Bytes of one intersection: sorted row number and position, and key and value of the sort twice.
-const BYTES_PER_INTERSECTION: u64 = 32;
+/// Bytes of one intersection in its list: sorted row number and position, key and value of the sort twice, and the blocks it reached.
+const BYTES_PER_INTERSECTION: u64 = 36;
+
+/// Bytes of one intersection in the backward pass: gradients of its projected row, opacity and channels.
+const BACKWARD_BYTES_PER_INTERSECTION: u64 = 4 * 12;
+
+/// Floats per pixel of a rendering without gradients: colour, alpha, transmittance and last index.
+const RENDERING_FLOATS_PER_PIXEL: u64 = 6;
+
+/// Floats per Gaussian of a rendering without gradients: projected row, colour, opacity, and the means and orientations of the instant.
+const RENDERING_FLOATS_PER_GAUSSIAN: u64 = 8 + 3 + 1 + 7;
 
 /// Floats per pixel of one step: image, alpha, loss image, their gradients (3 + 1 each), SSIM's three maps of three channels and
 /// its work space.
 const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 
-/// Program, thread stacks and allocator; measured on Linux with the CPU backend.
-const PROGRAM_BYTES: u64 = 40 << 20;
+/// Program (23 MiB of it are read), thread stacks and allocator; measured on Linux with the CPU backend.
+const PROGRAM_BYTES: u64 = 48 << 20;
+
+/// Bytes of a rendering of `gaussians` in `pixels`, without gradients, beside the Gaussians themselves.
+pub fn of_rendering(gaussians: u64, pixels: u64) -> u64 {
+    let lists = TILES_PER_GAUSSIAN * BYTES_PER_INTERSECTION;
+    gaussians * (4 * RENDERING_FLOATS_PER_GAUSSIAN + lists) + 4 * RENDERING_FLOATS_PER_PIXEL * pixels
+}
 
 impl Prediction {
     /// Predicted peak of fitting `scene` with `config`:
@@ -55,11 +70,12 @@ impl Prediction {
             false => 0,
         };
         let cached = (12 * all_pixels).min((config.data.cache_mb as u64) << 20);
+        let intersection = BYTES_PER_INTERSECTION + BACKWARD_BYTES_PER_INTERSECTION;
         let mut parts = vec![
             ("Gaussians", 3 * 4 * floats * cap),
             (
                 "step",
-                cap * (4 * floats + STEP_BYTES_PER_GAUSSIAN + TILES_PER_GAUSSIAN * BYTES_PER_INTERSECTION)
+                cap * (4 * floats + STEP_BYTES_PER_GAUSSIAN + TILES_PER_GAUSSIAN * intersection)
                     + 4 * STEP_FLOATS_PER_PIXEL * largest,
             ),
             ("photos", views().map(stored_bytes).sum::<u64>() + reduced + cached),

@@ -20,7 +20,7 @@ use crate::run::memory::megabytes;
 use crate::run::metrics::{median, psnr, psnr_masked};
 
 /// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty pixels of motion.
-const MEASURE_SAMPLES: usize = 33;
+pub const MEASURE_SAMPLES: usize = 33;
 
 /// Alpha below which a pixel's velocity is not measured.
 const ALPHA_SEEN: f32 = 0.5;

@@ -172,9 +172,16 @@ impl Method for Taylormode {
         ((config.method.prior.until * config.steps as f64) as usize).clamp(1, config.steps)
     }
 
-    fn memory(scene: &Scene, _config: &Config) -> Vec<(&'static str, u64)> {
-        let pixels = scene.train.iter().map(|view| (view.width * view.height) as u64).sum();
-        vec![("moving masks", pixels)]
+    fn memory(scene: &Scene, config: &Config) -> Vec<(&'static str, u64)> {
+        let pixels = |view: &View| (view.width * view.height) as u64;
+        let masks = scene.train.iter().map(pixels).sum();
+        let (cap, motion) = (config.density.cap as u64, &config.method.motion);
+        // Values, gradients and two moments, if all that may be there moves.
+        let paths = 4 * 4 * 3 * (motion.order + motion.rotation_order) as u64 * cap;
+        // A measured exposure has more instants than a training step, whose buffers have been released then.
+        let largest = scene.train.iter().chain(scene.held_out_views()).map(pixels).max().unwrap_or(0);
+        let exposure = figures::MEASURE_SAMPLES as u64 * of_rendering(cap, largest) / STILL_PER_MOVING;
+        vec![("moving masks", masks), ("motion", paths), ("exposure", exposure)]
     }
 
     fn chart_keys() -> &'static [ChartKey] {
