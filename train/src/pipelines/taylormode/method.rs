@@ -20,6 +20,10 @@ use crate::fit::method::{CAP, ChartKey, Forward, Method, Region};
 use crate::fit::photos::Photo;
 use crate::fit::sampler::ViewOrder;
 use crate::fit::schedule::due;
+use crate::run::memory::of_rendering;
+
+/// At most a quarter of the tiles, and of the Gaussians, moved in the scenes tried.
+const TILES_PER_MOVING_TILE: u64 = 4;
 
 impl Method for Taylormode {
     const NAME: &'static str = "taylormode";
@@ -177,10 +181,10 @@ impl Method for Taylormode {
         let masks = scene.train.iter().map(pixels).sum();
         let (cap, motion) = (config.density.cap as u64, &config.method.motion);
         // Values, gradients and two moments, if all that may be there moves.
-        let paths = 4 * 4 * 3 * (motion.order + motion.rotation_order) as u64 * cap;
+        let paths = 4 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;
         // A measured exposure has more instants than a training step, whose buffers have been released then.
         let largest = scene.train.iter().chain(scene.held_out_views()).map(pixels).max().unwrap_or(0);
-        let exposure = figures::MEASURE_SAMPLES as u64 * of_rendering(cap, largest) / STILL_PER_MOVING;
+        let exposure = figures::MEASURE_SAMPLES as u64 * of_rendering(cap, largest) / TILES_PER_MOVING_TILE;
         vec![("moving masks", masks), ("motion", paths), ("exposure", exposure)]
     }
 
