@@ -9,6 +9,7 @@ use gs_models::taylormode::order::has_pattern;
 use gs_models::taylormode::{MotionFrame, RemainderFrame};
 use gs_multiview::Track;
 
+use super::bodies::bodies;
 use super::common_motion::CommonMotion;
 use super::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use super::cues::{Cues, first_exposure, window};
@@ -67,6 +68,14 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
             let objects = object_frames(&cues.tracks, &frame, means);
             model.objects = objects.map(|(centre, size)| CommonMotion::new(centre, size, order, device)).collect();
         }
+    } else if order > 0 && choice.motion.collective && !nothing_found {
+        let positions = positions(&frame.rows, means);
+        let objects = bodies(&positions).into_iter().map(|body| {
+            let own: Vec<DVec3> = body.into_iter().map(|index| positions[index]).collect();
+            let centre = middle(&own);
+            CommonMotion::new(centre.to_array(), spread(&own, centre), order, device)
+        });
+        model.objects = objects.collect();
     }
     (initial.gaussians, model)
 }

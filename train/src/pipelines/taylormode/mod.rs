@@ -14,6 +14,7 @@
 pub mod begin;
 pub mod bench;
 pub mod blur;
+mod bodies;
 pub mod common_motion;
 pub mod config;
 pub mod cues;
