@@ -107,7 +107,7 @@ impl Formation<'_> {
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
         let options = ExposureOptions { render, linear: blur.linear };
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
-        let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples);
+        let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress));
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
