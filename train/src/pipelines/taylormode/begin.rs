@@ -9,7 +9,7 @@ use gs_models::taylormode::order::has_pattern;
 use gs_models::taylormode::{MotionFrame, RemainderFrame};
 use gs_multiview::Track;
 
-use super::bodies::bodies;
+use super::bodies::{MOST, bodies};
 use super::common_motion::CommonMotion;
 use super::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use super::cues::{Cues, first_exposure, window};
@@ -69,7 +69,8 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
             model.objects = objects.map(|(centre, size)| CommonMotion::new(centre, size, order, device)).collect();
         }
     } else if order > 0 && choice.motion.collective && !nothing_found {
-        let positions = positions(&frame.rows, means);
+        let every = frame.rows.len().div_ceil(MOST).max(1);
+        let positions: Vec<DVec3> = positions(&frame.rows, means).into_iter().step_by(every).collect();
         let objects = bodies(&positions).into_iter().map(|body| {
             let own: Vec<DVec3> = body.into_iter().map(|index| positions[index]).collect();
             let centre = middle(&own);

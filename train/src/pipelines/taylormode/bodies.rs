@@ -6,6 +6,9 @@ use glam::DVec3;
 /// Distance at which positions are of one body, in median distances to the nearest other position: gaps of a hull are narrower.
 const APART: f64 = 4.0;
 
+/// Most positions that are looked at, evenly spread over all: every pair of them is.
+pub const MOST: usize = 5000;
+
 /// Least share of all positions that a body has: smaller parts are fragments of a hull.
 const LEAST: f64 = 0.1;
 
