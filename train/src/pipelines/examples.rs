@@ -45,9 +45,10 @@ Examples:
 choice.md says what it saves and what it costs. The reported split takes no part in the choice.
 
 One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
-chart.csv and index.html with all of them. Runs that differ in their seed alone are one curve, with bars from the lowest to the highest.
-Of several data sets each has such a folder in --out, and chart.svg and index.html there hold all. The same command again continues: finished runs are kept, an interrupted one goes
-on from its newest checkpoint. Ctrl-C saves a checkpoint and leaves with exit code 130, SIGTERM likewise with 143.";
+chart.csv and index.html with all of them. Runs that differ in their seed alone are one curve, with bars from the lowest to the
+highest. Of several data sets each has such a folder in --out, and chart.svg and index.html there hold all. The same command
+again continues: finished runs are kept, an interrupted one goes on from its newest checkpoint. Ctrl-C saves a checkpoint and
+leaves with exit code 130, SIGTERM likewise with 143.";
 
 /// Shown below `gsburn stability --help`.
 pub const STABILITY: &str = "\

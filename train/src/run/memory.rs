@@ -40,6 +40,15 @@ const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 /// Program (23 MiB of it are read), thread stacks and allocator; measured on Linux with the CPU backend.
 const PROGRAM_BYTES: u64 = 48 << 20;
 
+fn pixels(view: &View) -> u64 {
+    (view.width * view.height) as u64
+}
+
+/// Pixels of the largest photo, held-out ones included.
+pub fn largest_photo(scene: &Scene) -> u64 {
+    scene.train.iter().chain(scene.held_out_views()).map(pixels).max().unwrap_or(0)
+}
+
 /// Bytes of a rendering of `gaussians` in `pixels`, without gradients, beside the Gaussians themselves.
 pub fn of_rendering(gaussians: u64, pixels: u64) -> u64 {
     let lists = TILES_PER_GAUSSIAN * BYTES_PER_INTERSECTION;
@@ -60,10 +69,9 @@ impl Prediction {
             _ => config.density.cap as u64,
         };
         let floats: u64 = Group::ALL.iter().map(|group| group.columns(config.model.sh_degree) as u64).sum();
-        let pixels = |view: &View| (view.width * view.height) as u64;
         let views = || scene.train.iter().chain(scene.held_out_views());
         let all_pixels: u64 = views().map(pixels).sum();
-        let largest: u64 = views().map(pixels).max().unwrap_or(0);
+        let largest = largest_photo(scene);
         // A half and a quarter of the width.
         let reduced = match M::ANY_WIDTH && config.data.coarse_share > 0.0 {
             true => scene.train.iter().map(|view| stored_bytes(view) * 5 / 16).sum::<u64>(),

@@ -33,7 +33,8 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
     let weights: Vec<f64> = alive.iter().map(|row| draft.opacity(*row)).collect();
     let onto: Vec<usize> = sample(&weights, dead.len(), &mut rng).into_iter().map(|i| alive[i]).collect();
     draft.share_out(&onto, config.min_opacity);
-    let quats = gaussians.read(Group::Quats);
+    // Coincident copies need none, and on a GPU a read waits.
+    let quats = if config.separation > 0.0 { gaussians.read(Group::Quats) } else { Vec::new() };
     let means = draft.spread_out(&onto, &quats, config.separation);
     for ((dead, onto), mean) in dead.iter().zip(&onto).zip(means) {
         draft.overwrite(*dead, *onto);

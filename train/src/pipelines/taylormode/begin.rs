@@ -9,7 +9,7 @@ use gs_models::taylormode::order::has_pattern;
 use gs_models::taylormode::{MotionFrame, RemainderFrame};
 use gs_multiview::Track;
 
-use super::bodies::{MOST, bodies};
+use super::bodies::bodies;
 use super::common_motion::CommonMotion;
 use super::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use super::cues::{Cues, first_exposure, window};
@@ -64,19 +64,15 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
         if let Some(kinks) = &mut model.motion.kinks {
             kinks.jumps = Param::from_tensor(from_host(jumps, 3 * frame.contacts.len(), device));
         }
-        if choice.motion.collective {
-            let objects = object_frames(&cues.tracks, &frame, means);
-            model.objects = objects.map(|(centre, size)| CommonMotion::new(centre, size, order, device)).collect();
-        }
-    } else if order > 0 && choice.motion.collective && !nothing_found {
-        let every = frame.rows.len().div_ceil(MOST).max(1);
-        let positions: Vec<DVec3> = positions(&frame.rows, means).into_iter().step_by(every).collect();
-        let objects = bodies(&positions).into_iter().map(|body| {
-            let own: Vec<DVec3> = body.into_iter().map(|index| positions[index]).collect();
-            let centre = middle(&own);
-            CommonMotion::new(centre.to_array(), spread(&own, centre), order, device)
-        });
-        model.objects = objects.collect();
+    }
+    if order > 0 && choice.motion.collective {
+        let objects = match (follows, nothing_found) {
+            (true, _) => object_frames(&cues.tracks, &frame, means),
+            (false, true) => Vec::new(),
+            (false, false) => body_frames(&frame, means),
+        };
+        model.objects =
+            objects.into_iter().map(|(centre, size)| CommonMotion::new(centre, size, order, device)).collect();
     }
     (initial.gaussians, model)
 }
@@ -130,7 +126,7 @@ pub fn remainder_frame(rows: &[u32], means: &[[f32; 3]], order: usize) -> Remain
 
 /// Centre and root mean square extent of each object; objects without Gaussians are left out. For several objects the centre is the
 /// path's position at `t0`, so that a Gaussian stays with the object on whose path it began.
-fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> impl Iterator<Item = ([f64; 3], f64)> {
+fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> {
     let t0 = frame.window.t0;
     let mut parts = vec![Vec::new(); tracks.len()];
     for position in positions(&frame.rows, means) {
@@ -138,10 +134,23 @@ fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> i
     }
     let filled = parts.into_iter().zip(tracks).filter(|(part, _)| !part.is_empty());
     let alone = tracks.len() == 1;
-    filled.map(move |(part, track)| {
+    let objects = filled.map(|(part, track)| {
         let centre = if alone { middle(&part) } else { track.path.position(t0) };
         (centre.to_array(), spread(&part, centre))
-    })
+    });
+    objects.collect()
+}
+
+/// Centre and root mean square extent of each body that stands apart, where no path tells objects.
+fn body_frames(frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> {
+    let moving: Vec<[f32; 3]> = frame.rows.iter().map(|row| means[*row as usize]).collect();
+    let bodies = bodies(&moving).into_iter().map(|body| {
+        let rows: Vec<u32> = body.into_iter().map(|index| frame.rows[index]).collect();
+        let own = positions(&rows, means);
+        let centre = middle(&own);
+        (centre.to_array(), spread(&own, centre))
+    });
+    bodies.collect()
 }
 
 /// The positions of the moving Gaussians at `t0`.

@@ -20,7 +20,7 @@ use crate::fit::method::{CAP, ChartKey, Forward, Method, Region};
 use crate::fit::photos::Photo;
 use crate::fit::sampler::ViewOrder;
 use crate::fit::schedule::due;
-use crate::run::memory::of_rendering;
+use crate::run::memory::{largest_photo, of_rendering};
 
 /// At most a quarter of the tiles, and of the Gaussians, moved in the scenes tried.
 const TILES_PER_MOVING_TILE: u64 = 4;
@@ -177,14 +177,13 @@ impl Method for Taylormode {
     }
 
     fn memory(scene: &Scene, config: &Config) -> Vec<(&'static str, u64)> {
-        let pixels = |view: &View| (view.width * view.height) as u64;
-        let masks = scene.train.iter().map(pixels).sum();
+        let masks = scene.train.iter().map(|view| (view.width * view.height) as u64).sum();
         let (cap, motion) = (config.density.cap as u64, &config.method.motion);
         // Values, gradients and two moments, if all that may be there moves.
         let paths = 4 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;
         // A measured exposure has more instants than a training step, whose buffers have been released then.
-        let largest = scene.train.iter().chain(scene.held_out_views()).map(pixels).max().unwrap_or(0);
-        let exposure = figures::MEASURE_SAMPLES as u64 * of_rendering(cap, largest) / TILES_PER_MOVING_TILE;
+        let instant = of_rendering(cap, largest_photo(scene));
+        let exposure = figures::MEASURE_SAMPLES as u64 * instant / TILES_PER_MOVING_TILE;
         vec![("moving masks", masks), ("motion", paths), ("exposure", exposure)]
     }
 

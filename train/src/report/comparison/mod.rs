@@ -65,7 +65,7 @@ impl Comparison {
         let costs = soonest::soonest(&curves, others, by_cpu(runs));
         Self {
             title: "Accuracy against cost".into(),
-            panels: Panels::new(runs).beside(others),
+            panels: Panels::new(runs, &curves).beside(others),
             tables: std::iter::once(Table::new(runs)).chain(seeds::spreads(&curves)).chain(costs).collect(),
             warnings: found.warnings.clone(),
         }

@@ -98,12 +98,13 @@ mod tests {
         let others = others.expect("a valid file");
         let expected = [("OpenSplat", vec![(330.0, 26.28), (1100.0, 27.25)]), ("Brush, on a CPU", vec![(750.0, 25.7)])];
         assert_eq!(others, expected.map(|(name, points)| Other { name: name.into(), points }));
-        let panels = Panels::new(&[run("ours", 30.0, None)]);
+        let ours = [run("ours", 30.0, None)];
+        let panels = Panels::new(&ours, &curves(&ours));
         let before = panels.charts[0].dots.len();
         let chart = &panels.beside(&others).charts[0];
         assert_eq!(chart.dots.len(), before + 3);
         assert!(chart.dots.iter().any(|dot| dot.label.as_deref() == Some("OpenSplat") && dot.last));
-        let tables = soonest(&curves(&[run("ours", 30.0, None)]), &others, true);
+        let tables = soonest(&curves(&ours), &others, true);
         let table = tables.first().expect("one of them has a curve");
         assert_eq!(table.rows.last().map(|row| row[0].as_str()), Some("Brush, on a CPU"));
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::seeds::{Curve, Spread, curves};
+use super::seeds::{Curve, Spread};
 use super::star::Star;
 use super::table::differing_keys;
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
@@ -41,10 +41,9 @@ impl Panels {
     /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the number of
     /// Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
     ///
-    /// Runs that differ in their seed alone are one curve of their means, with a bar from the lowest to the highest.
-    pub fn new(runs: &[ComparedRun]) -> Self {
+    /// `curves` are those of the runs: a curve of several seeds is drawn by its means, with a bar from the lowest to the highest.
+    pub fn new(runs: &[ComparedRun], curves: &[Curve]) -> Self {
         let cpu = by_cpu(runs);
-        let curves = &curves(runs);
         let marks = Marks::new(&curves.iter().map(|curve| curve.shown.clone()).collect::<Vec<_>>());
         let time = if cpu { "CPU seconds of training, all threads" } else { "wall-clock seconds of training" };
         let (moving, whole): (&Value, &Value) = (&|e| e.moving().map(|m| m.psnr), &|e| Some(e.mean().psnr));
@@ -236,6 +235,7 @@ fn note(runs: &[ComparedRun]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::comparison::seeds::curves;
     use crate::report::comparison::testing::{run, setting};
 
     fn of(name: &str, psnr: f64, settings: &[(&str, &str, &str, &str)], values: &[(&str, &str)]) -> ComparedRun {
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(marks.labels, ["with", "without"]);
         assert_eq!(marks.legend, [("with".to_string(), 0), ("without".to_string(), 1)]);
         assert!(marks.note.contains("also differing: prior.pseudo"), "{marks:?}");
-        let charts = Panels::new(&runs).charts;
+        let charts = Panels::new(&runs, &curves(&runs)).charts;
         assert_eq!(charts.len(), 2, "moving parts and whole image; the count is the same");
         assert!(charts[0].x.starts_with("CPU seconds"));
     }
@@ -283,7 +283,8 @@ mod tests {
     fn a_static_scene_has_no_moving_parts() {
         let mut still = run("still", 30.0, None);
         still.eval.evaluations[0].cost.cpu_seconds = None;
-        let charts = Panels::new(&[still]).charts;
+        let still = [still];
+        let charts = Panels::new(&still, &curves(&still)).charts;
         assert_eq!(charts.len(), 1);
         assert_eq!((charts[0].y.as_str(), charts[0].dots[0].x), ("held-out PSNR, dB", 60.0));
         assert!(charts[0].x.starts_with("wall-clock") && charts[0].dots[0].front);
