@@ -120,7 +120,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
         let tracked = gaussians.clone().train();
         let color = render(&tracked, &camera, &options).color;
         let loss = photometric(color, target.clone(), None, &loss_config);
-        drop(regularised(loss, &tracked, 1.0, &loss_config).backward());
+        drop(regularised(loss, &tracked, 1.0, false, &loss_config).backward());
     });
     row("render and loss, both ways", both, true);
 

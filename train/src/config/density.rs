@@ -168,7 +168,17 @@ impl DensityConfig {
 
     /// Whether the count becomes fixed at `step` of a run of `steps`.
     pub fn rests_at(&self, step: usize, steps: usize) -> bool {
-        self.strategy != Strategy::None && step == (self.stop * steps as f64).ceil() as usize
+        self.strategy != Strategy::None && step == self.first_fixed(steps)
+    }
+
+    /// Whether the count has become fixed by `step` of a run of `steps`; never without density control, to which nothing comes to an end.
+    pub fn rests_by(&self, step: usize, steps: usize) -> bool {
+        self.strategy != Strategy::None && step >= self.first_fixed(steps)
+    }
+
+    /// The first step of a run of `steps` at which the count is fixed.
+    fn first_fixed(&self, steps: usize) -> usize {
+        (self.stop * steps as f64).ceil() as usize
     }
 }
 

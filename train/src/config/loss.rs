@@ -10,7 +10,8 @@ use super::error::{ConfigError, check, not_negative};
 pub struct LossConfig {
     /// Share of the D-SSIM term, 0 to 1. More preserves texture, less preserves mean colour.
     pub dssim: f64,
-    /// Weight of the mean opacity. More removes floaters; too much makes surfaces transparent.
+    /// Weight of the mean opacity until the count is fixed (`density.stop`): Gaussians that no photo needs die and are relocated. More removes
+    /// floaters; too much makes surfaces transparent.
     pub opacity_reg: f64,
     /// Weight of the mean scale, in scene extents. It keeps Gaussians from growing in regions that no photo shows.
     pub scale_reg: f64,

@@ -18,14 +18,15 @@ pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>
     }
 }
 
-/// `loss` plus mean opacity and mean scale, weighted, `[1]`.
-pub fn regularised(loss: Tensor<1>, gaussians: &Gaussians, extent: f64, config: &LossConfig) -> Tensor<1> {
+/// `loss` plus mean opacity and mean scale, weighted, `[1]`; `extent` in scene units. `fixed`: the count of Gaussians is, so that none that
+/// dies is relocated, and lower opacities would only make surfaces transparent.
+pub fn regularised(loss: Tensor<1>, gaussians: &Gaussians, extent: f64, fixed: bool, config: &LossConfig) -> Tensor<1> {
     let _stage = profile::stage("regularisers");
     if gaussians.is_empty() {
         return loss;
     }
     let (count, mut total) = (gaussians.len() as f64, loss);
-    if config.opacity_reg > 0.0 {
+    if config.opacity_reg > 0.0 && !fixed {
         let logits = gaussians.opacity_logits.val();
         total = total + activated_sum(logits, Activation::Sigmoid, config.opacity_reg / count);
     }

@@ -215,7 +215,8 @@ impl<M: Method> Trainer<M> {
         let at = Step { room, ..self.at(cues, config) };
         let Forward { images, loss, drawn, notes, remainder } =
             tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
-        let loss = regularised(loss, &tracked.gaussians, self.facts.extent, &config.loss);
+        let fixed = config.density.rests_by(self.step, config.steps);
+        let loss = regularised(loss, &tracked.gaussians, self.facts.extent, fixed, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
         let counts: Vec<PairCount> = drawn.iter().flat_map(|drawn| drawn.intersections.clone()).collect();
