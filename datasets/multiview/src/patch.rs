@@ -1,7 +1,7 @@
 //! Square patches of a grey photo, compared by zero-mean normalised cross-correlation.
 //!
-//! [`Patch`] takes any distance between its pixels. [`RowPatch`] is some ten times as quick: near a distance of one pixel all its pixels lie
-//! at one fraction between those of the photo, and its rows are added up side by side.
+//! Near a distance of one pixel all pixels of a patch lie at one fraction between those of the photo, and its rows are added up side by
+//! side: some ten times as quick as reading each pixel alone.
 
 use glam::DVec2;
 
@@ -14,10 +14,10 @@ const SIDE: usize = (2 * RADIUS + 1) as usize;
 /// Pixels of a patch.
 const PATCH: usize = SIDE * SIDE;
 
-/// A row of a [`RowPatch`]: its pixels, and one that is zero.
+/// A row of a [`Patch`]: its pixels, and one that is zero.
 const ROW: usize = SIDE + 1;
 
-/// Largest departure from a distance of one pixel at which a [`RowPatch`] takes one pixel: its corners are then off by a third of a pixel.
+/// Largest departure from a distance of one pixel at which a [`Patch`] takes one pixel: its corners are then off by a third of a pixel.
 const UNIT: f64 = 0.1;
 
 /// The pixels of a reduced grey photo, 0 to 1.
@@ -85,52 +85,15 @@ impl Pixels {
     }
 }
 
-/// A patch that can be compared with others.
-pub(crate) trait Compared: Sized {
-    /// The patch around a position in pixels, its pixels `spacing` apart; `None` where it leaves the photo.
-    fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self>;
-
-    /// Standard deviation of its values.
-    fn deviation(&self) -> f64;
-
-    /// Correlation with another, -1 to 1; 0 if either is even.
-    fn correlation(&self, other: &Self) -> f64;
-}
-
 /// A patch minus its mean, of length 1 (or 0, if it is even), and its former standard deviation.
 pub(crate) struct Patch {
-    values: [f32; PATCH],
-    deviation: f64,
-}
-
-impl Compared for Patch {
-    fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self> {
-        let mut values = photo.patch(position, spacing)?;
-        let mean = values.iter().sum::<f32>() / PATCH as f32;
-        values.iter_mut().for_each(|value| *value -= mean);
-        let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
-        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
-        values.iter_mut().for_each(|value| *value *= scale);
-        Some(Self { values, deviation: f64::from(length) / (PATCH as f64).sqrt() })
-    }
-
-    fn deviation(&self) -> f64 {
-        self.deviation
-    }
-
-    fn correlation(&self, other: &Self) -> f64 {
-        f64::from(self.values.iter().zip(&other.values).map(|(a, b)| a * b).sum::<f32>())
-    }
-}
-
-/// The same by rows.
-pub(crate) struct RowPatch {
     rows: [[f32; ROW]; SIDE],
     deviation: f64,
 }
 
-impl Compared for RowPatch {
-    fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self> {
+impl Patch {
+    /// The patch around a position in pixels, its pixels `spacing` apart; `None` where it leaves the photo.
+    pub fn around(photo: &Pixels, position: DVec2, spacing: f64) -> Option<Self> {
         let mut rows = if (spacing - 1.0).abs() <= UNIT {
             photo.unit_patch(position)?
         } else {
@@ -150,11 +113,13 @@ impl Compared for RowPatch {
         Some(Self { rows, deviation: f64::from(length) / (PATCH as f64).sqrt() })
     }
 
-    fn deviation(&self) -> f64 {
+    /// Standard deviation of its values.
+    pub fn deviation(&self) -> f64 {
         self.deviation
     }
 
-    fn correlation(&self, other: &Self) -> f64 {
+    /// Correlation with another, -1 to 1; 0 if either is even.
+    pub fn correlation(&self, other: &Self) -> f64 {
         let product = |i: usize| std::array::from_fn(|k| self.rows[i][k] * other.rows[i][k]);
         f64::from(total(product))
     }
@@ -179,30 +144,40 @@ mod tests {
         Pixels { width: 20, height: 15, values }
     }
 
-    /// Positions inside, and where either patch leaves the photo; distances of one pixel and of two thirds.
+    /// A patch pixel by pixel: its values minus their mean, of length 1, and their standard deviation.
+    fn plain(photo: &Pixels, position: DVec2, spacing: f64) -> Option<(Vec<f32>, f64)> {
+        let values = photo.patch(position, spacing)?;
+        let mean = values.iter().sum::<f32>() / PATCH as f32;
+        let length = values.iter().map(|value| (value - mean).powi(2)).sum::<f32>().sqrt();
+        let unit = values.iter().map(|value| (value - mean) / length).collect();
+        Some((unit, f64::from(length) / (PATCH as f64).sqrt()))
+    }
+
+    /// Positions inside, and where the patch leaves the photo; distances of one pixel and of two thirds.
     #[test]
-    fn both_patches_agree() {
+    fn rows_agree_with_single_pixels() {
         let photo = photo();
         for (x, y) in [(5.5, 6.5), (8.3, 7.9), (3.5, 3.5), (16.4, 11.4), (10.0, 4.2)] {
             for spacing in [1.0, 2.0 / 3.0] {
                 let of = |x: f64, y: f64| {
                     let at = DVec2::new(x, y);
-                    (Patch::around(&photo, at, spacing), RowPatch::around(&photo, at, spacing))
+                    (plain(&photo, at, spacing), Patch::around(&photo, at, spacing))
                 };
                 let ((Some(a), Some(b)), (Some(c), Some(d))) = (of(x, y), of(9.1, 8.2)) else {
                     panic!("inside: {x} {y}")
                 };
+                let correlation = f64::from(a.0.iter().zip(&c.0).map(|(a, c)| a * c).sum::<f32>());
                 // Sums of 49 values of about 1 in another order.
-                assert!((a.deviation() - b.deviation()).abs() < 1e-5, "{x} {y}");
-                assert!((a.correlation(&c) - b.correlation(&d)).abs() < 1e-5, "{x} {y}");
+                assert!((a.1 - b.deviation()).abs() < 1e-5, "{x} {y}");
+                assert!((correlation - b.correlation(&d)).abs() < 1e-5, "{x} {y}");
                 assert!((b.correlation(&b) - 1.0).abs() < 1e-5);
             }
         }
         for (x, y) in [(3.4, 6.0), (6.0, 3.4), (16.6, 6.0), (6.0, 11.6), (f64::NAN, 6.0), (-50.0, 1e9)] {
             let at = DVec2::new(x, y);
-            assert!(Patch::around(&photo, at, 1.0).is_none() && RowPatch::around(&photo, at, 1.0).is_none(), "{x} {y}");
+            assert!(plain(&photo, at, 1.0).is_none() && Patch::around(&photo, at, 1.0).is_none(), "{x} {y}");
         }
         let small = Pixels { width: 3, height: 3, values: vec![0.5; 9] };
-        assert!(RowPatch::around(&small, DVec2::splat(1.5), 1.0).is_none());
+        assert!(Patch::around(&small, DVec2::splat(1.5), 1.0).is_none());
     }
 }

@@ -3,9 +3,9 @@
 //! A random pixel of a random photo is searched in a few neighbouring photos at depths along its ray. The best depth
 //! is where the patches correlate best (zero-mean normalised cross-correlation, which brightness does not change). It
 //! counts if the correlation is high and clearly higher than at any other depth, so surfaces without texture, hidden
-//! from the others or repetitive give no point. [`plane_sweep`] tries one range of depths, and its positions are accurate to one step
-//! of depth: a start for training, not a reconstruction. [`plane_sweep_around`] tries the depths that known points span around the
-//! pixel, some ten instead of 96, and takes the top of the parabola through the best depth and its neighbours.
+//! from the others or repetitive give no point. The depth is the top of the parabola through the best one tried and its neighbours.
+//! [`plane_sweep`] tries one range of depths, [`plane_sweep_around`] those that known points span around the pixel: some twenty instead of
+//! 96, so that it can afford wider photos.
 
 use glam::{DVec2, Vec3};
 use rand::{Rng, SeedableRng};
@@ -15,16 +15,21 @@ use rayon::prelude::*;
 use gs_datasets::{Intrinsics, PointCloud, View};
 
 use crate::depth_range::DepthRange;
-use crate::patch::{Compared, Patch, Pixels, RowPatch};
+use crate::patch::{Patch, Pixels};
 
-/// Photos are reduced to about this width, so that patches span enough of the scene to be distinctive.
+/// Photos are reduced to about this width where nothing is known of their depths, so that patches span enough of the scene to be
+/// distinctive over many depths.
 const WIDTH: usize = 320;
+
+/// The width where known points give the range. Patches span half as much, so that points are found where texture is fine, which is
+/// where Gaussians are needed: docs/results/static.md has what that gains over the other width.
+const FINE_WIDTH: usize = 640;
 
 /// Most depths tried along a ray, evenly in their logarithm: over a factor of ten a step is 2.4 %.
 const DEPTHS: usize = 96;
 
 /// Ratio of two neighbouring depths where known points give the range; at the preferred baseline the patch moves by two pixels.
-const STEP: f64 = 1.0245;
+const STEP: f64 = 1.0122;
 
 /// Photos searched, and how many of them must agree. The best ones count: in the others something may be in between.
 const OTHERS: (usize, usize) = (5, 3);
@@ -65,9 +70,8 @@ pub fn plane_sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64)
     if views.len() < 3 || !usable || count == 0 {
         return PointCloud::default();
     }
-    let photos: Vec<Grey> = views.par_iter().map(Grey::of).collect();
     let depths = Depths::between(near, far, DEPTHS);
-    sweep(views, &photos, (near * far).sqrt(), count, seed, |_, _| Some((depths.clone(), Peak::Best)))
+    sweep(views, &Grey::all(views, WIDTH), (near * far).sqrt(), count, seed, |_, _| Some(depths.clone()))
 }
 
 /// Up to `count` points on which photos of a static scene agree, near the depths that `known` points of the scene span around each pixel.
@@ -77,7 +81,7 @@ pub fn plane_sweep_around(views: &[View], known: &[[f32; 3]], distance: f64, cou
     if views.len() < 3 || !usable || count == 0 || known.is_empty() {
         return PointCloud::default();
     }
-    let photos: Vec<Grey> = views.par_iter().map(Grey::of).collect();
+    let photos = Grey::all(views, FINE_WIDTH);
     let of = |photo: &Grey| {
         DepthRange::of(known, &photo.viewmat, &photo.intrinsics, photo.pixels.width, photo.pixels.height)
     };
@@ -85,7 +89,7 @@ pub fn plane_sweep_around(views: &[View], known: &[[f32; 3]], distance: f64, cou
     let depths = |from: usize, pixel| {
         let [near, far] = ranges[from].at(pixel)?;
         let steps = ((far / near).ln() / STEP.ln()).ceil() as usize + 1;
-        Some((Depths::between(near, far, steps.min(DEPTHS)), Peak::Parabola))
+        Some(Depths::between(near, far, steps.min(DEPTHS)))
     };
     sweep(views, &photos, distance, count, seed, depths)
 }
@@ -107,15 +111,6 @@ impl Depths {
     }
 }
 
-/// The depth that is taken where correlation is highest.
-#[derive(Clone, Copy, PartialEq)]
-enum Peak {
-    /// The best of those tried.
-    Best,
-    /// The top of the parabola through it and its two neighbours.
-    Parabola,
-}
-
 /// Points on random rays of random photos, at the depths that `depths` gives for a photo's index and a pixel.
 fn sweep(
     views: &[View],
@@ -123,7 +118,7 @@ fn sweep(
     distance: f64,
     count: usize,
     seed: u64,
-    depths: impl Fn(usize, [usize; 2]) -> Option<(Depths, Peak)> + Sync,
+    depths: impl Fn(usize, [usize; 2]) -> Option<Depths> + Sync,
 ) -> PointCloud {
     let mut points = PointCloud::default();
     let beside = neighbours(views, distance);
@@ -131,22 +126,19 @@ fn sweep(
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(ray as u64);
         let from = rng.random_range(0..views.len());
-        let Pixels { width, height, .. } = photos[from].pixels;
+        let Grey { pixels: Pixels { width, height, .. }, step, .. } = photos[from];
         let pixel = [rng.random_range(0..width), rng.random_range(0..height)];
         let view = &views[from];
-        let at = pixel.map(|x| x * photos[from].step + photos[from].step / 2);
-        let (column, row) = (at[0].min(view.width - 1), at[1].min(view.height - 1));
+        let [column, row] = pixel.map(|x| x * step + step / 2);
+        let (column, row) = (column.min(view.width - 1), row.min(view.height - 1));
         if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
             return None;
         }
-        let (depths, peak) = depths(from, pixel)?;
-        let search = Search { photos, from, beside: &beside[from], pixel, depths: &depths };
-        let depth = match peak {
-            Peak::Best => search.depth::<Patch>(peak),
-            Peak::Parabola => search.depth::<RowPatch>(peak),
-        }?;
-        let position =
-            view.c2w.transform_point3(view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5) * depth).as_vec3();
+        let depths = depths(from, pixel)?;
+        let centre = DVec2::from(pixel.map(|x| x as f64 + 0.5));
+        let depth = depths.at(Search { photos, from, beside: &beside[from] }.peak(centre, &depths)?);
+        let ray = photos[from].intrinsics.ray(centre.x, centre.y);
+        let position = view.c2w.transform_point3(ray * depth).as_vec3();
         let color = [0, 1, 2].map(|c| view.image.data[3 * (row * view.width + column) + c]);
         Some((position, color))
     };
@@ -165,9 +157,14 @@ fn sweep(
 }
 
 impl Grey {
-    /// The mean of the channels over blocks of pixels.
-    fn of(view: &View) -> Self {
-        let step = view.width.div_ceil(WIDTH).max(1);
+    /// All photos at about one width.
+    fn all(views: &[View], width: usize) -> Vec<Self> {
+        views.par_iter().map(|view| Self::of(view, width)).collect()
+    }
+
+    /// The mean of the channels over blocks of pixels, about `width` of them in a row.
+    fn of(view: &View, width: usize) -> Self {
+        let step = view.width.div_ceil(width).max(1);
         let (width, height) = ((view.width / step).max(1), (view.height / step).max(1));
         let mut values = vec![0.0; width * height];
         for (index, value) in values.iter_mut().enumerate() {
@@ -204,58 +201,49 @@ fn neighbours(views: &[View], subject: f64) -> Vec<Vec<usize>> {
     views.iter().map(of).collect()
 }
 
-/// The search for a pixel's depth.
+/// The search for the depth of a photo's pixels.
 struct Search<'a> {
     photos: &'a [Grey],
-    /// The pixel's photo.
+    /// The pixels' photo.
     from: usize,
-    /// Photos in which its patch is looked for.
+    /// Photos in which their patches are looked for.
     beside: &'a [usize],
-    pixel: [usize; 2],
-    depths: &'a Depths,
 }
 
 impl Search<'_> {
-    /// Depth at which the pixel's patch is found again; `None` if ambiguous.
-    fn depth<P: Compared>(&self, peak: Peak) -> Option<f64> {
-        let Self { photos, from, beside, pixel, depths } = self;
-        let photo = &photos[*from];
-        let position = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
-        let patch = P::around(&photo.pixels, position, 1.0).filter(|patch| patch.deviation() >= TEXTURE)?;
+    /// Where among `depths` the patch around a position, in pixels, is found again, as an index between two of them; `None` if that is
+    /// ambiguous.
+    fn peak(&self, position: DVec2, depths: &Depths) -> Option<f64> {
+        let photo = &self.photos[self.from];
+        let patch = Patch::around(&photo.pixels, position, 1.0).filter(|patch| patch.deviation() >= TEXTURE)?;
         let ray = photo.intrinsics.ray(position.x, position.y);
         let to_world = photo.viewmat.inverse();
-        let scores: Vec<f64> = depths
-            .0
-            .iter()
-            .map(|depth| {
-                let world = to_world.transform_point3(ray * *depth);
-                let found = |other: &usize| {
-                    let other = &photos[*other];
-                    let seen = other.viewmat.transform_point3(world);
-                    if seen.z <= 0.0 {
-                        return None;
-                    }
-                    let k = &other.intrinsics;
-                    let at = k.project(seen);
-                    // Size of a pixel at that depth in the other camera.
-                    let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
-                    Some(patch.correlation(&P::around(&other.pixels, at, spacing)?))
-                };
-                let mut agreed: Vec<f64> = beside.iter().filter_map(found).collect();
-                agreed.sort_by(|a, b| b.total_cmp(a));
-                if agreed.len() < OTHERS.1 { -1.0 } else { agreed[..OTHERS.1].iter().sum::<f64>() / OTHERS.1 as f64 }
-            })
-            .collect();
+        let agreement = |depth: &f64| {
+            let world = to_world.transform_point3(ray * *depth);
+            let found = |other: &usize| {
+                let other = &self.photos[*other];
+                let seen = other.viewmat.transform_point3(world);
+                if seen.z <= 0.0 {
+                    return None;
+                }
+                let k = &other.intrinsics;
+                let at = k.project(seen);
+                // Size of a pixel at that depth in the other camera.
+                let spacing = (k.fx / seen.z) / (photo.intrinsics.fx / depth);
+                Some(patch.correlation(&Patch::around(&other.pixels, at, spacing)?))
+            };
+            let mut agreed: Vec<f64> = self.beside.iter().filter_map(found).collect();
+            agreed.sort_by(|a, b| b.total_cmp(a));
+            if agreed.len() < OTHERS.1 { -1.0 } else { agreed[..OTHERS.1].iter().sum::<f64>() / OTHERS.1 as f64 }
+        };
+        let scores: Vec<f64> = depths.0.iter().map(agreement).collect();
         let count = scores.len();
         let best = (0..count).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
         let elsewhere = (0..count).filter(|i| i.abs_diff(best) > APART).map(|i| scores[i]).fold(-1.0, f64::max);
         // At either end the true depth may lie beyond.
         let inside = best > 0 && best + 1 < count;
         let is_clear = inside && scores[best] >= CORRELATION.0 && scores[best] - elsewhere >= CORRELATION.1;
-        is_clear.then(|| match peak {
-            Peak::Best => depths.0[best],
-            Peak::Parabola => depths.at(best as f64 + top(scores[best - 1], scores[best], scores[best + 1])),
-        })
+        is_clear.then(|| best as f64 + top(scores[best - 1], scores[best], scores[best + 1]))
     }
 }
 
