@@ -1,6 +1,5 @@
 //! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`].
-//! Everything computes in `f32`. Only the number of intersections, where no room for them was given, and the rows from which an
-//! exposure's lists are made, leave the device.
+//! Everything computes in `f32`. Only the numbers of intersections and drawn tiles leave the device, where no room for them was given.
 
 mod dispatches;
 mod images;
@@ -21,7 +20,8 @@ use gs_kernels::cube::error::CubeError;
 use gs_kernels::cube::{intersect, opacity, projection, rasterize, rows_of, sh, sum};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
-use crate::ops::intersect::{FoundIntersections, IntersectKernels, IntersectionLists};
+use crate::ops::instants::{FoundInstants, InstantsKernels};
+use crate::ops::intersect::{FoundIntersections, IntersectKernels, IntersectionLists, Room};
 use crate::ops::opacity::OpacityKernels;
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
@@ -59,6 +59,11 @@ impl Launch {
         let tensor = into_contiguous(tensor);
         let len = tensor.meta.shape().num_elements();
         Buffer::from_handle(&self.client, tensor.handle, len)
+    }
+
+    /// A buffer of no value.
+    fn none(&self, what: &'static str) -> Buffer {
+        unwrap(Buffer::empty(&self.client, what, 0))
     }
 
     fn float_tensor<const D: usize>(&self, buffer: Buffer, shape: [usize; D]) -> CubeTensor {
@@ -203,7 +208,7 @@ impl IntersectKernels for CubeBackend {
         let size = [width, height];
         let found = intersect::intersect(&launch.client, &projected, &opacities, &features, size, channels, room);
         let intersect::Found { lists, words } = unwrap(found);
-        let words = words.unwrap_or_else(|| unwrap(Buffer::empty(&launch.client, "no number of pairs", 0)));
+        let words = words.unwrap_or_else(|| launch.none("no number of pairs"));
         let number_len = words.len();
         FoundIntersections {
             tile_offsets: launch.int_tensor(lists.tile_offsets),
@@ -211,6 +216,43 @@ impl IntersectKernels for CubeBackend {
             gaussian_offsets: launch.int_tensor(lists.gaussian_offsets),
             positions: launch.int_tensor(lists.positions),
             words: launch.float_tensor(words, [number_len]),
+        }
+    }
+}
+
+impl InstantsKernels for CubeBackend {
+    fn instants_forward(
+        projected: CubeTensor,
+        opacities: CubeTensor,
+        features: CubeTensor,
+        size: [u32; 2],
+        scene: usize,
+        moving: CubeTensor,
+        room: Option<Room>,
+    ) -> FoundInstants<Self> {
+        let (launch, channels) = (Launch::of(&projected), features.meta.shape()[1]);
+        let [projected, opacities, features] = &[projected, opacities, features].map(|t| launch.floats(t));
+        let moving = &launch.ints(moving);
+        let rows = intersect::InstantRows { projected, opacities, features, scene, moving };
+        let room = room.map(|Room { pairs, tiles }| intersect::InstantsRoom { pairs, tiles });
+        let found = unwrap(intersect::intersect_instants(&launch.client, rows, size, channels, room));
+        let words = match found.words {
+            Some(words) => words,
+            None => ["no number of pairs", "no number of tiles"].map(|what| launch.none(what)),
+        };
+        let [pair_words, tile_words] = words.map(|words| {
+            let len = words.len();
+            launch.float_tensor(words, [len])
+        });
+        FoundInstants {
+            tile_offsets: launch.int_tensor(found.tile_offsets),
+            gaussian_ids: launch.int_tensor(found.gaussian_ids),
+            gaussian_offsets: launch.int_tensor(found.gaussian_offsets),
+            positions: launch.int_tensor(found.positions),
+            places: launch.int_tensor(found.places),
+            shares: launch.int_tensor(found.shares),
+            pair_words,
+            tile_words,
         }
     }
 }

@@ -5,16 +5,15 @@
 //! therefore projected, coloured and listed once, and a tile is drawn once for every set of instants at which it looks the same.
 //! The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.
 
-use std::sync::Arc;
-
 use crate::ops::rows::{add_rows, take_rows};
 use burn::tensor::{DType, Int, Tensor, assert_shape};
 use gs_kernels::config::{RasterizeConfig, tile_grid};
 
 use crate::ops::channels::channels;
 use crate::ops::columns;
-use crate::ops::exposure::{AverageConfig, TileShares, average_tiles, intersect_instants};
-use crate::ops::intersect::PairCount;
+use crate::ops::exposure::{AverageConfig, average_tiles};
+use crate::ops::instants::{InstantIntersections, TileShares, intersect_instants};
+use crate::ops::intersect::{DeviceCount, Room};
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
 use crate::ops::sh::sh_colors;
@@ -70,6 +69,9 @@ pub struct ExposureOptions {
     pub render: RenderOptions,
     /// Average the light of colours (through the curve of sRGB), as a sensor does, instead of the colours.
     pub linear: bool,
+    /// Pairs and tiles for which a GPU makes room, so that it need not wait for their numbers; see [`intersect_instants`]. An exposure that
+    /// needs more shows the background alone, and [`ExposureRendering::intersections`] or [`ExposureRendering::tiles`] tells.
+    pub room: Option<Room>,
 }
 
 /// Result of [`render_exposure`].
@@ -85,12 +87,12 @@ pub struct ExposureRendering {
     /// in order.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
-    pub intersections: PairCount,
+    pub intersections: DeviceCount,
     /// Number of tiles that were drawn.
-    pub tiles: usize,
+    pub tiles: DeviceCount,
     /// Number of tiles that one rendering per instant would draw.
     pub full_tiles: usize,
-    shares: Arc<TileShares>,
+    shares: TileShares,
     drawn: Tensor<3>,
     image: RasterizeConfig,
     scene: usize,
@@ -100,8 +102,8 @@ pub struct ExposureRendering {
 impl ExposureRendering {
     /// The rendering of the middle instant, sample `n / 2`; it is part of the result and costs a copy.
     pub fn middle(&self) -> Rendering {
-        let first = TileShares::first_only(self.shares.grid(), self.tiles);
-        let output = average_tiles(self.drawn.clone(), &Arc::new(first), &average_config(&self.image, false));
+        let first = self.shares.first_only();
+        let output = average_tiles(self.drawn.clone(), &first, &average_config(&self.image, false));
         Rendering {
             color: channels(output.clone(), 0, 3),
             depth: self.image.depth.then(|| channels(output.clone(), 3, 1)),
@@ -137,8 +139,6 @@ impl ExposureRendering {
 /// [`render_with_screen_gradients`](crate::render_with_screen_gradients()), summed over the instants. Differentiable with respect
 /// to every parameter, the samples and the camera's `viewmat`.
 ///
-/// The lists of tiles are made on the host: on a GPU the projected rows are read back once.
-///
 /// # Panics
 /// When there is no sample, shapes disagree, `moving` does not ascend or the image has no pixels.
 pub fn render_exposure(
@@ -171,7 +171,9 @@ pub fn render_exposure(
         opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);
     }
     let (rows, alphas, features) = (projected.clone(), opacities.clone(), colors.clone());
-    let (lists, shares) = intersect_instants(rows, alphas, features, width, height, table.scene, moving);
+    let size = [width, height];
+    let InstantIntersections { lists, shares, tiles } =
+        intersect_instants(rows, alphas, features, size, table.scene, &table.moving, options.room);
     let background = Tensor::from_data(render.background, (&colors.device(), colors.dtype()));
     let screen = screen.map(|screen| {
         assert_shape!(screen, [table.scene, 4]);
@@ -188,7 +190,7 @@ pub fn render_exposure(
         alpha: channels(output, image.output_channels() - 1, 1),
         projected,
         intersections: lists.count,
-        tiles: shares.tiles(),
+        tiles,
         full_tiles: samples.instants * columns * rows,
         shares,
         drawn,

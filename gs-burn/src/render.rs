@@ -6,7 +6,7 @@ use gs_kernels::constants::{EPS2D, FAR, NEAR};
 
 use crate::ops::channels::channels;
 use crate::ops::columns;
-use crate::ops::intersect::{PairCount, intersect_within};
+use crate::ops::intersect::{DeviceCount, intersect_within};
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
 use crate::ops::sh::sh_colors;
@@ -60,7 +60,7 @@ pub struct Rendering {
     /// Rows of [`project`], `[N, 8]`.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
-    pub intersections: PairCount,
+    pub intersections: DeviceCount,
 }
 
 impl Rendering {

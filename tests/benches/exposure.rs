@@ -29,13 +29,14 @@ fn main() {
     for instants in [1, 3, 7, 15, 33] {
         let samples = world.samples(instants);
         let rendering = world.exposure(&samples);
-        let touched = rendering.tiles - rendering.full_tiles / instants;
+        let tiles = rendering.tiles.get();
+        let touched = tiles - rendering.full_tiles / instants;
         let grid = rendering.full_tiles / instants;
         let [shared, alone] =
             [true, false].map(|shared| [false, true].map(|back| best(|| world.step(&samples, shared, back))));
         println!(
             "{instants:>8}  {:>5}  {:>6}  {:>6.1}%  {:>11.1}  {:>13.1}  {:>5.2}  {:>26.1}  {:>13.1}  {:>5.2}",
-            rendering.tiles,
+            tiles,
             rendering.full_tiles,
             100.0 * touched as f64 / (instants.max(2) - 1) as f64 / grid as f64,
             1e3 * shared[0],

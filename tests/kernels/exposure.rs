@@ -83,7 +83,7 @@ fn bits_of_a_rendering() {
         let rendering = exposure(&case, place, &options);
         let expected = render_at(&case, 0);
         assert!(bits(&rendering.color) == bits(&expected.color), "equal instants on {}", place.name);
-        assert!(rendering.tiles > rendering.full_tiles / 4, "the movers touch tiles");
+        assert!(rendering.tiles.get() > rendering.full_tiles / 4, "the movers touch tiles");
     }
 }
 
@@ -92,7 +92,7 @@ fn still_tiles_are_drawn_once() {
     for place in singles() {
         let case = Moving::random(200, 60, 6, 0.01, 10);
         let rendering = exposure(&case, place, &case.options(true));
-        let (tiles, full) = (rendering.tiles, rendering.full_tiles);
+        let (tiles, full) = (rendering.tiles.get(), rendering.full_tiles);
         assert_eq!(full, 6 * 8 * 6);
         assert!(tiles > full / 6 && tiles < full / 2, "{tiles} tiles drawn of {full} on {}", place.name);
     }

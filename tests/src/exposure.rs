@@ -52,7 +52,7 @@ impl Moving {
 
     /// Options with depth.
     pub fn options(&self, linear: bool) -> ExposureOptions {
-        ExposureOptions { render: self.scene.options(true), linear }
+        ExposureOptions { render: self.scene.options(true), linear, room: None }
     }
 
     /// The scene at one instant.

@@ -8,8 +8,8 @@ use std::process::Command;
 const MOST: usize = 80;
 
 /// The exact exposure: motion, rows, copies and their backward as tensors of all instants, whatever their number. It had 865 when each instant
-/// had its own.
-const MOST_INTEGRATED: usize = 246;
+/// had its own, and 246 when the lists of tiles were made on the host, for which the GPU waited; to make them takes 45.
+const MOST_INTEGRATED: usize = 291;
 
 /// The paper's warp: depth, velocity, path and weights at the moving pixels.
 const MOST_WARPED: usize = 459;
@@ -35,6 +35,8 @@ fn a_step_has_few_launches_and_no_serial_one() {
         let mut words = counts.split_whitespace();
         let launches: usize = words.next().and_then(|n| n.parse().ok()).expect("a number of launches");
         let serial: usize = words.nth(1).and_then(|n| n.parse().ok()).expect("a number of serial launches");
+        let waits: usize = words.nth(1).and_then(|n| n.parse().ok()).expect("a number of waits");
+        assert_eq!(waits, 0, "{step}: a step waits once, for its loss:\n{text}");
         assert!((20..=most).contains(&launches), "{step}: {launches} launches, at most {most}:\n{text}");
         assert!(serial <= most_serial, "{step}: {serial} serial launches, at most {most_serial}:\n{text}");
     }

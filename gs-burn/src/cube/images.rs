@@ -2,13 +2,12 @@
 
 use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
-use gs_kernels::constants::TILE;
 use gs_kernels::cube::{bilinear, channels, exposure, ssim};
 
 use super::{Launch, unwrap};
 use crate::ops::bilinear::BilinearKernels;
 use crate::ops::channels::ChannelsKernels;
-use crate::ops::exposure::{AverageConfig, AverageKernels, TileShares};
+use crate::ops::exposure::{AverageConfig, AverageKernels};
 use crate::ops::ssim::{SsimForward, SsimKernels};
 
 impl BilinearKernels for CubeBackend {
@@ -53,22 +52,25 @@ impl ChannelsKernels for CubeBackend {
 }
 
 impl AverageKernels for CubeBackend {
-    fn average_forward(tiles: CubeTensor, shares: &TileShares, config: &AverageConfig) -> CubeTensor {
+    fn average_forward(tiles: CubeTensor, shares: CubeTensor, instants: usize, config: &AverageConfig) -> CubeTensor {
         let launch = Launch::of(&tiles);
-        let image = exposure::average(&launch.client, config, shares, &launch.floats(tiles));
+        let shares = launch.ints(shares);
+        let image = exposure::average(&launch.client, config, &shares, instants, &launch.floats(tiles));
         launch.float_tensor(unwrap(image), [config.height as usize, config.width as usize, config.channels])
     }
 
     fn average_backward(
         tiles: CubeTensor,
-        shares: &TileShares,
+        shares: CubeTensor,
+        instants: usize,
         config: &AverageConfig,
         v_image: CubeTensor,
     ) -> CubeTensor {
-        let launch = Launch::of(&tiles);
+        let (launch, shape) = (Launch::of(&tiles), tiles.meta.shape().clone());
+        let shares = launch.ints(shares);
         let [tiles, v_image] = [tiles, v_image].map(|t| launch.floats(t));
-        let v_tiles = exposure::average_backward(&launch.client, config, shares, &tiles, &v_image);
-        launch.float_tensor(unwrap(v_tiles), [shares.tiles(), TILE * TILE, config.channels])
+        let v_tiles = exposure::average_backward(&launch.client, config, &shares, instants, &tiles, &v_image);
+        launch.shaped(unwrap(v_tiles), shape)
     }
 }
 

@@ -14,7 +14,7 @@ use gs_kernels::rows::PROJECTED;
 use super::assert_same_dtype;
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, int_tensor, with_float};
-pub use count::PairCount;
+pub use count::{DeviceCount, Room};
 pub use reference::intersect_reference;
 
 /// Tiles of 16 x 16 pixels and the Gaussians that touch them; `M` is the number of (tile, Gaussian) pairs. All `i32`.
@@ -32,7 +32,7 @@ pub struct TileIntersections {
     /// [`intersect_instants`](super::exposure::intersect_instants).
     pub places: Option<Tensor<1, Int>>,
     /// Number of (tile, Gaussian) pairs: `M`, or less where [`intersect_within`] made lists for more.
-    pub count: PairCount,
+    pub count: DeviceCount,
 }
 
 /// Finds all (tile, Gaussian) pairs of an image of `width` x `height` pixels.
@@ -59,7 +59,7 @@ pub fn intersect(
 /// Like [`intersect`]; with `room`, a GPU makes lists of this length and does not wait for the number of pairs.
 ///
 /// Places of the lists behind the last pair belong to no tile and no Gaussian. If there are more pairs than `room`, all lists are empty
-/// and [`PairCount::overflows`] tells so once the number is read. The CPU, and a GPU whose buffers do not hold `room` pairs, take no
+/// and [`DeviceCount::overflows`] tells so once the number is read. The CPU, and a GPU whose buffers do not hold `room` pairs, take no
 /// notice of `room`.
 ///
 /// # Panics
@@ -87,8 +87,8 @@ pub fn intersect_within(
     let words: Tensor<1> = Tensor::from_dispatch(found.words);
     let [made] = gaussian_ids.dims();
     let count = match words.dims() {
-        [0] => PairCount::Known(made),
-        _ => PairCount::OnDevice { words, room: made },
+        [0] => DeviceCount::Known(made),
+        _ => DeviceCount::OnDevice { words, room: made },
     };
     TileIntersections {
         tile_offsets: Tensor::from_dispatch(found.tile_offsets),
@@ -135,7 +135,7 @@ pub struct FoundIntersections<B: Backend> {
     pub gaussian_offsets: IntTensor<B>,
     /// `[M]`
     pub positions: IntTensor<B>,
-    /// `[2]`: see [`PairCount::OnDevice`]; `[0]` if there are `M` pairs.
+    /// `[2]`: see [`DeviceCount::OnDevice`]; `[0]` if there are `M` pairs.
     pub words: FloatTensor<B>,
 }
 

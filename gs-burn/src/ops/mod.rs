@@ -16,6 +16,7 @@ pub mod adam;
 pub mod bilinear;
 pub mod channels;
 pub mod exposure;
+pub mod instants;
 pub mod intersect;
 pub mod noise;
 pub mod opacity;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use gs_burn::ops::intersect::PairCount;
+use gs_burn::ops::intersect::DeviceCount;
 use gs_kernels::config::tile_grid;
 use gs_kernels::constants::{ALPHA_MIN, TILE};
 use gs_kernels::cpu;
@@ -92,7 +92,7 @@ fn check(projected: &[f32], opacities: &[f32], features: &[f32], width: u32, hei
     for room in [total, total + 1, total + 3000, total.saturating_sub(1), total / 2] {
         let found = found(Some(room));
         let words = found.words.expect("the number was not read").download::<f32>(client()).expect("the device works");
-        assert_eq!(PairCount::of_words(&words), total);
+        assert_eq!(DeviceCount::of_words(&words), total);
         let within = lists(&found.lists);
         assert_eq!((within.gaussian_ids.len(), within.positions.len()), (room, room));
         if room >= total {

@@ -10,6 +10,7 @@ mod bilinear;
 mod channels;
 #[cfg(feature = "flex")]
 mod exposure;
+mod instants;
 mod intersect;
 mod projection;
 mod rasterize;

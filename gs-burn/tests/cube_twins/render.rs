@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::ops::adam::{AdamConfig, adam_step};
-use gs_burn::ops::intersect::PairCount;
+use gs_burn::ops::intersect::DeviceCount;
 use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::{Extras, RenderOptions, Rendering, device, render_with};
 
@@ -30,7 +30,7 @@ struct Trial {
     image: Vec<f32>,
     alpha: Vec<f32>,
     depth: Vec<f32>,
-    intersections: PairCount,
+    intersections: DeviceCount,
     gradients: Vec<(&'static str, Vec<f32>)>,
     stepped: Vec<f32>,
 }

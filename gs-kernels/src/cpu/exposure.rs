@@ -37,6 +37,22 @@ impl TileShares {
         Self { instants: 1, extra_offsets: vec![0; grid + 1], counts }
     }
 
+    /// From their numbers: `grid + 1` offsets, then the counts.
+    ///
+    /// # Panics
+    /// When there are fewer than `2 grid + 1` numbers.
+    pub fn of_numbers(numbers: &[i32], grid: usize, instants: usize) -> Self {
+        assert!(numbers.len() > 2 * grid, "shares must count each of {grid} tiles of the image");
+        let unsigned = |numbers: &[i32]| numbers.iter().map(|number| *number as u32).collect();
+        let (extra_offsets, counts) = numbers.split_at(grid + 1);
+        Self { instants, extra_offsets: unsigned(extra_offsets), counts: unsigned(counts) }
+    }
+
+    /// Their numbers, as [`of_numbers`](Self::of_numbers) takes them.
+    pub fn numbers(&self) -> Vec<i32> {
+        self.extra_offsets.iter().chain(&self.counts).map(|number| *number as i32).collect()
+    }
+
     /// Tiles drawn.
     pub fn tiles(&self) -> usize {
         self.counts.len()

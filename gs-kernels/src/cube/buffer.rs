@@ -1,5 +1,7 @@
 //! Device buffers of four-byte values, and how a launch is cut into cubes.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use cubecl::prelude::*;
 use cubecl::server::Handle;
 
@@ -28,6 +30,14 @@ const MAX_CUBES_PER_AXIS: usize = 65_535;
 
 /// Parts of a buffer begin at multiples of this many values (256 bytes, the strictest binding alignment in use).
 const PART_ALIGNMENT: usize = 64;
+
+/// Calls of [`Buffer::download`] in this process.
+static DOWNLOADS: AtomicUsize = AtomicUsize::new(0);
+
+/// How often a kernel's host code has waited for a number of its device, in this process: a tool for tests.
+pub fn downloads() -> usize {
+    DOWNLOADS.load(Ordering::Relaxed)
+}
 
 /// A contiguous run of `f32`, `i32` or `u32` values on the device.
 #[derive(Clone, Debug)]
@@ -92,6 +102,7 @@ impl Buffer {
     /// # Errors
     /// When the device has failed.
     pub fn download<T: CubeElement + Clone>(&self, client: &Client) -> Result<Vec<T>, CubeError> {
+        DOWNLOADS.fetch_add(1, Ordering::Relaxed);
         let bytes = client.read_one(self.handle.clone()).map_err(|error| CubeError::Device(error.to_string()))?;
         Ok(T::from_bytes(&bytes)[..self.len].to_vec())
     }

@@ -1,11 +1,10 @@
 //! Several instants of a scene in one image: the mean of the tiles drawn for them, forward and backward. The twin of
-//! [`crate::cpu::exposure`], which makes the lists of the tiles.
+//! [`crate::cpu::exposure`]; the lists of the tiles are in [`crate::cube::intersect`].
 
 use cubecl::prelude::*;
 
 use crate::config::{AverageConfig, tile_grid};
 use crate::constants::TILE;
-use crate::cpu::exposure::TileShares;
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 use crate::cube::error::CubeError;
 use crate::cube::light::{to_encoded, to_encoded_slope, to_linear, to_linear_slope};
@@ -134,22 +133,16 @@ fn average_backward_kernel(
     }
 }
 
-/// The shares as a kernel's buffer.
-fn upload(client: &Client, shares: &TileShares) -> Result<Buffer, CubeError> {
-    let values: Vec<u32> = shares.extra_offsets.iter().chain(&shares.counts).copied().collect();
-    Buffer::upload(client, "shares of tiles", &values)
-}
-
-fn check(config: &AverageConfig, shares: &TileShares, tiles: &Buffer) -> usize {
+fn check(config: &AverageConfig, shares: &Buffer, tiles: &Buffer) -> usize {
     let (columns, rows) = tile_grid(config.width, config.height);
-    assert_eq!(shares.grid(), columns * rows, "shares must be those of an image of this size");
-    let expected = shares.tiles() * PIXELS as usize * config.channels;
+    let drawn = shares.len().checked_sub(columns * rows + 1).expect("shares must be those of an image of this size");
+    let expected = drawn * PIXELS as usize * config.channels;
     assert_eq!(tiles.len(), expected, "tiles must be [tiles, 16, 16, C]");
     config.width as usize * config.height as usize * config.channels
 }
 
-/// The mean image `[H, W, C]` over all instants, from the drawn tiles, `[tiles, 16, 16, C]`; the twin of
-/// [`crate::cpu::exposure::average`].
+/// The mean image `[H, W, C]` over all `instants`, from the drawn tiles, `[tiles, 16, 16, C]`, and their
+/// [shares](crate::cube::intersect::FoundInstants::shares); the twin of [`crate::cpu::exposure::average`].
 ///
 /// # Errors
 /// When a buffer would be too large.
@@ -159,24 +152,26 @@ fn check(config: &AverageConfig, shares: &TileShares, tiles: &Buffer) -> usize {
 pub fn average(
     client: &Client,
     config: &AverageConfig,
-    shares: &TileShares,
+    shares: &Buffer,
+    instants: usize,
     tiles: &Buffer,
 ) -> Result<Buffer, CubeError> {
     let values = check(config, shares, tiles);
     let image = Buffer::empty(client, "mean image", values)?;
     if values > 0 {
+        let (columns, rows) = tile_grid(config.width, config.height);
         average_forward_kernel::launch(
             client,
             grid_for(values),
             cube_dim(),
             tiles.arg(),
-            upload(client, shares)?.arg(),
+            shares.arg(),
             image.arg(),
             values as u32,
             config.width,
-            tile_grid(config.width, config.height).0 as u32,
-            shares.grid() as u32,
-            shares.instants as f32,
+            columns as u32,
+            (columns * rows) as u32,
+            instants as f32,
             config.channels as u32,
             config.encoded as u32,
         );
@@ -184,7 +179,8 @@ pub fn average(
     Ok(image)
 }
 
-/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside the image.
+/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside the image and in
+/// tiles that nothing shows.
 ///
 /// # Errors
 /// When a buffer would be too large.
@@ -194,7 +190,8 @@ pub fn average(
 pub fn average_backward(
     client: &Client,
     config: &AverageConfig,
-    shares: &TileShares,
+    shares: &Buffer,
+    instants: usize,
     tiles: &Buffer,
     v_image: &Buffer,
 ) -> Result<Buffer, CubeError> {
@@ -202,20 +199,21 @@ pub fn average_backward(
     assert_eq!(v_image.len(), values, "v_image must be [H, W, C]");
     let v_tiles = Buffer::empty(client, "gradient by tiles", tiles.len())?;
     if !tiles.is_empty() {
+        let (columns, rows) = tile_grid(config.width, config.height);
         average_backward_kernel::launch(
             client,
             grid_for(tiles.len()),
             cube_dim(),
             tiles.arg(),
-            upload(client, shares)?.arg(),
+            shares.arg(),
             v_image.arg(),
             v_tiles.arg(),
             tiles.len() as u32,
             config.width,
             config.height,
-            tile_grid(config.width, config.height).0 as u32,
-            shares.grid() as u32,
-            shares.instants as f32,
+            columns as u32,
+            (columns * rows) as u32,
+            instants as f32,
             config.channels as u32,
             config.encoded as u32,
         );

@@ -17,7 +17,7 @@ const STEPS: usize = UNITS.ilog2() as usize;
 
 /// The sum, or `u32::MAX` where it does not fit.
 #[cube]
-fn saturating_sum(a: u32, b: u32) -> u32 {
+pub(super) fn saturating_sum(a: u32, b: u32) -> u32 {
     let sum = a + b;
     select(sum < a, 0xffff_ffffu32, sum)
 }

@@ -163,7 +163,7 @@ impl DensityConfig {
     /// Whether the count may change at `step` of a run of `steps`.
     pub fn active(&self, step: usize, steps: usize) -> bool {
         let start = self.start.min(steps / 10).max(1);
-        step >= start && (step as f64) < self.stop * steps as f64
+        step >= start && step < self.first_fixed(steps)
     }
 
     /// Whether the count becomes fixed at `step` of a run of `steps`.
@@ -177,7 +177,7 @@ impl DensityConfig {
     }
 
     /// The first step of a run of `steps` at which the count is fixed.
-    fn first_fixed(&self, steps: usize) -> usize {
+    pub fn first_fixed(&self, steps: usize) -> usize {
         (self.stop * steps as f64).ceil() as usize
     }
 }

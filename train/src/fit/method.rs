@@ -10,7 +10,7 @@ use std::path::Path;
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Gradients, Tensor};
 use gs_burn::adam::Adam;
-use gs_burn::ops::intersect::PairCount;
+use gs_burn::ops::intersect::{DeviceCount, Room};
 use gs_burn::{Gaussians, NamedGradients, Rendering, RowMap};
 use gs_datasets::{LoadOptions, Scene, View};
 use gs_models::{DynamicScene, Static};
@@ -35,8 +35,8 @@ pub struct Step<'a, M: Method> {
     pub facts: &'a SceneFacts,
     /// The method's cues from the data set.
     pub cues: &'a M::Cues,
-    /// Room for the pairs of a rendering, if steps before this one tell; see [`gs_burn::Extras::room`].
-    pub room: Option<usize>,
+    /// Room for the lists of a rendering, if steps before this one tell; see [`gs_burn::Extras::room`].
+    pub room: Option<Room>,
 }
 
 impl<M: Method> Clone for Step<'_, M> {
@@ -48,6 +48,11 @@ impl<M: Method> Clone for Step<'_, M> {
 impl<M: Method> Copy for Step<'_, M> {}
 
 impl<M: Method> Step<'_, M> {
+    /// Room for the pairs of a rendering.
+    pub fn pair_room(&self) -> Option<usize> {
+        self.room.map(|room| room.pairs)
+    }
+
     /// Share of the run before this step, 0 to 1.
     pub fn progress(&self) -> f64 {
         (self.step.max(1) - 1) as f64 / self.config.steps as f64
@@ -86,7 +91,9 @@ pub struct Drawn {
     /// the step has no `screens`.
     pub radii: Option<Tensor<2>>,
     /// Tile intersections of each rendering.
-    pub intersections: Vec<PairCount>,
+    pub intersections: Vec<DeviceCount>,
+    /// Tiles of each exposure, which are more than the image's.
+    pub tiles: Vec<DeviceCount>,
 }
 
 impl Drawn {
@@ -95,6 +102,7 @@ impl Drawn {
         Self {
             radii: screen.map(|_| rendering.projected.clone()),
             intersections: vec![rendering.intersections.clone()],
+            tiles: Vec::new(),
         }
     }
 }

@@ -3,7 +3,7 @@
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
-use gs_burn::ops::intersect::PairCount;
+use gs_burn::ops::intersect::{DeviceCount, Room};
 use gs_burn::ops::rasterize::SCREEN;
 use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
@@ -16,7 +16,7 @@ use super::losses::regularised;
 use super::method::{Drawn, Forward, Method, Note, Step};
 use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
-use super::room::{PairRoom, fitting};
+use super::room::{ListRoom, fitting};
 use super::schedule::{exponential, rate_factor, sh_degree};
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
@@ -44,7 +44,7 @@ pub struct Trainer<M: Method> {
     pub skipped: usize,
     /// Values fixed by the data set.
     pub facts: SceneFacts,
-    room: PairRoom,
+    room: ListRoom,
     /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each step.
     zeros: Option<Tensor<2>>,
 }
@@ -71,6 +71,8 @@ struct Backward {
     images: Vec<Tensor<3>>,
     /// Tile intersections of each rendering.
     intersections: Vec<usize>,
+    /// Tiles of each exposure.
+    tiles: Vec<usize>,
     notes: Vec<Note>,
     observations: Vec<Observation>,
     loss: f32,
@@ -101,7 +103,7 @@ impl<M: Method> Trainer<M> {
             step: 0,
             skipped: 0,
             facts,
-            room: PairRoom::default(),
+            room: ListRoom::default(),
             zeros: None,
         }
     }
@@ -157,9 +159,9 @@ impl<M: Method> Trainer<M> {
     ) -> StepReport {
         self.step += 1;
         self.raise_sh_degree(config);
-        let Backward { images, intersections, notes, observations, loss, gradients } =
+        let Backward { images, intersections, tiles, notes, observations, loss, gradients } =
             self.compared(photos, cues, config);
-        self.room.observe(&intersections);
+        self.room.observe(&intersections, &tiles);
         let intersections = intersections.iter().sum();
         let skipped = gradients.is_none();
         let mut changes = Changes::default();
@@ -177,8 +179,8 @@ impl<M: Method> Trainer<M> {
         StepReport { loss, images, intersections, notes, skipped, changes }
     }
 
-    /// Forward and backward pass over the photos. If a rendering had more pairs than the steps before made room for, both are done
-    /// again with lists of the right length.
+    /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made room for, both are
+    /// done again with lists of the right length.
     fn compared(&mut self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
         if self.wants_screen(config) {
             let (shape, device) = ([self.gaussians().len(), SCREEN], self.gaussians().device());
@@ -190,7 +192,7 @@ impl<M: Method> Trainer<M> {
         self.compare(photos, cues, config, self.room.room()).unwrap_or_else(|| {
             tracing::debug!(
                 step = self.step,
-                "more tile intersections than there was room for: the step is done again"
+                "more tile intersections or tiles than there was room for: the step is done again"
             );
             let again = self.compare(photos, cues, config, None);
             again.expect("lists that are counted first have room")
@@ -201,13 +203,13 @@ impl<M: Method> Trainer<M> {
         self.density.wants_screen(&config.density, M::control(self.step, config), self.step, config.steps)
     }
 
-    /// Forward and backward pass with `room` for the pairs of each rendering; `None` if there was too little.
+    /// Forward and backward pass with `room` for the lists of each rendering; `None` if there was too little.
     fn compare(
         &self,
         photos: &[Photo<M::Extra>],
         cues: &M::Cues,
         config: &FitConfig<M::Config>,
-        room: Option<usize>,
+        room: Option<Room>,
     ) -> Option<Backward> {
         let tracked = self.model().clone().train();
         let screen = |zeros: &Tensor<2>| zeros.clone().autodiff().require_grad();
@@ -219,7 +221,9 @@ impl<M: Method> Trainer<M> {
         let loss = regularised(loss, &tracked.gaussians, self.facts.extent, fixed, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
-        let counts: Vec<PairCount> = drawn.iter().flat_map(|drawn| drawn.intersections.clone()).collect();
+        let mut counts: Vec<DeviceCount> = drawn.iter().flat_map(|drawn| drawn.intersections.clone()).collect();
+        let renderings = counts.len();
+        counts.extend(drawn.iter().flat_map(|drawn| drawn.tiles.clone()));
         let mut observe = |((drawn, photo), screen): ((Drawn, &Photo<M::Extra>), Tensor<2>)| {
             let (width, height) = (photo.camera.width, photo.camera.height);
             Some(Observation { screen: screen.grad_remove(&mut graph)?, radii: drawn.radii?.inner(), width, height })
@@ -233,15 +237,17 @@ impl<M: Method> Trainer<M> {
         let mut checked = vec![loss.inner()];
         checked.extend(gradients.finiteness());
         let numbers = checked.len();
-        checked.extend(counts.iter().filter_map(PairCount::words));
+        checked.extend(counts.iter().filter_map(DeviceCount::words));
         // One read for all: a read waits for the device.
         let checked = Tensor::cat(checked, 0).into_data();
         let (numbers, words) = checked.as_slice::<f32>().expect("tensors of this crate hold f32").split_at(numbers);
-        let (intersections, fit) = fitting(&counts, words);
+        let (mut intersections, fit) = fitting(&counts, words);
+        let tiles = intersections.split_off(renderings);
         let finite = numbers.iter().all(|value| value.is_finite());
         fit.then(|| Backward {
             images: images.into_iter().map(Tensor::inner).collect(),
             intersections,
+            tiles,
             notes,
             observations,
             loss: numbers[0],

@@ -106,7 +106,7 @@ impl Method for Brightness {
         at: &Step<Self>,
     ) -> Forward {
         let (photo, options) = (&photos[0], at.facts.render_options(&at.config.render, gaussians.sh_degree()));
-        let extras = Extras { screen: screens.first().cloned(), features: None, room: at.room };
+        let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
         let factor = self.factors().narrow(0, photo.extra.0, 1).reshape([1, 1, 1]);
         let image = rendering.color.clone() * factor;

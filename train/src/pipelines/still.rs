@@ -47,7 +47,7 @@ impl Method for Still {
         let photo = &photos[0];
         let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
         let options = RenderOptions { eps2d: dilation(options.eps2d, photo.pixel), ..options };
-        let extras = Extras { screen: screens.first().cloned(), features: None, room: at.room };
+        let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
         Forward {
             loss: photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),

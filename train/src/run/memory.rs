@@ -40,7 +40,8 @@ const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 /// Program (23 MiB of it are read), thread stacks and allocator; measured on Linux with the CPU backend.
 const PROGRAM_BYTES: u64 = 48 << 20;
 
-fn pixels(view: &View) -> u64 {
+/// Pixels of a photo.
+pub fn pixels(view: &View) -> u64 {
     (view.width * view.height) as u64
 }
 

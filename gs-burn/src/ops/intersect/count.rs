@@ -1,23 +1,23 @@
-//! The number of pairs of a rendering, which a device may still hold.
+//! A number that sizes a rendering's lists, which a device may still hold.
 
 use burn::tensor::Tensor;
 
-/// Number of (tile, Gaussian) pairs of a rendering.
+/// Number of (tile, Gaussian) pairs of a rendering, or of the tiles drawn for an exposure.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // there is one per rendering
-pub enum PairCount {
+pub enum DeviceCount {
     /// The lists were made for this number.
     Known(usize),
-    /// The lists were made for `room` pairs without reading the number.
+    /// The lists were made with `room` without reading the number.
     OnDevice {
         /// `[2]`: the number's higher and lower 16 bits, both exact in `f32`.
         words: Tensor<1>,
-        /// Pairs that fit.
+        /// Largest number that fits.
         room: usize,
     },
 }
 
-impl PairCount {
+impl DeviceCount {
     /// The number; waits for the device if it holds it.
     pub fn get(&self) -> usize {
         match self {
@@ -39,8 +39,17 @@ impl PairCount {
         words.iter().fold(0, |number, word| (number << 16) + *word as usize)
     }
 
-    /// Whether a rendering of `count` pairs drew nothing, because the lists had no room for them.
+    /// Whether a rendering with the number `count` drew nothing, because the lists had no room for it.
     pub fn overflows(&self, count: usize) -> bool {
         matches!(self, Self::OnDevice { room, .. } if count > *room)
     }
+}
+
+/// Room for the lists of a rendering; see [`DeviceCount`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Pairs of tile and Gaussian.
+    pub pairs: usize,
+    /// Tiles drawn for an exposure, at all instants.
+    pub tiles: usize,
 }

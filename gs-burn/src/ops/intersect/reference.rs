@@ -4,7 +4,7 @@ use burn::tensor::{DType, Int, Tensor};
 use gs_kernels::config::tile_grid;
 use gs_kernels::constants::{ALPHA_MIN, TILE};
 
-use super::{PairCount, TileIntersections};
+use super::{DeviceCount, TileIntersections};
 use crate::ops::columns;
 use crate::ops::pixels::{depth_order, drawn, raw_alphas};
 
@@ -56,7 +56,7 @@ pub fn intersect_reference(
     }
     let tensor = |values: Vec<i32>| Tensor::<1, Int>::from_data(values.as_slice(), (&device, DType::I32));
     TileIntersections {
-        count: PairCount::Known(gaussian_ids.len()),
+        count: DeviceCount::Known(gaussian_ids.len()),
         tile_offsets: tensor(tile_offsets),
         gaussian_ids: tensor(gaussian_ids),
         gaussian_offsets: tensor(gaussian_offsets),

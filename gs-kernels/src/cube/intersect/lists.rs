@@ -161,38 +161,34 @@ fn place_kernel(slots: &[u32], owners: &[u32], gaussian_ids: &mut [u32], positio
     }
 }
 
-/// Finds all (tile, Gaussian) pairs: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`; the twin of
-/// [`crate::cpu::intersect::intersect`].
-///
-/// Without `room` the number of pairs is read back. With it, the lists have this length and nothing waits for the device: places behind
-/// the last pair belong to no tile and no Gaussian, and if there are more pairs than `room`, all lists are empty. Room that does not fit
-/// into a buffer is not used.
+/// The rows of a table before their pairs are made: number of tiles, depth as a key, and row number, each `[N]`.
+pub(super) struct Counted {
+    pub(super) counts: Buffer,
+    pub(super) keys: Buffer,
+    pub(super) ids: Buffer,
+}
+
+/// Counts the tiles of each row; arguments as in [`intersect`].
 ///
 /// # Errors
-/// When there are 2^31 pairs or more, a buffer would be too large, an image side exceeds 2^20 pixels, or the device fails
-/// while the number of pairs is read.
+/// As [`intersect`].
 ///
 /// # Panics
-/// When the buffers disagree in length.
-pub fn intersect(
+/// As [`intersect`].
+pub(super) fn count_tiles(
     client: &Client,
     projected: &Buffer,
     opacities: &Buffer,
     features: &Buffer,
     [width, height]: [u32; 2],
     channels: usize,
-    room: Option<usize>,
-) -> Result<Found, CubeError> {
+) -> Result<Counted, CubeError> {
     let count = projected.len() / PROJECTED;
     assert_eq!(opacities.len(), count, "opacities must be [N] for {count} projected rows");
     assert_eq!(features.len(), count * channels, "features must be [N, {channels}] for {count} projected rows");
     if width > 1 << 20 || height > 1 << 20 {
         return Err(CubeError::ImageTooLarge { width, height });
     }
-    let (columns, rows) = tile_grid(width, height);
-    let tiles = columns * rows;
-    let (width, height) = (width as f32, height as f32);
-
     let counts = Buffer::empty(client, "tile counts", count)?;
     let keys = Buffer::empty(client, "depth keys", count)?;
     let ids = Buffer::empty(client, "indices", count)?;
@@ -211,19 +207,55 @@ pub fn intersect(
                 ids.arg(),
                 count as u32,
                 channels as u32,
-                width,
-                height,
+                width as f32,
+                height as f32,
             );
         }
     }
-    let gaussian_offsets = exclusive_scan(client, &counts, count + 1)?;
+    Ok(Counted { counts, keys, ids })
+}
+
+/// All pairs in tile order, within a tile by depth. `M` is their number, or the room for them.
+pub(super) struct ByTile {
+    /// `[tiles + 1]`
+    pub(super) tile_offsets: Buffer,
+    /// Tile of each pair, `[M]`; `tiles` for a pair of no tile.
+    pub(super) tiles: Buffer,
+    /// Place of each pair in the list by Gaussian, `[M]`.
+    pub(super) slots: Buffer,
+    /// Gaussian of each place in the list by Gaussian, `[M]`.
+    pub(super) owners: Buffer,
+    /// `[N + 1]`
+    pub(super) gaussian_offsets: Buffer,
+    /// `[2]`: see [`Found::words`].
+    pub(super) words: Buffer,
+}
+
+/// The room if the largest buffer of the lists holds it, in which a pair has 12 bytes.
+pub(super) fn usable_room(client: &Client, room: Option<usize>) -> Option<usize> {
+    room.filter(|room| *room <= i32::MAX as usize && *room as u64 * 12 <= most_bytes(client))
+}
+
+/// Sorts the pairs of `counted` rows; ties in depth keep the order of `counted.keys`. `room` is a [`usable_room`].
+///
+/// # Errors
+/// As [`intersect`].
+pub(super) fn by_tile(
+    client: &Client,
+    projected: &Buffer,
+    opacities: &Buffer,
+    Counted { counts, keys, ids }: Counted,
+    [width, height]: [u32; 2],
+    room: Option<usize>,
+) -> Result<ByTile, CubeError> {
+    let count = counts.len();
+    let (columns, rows) = tile_grid(width, height);
+    let tiles = columns * rows;
+    let all_offsets = exclusive_scan(client, &counts, count + 1)?;
     let (_, order) = sort_pairs(client, keys, ids, u32::BITS)?;
     let counts_in_order = Buffer::empty(client, "tile counts in depth order", count)?;
-    let all_offsets = gaussian_offsets;
     let gaussian_offsets = Buffer::empty(client, "offsets of Gaussians", count + 1)?;
     let words = Buffer::empty(client, "number of pairs", 2)?;
-    // A pair has 12 bytes in the largest of these buffers.
-    let room = room.filter(|room| *room <= i32::MAX as usize && *room as u64 * 12 <= most_bytes(client));
     // SAFETY: `order` is a permutation of the `count` rows; both offsets hold `count + 1` values.
     unsafe {
         admit_kernel::launch_unchecked(
@@ -267,8 +299,8 @@ pub fn intersect(
                 slab.whole.arg(),
                 count as u32,
                 pairs as u32,
-                width,
-                height,
+                width as f32,
+                height as f32,
                 columns as u32,
                 tiles as u32,
                 slab.starts[1] as u32,
@@ -277,9 +309,37 @@ pub fn intersect(
         }
     }
     let [pair_tiles, slots, owners] = slab.parts;
-    let (sorted_tiles, slots) = sort_pairs(client, pair_tiles, slots, u32::BITS - (tiles as u32).leading_zeros())?;
+    let (sorted, slots) = sort_pairs(client, pair_tiles, slots, u32::BITS - (tiles as u32).leading_zeros())?;
+    let tile_offsets = first_of_keys(client, &sorted, tiles)?;
+    Ok(ByTile { tile_offsets, tiles: sorted, slots, owners, gaussian_offsets, words })
+}
 
-    let tile_offsets = first_of_keys(client, &sorted_tiles, tiles)?;
+/// Finds all (tile, Gaussian) pairs: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`; the twin of
+/// [`crate::cpu::intersect::intersect`].
+///
+/// Without `room` the number of pairs is read back. With it, the lists have this length and nothing waits for the device: places behind
+/// the last pair belong to no tile and no Gaussian, and if there are more pairs than `room`, all lists are empty. Room that does not fit
+/// into a buffer is not used.
+///
+/// # Errors
+/// When there are 2^31 pairs or more, a buffer would be too large, an image side exceeds 2^20 pixels, or the device fails
+/// while the number of pairs is read.
+///
+/// # Panics
+/// When the buffers disagree in length.
+pub fn intersect(
+    client: &Client,
+    projected: &Buffer,
+    opacities: &Buffer,
+    features: &Buffer,
+    size: [u32; 2],
+    channels: usize,
+    room: Option<usize>,
+) -> Result<Found, CubeError> {
+    let room = usable_room(client, room);
+    let counted = count_tiles(client, projected, opacities, features, size, channels)?;
+    let by_tile = by_tile(client, projected, opacities, counted, size, room)?;
+    let pairs = by_tile.slots.len();
     let gaussian_ids = Buffer::empty(client, "Gaussians by tile", pairs)?;
     let positions = Buffer::empty(client, "places by Gaussian", pairs)?;
     if pairs > 0 {
@@ -289,14 +349,15 @@ pub fn intersect(
                 client,
                 grid_for(pairs),
                 cube_dim(),
-                slots.arg(),
-                owners.arg(),
+                by_tile.slots.arg(),
+                by_tile.owners.arg(),
                 gaussian_ids.arg(),
                 positions.arg(),
                 pairs as u32,
             );
         }
     }
+    let ByTile { tile_offsets, gaussian_offsets, words, .. } = by_tile;
     let lists = Intersections { tile_offsets, placed: 0, gaussian_ids, gaussian_offsets, positions };
     Ok(Found { lists, words: room.map(|_| words) })
 }

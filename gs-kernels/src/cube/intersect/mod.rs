@@ -5,8 +5,10 @@
 //! that ties keep their index order); emit their pairs in that order; sort the pairs by tile (stable again, so that a tile's list
 //! is in depth order); find the offset of each tile. One number is read back, the number of pairs, because it sizes the buffers.
 
+mod instants;
 mod lists;
 mod spans;
 
+pub use instants::{FoundInstants, InstantRows, InstantsRoom, intersect_instants};
 pub use lists::{Found, Intersections, PAIRS_OF_A_UNIT, intersect};
 pub(in crate::cube) use spans::{CutOff, cut_off, touches};

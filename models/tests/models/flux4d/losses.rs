@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::glam::{DMat4, DVec3};
-use gs_burn::ops::intersect::PairCount;
+use gs_burn::ops::intersect::DeviceCount;
 use gs_burn::ops::ssim::{l1_ssim_reference, photometric_loss};
 use gs_burn::{Camera, Intrinsics, Rendering};
 use gs_models::flux4d::losses::{depth_loss, image_velocity, mean_speed, photometric, velocity_weights};
@@ -76,7 +76,7 @@ fn depth_counts_where_there_is_lidar_and_a_surface() {
         depth: Some(image([2.0, 7.0, 1.0, 3.0])),
         features: None,
         projected: place.tensor(&[], [0, 8]),
-        intersections: PairCount::Known(0),
+        intersections: DeviceCount::Known(0),
     };
     // Depths 4, 7, -, 3 against 5, -, 9, 1.
     let loss = depth_loss(&rendering, image([5.0, 0.0, 9.0, 1.0]));

@@ -22,6 +22,7 @@ mod recorded {
 
     use anyhow::{Context, ensure};
     use gs_burn::launches::{KernelLaunch, LaunchRecorder};
+    use gs_kernels::cube::buffer::downloads;
 
     use super::*;
     use crate::commands::bench::{camera, scene};
@@ -89,15 +90,16 @@ mod recorded {
             let mut step = begin(scene(args, &device), &camera(args, &device));
             // The first step makes the moments.
             step();
+            let read_before = downloads();
             let launches = recorder.during(&device, step)?;
-            table(name, &launches);
+            table(name, &launches, downloads() - read_before);
         }
         // The log is the process's own; a copy that stays would only fill the folder.
         let _ = std::fs::remove_file(&log);
         Ok(ExitCode::SUCCESS)
     }
 
-    fn table(name: &str, launches: &[KernelLaunch]) {
+    fn table(name: &str, launches: &[KernelLaunch], waits: usize) {
         struct Row {
             count: usize,
             fewest: u64,
@@ -114,7 +116,7 @@ mod recorded {
             row.time += launch.time.unwrap_or_default();
         }
         let serial = launches.iter().filter(|launch| is_serial(launch)).count();
-        print(format!("\n{name}: {} launches, {serial} serial", launches.len()));
+        print(format!("\n{name}: {} launches, {serial} serial, {waits} waits for lists", launches.len()));
         print(format!("{:52} {:>8} {:>12} {:>12} {:>10}", "kernel", "launches", "fewest cubes", "most cubes", "ms"));
         let mut rows: Vec<_> = rows.into_iter().collect();
         rows.sort_by_key(|(_, row)| std::cmp::Reverse(row.time));

@@ -114,7 +114,7 @@ impl Density {
     /// Whether the step should compute screen gradients.
     pub fn wants_screen(&self, config: &DensityConfig, control: Control, step: usize, steps: usize) -> bool {
         // Statistics are gathered from the first step on, as in 3DGS, for as long as they are used.
-        let used = control == Control::Resumes || (step as f64) < config.stop * steps as f64;
+        let used = control == Control::Resumes || !config.rests_by(step, steps);
         used && matches!(self, Self::Adaptive(_))
     }
 

@@ -145,7 +145,7 @@ pub fn warmup_steps(config: &Config) -> usize {
     if density.strategy == Strategy::None || density.stop > share {
         return own;
     }
-    let fixed = (density.stop * config.steps as f64).ceil() as usize;
+    let fixed = density.first_fixed(config.steps);
     own.max(fixed.min(own + 1)).min(config.steps)
 }
 

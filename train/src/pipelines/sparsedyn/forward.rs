@@ -150,5 +150,5 @@ fn drawn(
 ) -> Rendering {
     let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
     let options = gs_burn::RenderOptions { depth, ..options };
-    render_with(gaussians, &photo.camera, &options, Extras { screen, features: None, room: at.room })
+    render_with(gaussians, &photo.camera, &options, Extras { screen, features: None, room: at.pair_room() })
 }

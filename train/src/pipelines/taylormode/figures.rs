@@ -115,7 +115,7 @@ pub fn blur_over(gaussians: &Gaussians, motion: &TaylorMotion, exposure: f64, vi
     let device = gaussians.device();
     let render = at.facts.render_options(&at.config.render, gaussians.sh_degree());
     let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, MEASURE_SAMPLES);
-    let options = ExposureOptions { render, linear: at.config.method.blur.linear };
+    let options = ExposureOptions { render, linear: at.config.method.blur.linear, room: None };
     let paths = motion.paths(&gaussians.means.val());
     let formed = expose(gaussians, &paths, &motion.rows, &instants, &camera(view, &device), &options, None);
     formed.color.clamp(0.0, 1.0)

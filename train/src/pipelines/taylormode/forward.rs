@@ -5,6 +5,7 @@ use std::cell::Cell;
 use burn::module::Module;
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::exposure::ExposureOptions;
+use gs_burn::ops::intersect::Room;
 use gs_burn::ops::rows::add_rows;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_models::Pixels;
@@ -85,7 +86,7 @@ struct Formation<'a> {
     options: RenderOptions,
     /// Share of the run before this step, 0 to 1.
     progress: f64,
-    room: Option<usize>,
+    room: Option<Room>,
     /// Whether the photo's depth prior could not be aligned with the rendering.
     misfit: Cell<bool>,
 }
@@ -105,13 +106,13 @@ impl Formation<'_> {
         let decoupled = blur.decouple && self.photo.extra.moving.is_some();
         let gaussians = if decoupled { self.static_detached() } else { self.gaussians.clone() };
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
-        let options = ExposureOptions { render, linear: blur.linear };
+        let options = ExposureOptions { render, linear: blur.linear, room: self.room };
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
         let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress));
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
-        let mut intersections = vec![formed.intersections.clone()];
+        let (mut intersections, tiles) = (vec![formed.intersections.clone()], vec![formed.tiles.clone()]);
         let mut loss = if decoupled {
             self.photometric(formed.color.clone(), image, self.photo.extra.moving.clone())
                 * self.config.method.prior.blur
@@ -134,7 +135,7 @@ impl Formation<'_> {
             loss = self.add_depth(loss, &centre);
         }
         let radii = screen.map(|_| formed.radii().unsqueeze_dim(1));
-        Formed { color: formed.color, loss, drawn: Drawn { radii, intersections } }
+        Formed { color: formed.color, loss, drawn: Drawn { radii, intersections, tiles } }
     }
 
     /// The paper's formation: the sharp image gathered along the velocity at each moving pixel (Eq. 5 to 12).
@@ -203,7 +204,12 @@ impl Formation<'_> {
         let scene = self.paths.moved(self.gaussians, t);
         let features = self.needs_velocity().then(|| self.paths.velocities(self.gaussians.len(), t));
         let options = RenderOptions { depth: self.needs_depth(), ..self.options };
-        render_with(&scene, &self.photo.camera, &options, Extras { features, screen, room: self.room })
+        render_with(
+            &scene,
+            &self.photo.camera,
+            &options,
+            Extras { features, screen, room: self.room.map(|room| room.pairs) },
+        )
     }
 
     fn needs_velocity(&self) -> bool {

@@ -94,7 +94,7 @@ impl Candidate<'_> {
         let render = at.facts.render_options(&at.config.render, self.gaussians.sh_degree());
         let count = if blur.mode == BlurMode::None { 1 } else { blur.samples };
         let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), self.exposure.tau_on_host(), count);
-        let options = ExposureOptions { render, linear: blur.linear };
+        let options = ExposureOptions { render, linear: blur.linear, room: None };
         let (paths, device) = (self.motion.paths(&self.gaussians.means.val()), self.gaussians.device());
         expose(self.gaussians, &paths, &self.motion.rows, &instants, &camera(view, &device), &options, None).color
     }

@@ -20,7 +20,7 @@ use crate::fit::method::{CAP, ChartKey, Forward, Method, Region};
 use crate::fit::photos::Photo;
 use crate::fit::sampler::ViewOrder;
 use crate::fit::schedule::due;
-use crate::run::memory::{largest_photo, of_rendering};
+use crate::run::memory::{largest_photo, of_rendering, pixels};
 
 /// At most a quarter of the tiles, and of the Gaussians, moved in the scenes tried.
 const TILES_PER_MOVING_TILE: u64 = 4;
@@ -177,7 +177,7 @@ impl Method for Taylormode {
     }
 
     fn memory(scene: &Scene, config: &Config) -> Vec<(&'static str, u64)> {
-        let masks = scene.train.iter().map(|view| (view.width * view.height) as u64).sum();
+        let masks = scene.train.iter().map(pixels).sum();
         let (cap, motion) = (config.density.cap as u64, &config.method.motion);
         // Values, gradients and two moments, if all that may be there moves.
         let paths = 4 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;

@@ -109,7 +109,7 @@ impl Former<'_> {
         let gaussians = &self.model.gaussians;
         let instants = Samples::Middles.instants(self.time(), self.tau, count);
         let render = self.at.facts.render_options(&self.at.config.render, gaussians.sh_degree());
-        let options = ExposureOptions { render, linear: true };
+        let options = ExposureOptions { render, linear: true, room: None };
         let camera = camera(self.view, &gaussians.device());
         let (paths, rows) = (self.model.paths(), &self.model.motion.rows);
         to_host(expose(gaussians, &paths, rows, &instants, &camera, &options, None).color)
