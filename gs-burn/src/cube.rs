@@ -5,6 +5,7 @@ mod dispatches;
 mod images;
 mod in_place;
 mod products;
+mod sh;
 mod sparse_conv;
 
 use burn::backend::Backend;
@@ -14,10 +15,10 @@ use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
-use gs_kernels::config::{Activation, ProjectionConfig, ShConfig};
+use gs_kernels::config::{Activation, ProjectionConfig};
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{intersect, opacity, projection, rasterize, rows_of, sh, sum};
+use gs_kernels::cube::{intersect, opacity, projection, rasterize, rows_of, sum};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
 use crate::ops::instants::{FoundInstants, InstantsKernels};
@@ -26,7 +27,6 @@ use crate::ops::opacity::OpacityKernels;
 use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
 use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
 use crate::ops::rows::{RowsKernels, columns, with_rows};
-use crate::ops::sh::{ShGradients, ShKernels};
 use crate::ops::sum::SumKernels;
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
@@ -153,42 +153,6 @@ impl ProjectionKernels for CubeBackend {
             means: launch.float_tensor(gradients.means, [count, 3]),
             quats: launch.float_tensor(gradients.quats, [count, 4]),
             log_scales: launch.float_tensor(gradients.log_scales, [count, 3]),
-            viewmat: gradients.viewmat.map(|pose| launch.float_tensor(pose, [4, 4])),
-        }
-    }
-}
-
-impl ShKernels for CubeBackend {
-    fn sh_forward(
-        means: CubeTensor,
-        sh: CubeTensor,
-        viewmat: CubeTensor,
-        projected: CubeTensor,
-        config: &ShConfig,
-    ) -> CubeTensor {
-        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
-        let [means, sh, viewmat, projected] = [means, sh, viewmat, projected].map(|t| launch.floats(t));
-        let colors = sh::forward(&launch.client, &means, &sh, &viewmat, &projected, config);
-        launch.float_tensor(unwrap(colors), [count, 3])
-    }
-
-    fn sh_backward(
-        means: CubeTensor,
-        sh: CubeTensor,
-        viewmat: CubeTensor,
-        projected: CubeTensor,
-        config: &ShConfig,
-        v_colors: CubeTensor,
-        of_pose: bool,
-    ) -> ShGradients<Self> {
-        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
-        let [means, sh, viewmat, projected, v_colors] =
-            [means, sh, viewmat, projected, v_colors].map(|t| launch.floats(t));
-        let gradients =
-            unwrap(sh::backward(&launch.client, &means, &sh, &viewmat, &projected, config, &v_colors, of_pose));
-        ShGradients {
-            means: launch.float_tensor(gradients.means, [count, 3]),
-            sh: launch.float_tensor(gradients.sh, [count, config.coefficients, 3]),
             viewmat: gradients.viewmat.map(|pose| launch.float_tensor(pose, [4, 4])),
         }
     }

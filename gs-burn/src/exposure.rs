@@ -9,6 +9,7 @@ use crate::ops::rows::{add_rows, take_rows};
 use burn::tensor::{DType, Int, Tensor, assert_shape};
 use gs_kernels::config::{RasterizeConfig, tile_grid};
 
+use crate::limits::largest_buffer;
 use crate::ops::channels::channels;
 use crate::ops::columns;
 use crate::ops::exposure::{AverageConfig, average_tiles};
@@ -16,9 +17,8 @@ use crate::ops::instants::{InstantIntersections, TileShares, intersect_instants}
 use crate::ops::intersect::{DeviceCount, Room};
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
-use crate::ops::sh::sh_colors;
 use crate::render::projection_config;
-use crate::{Camera, Gaussians, RenderOptions, Rendering};
+use crate::{Camera, Gaussians, RenderOptions, Rendering, ShCoefficients};
 
 /// The moving Gaussians at one instant.
 #[derive(Clone, Debug)]
@@ -165,7 +165,7 @@ pub fn render_exposure(
         &projection_config(camera, render),
     );
     let degree = render.sh_degree.min(gaussians.sh_degree());
-    let colors = table.colors(gaussians.sh.val(), &viewmat, &projected, degree);
+    let colors = table.colors(gaussians.sh_coefficients(), &viewmat, &projected, degree);
     let mut opacities = table.of_rows(gaussians.opacities());
     if render.antialiased {
         opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);
@@ -259,31 +259,36 @@ impl Table {
         if self.further == 0 {
             return parameter;
         }
-        let further = self.repeated(parameter.clone());
+        let further = self.repeated(parameter.clone(), self.further);
         Tensor::cat(vec![parameter, further], 0)
     }
 
-    /// The moving rows of a parameter of the scene, once for each further instant.
-    fn repeated<const D: usize>(&self, parameter: Tensor<D>) -> Tensor<D> {
+    /// The moving rows of a parameter of the scene, once for each of some further instants.
+    fn repeated<const D: usize>(&self, parameter: Tensor<D>, instants: usize) -> Tensor<D> {
         let moving = take_rows(parameter, &self.moving);
         let mut shape = moving.dims();
         let numbers = shape.iter().product();
-        shape[0] *= self.further;
-        moving.reshape([1, numbers]).expand([self.further, numbers]).reshape(shape)
+        shape[0] *= instants;
+        moving.reshape([1, numbers]).expand([instants, numbers]).reshape(shape)
     }
 
     /// Colours of all rows. The coefficients of the scene, by far the most numbers of a Gaussian, are not copied; those of what moves are.
-    fn colors(&self, sh: Tensor<3>, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
-        let part = |first: usize, count: usize, sh: Tensor<3>| {
+    fn colors(&self, sh: ShCoefficients, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
+        let part = |first: usize, count: usize, sh: ShCoefficients| {
             let [means, rows] = [&self.means, projected].map(|rows| match self.further {
                 0 => rows.clone(),
                 _ => rows.clone().narrow(0, first, count),
             });
-            sh_colors(means, sh, viewmat.clone(), rows, degree)
+            sh.colors(means, viewmat.clone(), rows, degree)
         };
         let mut parts = vec![part(0, self.scene, sh.clone())];
-        if self.further > 0 {
-            parts.push(part(self.scene, self.further * self.moving.dims()[0], self.repeated(sh)));
+        // Repeated coefficients are one buffer, so a device may ask for a part of the instants at a time.
+        let [moving] = self.moving.dims();
+        let instants = sh.copies_within(largest_buffer(&self.means.device()), moving);
+        for first in (0..self.further).step_by(instants) {
+            let count = instants.min(self.further - first);
+            let own = sh.clone().map(|sh| self.repeated(sh, count));
+            parts.push(part(self.scene + first * moving, count * moving, own));
         }
         concatenated(parts)
     }

@@ -10,7 +10,7 @@ use super::header::{Element, Encoding, Header, Scalar, start_of};
 use super::printable::printable;
 use super::source::{Records, Source};
 use super::{PlyError, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names};
-use crate::Gaussians;
+use crate::{Gaussians, ShCoefficients};
 
 /// A scene and what its file says of it.
 #[derive(Debug, Clone)]
@@ -59,7 +59,7 @@ fn gaussians(records: Records, device: &Device) -> Gaussians {
         tensor(records.quats, [count, 4], device),
         tensor(records.log_scales, [count, 3], device),
         tensor(records.opacity_logits, [count], device),
-        tensor(records.sh, [count, coefficients, 3], device),
+        ShCoefficients::upload(records.sh, count, coefficients, device),
     )
 }
 

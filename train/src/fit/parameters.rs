@@ -4,9 +4,14 @@
 
 use burn::module::Param;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use gs_burn::Gaussians;
+use gs_burn::adam::{Adam, Moments};
+use gs_burn::{Gaussians, ShCoefficients};
+use gs_kernels::config::SH_THIRD;
 
 use super::initialise::InitialGaussians;
+
+/// The panic of a reader of a group that is not there.
+const NO_THIRD: &str = "only Gaussians with a third band apart have this group";
 
 /// A group of columns with one learning rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -19,13 +24,24 @@ pub enum Group {
     LogScales = 2,
     /// Opacity logit, 1 column.
     Opacity = 3,
-    /// SH coefficients, 3 columns (red, green, blue) each, of the active degree only.
+    /// SH coefficients, 3 columns (red, green, blue) each, of the active degree only; without the third band where that is apart.
     Sh = 4,
+    /// The third band of the SH coefficients, where no buffer of the device holds all of them: 21 columns.
+    ShThird = 5,
 }
 
 impl Group {
-    /// All groups in the order of the table.
+    /// The groups of every table in their order.
     pub const ALL: [Self; 5] = [Self::Means, Self::Quats, Self::LogScales, Self::Opacity, Self::Sh];
+
+    /// The groups that a table can have.
+    pub const POSSIBLE: [Self; 6] = [Self::Means, Self::Quats, Self::LogScales, Self::Opacity, Self::Sh, Self::ShThird];
+
+    /// The groups of these Gaussians.
+    pub fn of(gaussians: &Gaussians) -> impl Iterator<Item = Self> + use<> {
+        let apart = gaussians.sh_third.is_some();
+        Self::POSSIBLE.into_iter().filter(move |group| apart || *group != Self::ShThird)
+    }
 
     /// The group's name in [`Gaussians`].
     pub fn name(self) -> &'static str {
@@ -35,6 +51,7 @@ impl Group {
             Self::LogScales => "log_scales",
             Self::Opacity => "opacity_logits",
             Self::Sh => "sh",
+            Self::ShThird => "sh_third",
         }
     }
 
@@ -46,21 +63,23 @@ impl Group {
             Self::LogScales => "gaussians.log_scales",
             Self::Opacity => "gaussians.opacity_logits",
             Self::Sh => "gaussians.sh",
+            Self::ShThird => "gaussians.sh_third",
         }
     }
 
-    /// Columns of the group when SH coefficients up to `degree` are stored.
+    /// Columns of the group when SH coefficients up to `degree` are stored, all in one tensor but for a third band of its own.
     pub fn columns(self, degree: usize) -> usize {
         match self {
             Self::Means | Self::LogScales => 3,
             Self::Quats => 4,
             Self::Opacity => 1,
             Self::Sh => 3 * (degree + 1) * (degree + 1),
+            Self::ShThird => 3 * SH_THIRD,
         }
     }
 }
 
-/// Gaussians read and written by [`Group`].
+/// Gaussians read and written by [`Group`]. A group that the Gaussians lack can only be set.
 pub trait Table {
     /// One group, `[N, columns]`.
     fn group(&self, group: Group) -> Tensor<2>;
@@ -70,6 +89,9 @@ pub trait Table {
 
     /// Replaces one group by `[N, columns]`.
     fn set(&mut self, group: Group, values: Tensor<2>);
+
+    /// Replaces all SH coefficients.
+    fn set_sh(&mut self, sh: ShCoefficients);
 
     /// One group as host numbers, row by row.
     fn read(&self, group: Group) -> Vec<f32> {
@@ -85,6 +107,7 @@ impl Table for Gaussians {
             Group::LogScales => self.log_scales.val(),
             Group::Opacity => self.opacity_logits.val().unsqueeze_dim(1),
             Group::Sh => self.sh.val().flatten(1, 2),
+            Group::ShThird => self.sh_third.as_ref().expect(NO_THIRD).val().flatten(1, 2),
         }
     }
 
@@ -103,34 +126,67 @@ impl Table for Gaussians {
                 let none = Param::from_tensor(Tensor::empty([0, 1, 3], &device));
                 std::mem::replace(&mut self.sh, none).into_value().flatten(1, 2)
             }
+            Group::ShThird => self.sh_third.take().expect(NO_THIRD).into_value().flatten(1, 2),
         }
     }
 
     fn set(&mut self, group: Group, values: Tensor<2>) {
-        let [rows, columns] = values.dims();
         match group {
             Group::Means => self.means = Param::from_tensor(values),
             Group::Quats => self.quats = Param::from_tensor(values),
             Group::LogScales => self.log_scales = Param::from_tensor(values),
             Group::Opacity => self.opacity_logits = Param::from_tensor(values.squeeze_dim(1)),
-            Group::Sh if rows == 0 => {
-                // In Burn's `reshape`, a 0 means "as before".
-                self.sh = Param::from_tensor(Tensor::empty([0, columns / 3, 3], &values.device()));
-            }
-            Group::Sh => self.sh = Param::from_tensor(values.reshape([rows, columns / 3, 3])),
+            Group::Sh => self.sh = Param::from_tensor(by_channel(values)),
+            Group::ShThird => self.sh_third = Some(Param::from_tensor(by_channel(values))),
         }
+    }
+
+    fn set_sh(&mut self, sh: ShCoefficients) {
+        self.sh = Param::from_tensor(sh.sh);
+        self.sh_third = sh.third.map(Param::from_tensor);
     }
 }
 
 /// Gaussians from their groups in the order of [`Group::ALL`], each `[N, columns]`, outside autodiff.
 pub fn gaussians(groups: [Tensor<2>; 5]) -> Gaussians {
     let [means, quats, log_scales, opacity, sh] = groups;
-    let [rows, columns] = sh.dims();
-    let sh = match rows {
-        0 => Tensor::empty([0, columns / 3, 3], &sh.device()),
-        _ => sh.reshape([rows, columns / 3, 3]),
-    };
-    Gaussians::from_tensors(means, quats, log_scales, opacity.squeeze_dim(1), sh)
+    Gaussians::from_tensors(means, quats, log_scales, opacity.squeeze_dim(1), by_channel(sh))
+}
+
+/// `[N, 3 S]` as `[N, S, 3]`.
+fn by_channel(table: Tensor<2>) -> Tensor<3> {
+    let [rows, columns] = table.dims();
+    match rows {
+        // In Burn's `reshape`, a 0 means "as before".
+        0 => Tensor::empty([0, columns / 3, 3], &table.device()),
+        _ => table.reshape([rows, columns / 3, 3]),
+    }
+}
+
+/// The Gaussians of some rows.
+pub fn rows_of(gaussians: &Gaussians, rows: &[u32]) -> Gaussians {
+    let (mut own, rows) = (gaussians.clone(), indices(rows, &gaussians.device()));
+    for group in Group::of(gaussians) {
+        own.set(group, gaussians.group(group).select(0, rows.clone()));
+    }
+    own
+}
+
+/// Stores SH coefficients up to `degree`, the third band `apart` or not; the new ones and their moments are zero.
+pub fn raise_sh_degree(gaussians: &mut Gaussians, adam: &mut Adam, degree: usize, apart: bool) {
+    let third = apart && degree == 3;
+    let columns = Group::Sh.columns(if third { 2 } else { degree });
+    let sh = widen(gaussians.group(Group::Sh), columns);
+    gaussians.set(Group::Sh, sh);
+    adam.widen(Group::Sh.path(), columns);
+    if third {
+        let (shape, device) = ([gaussians.len(), Group::ShThird.columns(degree)], gaussians.device());
+        let zeros = || Tensor::<2>::zeros(shape, &device);
+        gaussians.set(Group::ShThird, zeros());
+        if adam.moments.contains_key(Group::Sh.path()) {
+            adam.moments.insert(Group::ShThird.path().into(), Moments { first: zeros(), second: zeros() });
+        }
+    }
 }
 
 /// The Gaussians of step 0 on `device` (without autodiff).

@@ -244,11 +244,11 @@ impl View for Column {
     }
 
     fn shape(&self) -> &[usize] {
-        &self.shape
+        Column::shape(self)
     }
 
     fn data(&self) -> Cow<'_, [u8]> {
-        let data = self.tensor.to_data();
+        let data = self.values();
         let values = data.as_slice::<f32>().expect("tensors of this crate hold f32");
         if cfg!(target_endian = "little") {
             return Cow::Owned(data.as_bytes().to_vec());
@@ -257,7 +257,7 @@ impl View for Column {
     }
 
     fn data_len(&self) -> usize {
-        4 * self.shape.iter().product::<usize>()
+        4 * Column::shape(self).iter().product::<usize>()
     }
 }
 

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Work;
 use crate::commands::print;
 use crate::fit::foresight::{Foresight, Part};
-use crate::fit::parameters::{Group, Table, gaussians, indices};
+use crate::fit::parameters::rows_of;
 use crate::run::outputs::{self, MARK};
 use crate::run::scene::write_ply;
 
@@ -60,9 +60,7 @@ impl Work<'_> {
         outputs::check(&paths.iter().cloned().chain([json.clone()]).collect::<Vec<_>>(), &[])?;
         let whole = self.known.scene.at(self.span[0]);
         for (part, path) in parts.iter().zip(&paths) {
-            let rows = indices(&part.rows, &whole.device());
-            let own = gaussians(Group::ALL.map(|group| whole.group(group).select(0, rows.clone())));
-            write_ply(path, &own, origin)?;
+            write_ply(path, &rows_of(&whole, &part.rows), origin)?;
             print(format!("{}: {} Gaussians, {}", part.name, part.rows.len(), part.words));
         }
         let file = File { program: MARK, time: self.span[0], parts: &figures };

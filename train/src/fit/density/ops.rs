@@ -183,11 +183,12 @@ impl Draft {
         gaussians.set(Group::LogScales, from_host(self.log_scales.into_flattened(), 3, &device));
         gaussians.set(Group::Opacity, from_host(self.opacity_logits, 1, &device));
         if let Some(from) = from {
-            for group in [Group::Quats, Group::Sh] {
+            let others = [Group::Quats, Group::Sh, Group::ShThird];
+            for group in Group::of(gaussians).filter(|group| others.contains(group)) {
                 gaussians.set(group, gaussians.group(group).select(0, from.clone()));
             }
         }
-        for group in Group::ALL {
+        for group in Group::of(gaussians) {
             adam.follow(group.path(), &rows);
         }
         rows

@@ -33,7 +33,7 @@ struct Counters {
 pub fn snapshot(trainer: &Trainer) -> Snapshot {
     let mut columns = BTreeMap::new();
     for NamedParameter { path, shape, table } in learned(trainer.network()) {
-        columns.insert(format!("{MODEL}{path}"), Column { tensor: table.flatten(0, 1), shape });
+        columns.insert(format!("{MODEL}{path}"), Column::of_table(table, shape));
     }
     for (path, moments) in &trainer.adam.moments {
         columns.insert(format!("{FIRST}{path}"), Column::new(moments.first.clone()));

@@ -1,14 +1,14 @@
 //! Gaussians between tensors and the host.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::Gaussians;
+use gs_burn::{Gaussians, ShCoefficients};
 use gs_formats::Splats;
 
 /// The Gaussians on the host.
 pub fn splats_of(gaussians: &Gaussians, antialiased: Option<bool>) -> Splats {
     fn rows<const D: usize, const C: usize>(tensor: Tensor<D>) -> Vec<[f32; C]> {
         let values: Vec<f32> = tensor.inner().into_data().iter::<f32>().collect();
-        values.chunks_exact(C).map(|row| std::array::from_fn(|i| row[i])).collect()
+        values.as_chunks::<C>().0.to_vec()
     }
     Splats {
         means: rows(gaussians.means.val()),
@@ -16,7 +16,7 @@ pub fn splats_of(gaussians: &Gaussians, antialiased: Option<bool>) -> Splats {
         log_scales: rows(gaussians.log_scales.val()),
         opacity_logits: rows::<1, 1>(gaussians.opacity_logits.val()).into_iter().map(|[x]| x).collect(),
         degree: gaussians.sh_degree(),
-        sh: rows(gaussians.sh.val()),
+        sh: gaussians.sh_coefficients().to_host().as_chunks::<3>().0.to_vec(),
         antialiased,
     }
 }
@@ -32,6 +32,6 @@ pub fn gaussians_of(splats: &Splats, device: &Device) -> Gaussians {
         tensor(splats.quats.as_flattened().to_vec(), [n, 4], device),
         tensor(splats.log_scales.as_flattened().to_vec(), [n, 3], device),
         tensor(splats.opacity_logits.clone(), [n], device),
-        tensor(splats.sh.as_flattened().to_vec(), [n, splats.coefficients(), 3], device),
+        ShCoefficients::upload(splats.sh.as_flattened().to_vec(), n, splats.coefficients(), device),
     )
 }
