@@ -5,7 +5,6 @@
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
-use serde::Serialize;
 
 /// The motion of a scene, exactly.
 #[derive(Debug, Clone)]
@@ -29,19 +28,16 @@ pub struct MotionBasis {
 }
 
 /// A function of `s`, and its way on past the window.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeFunction {
     /// The function for `|s| <= 1`.
-    #[serde(flatten)]
     pub form: Form,
     /// For `|s| > 1`: the straight line to which it returns within `fade`; `None`: `form` goes on.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub past: Option<Past>,
 }
 
 /// A function of `s`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {
     /// `s^power cos(rate s)`; a power where the rate is 0.
     Cosine {
@@ -68,7 +64,7 @@ pub enum Form {
 
 /// How a function goes on past the window: value and slope join those of `form` at `|s| = 1` and, by Hermite's cubics, those of
 /// the line at `|s| = 1 + fade`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Past {
     /// Value of the line at `s = 0`, and its slope.
     pub line: [f64; 2],

@@ -81,6 +81,9 @@ fn cameras_of_a_model_need_no_photos() {
     for (camera, view) in cameras.iter().zip(&scene.train) {
         assert_eq!((camera.c2w, camera.intrinsics, camera.width, camera.height), (view.c2w, view.intrinsics, 40, 30));
     }
+    for path in ["sparse", "sparse/0"] {
+        assert_eq!(load_cameras(&folder.file(path)).expect("cameras"), cameras, "{path}");
+    }
     let error = load_cameras(Folder::new().path()).expect_err("nothing is there").to_string();
     assert!(error.contains("COLMAP model"), "{error}");
 }

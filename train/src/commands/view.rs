@@ -91,6 +91,7 @@ impl Opened {
             cameras,
             distance: loaded.facts.subject_distance,
             shutter: loaded.shutter,
+            world: glam::DMat4::from_translation(loaded.origin),
         };
         viewed.packed()
     }

@@ -155,6 +155,7 @@ fn report_viewer<M: Method>(data: &Data<M>, trainer: &Trainer<M>, config: &FitCo
         cameras: viewer::cameras(&data.scene),
         distance: trainer.facts.subject_distance,
         shutter: shutter(&*scene, &config.to_table()),
+        world: glam::DMat4::from_translation(data.scene.origin),
     };
     viewer::section(&viewed.packed())
 }

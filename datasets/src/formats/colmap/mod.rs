@@ -24,9 +24,9 @@ use crate::scene::SceneFormat;
 use crate::side_files::{Kind, SideFile, SideFiles};
 use crate::{names, pose};
 
-/// Where models lie below a scene's folder; the last is for a path that is the model itself.
-const MODEL_FOLDERS: [&str; 7] =
-    ["sparse/0", "sparse", "colmap/sparse/0", "sparse_bin/0", "dense/sparse", "dense/sparse/0", ""];
+/// Where models lie below a scene's folder; the last two are for a path to the models and to the model itself.
+const MODEL_FOLDERS: [&str; 8] =
+    ["sparse/0", "sparse", "colmap/sparse/0", "sparse_bin/0", "dense/sparse", "dense/sparse/0", "0", ""];
 
 /// How many images are looked for to tell which folder holds them.
 const PROBED: usize = 50;

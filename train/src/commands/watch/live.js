@@ -1,23 +1,24 @@
 // Follows a training: asks gsburn watch for its state, and for the scene where there is a new one.
-function follow(viewer) {
+function follow(load, make, live) {
   let version = null;
   async function fetched(name) { return (await fetch(name, {cache: 'no-store'})).json(); }
   async function poll() {
-    const {live, make} = viewer;
     try {
       const state = await fetched('state.json');
       if (state.version !== version) {
-        const next = await fetched('scene.json'), first = !viewer.started();
+        const next = await fetched('scene.json');
         if (next.scene) {
-          await viewer.load(next.scene, next.block);
+          await load(next.scene, next.block);
           version = next.version;
-          if (first) viewer.begin(); else viewer.changed();
         }
       }
       live.replaceChildren();
-      make('p', '', live, state.text);
-      for (const {name, points} of state.curves) if (points.length > 1) chart(make, make('figure', '', live), name, points);
-    } catch { live.replaceChildren(); make('p', '', live, 'gsburn watch does not answer.'); }
+      make('p', live, {textContent: state.text});
+      for (const {name, points} of state.curves) if (points.length > 1) chart(make, make('figure', live), name, points);
+    } catch {
+      live.replaceChildren();
+      make('p', live, {textContent: 'gsburn watch does not answer.'});
+    }
     setTimeout(poll, 3000);
   }
   return poll();
@@ -29,5 +30,5 @@ function chart(make, figure, name, points) {
   const line = document.createElementNS(svg.namespaceURI, 'polyline');
   line.setAttribute('points', points.map(([x, y]) => `${300 * (x - x0) / (x1 - x0 || 1)},${57 - 54 * (y - y0) / (y1 - y0 || 1)}`).join(' '));
   svg.append(line); figure.append(svg);
-  make('figcaption', '', figure, `${name}: ${+ys[ys.length - 1].toPrecision(4)}`);
+  make('figcaption', figure, {textContent: `${name}: ${+ys[ys.length - 1].toPrecision(4)}`});
 }

@@ -35,7 +35,8 @@ pub fn run(args: &WatchArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let folder = RunFolder::at(&args.run);
     folder.read_config()?;
-    let answers = Arc::new(Answers::new(viewer::live_page(&folder.name(), include_str!("live.js"))));
+    let page = viewer::live_page(&folder.name(), include_str!("live.css"), include_str!("live.js"));
+    let answers = Arc::new(Answers::new(page));
     let mut watcher = Watcher { folder, data: args.data.clone(), device, shown: None, cameras: None, seen: None };
     watcher.look(&answers);
     let port = server::start(args.port, answers.clone())?;

@@ -28,6 +28,7 @@ pub fn packed(scene: &FluxScene, host: &HostSnippet, log: &DrivingLog) -> Packed
         cameras: [of(&host.targets, "held out"), of(&host.inputs, "inputs")].concat(),
         distance: Some(DISTANCE),
         shutter: None,
+        world: glam::DMat4::from_translation(log.origin()) * host.to_world,
     };
     viewed.packed()
 }

@@ -12,4 +12,4 @@ mod views;
 
 pub use page::{live_page, page, section};
 pub use scene::{GAUSSIANS_MAX, Packed, Viewed, WITH_SH_MAX};
-pub use views::{Camera, camera, cameras, rows};
+pub use views::{Camera, camera, cameras};

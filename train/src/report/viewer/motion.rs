@@ -1,14 +1,21 @@
 //! Motion as a page evaluates it: blocks of numbers for each moving row, and the weights that they have at a time.
+//!
+//! A moving row is `mean + sum_j w_j(t) position_j`, and likewise its rotation and its shape. The weights are tabulated at knots that are
+//! spread evenly, value and slope; between knots they are Hermite's cubics. That is exact for key frames and for powers up to 3.
 
 use gs_burn::Gaussians;
 use gs_models::DynamicScene;
-use gs_models::basis::{MotionBasis, TimeFunction};
+use gs_models::basis::{self, MotionBasis};
 use serde::Serialize;
 
 use crate::fit::parameters::to_host;
+use crate::run::exchange::time_function;
 
-/// Most blocks of one kind that the page's shader has weights for.
+/// Most blocks of a row that have a weight at one time: as many as the page's shader has room for.
 const BLOCKS_MAX: usize = 64;
+
+/// Knots of the functions of a motion: a wave of three periods is off by a ten-millionth, a kink by a hundredth of the distance of two knots.
+const KNOTS: usize = 257;
 
 /// Most key frames: 64 spans between them, doubled from [`KEYS_FIRST`].
 const KEYS_MAX: usize = 65;
@@ -32,7 +39,7 @@ const KEY_OUTLIERS: f64 = 0.01;
 /// A row moves when it differs between two key frames by more than this share of its scale or of a unit quaternion.
 const REST: f32 = 1e-4;
 
-/// The motion of the rows that move.
+/// The motion of the `M` rows that move, `J` blocks each.
 #[derive(Debug, Clone)]
 pub struct Motion {
     /// All Gaussians without the sums.
@@ -41,60 +48,73 @@ pub struct Motion {
     pub rows: Vec<u32>,
     /// `[M, J, 3]`, scene units.
     pub position: Vec<f32>,
-    /// `[M, K, 3]` rotation vectors, or `[M, K, 4]` differences of quaternions.
+    /// `[M, J, 4]`, rotation vectors and a zero, or differences of quaternions; empty where nothing turns.
     pub turn: Vec<f32>,
-    /// `[M, L, 4]` differences of log scales and of the opacity's logit.
+    /// `[M, J, 4]`, differences of log scales and of the opacity's logit; empty where they stay.
     pub shape: Vec<f32>,
-    /// The weights by time.
+    /// The knots.
     pub clock: Clock,
+    /// `[knots, J, 2]`: weight of each block, and its slope per distance of two knots.
+    pub weights: Vec<f32>,
 }
 
-/// The weights of the blocks at a time `t`.
-#[derive(Debug, Clone, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Clock {
-    /// Each block has a function of `s = (t - t0) / half`; shapes do not change.
-    Functions {
-        /// Time of `s = 0`.
-        t0: f64,
-        /// Time from `s = 0` to `s = 1`.
-        half: f64,
-        /// One a position block.
-        position: Vec<TimeFunction>,
-        /// One a rotation block; these are rotation vectors.
-        turn: Vec<TimeFunction>,
-    },
-    /// Each block is a key frame; between them Catmull and Rom's cubics. Rotations are differences of quaternions.
-    Keys {
-        /// Time of the first.
-        first: f64,
-        /// Time of the last.
-        last: f64,
-        /// How many, spread evenly.
-        count: usize,
-        /// Whether rotations have blocks.
-        turns: bool,
-        /// Whether shapes have blocks.
-        shapes: bool,
-    },
+/// The knots of the weights, as the page's JSON has them.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Clock {
+    /// Time of the first knot.
+    first: f64,
+    /// Time of the last.
+    last: f64,
+    /// How many.
+    knots: usize,
+    /// Blocks of a row.
+    blocks: usize,
+    /// Whether rotations are rotation vectors.
+    vectors: bool,
 }
 
 impl Motion {
-    /// The motion of a scene from the first to the last of the times that are shown; `None` where none of its rows moves.
-    pub fn of(scene: &dyn DynamicScene, [first, last]: [f64; 2]) -> Option<Self> {
-        let basis = scene.basis().filter(|basis| basis.functions.len().max(basis.turns.len()) <= BLOCKS_MAX);
-        match basis {
-            Some(basis) => Some(Self::of_basis(basis)),
+    /// The motion of a scene from the first to the last of the times that are shown, and half an `exposure` beyond; `None` where none of its
+    /// rows moves.
+    pub fn of(scene: &dyn DynamicScene, [first, last]: [f64; 2], exposure: f64) -> Option<Self> {
+        match scene.basis().filter(|basis| basis.functions.len() + basis.turns.len() <= BLOCKS_MAX) {
+            Some(basis) => Some(Self::of_basis(basis, [first - 0.5 * exposure, last + 0.5 * exposure])),
             None if last > first => key_frames(scene, [first, last]),
             None => None,
         }
     }
 
-    fn of_basis(basis: MotionBasis) -> Self {
+    fn of_basis(basis: MotionBasis, [first, last]: [f64; 2]) -> Self {
         let MotionBasis { base, rows, t0, half, functions, position, turns, rotation } = basis;
-        let clock = Clock::Functions { t0, half, position: functions, turn: turns };
-        let host = |tensor: burn::tensor::Tensor<2>| if tensor.dims()[1] == 0 { Vec::new() } else { to_host(tensor) };
-        Self { base, rows, position: host(position), turn: host(rotation), shape: Vec::new(), clock }
+        // At one moment every function is a number: any stretch of time about it will do.
+        let [first, last] = if last > first { [first, last] } else { [first - half, last + half] };
+        // A rotation goes into the block of the position with the same function.
+        let mut all = functions.clone();
+        let mut block_of = |turn: &basis::TimeFunction| {
+            let known = all.iter().position(|function| function == turn);
+            known.unwrap_or_else(|| {
+                all.push(*turn);
+                all.len() - 1
+            })
+        };
+        let of_turns: Vec<usize> = turns.iter().map(&mut block_of).collect();
+        let of_positions: Vec<usize> = (0..functions.len()).collect();
+        let spread = |vectors: burn::tensor::Tensor<2>, places: &[usize], width: usize| -> Vec<f32> {
+            let mut table = vec![0.0; rows.len() * all.len() * width];
+            // Burn reads no tensor without columns.
+            let values = if places.is_empty() { Vec::new() } else { to_host(vectors) };
+            for (index, value) in values.into_iter().enumerate() {
+                let (vector, axis) = (index / 3, index % 3);
+                let (row, place) = (vector / places.len(), places[vector % places.len()]);
+                table[width * (row * all.len() + place) + axis] += value;
+            }
+            table
+        };
+        let position = spread(position, &of_positions, 3);
+        let turn = if turns.is_empty() { Vec::new() } else { spread(rotation, &of_turns, 4) };
+        let weights = tabulated(&all, [first, last].map(|t| (t - t0) / half));
+        let clock = Clock { first, last, knots: KNOTS, blocks: all.len(), vectors: true };
+        Self { base, rows, position, turn, shape: Vec::new(), clock, weights }
     }
 
     /// How many rows move.
@@ -102,33 +122,35 @@ impl Motion {
         self.rows.len()
     }
 
-    /// Numbers of position, rotation and shape blocks of a row.
-    pub fn blocks(&self) -> [usize; 3] {
-        match &self.clock {
-            Clock::Functions { position, turn, .. } => [position.len(), turn.len(), 0],
-            Clock::Keys { count, turns, shapes, .. } => {
-                [*count, usize::from(*turns) * count, usize::from(*shapes) * count]
-            }
-        }
-    }
-
     /// Keeps the motion of the rows `kept` of the scene (ascending), which become its rows 0, 1, 2, ...
     pub fn keep(&mut self, kept: &[u32]) {
-        let [j, k, l] = self.blocks();
-        let turn = if matches!(self.clock, Clock::Functions { .. }) { 3 } else { 4 };
         let own: Vec<(usize, u32)> = self
             .rows
             .iter()
             .enumerate()
             .filter_map(|(own, row)| Some((own, kept.binary_search(row).ok()? as u32)))
             .collect();
-        let pick = |values: &[f32], width: usize| -> Vec<f32> {
+        let pick = |values: &[f32]| -> Vec<f32> {
+            let width = values.len() / self.rows.len().max(1);
             own.iter().flat_map(|(row, _)| values[row * width..][..width].iter().copied()).collect()
         };
-        (self.position, self.turn, self.shape) =
-            (pick(&self.position, 3 * j), pick(&self.turn, turn * k), pick(&self.shape, 4 * l));
+        (self.position, self.turn, self.shape) = (pick(&self.position), pick(&self.turn), pick(&self.shape));
         self.rows = own.into_iter().map(|(_, row)| row).collect();
     }
+}
+
+/// Values and slopes of functions at [`KNOTS`] knots from the first to the last `s`.
+fn tabulated(functions: &[basis::TimeFunction], [first, last]: [f64; 2]) -> Vec<f32> {
+    /// Slopes are differences over this share of the distance of two knots, to either side.
+    const NEAR: f64 = 1e-3;
+    let functions: Vec<_> = functions.iter().map(time_function).collect();
+    let step = (last - first) / (KNOTS - 1) as f64;
+    let sample = |index: usize| {
+        let (function, s) = (&functions[index % functions.len()], first + step * (index / functions.len()) as f64);
+        let slope = (function.at(s + NEAR * step) - function.at(s - NEAR * step)) / (2.0 * NEAR);
+        [function.at(s) as f32, slope as f32]
+    };
+    (0..KNOTS * functions.len()).flat_map(sample).collect()
 }
 
 /// The rotations as unit quaternions, `[4 N]`, w x y z.
@@ -224,16 +246,20 @@ fn suffices(frames: &[Frame], rows: &[u32]) -> bool {
     let sizes_of = sizes.clone();
     sizes.sort_by(f32::total_cmp);
     let floor = SIZE_FLOOR * sizes[sizes.len() / 2];
-    let coarse: Vec<&Frame> = frames.iter().step_by(2).collect();
     let wrong = |(row, size): (&u32, &f32)| {
         let row = *row as usize;
         let bound = KEY_ERROR * size.max(floor);
-        (0..coarse.len() - 1).any(|span| {
-            let weights = catmull_rom(span as f64 + 0.5, coarse.len());
+        (1..frames.len()).step_by(2).any(|middle| {
+            let [a, b] = [middle / 2, middle / 2 + 1];
             (0..3).any(|axis| {
-                let at = |frame: &Frame| frame.means[3 * row + axis];
-                let found: f32 = weights.iter().map(|(key, weight)| *weight as f32 * at(coarse[*key])).sum();
-                (found - at(&frames[2 * span + 1])).abs() > bound
+                let at = |frame: usize| frames[frame].means[3 * row + axis];
+                let slope = |key: usize| {
+                    let [before, after] = neighbours(key, frames.len() / 2 + 1);
+                    (at(2 * after) - at(2 * before)) / (after - before) as f32
+                };
+                // Hermite's cubic half-way.
+                let found = 0.5 * (at(2 * a) + at(2 * b)) + 0.125 * (slope(a) - slope(b));
+                (found - at(middle)).abs() > bound
             })
         })
     };
@@ -241,28 +267,20 @@ fn suffices(frames: &[Frame], rows: &[u32]) -> bool {
     count as f64 <= KEY_OUTLIERS * rows.len() as f64
 }
 
-/// The key frames with a weight at `x` (0 at the first key frame, 1 at the second) and their weights; beyond both ends a further key frame
-/// is thought of in a straight line. As the page's script.
-fn catmull_rom(x: f64, count: usize) -> Vec<(usize, f64)> {
-    let span = (x.floor().max(0.0) as usize).min(count - 2);
-    let u = x - span as f64;
-    let (u2, u3) = (u * u, u * u * u);
-    let [before, from, to, after] = [
-        0.5 * (-u3 + 2.0 * u2 - u),
-        0.5 * (3.0 * u3 - 5.0 * u2 + 2.0),
-        0.5 * (-3.0 * u3 + 4.0 * u2 + u),
-        0.5 * (u3 - u2),
-    ];
-    let mut weights = vec![(span, from), (span + 1, to)];
-    match span {
-        0 => [weights[0].1, weights[1].1] = [from + 2.0 * before, to - before],
-        _ => weights.push((span - 1, before)),
-    }
-    match span + 2 == count {
-        true => [weights[0].1, weights[1].1] = [weights[0].1 - after, weights[1].1 + 2.0 * after],
-        false => weights.push((span + 2, after)),
-    }
-    weights
+/// The keys whose difference gives the slope at one: as Catmull and Rom's, and in a straight line at both ends.
+fn neighbours(key: usize, count: usize) -> [usize; 2] {
+    [key.saturating_sub(1), (key + 1).min(count - 1)]
+}
+
+/// The weights of key frames: each counts 1 at its own time and 0 at those of the others.
+fn of_keys(count: usize) -> Vec<f32> {
+    let sample = |index: usize| {
+        let (key, block) = (index / count, index % count);
+        let [before, after] = neighbours(key, count);
+        let is = |other: usize| f32::from(u8::from(block == other));
+        [is(key), (is(after) - is(before)) / (after - before) as f32]
+    };
+    (0..count * count).flat_map(sample).collect()
 }
 
 /// The differences of the frames to the first one.
@@ -291,6 +309,6 @@ fn assembled(base: Gaussians, frames: &[Frame], rows: Vec<u32>, [first, last]: [
             }
         }
     }
-    let clock = Clock::Keys { first, last, count: frames.len(), turns, shapes };
-    Motion { base, rows, position, turn, shape, clock }
+    let clock = Clock { first, last, knots: frames.len(), blocks: frames.len(), vectors: false };
+    Motion { base, rows, position, turn, shape, clock, weights: of_keys(frames.len()) }
 }

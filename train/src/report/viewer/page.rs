@@ -6,6 +6,7 @@ use super::scene::Packed;
 use crate::report::html::escaped;
 use crate::run::outputs::MARK;
 
+const CONTROLS: &str = include_str!("viewer.html");
 const SCRIPT: &str = include_str!("viewer.js");
 const STYLE: &str = include_str!("viewer.css");
 const SHADERS: [(&str, &str); 4] = [
@@ -30,8 +31,8 @@ pub fn page(name: &str, scene: &Packed) -> String {
 }
 
 /// The viewer without a scene: the function `follow` of `script` fetches it from the server that sends the page, again and again.
-pub fn live_page(name: &str, script: &str) -> String {
-    whole(name, &format!("<script>\n{script}</script>\n{}", body("live", None)))
+pub fn live_page(name: &str, style: &str, script: &str) -> String {
+    whole(name, &format!("<style>\n{style}</style>\n<script>\n{script}</script>\n{}", body("live", None)))
 }
 
 fn whole(name: &str, body: &str) -> String {
@@ -40,13 +41,13 @@ fn whole(name: &str, body: &str) -> String {
         "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta \
          http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"viewport\" \
          content=\"width=device-width, initial-scale=1\">\n<title>{name} · gsburn</title>\n<style>\n{}{STYLE}</style>\n\
-         </head>\n<body class=\"alone\">\n<h1>{name}</h1>\n{body}</body>\n</html>\n",
+         </head>\n<body>\n<main>\n<h1>{name}</h1>\n{body}</main>\n</body>\n</html>\n",
         crate::report::STYLE
     )
 }
 
 fn body(place: &str, scene: Option<&Packed>) -> String {
-    let mut html = format!("<div id=\"viewer\" class=\"viewer\" data-place=\"{place}\"></div>\n");
+    let mut html = format!("<div id=\"viewer\" class=\"viewer\" data-place=\"{place}\">\n{CONTROLS}</div>\n");
     if let Some(Packed { json, block }) = scene {
         html += &format!("<script type=\"application/json\" id=\"viewer-scene\">{json}</script>\n");
         html += &format!("<script type=\"text/plain\" id=\"viewer-block\">{block}</script>\n");

@@ -1,12 +1,13 @@
 //! A scene as a page holds it: JSON with cameras and options, and the block with its numbers.
 
+use glam::{DMat4, DVec3};
 use gs_burn::{Gaussians, RenderOptions};
 use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 
 use super::block::{Array, Block};
 use super::motion::{Clock, Motion, unit_quats};
-use super::views::{Camera, rows};
+use super::views::Camera;
 use crate::fit::parameters::to_host;
 
 /// Up to so many Gaussians a page has everything; beyond, colour is the same from all sides (SH 0).
@@ -39,6 +40,9 @@ const TURN_STEP: f64 = 1.0 / 4096.0;
 /// Step of differences of log scales and logits.
 const SHAPE_STEP: f64 = 1.0 / 256.0;
 
+/// Step of weights of blocks of motion, a power of two.
+const WEIGHT_STEP: f64 = 1.0 / 65_536.0;
+
 /// Share of the moving rows that are faster than the brightest colour of velocities.
 const FASTEST: f64 = 0.005;
 
@@ -62,6 +66,8 @@ pub struct Viewed<'a> {
     pub distance: Option<f64>,
     /// How an exposure is formed, if the scene has a blur model.
     pub shutter: Option<Shutter>,
+    /// From the scene's world to that of its data set, for key frames.
+    pub world: DMat4,
 }
 
 /// The page's JSON.
@@ -74,10 +80,9 @@ pub struct Described {
     trained_degree: usize,
     moving: usize,
     arrays: Vec<Array>,
-    blocks: [usize; 3],
     clock: Option<Clock>,
     span: Option<[f64; 2]>,
-    seen_to: Option<f64>,
+    seen: Option<[f64; 2]>,
     middle: f64,
     full_speed: f64,
     shutter: Option<Shutter>,
@@ -86,6 +91,8 @@ pub struct Described {
     far: f64,
     eps2d: f64,
     antialiased: bool,
+    up: [f64; 3],
+    world: [f64; 16],
     cameras: Vec<Camera>,
     distance: f64,
     notes: Vec<String>,
@@ -103,7 +110,8 @@ impl Viewed<'_> {
     /// The scene as JSON and block.
     pub fn packed(&self) -> Packed {
         let span = self.shown_span();
-        let mut motion = span.and_then(|span| Motion::of(self.scene, span));
+        let exposure = self.shutter.map_or(0.0, |shutter| shutter.exposure);
+        let mut motion = span.and_then(|span| Motion::of(self.scene, span, exposure));
         let gaussians = motion.as_ref().map_or_else(|| self.scene.at(self.middle), |motion| motion.base.clone());
         let mut numbers = Numbers::of(&gaussians);
         let total = numbers.len();
@@ -138,18 +146,19 @@ impl Viewed<'_> {
             trained_degree,
             moving: motion.as_ref().map_or(0, Motion::len),
             arrays: block.arrays.clone(),
-            blocks: motion.as_ref().map_or([0; 3], Motion::blocks),
             span: motion.as_ref().and(span),
-            seen_to: motion.as_ref().and(self.scene.span()).map(|[_, seen]| seen),
+            seen: motion.as_ref().and(self.scene.span()),
             middle: self.middle,
             full_speed: motion.as_ref().map_or(0.0, |_| self.full_speed()),
-            clock: motion.as_ref().map(|motion| motion.clock.clone()),
+            clock: motion.as_ref().map(|motion| motion.clock),
             shutter: self.shutter.filter(|_| motion.is_some()),
             background: self.options.background,
             near: self.options.near,
             far: self.options.far,
             eps2d: self.options.eps2d,
             antialiased: self.options.antialiased,
+            up: up(&cameras),
+            world: self.world.to_cols_array(),
             cameras,
             distance,
             notes,
@@ -158,18 +167,19 @@ impl Viewed<'_> {
         Packed { json: json.replace('<', "\\u003c"), block: block.text() }
     }
 
-    /// The first and the last time that are shown: those that the scene was trained for, and what a scene that rolls its motion out
-    /// predicts for later photos.
+    /// The first and the last time that are shown: those that the scene was trained for, and those of photos before and after, as far as the
+    /// scene can be asked.
     fn shown_span(&self) -> Option<[f64; 2]> {
         let [first, last] = self.scene.span()?;
-        let latest = self.cameras.iter().filter_map(|camera| camera.time).fold(last, f64::max);
-        Some([first, self.scene.reach().map_or(last, |[_, reach]| latest.min(reach).max(last))])
+        let [earliest, latest] = self.scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let times = self.cameras.iter().filter_map(|camera| camera.time).map(|time| time.max(earliest).min(latest));
+        Some(times.fold([first, last], |[first, last], time| [first.min(time), last.max(time)]))
     }
 
     /// The distance of the scene's middle before the first camera, at least a little.
     fn guessed_distance(&self, middle: [f32; 3]) -> f64 {
-        let c2w = self.cameras[0].c2w;
-        let along: f64 = (0..3).map(|axis| (f64::from(middle[axis]) - c2w[4 * axis + 3]) * c2w[4 * axis + 2]).sum();
+        let c2w = DMat4::from_cols_array(&self.cameras[0].c2w);
+        let along = (DVec3::from_array(middle.map(f64::from)) - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
         along.max(10.0 * self.options.near)
     }
 
@@ -302,18 +312,25 @@ fn write_motion(motion: &Motion, block: &mut Block, step: f64) {
     let rows: Vec<f32> = motion.rows.iter().map(|row| *row as f32).collect();
     block.floats("rows", &rows, 1.0);
     block.floats("position", &motion.position, step);
+    block.floats("weights", &motion.weights, WEIGHT_STEP);
     block.shorts("turn", motion.turn.iter().copied(), TURN_STEP);
     block.shorts("shape", motion.shape.iter().copied(), SHAPE_STEP);
+}
+
+/// Up in the world: the mean of what the cameras hold up, or of the first where these cancel each other.
+fn up(cameras: &[Camera]) -> [f64; 3] {
+    let own = |camera: &Camera| -DMat4::from_cols_array(&camera.c2w).y_axis.truncate();
+    let mean: DVec3 = cameras.iter().map(own).sum();
+    mean.try_normalize().or(cameras.first().map(own)).unwrap_or(DVec3::NEG_Y).to_array()
 }
 
 /// A camera that looks along z (forward in COLMAP's axes) at a scene that no data set shows.
 fn free_camera(middle: [f32; 3], radius: f64) -> (Vec<Camera>, f64) {
     let distance = 2.5 * radius;
-    let mut c2w = glam::DMat4::IDENTITY;
-    c2w.w_axis = glam::DVec4::new(middle[0].into(), middle[1].into(), f64::from(middle[2]) - distance, 1.0);
+    let c2w = DMat4::from_translation(DVec3::from_array(middle.map(f64::from)) - distance * DVec3::Z);
     let [width, height] = FREE_SIZE;
     let (w, h) = (width as f64, height as f64);
     let k = [FREE_FOCAL * w, FREE_FOCAL * w, 0.5 * w, 0.5 * h];
     let (name, split) = ("start".into(), String::new());
-    (vec![Camera { name, split, time: None, c2w: rows(c2w), k, size: FREE_SIZE, photo: None }], distance)
+    (vec![Camera { name, split, time: None, c2w: c2w.to_cols_array(), k, size: FREE_SIZE, photo: None }], distance)
 }

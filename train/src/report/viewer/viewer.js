@@ -1,31 +1,19 @@
 'use strict';
-// Draws a scene of Gaussians with WebGL 2 as gsburn's rasterizer does. Data: see block.rs and scene.rs.
+// Draws a scene of Gaussians with WebGL 2 as gsburn's rasterizer does. Data: see scene.rs, block.rs and motion.rs.
 (async () => {
-const root = document.getElementById('viewer'), place = root.dataset.place;
 const text = id => document.getElementById(id).textContent.trim();
+const root = document.getElementById('viewer'), part = selector => root.querySelector(selector), place = root.dataset.place;
 const WIDTH = 4096;                      // texels in a row of a data texture
 const INSTANTS = 8;                      // of an exposure
 const PASS = 4;                          // seconds in which the recording is played once
-
-// ---- page -------------------------------------------------------------------------------------------------------
-function make(tag, className, parent, content) {
-  const element = document.createElement(tag);
-  element.className = className;
-  if (content !== undefined) element.textContent = content;
-  parent.append(element);
-  return element;
+const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
+const make = (tag, parent, properties) => parent.appendChild(Object.assign(document.createElement(tag), properties));
+function give_up(why) {
+  root.textContent = why;
+  if (place !== 'page') return;          // a report has its own pictures below
+  for (const {photo, name} of given.cameras) if (photo) make('img', root, {src: photo, alt: name, title: name});
 }
-function button(parent, label, hint, action) {
-  const element = make('button', '', parent, label);
-  element.type = 'button'; element.title = hint; element.onclick = action;
-  return element;
-}
-const stage = make('div', 'stage', root), canvas = make('canvas', '', stage), photo = make('img', 'photo', stage);
-stage.tabIndex = 0; photo.alt = 'photo of this camera'; photo.hidden = true; photo.draggable = false;
-const line = make('div', 'line', stage);
-const time = make('div', 'bar time', root), bar = make('div', 'bar', root), list = make('div', 'cameras', root);
-const status = make('p', 'status', root), live = place === 'live' ? make('div', 'live', root) : null;
-function give_up(why) { root.className = 'viewer off'; root.textContent = why; }
+const given = place === 'live' ? null : JSON.parse(text('viewer-scene'));
 
 // ---- data -------------------------------------------------------------------------------------------------------
 async function unpack(base64, arrays) {
@@ -37,161 +25,121 @@ async function unpack(base64, arrays) {
     const width = kind === 'f32' ? 4 : 2, words = new Uint8Array(width * length);
     for (let plane = 0; plane < width; plane++)
       for (let i = 0; i < length; i++) words[width * i + plane] = bytes[at++];
-    if (kind === 'f32') { out[name] = new Float32Array(words.buffer); continue; }
-    const n = new Uint16Array(words.buffer);
-    out[name] = name === 'sh' ? Int16Array.from(n, v => (v >> 1) ^ -(v & 1))
-      : Float32Array.from(n, v => ((v >> 1) ^ -(v & 1)) * step);
+    out[name] = kind === 'f32' ? new Float32Array(words.buffer)
+      : Float32Array.from(new Uint16Array(words.buffer), v => step * ((v >> 1) ^ -(v & 1)));
   }
   return out;
 }
 
 // ---- WebGL ------------------------------------------------------------------------------------------------------
-const gl = canvas.getContext('webgl2', {antialias: false, alpha: false, preserveDrawingBuffer: true});
+const canvas = part('canvas'), gl = canvas.getContext('webgl2', {antialias: false, alpha: false, preserveDrawingBuffer: true});
 if (!gl || !window.DecompressionStream)
-  return give_up('This browser has no WebGL 2, so the scene cannot be turned here. The pictures of the report show it.');
-// Half floats keep what many faint Gaussians add up to; where a browser cannot draw to them, eight bits must do.
+  return give_up('This browser has no WebGL 2, so the scene cannot be turned here; only pictures of it can be seen.');
+// Half floats keep what many faint Gaussians add up to. Where a browser cannot draw to them, ten bits must do, which every WebGL 2 has.
 const halves = gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float');
 function program(vertex, fragment) {
   const made = gl.createProgram();
   for (const [kind, id] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
-    gl.shaderSource(shader, text(id)); gl.compileShader(shader); gl.attachShader(made, shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw Error(id + ': ' + gl.getShaderInfoLog(shader));
+    gl.shaderSource(shader, text(id));
+    gl.compileShader(shader);
+    gl.attachShader(made, shader);
   }
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw Error(gl.getProgramInfoLog(made));
-  const names = new Map();
-  return {made, at: name => names.get(name) ?? (names.set(name, gl.getUniformLocation(made, name)), names.get(name))};
-}
-const splat = program('splat-vertex', 'splat-fragment'), screen = program('screen-vertex', 'screen-fragment');
-const [plainArray, splatArray] = [gl.createVertexArray(), gl.createVertexArray()], order = gl.createBuffer();
-gl.bindVertexArray(splatArray); gl.bindBuffer(gl.ARRAY_BUFFER, order);
-const input = gl.getAttribLocation(splat.made, 'gaussian');
-gl.enableVertexAttribArray(input); gl.vertexAttribIPointer(input, 1, gl.UNSIGNED_INT, 0, 0);
-gl.vertexAttribDivisor(input, 1);
-function texture(unit, internal, format, type, width, height, data) {
-  const made = gl.createTexture();
-  gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_2D, made);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-  gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, format, type, data);
   return made;
 }
-// A table of texels of four numbers.
-function table(unit, internal, format, type, Kind, texels, fill) {
-  const height = Math.max(1, Math.ceil(texels / WIDTH)), data = new Kind(4 * WIDTH * height);
-  if (height > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw Error('the scene is too large for this graphics card');
-  fill(data);
-  return texture(unit, internal, format, type, WIDTH, height, data);
+function uniforms(of, values) {          // by WebGL's name of the type and the shader's name
+  gl.useProgram(of);
+  for (const [type, name, ...value] of values) gl['uniform' + type](gl.getUniformLocation(of, name), ...value);
 }
-const targets = [];
-function target(index, w, h) {          // 0: an image; 1: the light of an exposure
-  const old = targets[index];
-  if (old && old.w === w && old.h === h) return old;
-  if (old) { gl.deleteTexture(old.image); gl.deleteFramebuffer(old.frame); }
-  const [internal, type] = halves ? [gl.RGBA16F, gl.HALF_FLOAT] : [gl.RGBA8, gl.UNSIGNED_BYTE];
-  const image = texture(3, internal, gl.RGBA, type, w, h, null), frame = gl.createFramebuffer();
-  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, image, 0);
-  return targets[index] = {w, h, image, frame};
+const splat = program('splat-vertex', 'splat-fragment'), screen = program('screen-vertex', 'screen-fragment');
+const gaussian = gl.getAttribLocation(splat, 'gaussian');
+gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+gl.enableVertexAttribArray(gaussian);
+gl.vertexAttribIPointer(gaussian, 1, gl.UNSIGNED_INT, 0, 0);
+gl.vertexAttribDivisor(gaussian, 1);
+gl.enable(gl.BLEND);
+// One texture a unit, filled again and again: 0 to 2 the scene, 3 an image, 4 the mean of an exposure.
+const textures = [0, 1, 2, 3, 4].map(unit => {
+  const made = gl.createTexture();
+  gl.activeTexture(gl.TEXTURE0 + unit);
+  gl.bindTexture(gl.TEXTURE_2D, made);
+  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+  return made;
+});
+function fill(unit, internal, type, width, height, data) {
+  gl.activeTexture(gl.TEXTURE0 + unit);
+  gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, gl.RGBA, type, data);
+}
+// Texels of four numbers. Each part has its first `width` numbers at `offset`, the next ones `stride` numbers further on.
+function table(unit, internal, texels, parts) {
+  const height = Math.max(1, Math.ceil(texels / WIDTH)), data = new Float32Array(4 * WIDTH * height);
+  if (height > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw Error('the scene is too large for this graphics card');
+  for (const [values, width, stride, offset] of parts)
+    for (let i = 0; i < values.length; i++) data[stride * Math.floor(i / width) + offset + i % width] = values[i];
+  fill(unit, internal, gl.FLOAT, WIDTH, height, data);
+}
+const targets = {3: gl.createFramebuffer(), 4: gl.createFramebuffer()};
+function resize(w, h) {
+  if (canvas.width === w && canvas.height === h) return;
+  [canvas.width, canvas.height] = [w, h];
+  for (const [unit, frame] of Object.entries(targets)) {
+    fill(+unit, ...(halves ? [gl.RGBA16F, gl.HALF_FLOAT] : [gl.RGB10_A2, gl.UNSIGNED_INT_2_10_10_10_REV]), w, h, null);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, textures[unit], 0);
+  }
 }
 
 // ---- scene ------------------------------------------------------------------------------------------------------
-let scene = null, data = null, tables = [];
-let t = 0, mode = 'colour', shown = 'off', wipe = 0.5, playing = false, large = false, view = null;
-let camera = null, home = null, dirty = true;
+let scene = null, data = null, dirty = true;
+const now = {t: 0, view: null, mode: 'colour', photo: 'off', pixels: 'training', wipe: 0.5, playing: false};
 async function load(described, block) {
   const found = await unpack(block, described.arrays), n = described.count, s = (described.degree + 1) ** 2;
-  tables.forEach(made => gl.deleteTexture(made));
-  const rowOf = new Float32Array(n);
-  if (found.rows) found.rows.forEach((row, m) => { rowOf[row] = m + 1; });
-  const {means, quats, log_scales: scales, logits, sh} = found;
-  const of = (values, width, to, at, from) => { for (let i = 0; i < width; i++) to[at + i] = values[from + i]; };
-  const [J, K, L] = described.blocks, all = J + K + L, turn = described.clock?.functions ? 3 : 4;
-  tables = [
-    table(0, gl.RGBA32F, gl.RGBA, gl.FLOAT, Float32Array, 3 * n, to => {
-      for (let g = 0; g < n; g++) {
-        of(means, 3, to, 12 * g, 3 * g); to[12 * g + 3] = logits[g];
-        of(quats, 4, to, 12 * g + 4, 4 * g);
-        of(scales, 3, to, 12 * g + 8, 3 * g); to[12 * g + 11] = rowOf[g];
-      }
-    }),
-    table(1, gl.RGBA16I, gl.RGBA_INTEGER, gl.SHORT, Int16Array, s * n, to => {
-      for (let c = 0; c < 3 * s; c++)
-        for (let g = 0; g < n; g++) to[4 * (s * g + (c / 3 | 0)) + c % 3] = sh[c * n + g];
-    }),
-    table(2, gl.RGBA32F, gl.RGBA, gl.FLOAT, Float32Array, all * described.moving, to => {
-      for (let m = 0; m < described.moving; m++) {
-        for (let j = 0; j < J; j++) of(found.position, 3, to, 4 * (all * m + j), 3 * (J * m + j));
-        for (let k = 0; k < K; k++) of(found.turn, turn, to, 4 * (all * m + J + k), turn * (K * m + k));
-        for (let l = 0; l < L; l++) of(found.shape, 4, to, 4 * (all * m + J + K + l), 4 * (L * m + l));
-      }
-    }),
-  ];
-  [scene, data] = [described, {means, rows: found.rows, position: found.position}];
-  sorter = null;
-  t = Math.min(Math.max(t, scene.span?.[0] ?? t), scene.span?.[1] ?? t);
+  const {means, quats, log_scales, logits, sh, weights, rows = [], position = [], turn = [], shape = []} = found;
+  const texels = shape.length ? 3 : turn.length ? 2 : 1, motionRow = new Float32Array(n);
+  rows.forEach((row, m) => { motionRow[row] = m + 1; });
+  const plane = (_, c) => [sh.subarray(c * n, c * n + n), 1, 4 * s, 4 * Math.floor(c / 3) + c % 3];
+  table(0, gl.RGBA32F, 3 * n, [[means, 3, 12, 0], [logits, 1, 12, 3], [quats, 4, 12, 4], [log_scales, 3, 12, 8], [motionRow, 1, 12, 11]]);
+  table(1, gl.RGBA16F, s * n, Array.from({length: 3 * s}, plane));
+  table(2, gl.RGBA32F, texels * position.length / 3, [position, turn, shape].map((values, i) => [values, i ? 4 : 3, 4 * texels, 4 * i]));
+  data = {means, rows, position, texels, weights, moved: means.slice(), keys: new Uint32Array(n), ids: [0, 1].map(() => new Uint32Array(n))};
+  scene = described;
+  build();
+  if (camera) return seek(now.t);
+  now.t = scene.middle;
+  choose(0);
+  requestAnimationFrame(frame);
 }
-
-// ---- time: the weights of the blocks, as in gs_models::basis and motion.rs ------------------------------------
-function inside(f, s) {                 // value and slope of a function of s
-  if (f.ramp) {
-    const side = Math.sign(f.ramp.far), near = Math.abs(f.ramp.near), far = Math.abs(f.ramp.far), x = s * side;
-    const share = Math.min(Math.max((x - near) / (far - near), 0), 1);
-    return [0.5 * share * share * (far - near) + Math.max(x - far, 0), side * share];
-  }
-  const {power: n, rate} = f.cosine ?? f.sine, [sin, cos] = [Math.sin(rate * s), Math.cos(rate * s)];
-  const [phi, slope] = f.cosine ? [cos, -rate * sin] : [sin, rate * cos];
-  return [s ** n * phi, n * s ** (n - 1) * phi + s ** n * slope];
-}
-function at(f, s) {
-  if (Math.abs(s) <= 1 || !f.past) return inside(f, s);
-  const [offset, slope] = f.past.line, fade = f.past.fade, edge = Math.sign(s), x = (Math.abs(s) - 1) / fade;
-  const result = [offset + slope * s, slope];
-  if (x >= 1) return result;
-  const [value, steep] = inside(f, edge), excess = value - (offset + slope * edge), drift = (steep - slope) * edge * fade;
-  result[0] += excess * (1 + x * x * (2 * x - 3)) + drift * x * (1 - x) * (1 - x);
-  result[1] += (excess * 6 * x * (x - 1) + drift * (1 - x) * (1 - 3 * x)) * edge / fade;
-  return result;
-}
-// Lists of [block, weight, slope by time], for positions and for rotations and shapes.
+// The blocks that count at a time, each with its weight and the slope of that: Hermite's cubics between the knots of motion.rs.
 function weights(t) {
-  const clock = scene.clock;
-  if (!clock) return {position: [], turn: [], shape: []};
-  if (clock.functions) {
-    const {t0, half, position, turn} = clock.functions, s = (t - t0) / half;
-    const list = functions => functions.map((f, j) => { const [v, d] = at(f, s); return [j, v, d / half]; });
-    return {position: list(position), turn: list(turn), shape: []};
+  if (!scene.clock) return [];
+  const {first, last, knots, blocks} = scene.clock, step = (last - first) / (knots - 1), found = [];
+  const i = clamp(Math.floor((t - first) / step), 0, knots - 2), u = (t - first) / step - i;
+  for (let block = 0; block < blocks; block++) {
+    const [[a, c], [b, d]] = [i, i + 1].map(knot => data.weights.subarray(2 * (blocks * knot + block)));
+    const p = 3 * (b - a) - 2 * c - d, q = 2 * (a - b) + c + d;
+    const weight = a + u * (c + u * (p + u * q)), slope = (c + u * (2 * p + 3 * u * q)) / step;
+    if (weight || slope) found.push([block, weight, slope]);
   }
-  const {first, last, count, turns, shapes} = clock.keys, x = (t - first) / (last - first) * (count - 1);
-  const i = Math.min(Math.max(Math.floor(x), 0), count - 2), u = x - i, rate = (count - 1) / (last - first);
-  let w = [[0, -0.5, 1, -0.5], [1, 0, -2.5, 1.5], [0, 0.5, 2, -1.5], [0, 0, -0.5, 0.5]]   // Catmull and Rom's cubics
-    .map(([a, b, c, d]) => [a + u * (b + u * (c + u * d)), (b + u * (2 * c + 3 * u * d)) * rate]);
-  const add = (to, from, factor) => w[to].forEach((_, k) => { w[to][k] += factor * w[from][k]; });
-  if (i === 0) { add(1, 0, 2); add(2, 0, -1); }
-  if (i === count - 2) { add(2, 3, 2); add(1, 3, -1); }
-  const list = w.map(([v, d], k) => [i - 1 + k, v, d]).filter(([key]) => key >= 0 && key < count);
-  return {position: list, turn: turns ? list : [], shape: shapes ? list : []};
+  return found;
 }
-
-// ---- order: far to near, by all bits of the depth ----------------------------------------------------------------
-let sorter = null;
-function sort(now) {
-  const n = scene.count, {means, rows, position} = data, {eye, right, down, forward} = camera;
-  sorter ??= {moved: means.slice(), keys: new Uint32Array(n), ids: [new Uint32Array(n), new Uint32Array(n)]};
-  const {moved, keys, ids: [a, b]} = sorter, J = scene.blocks[0];
-  if (rows) for (let m = 0; m < rows.length; m++)
+// The Gaussians far to near, by all bits of the depth; of equal depths the rasterizer blends lower rows first.
+function sort(counting) {
+  const {means, rows, position, moved, keys, ids: [a, b]} = data, {c2w} = camera;
+  for (let m = 0; m < rows.length; m++)
     for (let axis = 0; axis < 3; axis++) {
       let sum = means[3 * rows[m] + axis];
-      for (const [j, weight] of now.position) sum += weight * position[3 * (J * m + j) + axis];
+      for (const [block, weight] of counting) sum += weight * position[3 * (scene.clock.blocks * m + block) + axis];
       moved[3 * rows[m] + axis] = sum;
     }
-  const [fx, fy, fz] = forward, depth = new Float32Array(1), bits = new Uint32Array(depth.buffer);
+  const [x, y, z, , eyeX, eyeY, eyeZ] = c2w.toFloat64Array().slice(8), depth = new Float32Array(1), bits = new Uint32Array(depth.buffer);
   let count = 0;
-  for (let g = 0; g < n; g++) {
-    const z = fx * (moved[3 * g] - eye[0]) + fy * (moved[3 * g + 1] - eye[1]) + fz * (moved[3 * g + 2] - eye[2]);
-    if (!(z >= scene.near && z <= scene.far)) continue;
-    depth[0] = z; keys[g] = ~bits[0]; a[count++] = g;
+  for (let g = scene.count - 1; g >= 0; g--) {
+    depth[0] = x * (moved[3 * g] - eyeX) + y * (moved[3 * g + 1] - eyeY) + z * (moved[3 * g + 2] - eyeZ);
+    if (!(depth[0] >= scene.near && depth[0] <= scene.far)) continue;
+    keys[g] = ~bits[0];
+    a[count++] = g;
   }
   for (const [shift, from, to] of [[0, a, b], [16, b, a]]) {
     const places = new Uint32Array(65537);
@@ -199,267 +147,206 @@ function sort(now) {
     for (let k = 0; k < 65536; k++) places[k + 1] += places[k];
     for (let i = 0; i < count; i++) to[places[keys[from[i]] >>> shift & 65535]++] = from[i];
   }
-  // Equal depths: the rasterizer takes lower rows first, this order is drawn from the far end.
-  for (let i = 0; i < count;) {
-    let end = i + 1;
-    while (end < count && keys[a[end]] === keys[a[i]]) end++;
-    if (end > i + 1) a.subarray(i, end).reverse();
-    i = end;
-  }
   return a.subarray(0, count);
 }
 
 // ---- drawing ----------------------------------------------------------------------------------------------------
 // Pixels of training in one of the page's.
 const cssPixel = () => Math.max(camera.size[0] / canvas.clientWidth, camera.size[1] / canvas.clientHeight);
-function size() {
-  const scale = large ? Math.max(1, devicePixelRatio / cssPixel()) : 1;
-  return [Math.round(camera.size[0] * scale), Math.round(camera.size[1] * scale)];
-}
-function splats(t, [w, h]) {
-  const now = weights(t), drawn = sort(now), {eye, right, down, forward, k} = camera, s = w / camera.size[0];
-  gl.bindFramebuffer(gl.FRAMEBUFFER, target(0, w, h).frame);
-  gl.viewport(0, 0, w, h); gl.clearColor(0, 0, 0, 0); gl.clear(gl.COLOR_BUFFER_BIT);
-  gl.useProgram(splat.made); gl.bindVertexArray(splatArray);
-  gl.bindBuffer(gl.ARRAY_BUFFER, order); gl.bufferData(gl.ARRAY_BUFFER, drawn, gl.DYNAMIC_DRAW);
-  tables.forEach((made, unit) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_2D, made); });
-  ['rows', 'sh', 'motion'].forEach((name, unit) => gl.uniform1i(splat.at(name), unit));
-  const used = new Int32Array(128), values = new Float32Array(192);
-  now.position.forEach(([block, weight, slope], i) => { used[2 * i] = block; values.set([weight, slope], 3 * i); });
-  [...(now.turn.length ? now.turn : now.shape)].forEach(([block, weight], i) => { used[2 * i + 1] = block; values[3 * i + 2] = weight; });
-  gl.uniform2iv(splat.at('used'), used); gl.uniform3fv(splat.at('weights'), values);
-  gl.uniform3i(splat.at('blocks'), ...scene.blocks);
-  gl.uniform3i(splat.at('counts'), now.position.length, now.turn.length, now.shape.length);
-  gl.uniform1i(splat.at('turnsAreVectors'), scene.clock?.functions ? 1 : 0);
-  gl.uniform1i(splat.at('degree'), scene.degree);
-  gl.uniform1f(splat.at('shStep'), scene.arrays.find(array => array.name === 'sh').step);
-  gl.uniformMatrix3fv(splat.at('rotation'), false, [0, 1, 2].flatMap(i => [right[i], down[i], forward[i]]));
-  gl.uniform3f(splat.at('eye'), ...eye);
-  gl.uniform4f(splat.at('pinhole'), ...k.map(pixels => pixels * s));
-  gl.uniform2f(splat.at('size'), w, h); gl.uniform2f(splat.at('range'), scene.near, scene.far);
-  gl.uniform1f(splat.at('eps2d'), scene.eps2d); gl.uniform1i(splat.at('antialiased'), scene.antialiased ? 1 : 0);
-  gl.uniform1f(splat.at('fullSpeed'), mode === 'velocity' ? scene.full_speed : 0);
-  gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+function splats(t) {
+  const counting = weights(t), drawn = sort(counting), [w, h] = [canvas.width, canvas.height], columns = camera.c2w.toFloat32Array();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, targets[3]);
+  gl.viewport(0, 0, w, h);
+  gl.clearColor(...(now.mode === 'velocity' ? [0.5, 0.5, 0.5] : scene.background), 1);
+  gl.clear(gl.COLOR_BUFFER_BIT);
+  gl.bufferData(gl.ARRAY_BUFFER, drawn, gl.DYNAMIC_DRAW);
+  uniforms(splat, [
+    ['1i', 'rows', 0], ['1i', 'sh', 1], ['1i', 'motion', 2], ['1i', 'degree', scene.degree],
+    ['1i', 'texels', data.texels], ['1i', 'blocks', scene.clock?.blocks ?? 0], ['1i', 'vectors', scene.clock?.vectors ? 1 : 0],
+    ['1i', 'count', counting.length], ['3fv', 'weights', [...counting.flat(), 0, 0, 0]],
+    ['Matrix3fv', 'axes', false, [0, 4, 8].flatMap(i => [...columns.slice(i, i + 3)])], ['3f', 'eye', ...columns.slice(12, 15)],
+    ['4f', 'pinhole', ...camera.k.map(pixels => pixels * w / camera.size[0])], ['2f', 'size', w, h], ['2f', 'range', scene.near, scene.far],
+    ['1f', 'eps2d', scene.eps2d], ['1i', 'antialiased', scene.antialiased ? 1 : 0],
+    ['1f', 'fullSpeed', now.mode === 'velocity' ? scene.full_speed : 0],
+  ]);
+  gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, drawn.length);
 }
-function finish(task, image, share, to, [w, h]) {
-  gl.bindFramebuffer(gl.FRAMEBUFFER, to); gl.viewport(0, 0, w, h);
-  gl.useProgram(screen.made); gl.bindVertexArray(plainArray);
-  gl.activeTexture(gl.TEXTURE3); gl.bindTexture(gl.TEXTURE_2D, image);
-  gl.uniform1i(screen.at('picture'), 3); gl.uniform1i(screen.at('task'), task); gl.uniform1f(screen.at('share'), share);
-  gl.uniform1i(screen.at('linear'), scene.shutter?.linear && mode === 'exposure' ? 1 : 0);
-  gl.uniform3f(screen.at('background'), ...(mode === 'velocity' ? [0.5, 0.5, 0.5] : scene.background));
-  gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, task === 1 ? gl.ONE : gl.ZERO);
+// Mixes a share of a texture's image into a target (null: the canvas); tasks are those of screen.frag.
+function mix(unit, frame, share, task) {
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  uniforms(screen, [['1i', 'picture', unit], ['1i', 'task', task]]);
+  gl.blendColor(0, 0, 0, share);
+  gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
   gl.drawArrays(gl.TRIANGLES, 0, 3);
 }
 function draw() {
-  const [w, h] = size();
-  if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
-  if (mode !== 'exposure') {
-    splats(t, [w, h]); finish(0, target(0, w, h).image, 1, null, [w, h]);
-  } else {
-    const light = target(1, w, h);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, light.frame); gl.clearColor(0, 0, 0, 0); gl.clear(gl.COLOR_BUFFER_BIT);
-    for (let i = 0; i < INSTANTS; i++) {
-      splats(t + ((i + 0.5) / INSTANTS - 0.5) * scene.shutter.exposure, [w, h]);
-      finish(1, target(0, w, h).image, 1 / INSTANTS, light.frame, [w, h]);
-    }
-    finish(2, light.image, 1, null, [w, h]);
+  const scale = now.pixels === 'screen' ? Math.max(1, devicePixelRatio / cssPixel()) : 1;
+  resize(...camera.size.map(pixels => Math.round(pixels * scale)));
+  const {exposure, linear} = now.mode === 'exposure' ? scene.shutter : {exposure: 0, linear: false}, instants = exposure ? INSTANTS : 1;
+  for (let i = 0; i < instants; i++) {
+    splats(now.t + ((i + 0.5) / instants - 0.5) * exposure);
+    mix(3, targets[4], 1 / (i + 1), linear ? 1 : 0);
   }
-  tell();
+  mix(4, null, 1, linear ? 2 : 0);
 }
 
 // ---- camera -----------------------------------------------------------------------------------------------------
-const plus = (a, b, s = 1) => a.map((x, i) => x + s * b[i]), dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = a => a.map(x => x / Math.hypot(...a));
-const turned = (v, axis, angle) => {
-  const [c, s] = [Math.cos(angle), Math.sin(angle)], along = dot(v, axis) * (1 - c), side = cross(axis, v);
-  return v.map((x, i) => x * c + side[i] * s + axis[i] * along);
-};
-function look(from) {
-  const m = from.c2w, column = i => [m[i], m[4 + i], m[8 + i]];
-  const [right, down, forward, eye] = [0, 1, 2, 3].map(column);
-  return {eye, right, down, forward, k: from.k, size: from.size, target: plus(eye, forward, scene.distance)};
+let camera = null;                       // c2w: right, down, forward, eye; distance of the point that it turns about
+function choose(view) {
+  const {c2w, k, size, time} = scene.cameras[view];
+  camera = {c2w: new DOMMatrix(c2w), distance: scene.distance, k, size};
+  now.view = view;
+  seek(time ?? now.t);
 }
-function up() {                         // of the world: what most cameras hold up
-  const sum = scene.cameras.reduce((sum, from) => [0, 1, 2].map(i => sum[i] - from.c2w[4 * i + 1]), [0, 0, 0]);
-  return Math.hypot(...sum) > 1e-6 ? unit(sum) : camera.down.map(x => -x);
+function place_at(c2w, distance = camera.distance) {
+  camera = {...camera, c2w, distance};
+  now.view = null;
+  dirty = true;
 }
-function turn(yaw, pitch, about) {      // about: a point, or the eye
-  for (const [axis, angle] of [[up(), yaw], [camera.right, pitch]]) {
-    camera.eye = plus(about, turned(plus(camera.eye, about, -1), axis, angle));
-    camera.target = plus(about, turned(plus(camera.target, about, -1), axis, angle));
-    for (const name of ['right', 'down', 'forward']) camera[name] = unit(turned(camera[name], axis, angle));
-  }
-  moved();
+function turn(yaw, pitch, ahead) {       // degrees, about the point so far ahead
+  const [x, y, z] = scene.up, up = camera.c2w.inverse().transformPoint({x, y, z, w: 0});
+  const about = camera.c2w.translate(0, 0, ahead).rotateAxisAngle(up.x, up.y, up.z, yaw).rotateAxisAngle(1, 0, 0, pitch);
+  place_at(about.translate(0, 0, -ahead));
 }
-function shift(x, y, z) {
-  const by = plus(plus(camera.right.map(a => a * x), camera.down, y), camera.forward, z);
-  camera.eye = plus(camera.eye, by); camera.target = plus(camera.target, by);
-  moved();
+const shift = (right, down, forward) => place_at(camera.c2w.translate(right, down, forward));
+const dolly = factor => place_at(camera.c2w.translate(0, 0, camera.distance * (1 - factor)), camera.distance * factor);
+function seek(t) {
+  now.t = scene.span ? clamp(t, ...scene.span) : t;
+  dirty = true;
 }
-function dolly(factor) {
-  const away = plus(camera.eye, camera.target, -1);
-  camera.eye = plus(camera.target, away, factor);
-  moved();
-}
-const reach = () => Math.hypot(...plus(camera.target, camera.eye, -1));
-function moved() { view = null; dirty = true; marks(); }
-function choose(index) {
-  view = index; camera = look(scene.cameras[index]);
-  const own = scene.cameras[index].time;
-  if (scene.span && own !== null) t = Math.min(Math.max(own, scene.span[0]), scene.span[1]);
-  dirty = true; marks();
+const keyframes = [];                    // for `gsburn render --cameras`, in the data set's own world
+function keep() {
+  const world = new DOMMatrix(scene.world).multiply(camera.c2w), [width, height] = camera.size;
+  const column = (matrix, i) => [...matrix.toFloat64Array().slice(4 * i, 4 * i + 3)];
+  keyframes.push({position: column(world, 3), look_at: column(world.translate(0, 0, camera.distance), 3), up: column(world, 1).map(x => -x),
+    fov: 360 / Math.PI * Math.atan(height / 2 / camera.k[1]), time: scene.span ? now.t : undefined});
+  const json = JSON.stringify({keyframes, width, height});
+  Object.assign(part('a'), {href: 'data:application/json,' + encodeURIComponent(json), textContent: `keyframes.json (${keyframes.length})`});
 }
 
 // ---- controls ---------------------------------------------------------------------------------------------------
-const fingers = new Map();
+const stage = part('.stage'), photo = part('.photo'), line = part('.line'), slider = part('input'), fingers = new Map(), held = new Set();
+const FLY = {w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0]};
 stage.onpointerdown = event => {
   stage.focus({preventScroll: true});
-  if (shown === 'wipe' && !photo.hidden && Math.abs(event.offsetX - wipe * canvas.clientWidth) < 14) fingers.wiping = event.pointerId;
-  fingers.set(event.pointerId, event); stage.setPointerCapture(event.pointerId);
+  event.wiping = !line.hidden && Math.abs(event.offsetX - now.wipe * canvas.clientWidth) < 14;
+  fingers.set(event.pointerId, event);
+  stage.setPointerCapture(event.pointerId);
 };
 stage.onpointermove = event => {
-  const before = fingers.get(event.pointerId);
+  const before = fingers.get(event.pointerId), other = [...fingers.values()].find(finger => finger.pointerId !== event.pointerId);
   if (!before) return;
-  if (fingers.wiping === event.pointerId) {
-    const box = canvas.getBoundingClientRect();
-    wipe = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
-    return marks();
-  }
-  const [x, y] = [event.clientX - before.clientX, event.clientY - before.clientY], pixel = reach() / camera.k[0] * cssPixel();
-  const other = [...fingers.values()].find(finger => finger.pointerId !== event.pointerId);
-  if (other) {
-    const gap = from => Math.hypot(from.clientX - other.clientX, from.clientY - other.clientY);
-    dolly(gap(before) / Math.max(gap(event), 1)); shift(-0.5 * x * pixel, -0.5 * y * pixel, 0);
-  } else if (before.button > 0 || event.shiftKey) shift(-x * pixel, -y * pixel, 0);
-  else if (event.altKey) turn(x * 0.003, -y * 0.003, camera.eye);
-  else turn(-x * 0.006, -y * 0.006, camera.target);
-  fingers.set(event.pointerId, Object.assign(event, {}));
+  event.wiping = before.wiping;
+  fingers.set(event.pointerId, event);
+  const [x, y] = [event.clientX - before.clientX, event.clientY - before.clientY], pixel = camera.distance / camera.k[0] * cssPixel();
+  const gap = finger => Math.max(Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY), 1);
+  if (event.wiping) {
+    now.wipe = clamp(now.wipe + x / canvas.clientWidth, 0, 1);
+    dirty = true;
+  } else if (other) {
+    dolly(gap(before) / gap(event));
+    shift(-0.5 * x * pixel, -0.5 * y * pixel, 0);
+  } else if (event.buttons > 1 || event.shiftKey) shift(-x * pixel, -y * pixel, 0);
+  else if (event.altKey) turn(0.17 * x, -0.17 * y, 0);
+  else turn(-0.34 * x, -0.34 * y, camera.distance);
 };
-stage.onpointerup = stage.onpointercancel = event => { fingers.delete(event.pointerId); fingers.wiping = null; };
+stage.onpointerup = stage.onpointercancel = event => fingers.delete(event.pointerId);
 stage.oncontextmenu = event => event.preventDefault();
 stage.addEventListener('wheel', event => {   // a report must scroll until its viewer was clicked
   if (place === 'report' && document.activeElement !== stage) return;
-  event.preventDefault(); dolly(Math.exp(event.deltaY * 0.001));
+  event.preventDefault();
+  dolly(Math.exp(event.deltaY * 0.001));
 }, {passive: false});
-const held = new Set(), FLY = {w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0]};
-stage.onkeydown = event => {
-  const key = event.key.toLowerCase(), step = scene.span ? (scene.span[1] - scene.span[0]) / 48 : 0;
-  if (event.ctrlKey || event.metaKey) return;
+stage.onkeydown = event => {             // keys press buttons, fly, or change the time
+  const key = event.key.toLowerCase().replace('home', 'h'), button = part(`button[data-key="${CSS.escape(key)}"]`);
+  const steps = {arrowleft: -1, arrowright: 1}[key], [first, last] = scene.span ?? [0, 0];
+  if (event.ctrlKey || event.metaKey || !(button?.offsetParent || FLY[key] || steps)) return;
+  event.preventDefault();
   if (FLY[key]) held.add(key);
-  else if (key === 'h' || key === 'home') choose(home);
-  else if (key === ' ') playing = scene.span && !playing;
-  else if (key === 'arrowleft' || key === 'arrowright') seek(t + (key === 'arrowleft' ? -step : step));
-  else if (key === 'v' && scene.clock) mode = mode === 'velocity' ? 'colour' : 'velocity';
-  else if (key === 'b' && scene.shutter) mode = mode === 'exposure' ? 'colour' : 'exposure';
-  else if (key === 'p') shown = {off: 'wipe', wipe: 'beside', beside: 'off'}[shown];
-  else if (key === 'f') large = !large;
-  else if (key >= '1' && key <= '9' && scene.cameras[key - 1]) choose(key - 1);
-  else return;
-  event.preventDefault(); dirty = true; marks();
+  else if (steps) seek(now.t + steps * (last - first) / 48);
+  else button.click();
 };
 stage.onkeyup = event => held.delete(event.key.toLowerCase());
 stage.onblur = () => held.clear();
-function seek(to) { t = Math.min(Math.max(to, scene.span[0]), scene.span[1]); dirty = true; marks(); }
-
-// ---- buttons ----------------------------------------------------------------------------------------------------
-const controls = {};
-function build() {
-  [time, bar, list].forEach(part => part.replaceChildren());
-  time.hidden = !scene.span;
-  controls.play = button(time, '', 'Play or pause (space)', () => { playing = !playing; marks(); });
-  controls.slider = make('input', '', time);
-  Object.assign(controls.slider, {type: 'range', min: 0, max: 1, step: 'any', title: 'Time (arrow keys)'});
-  controls.slider.oninput = () => { playing = false; seek(scene.span[0] + controls.slider.value * (scene.span[1] - scene.span[0])); };
-  controls.time = make('output', '', time);
-  const group = (label, choices, get, set) => {
-    const box = make('span', 'group', bar);
-    make('span', 'label', box, label);
-    return choices.map(([value, name, hint]) => {
-      const made = button(box, name, hint, () => { set(value); dirty = true; marks(); });
-      return () => made.setAttribute('aria-pressed', get() === value);
-    });
-  };
-  button(bar, 'Home', 'Back to the first camera (H)', () => choose(home));
-  const modes = [['colour', 'Colour', 'The scene, sharp']];
-  if (scene.shutter) modes.push(['exposure', 'Exposure', 'As the exposure saw it: the mean over its time (B)']);
-  if (scene.clock) modes.push(['velocity', 'Velocity', 'Grey: at rest; red, green and blue: the world\'s axes (V)']);
-  controls.marks = modes.length > 1 ? group('Show', modes, () => mode, value => { mode = value; }) : [];
-  if (scene.cameras.some(from => from.photo))
-    controls.marks.push(...group('Photo', [['off', 'Off', 'No photo (P)'], ['wipe', 'Wipe', 'Photo over the left of the rendering; drag the line (P)'],
-      ['beside', 'Beside', 'Photo beside the rendering (P)']], () => shown, value => { shown = value; if (view === null) choose(home); }));
-  controls.marks.push(...group('Pixels', [[false, scene.cameras[home].size.join(' × '), 'Those of training: finer ones show needles that no photo saw (F)'],
-    [true, 'Screen', 'As many as the screen has (F)']], () => large, value => { large = value; }));
-  const help = make('details', 'help', bar);
-  make('summary', '', help, 'Keys');
-  make('p', '', help, 'Drag: orbit. Shift or right button: pan. Alt: look around. Wheel or pinch: nearer. W A S D Q E: fly. H: home. 1–9: cameras. '
-    + 'Space, arrows: time. V: velocity. B: exposure. P: photo. F: pixels.');
-  controls.cameras = scene.cameras.map((from, index) => {
-    const previous = scene.cameras[index - 1];
-    if (from.split && from.split !== previous?.split) make('span', 'label', list, from.split);
-    const made = button(list, '', from.name + (from.time === null ? '' : ', time ' + from.time), () => choose(index));
-    if (from.photo) { const small = make('img', '', made); small.src = from.photo; small.alt = from.name; } else made.textContent = from.name;
-    return made;
+new ResizeObserver(() => { dirty = true; }).observe(stage);
+slider.oninput = () => {
+  const [first, last] = scene.span;
+  now.playing = false;
+  seek(first + slider.value * (last - first));
+};
+root.onclick = event => {                // a pressed button that is pressed again gives way to the first of its group
+  const button = event.target.closest('button'), {name, value} = button ?? {};
+  if (name === 'play') now.playing = scene.span !== null && !now.playing;
+  else if (name === 'keep') keep();
+  else if (name === 'view') choose(+value);
+  else if (name) now[name] = now[name] === value ? button.parentElement.querySelector('button').value : value;
+  if (name === 'photo' && now.view === null) choose(0);
+  dirty = true;
+};
+function build() {                       // the controls that this scene needs
+  const list = part('.cameras'), has_photos = scene.cameras.some(({photo}) => photo);
+  const needed = {'.time': scene.span, '[value=exposure]': scene.shutter, '.modes': scene.clock, '.photos': has_photos, '.cameras': scene.cameras[1]};
+  for (const [selector, is_needed] of Object.entries(needed)) part(selector).hidden = !is_needed;
+  part('[value=training]').textContent = scene.cameras[0].size.join(' × ');
+  list.replaceChildren();
+  scene.cameras.forEach(({name, split, time, photo}, index) => {
+    if (split && split !== scene.cameras[index - 1]?.split) make('span', list, {className: 'label', textContent: split});
+    const button = make('button', list, {name: 'view', value: index, textContent: photo ? '' : name, title: name + (time === null ? '' : ', time ' + time)});
+    button.dataset.key = index + 1;
+    if (photo) make('img', button, {src: photo, alt: name});
   });
-  list.hidden = scene.cameras.length < 2;
 }
-function marks() {
-  if (!scene) return;
-  controls.marks.forEach(mark => mark());
-  controls.cameras.forEach((made, index) => made.setAttribute('aria-pressed', index === view));
-  const own = view === null || shown === 'off' ? null : scene.cameras[view].photo;
-  photo.hidden = !own; stage.dataset.photo = own ? shown : 'off';
-  if (own && photo.src !== own) photo.src = own;
-  photo.style.clipPath = shown === 'wipe' ? `inset(0 ${100 - 100 * wipe}% 0 0)` : '';
-  line.style.left = 100 * wipe + '%'; line.hidden = !own || shown !== 'wipe';
-  controls.play.textContent = playing ? '❚❚' : '▶';
-  if (!scene.span) return;
-  controls.slider.value = (t - scene.span[0]) / (scene.span[1] - scene.span[0]);
+function show() {                        // the state, as picture and in the controls
+  dirty = false;
+  draw();
+  const own = scene.cameras[now.view], shown = own?.photo ? now.photo : 'off', number = n => n.toLocaleString('en').replaceAll(',', '\u202f');
+  for (const button of root.querySelectorAll('button[value]')) button.setAttribute('aria-pressed', String(now[button.name]) === button.value);
+  stage.dataset.photo = shown;
+  [photo.hidden, line.hidden] = [shown === 'off', shown !== 'wipe'];
+  if (!photo.hidden && photo.src !== own.photo) photo.src = own.photo;
+  line.style.left = 100 * now.wipe + '%';
+  photo.style.clipPath = line.hidden ? '' : `inset(0 ${100 - 100 * now.wipe}% 0 0)`;
+  part('.status').textContent = [own?.split && own.name, number(scene.count) + ' Gaussians', 'SH ' + scene.degree,
+    scene.clock && number(scene.moving) + ' move', `${canvas.width} × ${canvas.height} pixels`, ...scene.notes,
+    !halves && 'ten bits a channel: this browser cannot draw to half floats'].filter(Boolean).join(' · ');
+  const [first, last] = scene.span ?? [0, 1], [seen_from, seen_to] = scene.seen ?? [0, 1];
+  part('[name=play]').textContent = now.playing ? '❚❚' : '▶';
+  slider.value = (now.t - first) / (last - first);
   // Of a clock's seconds only those since the begin tell anything.
-  controls.time.textContent = Math.abs(scene.span[0]) > 1e4 ? '+' + (t - scene.span[0]).toFixed(3) : 't = ' + t.toFixed(3);
-  if (t > scene.seen_to) controls.time.textContent += ' (predicted)';
-}
-function tell() {
-  const number = n => n.toLocaleString('en').replaceAll(',', '\u202f'), parts = [number(scene.count) + ' Gaussians', 'SH ' + scene.degree];
-  if (scene.moving) parts.push(number(scene.moving) + ' move');
-  parts.push(`${canvas.width} × ${canvas.height} pixels`, ...scene.notes);
-  if (!halves) parts.push('eight bits a channel: this browser has no half floats');
-  if (view !== null && scene.cameras[view].split) parts.unshift(scene.cameras[view].name);
-  status.textContent = parts.join(' · ');
+  part('output').textContent = (Math.abs(first) > 1e4 ? '+' + (now.t - first).toFixed(3) : 't = ' + now.t.toFixed(3))
+    + (now.t < seen_from || now.t > seen_to ? ' (predicted)' : '');
 }
 
 // ---- begin ------------------------------------------------------------------------------------------------------
-function begin() {
-  home = 0; t = scene.middle;
-  camera = look(scene.cameras[0]); build(); choose(0); requestAnimationFrame(frame);
-}
 let before = 0;
-function frame(now) {
-  const passed = Math.min((now - before) / 1000, 0.1);
-  before = now;
-  for (const key of held) shift(...FLY[key].map(x => x * 0.7 * reach() * passed));
-  if (playing && scene.span) {
-    const [first, last] = scene.span, next = t + passed * (last - first) / PASS;
+function frame(milliseconds) {
+  const passed = clamp((milliseconds - before) / 1000, 0, 0.1);
+  before = milliseconds;
+  for (const key of held) shift(...FLY[key].map(x => x * 0.7 * camera.distance * passed));
+  if (now.playing) {
+    const [first, last] = scene.span, next = now.t + passed * (last - first) / PASS;
     seek(next > last ? first : next);
   }
-  if (dirty) { dirty = false; draw(); }
+  if (dirty) show();
   requestAnimationFrame(frame);
 }
-new ResizeObserver(() => { dirty = true; }).observe(stage);
 // #picture=CAMERA@TIME@MODE,...: the pictures as data URLs in the page, for tests and scripts.
 function pictures(asked) {
   for (const one of asked.split(',')) {
-    const [index, when, how] = one.split('@');
-    choose(+index); t = +when; mode = how ?? 'colour'; draw();
-    make('pre', 'picture', document.body, canvas.toDataURL('image/png'));
+    const [view, when, mode = 'colour'] = one.split('@');
+    choose(+view);
+    Object.assign(now, {t: +when, mode});
+    show();
+    make('pre', document.body, {className: 'picture', textContent: canvas.toDataURL('image/png')});
   }
 }
 try {
-  if (live) return follow({load, make, live, started: () => scene, begin, changed: () => { build(); dirty = true; marks(); }});
-  await load(JSON.parse(text('viewer-scene')), text('viewer-block'));
-  begin();
+  if (place === 'live') return follow(load, make, make('div', root, {className: 'live'}));
+  await load(given, text('viewer-block'));
   if (location.hash.startsWith('#picture=')) pictures(location.hash.slice(9));
-} catch (error) { give_up('The scene cannot be shown here: ' + error.message); throw error; }
+} catch (error) {
+  give_up('The scene cannot be shown here: ' + error.message);
+  throw error;
+}
 })();

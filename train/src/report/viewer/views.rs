@@ -26,8 +26,8 @@ pub struct Camera {
     pub split: String,
     /// Its time, the data set's unit.
     pub time: Option<f64>,
-    /// Camera to world, the first three rows, OpenCV axes, the scene's world.
-    pub c2w: [f64; 12],
+    /// Camera to world, column by column, OpenCV axes, the scene's world.
+    pub c2w: [f64; 16],
     /// Focal lengths and principal point, pixels: fx, fy, cx, cy.
     pub k: [f64; 4],
     /// Width and height, pixels.
@@ -57,17 +57,11 @@ pub fn camera(view: &View, split: &str) -> Camera {
         name: view.name.clone(),
         split: if split == "test" { "held out" } else { split }.into(),
         time: view.time,
-        c2w: rows(view.c2w),
+        c2w: view.c2w.to_cols_array(),
         k: [k.fx, k.fy, k.cx, k.cy],
         size: [view.width, view.height],
         photo: photo(view),
     }
-}
-
-/// The first three rows of a pose.
-pub fn rows(c2w: glam::DMat4) -> [f64; 12] {
-    let all = c2w.transpose().to_cols_array();
-    std::array::from_fn(|i| all[i])
 }
 
 /// The photo as a data URL, at most [`PHOTO_SIDE`] pixels a side; `None` where it cannot be encoded.
