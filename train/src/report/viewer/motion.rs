@@ -14,7 +14,7 @@ use crate::run::exchange::time_function;
 /// Most blocks of a row that have a weight at one time: as many as the page's shader has room for.
 const BLOCKS_MAX: usize = 64;
 
-/// Knots of the functions of a motion: a wave of three periods is off by a ten-millionth, a kink by a hundredth of the distance of two knots.
+/// Knots of the functions of a motion: a wave of three periods is off by a millionth, the sharpest kink by an eighth of the distance of two.
 const KNOTS: usize = 257;
 
 /// Most key frames: 64 spans between them, doubled from [`KEYS_FIRST`].
@@ -311,4 +311,54 @@ fn assembled(base: Gaussians, frames: &[Frame], rows: Vec<u32>, [first, last]: [
     }
     let clock = Clock { first, last, knots: frames.len(), blocks: frames.len(), vectors: false };
     Motion { base, rows, position, turn, shape, clock, weights: of_keys(frames.len()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use basis::{Form, Past, TimeFunction};
+
+    use super::*;
+
+    /// The weight of a block at `x` (0 at the first knot, 1 at the second), as the page's script takes it.
+    fn weight(table: &[f32], blocks: usize, block: usize, x: f64) -> f64 {
+        let knots = table.len() / (2 * blocks);
+        let knot = (x.floor().max(0.0) as usize).min(knots - 2);
+        let [a, c, b, d] =
+            [0, 1, 2 * blocks, 2 * blocks + 1].map(|offset| f64::from(table[2 * (blocks * knot + block) + offset]));
+        let u = x - knot as f64;
+        a + u * (c + u * (3.0 * (b - a) - 2.0 * c - d + u * (2.0 * (a - b) + c + d)))
+    }
+
+    #[test]
+    fn functions_come_back_between_knots() {
+        let wave = Form::Sine { power: 1, rate: 3.0 * PI };
+        let returning = TimeFunction { past: Some(Past { line: [0.0, 0.6], fade: 0.25 }), ..TimeFunction::power(3) };
+        let of = |form| TimeFunction { form, past: None };
+        let functions = [TimeFunction::power(3), of(wave), of(Form::Ramp { near: 0.2, far: 0.3 }), returning];
+        let [first, last] = [-1.3, 1.3];
+        let table = tabulated(&functions, [first, last]);
+        let step = (last - first) / (KNOTS - 1) as f64;
+        for (block, function) in functions.iter().enumerate() {
+            let exact = time_function(function);
+            let off = |x: f64| (weight(&table, functions.len(), block, x) - exact.at(first + step * x)).abs();
+            let worst = (0..10 * KNOTS - 10).map(|i| off(0.1 * f64::from(i as u32))).fold(0.0, f64::max);
+            // A parabola that begins within a stretch bends the cubic: by the step squared times the change of the second derivative over 64.
+            let bound = if block < 2 { 2e-6 } else { 0.02 * step };
+            assert!(worst < bound, "{function:?}: {worst}");
+        }
+    }
+
+    #[test]
+    fn key_frames_are_met_and_sum_to_one() {
+        let table = of_keys(9);
+        for x in [0.0, 0.3, 1.0, 4.5, 7.7, 8.0] {
+            let weights: Vec<f64> = (0..9).map(|block| weight(&table, 9, block, x)).collect();
+            assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-6);
+            // A straight path stays one, at its ends too.
+            let place: f64 = weights.iter().enumerate().map(|(key, weight)| weight * key as f64).sum();
+            assert!((place - x).abs() < 1e-6, "{place} at {x}");
+        }
+    }
 }

@@ -284,9 +284,10 @@ root.onclick = event => {                // a pressed button that is pressed aga
   if (name === 'photo' && now.view === null) choose(0);
   dirty = true;
 };
-function build() {                       // the controls that this scene needs
+function build() {                       // shows the controls that this scene needs
   const list = part('.cameras'), has_photos = scene.cameras.some(({photo}) => photo);
-  const needed = {'.time': scene.span, '[value=exposure]': scene.shutter, '.modes': scene.clock, '.photos': has_photos, '.cameras': scene.cameras[1]};
+  const needed = {'.stage': true, '.tools': true, '.time': scene.span, '.modes': scene.clock, '[value=exposure]': scene.shutter,
+    '.photos': has_photos, '.cameras': scene.cameras[1]};
   for (const [selector, is_needed] of Object.entries(needed)) part(selector).hidden = !is_needed;
   part('[value=training]').textContent = scene.cameras[0].size.join(' × ');
   list.replaceChildren();
