@@ -32,7 +32,7 @@ fn kernel_is_the_reference_at_every_degree() {
 
 /// The coefficients of degree 3 in two leaves.
 fn bands(sh: &Tensor<3>) -> [Tensor<3>; 2] {
-    [(0, 9), (9, 7)].map(|(first, count)| sh.clone().detach().narrow(1, first, count).require_grad())
+    [(0, 9), (9, 7)].map(|(first, count)| sh.clone().inner().narrow(1, first, count).autodiff().require_grad())
 }
 
 /// Colours and gradients with the third band apart are those of the reference.
