@@ -6,8 +6,9 @@
 //! The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.
 
 use crate::ops::rows::{add_rows, take_rows};
-use burn::tensor::{DType, Int, Tensor, assert_shape};
+use burn::tensor::{DType, Device, Int, Tensor, assert_shape};
 use gs_kernels::config::{RasterizeConfig, tile_grid};
+use gs_kernels::constants::TILE;
 
 use crate::limits::largest_buffer;
 use crate::ops::channels::channels;
@@ -70,7 +71,8 @@ pub struct ExposureOptions {
     /// Average the light of colours (through the curve of sRGB), as a sensor does, instead of the colours.
     pub linear: bool,
     /// Pairs and tiles for which a GPU makes room, so that it need not wait for their numbers; see [`intersect_instants`]. An exposure that
-    /// needs more shows the background alone, and [`ExposureRendering::intersections`] or [`ExposureRendering::tiles`] tells.
+    /// needs more shows the background alone, and [`ExposureRendering::intersections`] or [`ExposureRendering::tiles`] tells. Room that no
+    /// buffer holds is not used.
     pub room: Option<Room>,
 }
 
@@ -172,14 +174,15 @@ pub fn render_exposure(
     }
     let (rows, alphas, features) = (projected.clone(), opacities.clone(), colors.clone());
     let size = [width, height];
+    let image = RasterizeConfig { width: width as u32, height: height as u32, channels: 3, depth: render.depth };
+    let room = options.room.filter(|room| fits(room, &image, &colors.device()));
     let InstantIntersections { lists, shares, tiles } =
-        intersect_instants(rows, alphas, features, size, table.scene, &table.moving, options.room);
+        intersect_instants(rows, alphas, features, size, table.scene, &table.moving, room);
     let background = Tensor::from_data(render.background, (&colors.device(), colors.dtype()));
     let screen = screen.map(|screen| {
         assert_shape!(screen, [table.scene, 4]);
         table.of_rows(screen)
     });
-    let image = RasterizeConfig { width: width as u32, height: height as u32, channels: 3, depth: render.depth };
     let drawn = rasterize(projected.clone(), opacities, colors, background, screen, &lists, &image);
     let output = average_tiles(drawn.clone(), &shares, &average_config(&image, options.linear));
 
@@ -198,6 +201,13 @@ pub fn render_exposure(
         scene: table.scene,
         moving: table.moving,
     }
+}
+
+/// Whether a buffer of the device holds the pixels of all tiles for which there is room.
+fn fits(room: &Room, image: &RasterizeConfig, device: &Device) -> bool {
+    let (columns, rows) = tile_grid(image.width, image.height);
+    let values = room.tiles.max(columns * rows).saturating_mul(TILE * TILE * image.output_channels());
+    largest_buffer(device).is_none_or(|most| (values as u64).saturating_mul(4) <= most)
 }
 
 fn average_config(image: &RasterizeConfig, linear: bool) -> AverageConfig {
@@ -281,6 +291,7 @@ impl Table {
             });
             sh.colors(means, viewmat.clone(), rows, degree)
         };
+        let sh = sh.up_to(degree);
         let mut parts = vec![part(0, self.scene, sh.clone())];
         // Repeated coefficients are one buffer, so a device may ask for a part of the instants at a time.
         let [moving] = self.moving.dims();

@@ -70,6 +70,11 @@ impl ShCoefficients {
         Self { sh: f(self.sh), third: self.third.map(f) }
     }
 
+    /// Without a third band that colours of `degree` do not read.
+    pub(crate) fn up_to(self, degree: usize) -> Self {
+        Self { third: self.third.filter(|_| degree > 2), ..self }
+    }
+
     /// All values on the host, `[N, S, 3]`, row by row.
     pub fn to_host<E: Element>(&self) -> Vec<E> {
         let values = |tensor: &Tensor<3>| -> Vec<E> { tensor.to_data().iter::<E>().collect() };

@@ -8,7 +8,7 @@ use std::process::Command;
 const MOST: usize = 80;
 
 /// The exact exposure: motion, rows, copies and their backward as tensors of all instants, whatever their number. It had 865 when each instant
-/// had its own, and 246 when the lists of tiles were made on the host, for which the GPU waited; to make them takes 45.
+/// had its own, and 246 when the lists of tiles were made on the host, for which the GPU waited; the kernels that make them are 45 launches.
 const MOST_INTEGRATED: usize = 291;
 
 /// The paper's warp: depth, velocity, path and weights at the moving pixels.
@@ -36,7 +36,7 @@ fn a_step_has_few_launches_and_no_serial_one() {
         let launches: usize = words.next().and_then(|n| n.parse().ok()).expect("a number of launches");
         let serial: usize = words.nth(1).and_then(|n| n.parse().ok()).expect("a number of serial launches");
         let waits: usize = words.nth(1).and_then(|n| n.parse().ok()).expect("a number of waits");
-        assert_eq!(waits, 0, "{step}: a step waits once, for its loss:\n{text}");
+        assert_eq!(waits, 0, "{step}: a step waits for a list:\n{text}");
         assert!((20..=most).contains(&launches), "{step}: {launches} launches, at most {most}:\n{text}");
         assert!(serial <= most_serial, "{step}: {serial} serial launches, at most {most_serial}:\n{text}");
     }

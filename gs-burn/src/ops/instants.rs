@@ -27,9 +27,7 @@ pub struct TileShares {
 impl TileShares {
     /// The image's tiles at the first instant alone, of as many drawn tiles as here.
     pub fn first_only(&self) -> Self {
-        let (len, counts) = (self.numbers.dims()[0], self.grid + 1);
-        let mut numbers = vec![0_i32; len];
-        numbers[counts..counts + self.grid].fill(1);
+        let numbers = cpu::TileShares::first_only(self.grid, self.tiles()).numbers();
         let options = (&self.numbers.device(), DType::I32);
         Self { instants: 1, grid: self.grid, numbers: Tensor::from_data(numbers.as_slice(), options) }
     }
@@ -63,7 +61,8 @@ pub struct InstantIntersections {
 /// several instants have one list. Not differentiable.
 ///
 /// # Panics
-/// When shapes or float types disagree, and when there are more than 2^31 pairs; on a CPU, when `moving` does not ascend.
+/// When shapes or float types disagree, and when there are more than 2^31 pairs; on a CPU, when `moving` does not ascend below `scene`. A
+/// GPU does not check that, as it checks no row of [`take_rows`](super::rows::take_rows), and its lists would mean nothing.
 pub fn intersect_instants(
     projected: Tensor<2>,
     opacities: Tensor<1>,

@@ -29,7 +29,7 @@ pub struct TileIntersections {
     /// `[M]`: positions in `gaussian_ids`, ascending for each Gaussian.
     pub positions: Tensor<1, Int>,
     /// `[tiles]`: the image's tile of each list; `None` if the lists are those of the image's tiles in order. See
-    /// [`intersect_instants`](super::exposure::intersect_instants).
+    /// [`intersect_instants`](super::instants::intersect_instants).
     pub places: Option<Tensor<1, Int>>,
     /// Number of (tile, Gaussian) pairs: `M`, or less where [`intersect_within`] made lists for more.
     pub count: DeviceCount,

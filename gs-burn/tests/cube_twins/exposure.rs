@@ -130,6 +130,9 @@ fn room_changes_no_bit_and_too_little_tells() {
             assert_eq!(got, want, "{name} with {room:?}");
         }
     }
+    // Room that no buffer holds is not used.
+    let counting = trial(&gpu(), &scene, 8, 3, Some(Room { pairs, tiles: usize::MAX / 2 }));
+    assert_eq!((counting.counts, &counting.image), (counted.counts, &counted.image));
     for room in [Room { pairs: pairs - 1, tiles }, Room { pairs, tiles: tiles - 1 }, Room { pairs: 100, tiles: 1 }] {
         let within = trial(&gpu(), &scene, 8, 3, Some(room));
         assert!(within.overflows, "{room:?}");

@@ -1,7 +1,9 @@
 // Follows a training: asks gsburn watch for its state, and for the scene where there is a new one.
 function follow(load, make, live) {
   let version = null;
-  async function fetched(name) { return (await fetch(name, {cache: 'no-store'})).json(); }
+  async function fetched(name) {
+    try { return await (await fetch(name, {cache: 'no-store'})).json(); } catch { throw new Error('gsburn watch does not answer.'); }
+  }
   async function poll() {
     try {
       const state = await fetched('state.json');
@@ -15,9 +17,9 @@ function follow(load, make, live) {
       live.replaceChildren();
       make('p', live, {textContent: state.text});
       for (const {name, points} of state.curves) if (points.length > 1) chart(make, make('figure', live), name, points);
-    } catch {
+    } catch (error) {
       live.replaceChildren();
-      make('p', live, {textContent: 'gsburn watch does not answer.'});
+      make('p', live, {textContent: error.message});
     }
     setTimeout(poll, 3000);
   }

@@ -281,7 +281,7 @@ root.onclick = event => {                // a pressed button that is pressed aga
   else if (name === 'keep') keep();
   else if (name === 'view') choose(+value);
   else if (name) now[name] = now[name] === value ? button.parentElement.querySelector('button').value : value;
-  if (name === 'photo' && now.view === null) choose(0);
+  if (name === 'photo' && now.photo !== 'off' && now.view === null) choose(0);
   dirty = true;
 };
 function build() {                       // shows the controls that this scene needs

@@ -10,8 +10,9 @@ use crate::cube::scan::{SUMS, saturating_sum, sums_over_units};
 const UNITS_U32: u32 = UNITS as u32;
 
 /// One unit per row: its class, and its key at its place in the order of numbers in the scene. A Gaussian's rows of further instants follow
-/// its own. A stable sort by key then breaks ties as in a list of the whole scene.
-#[cube(launch_unchecked)]
+/// its own. A stable sort by key then breaks ties as in a list of the whole scene. Its launch is checked, because it indexes by numbers that
+/// come from outside.
+#[cube(launch)]
 pub(super) fn arrange_kernel(
     keys: &[u32],
     moving: &[u32],

@@ -32,7 +32,7 @@ pub struct InstantRows<'a> {
     pub features: &'a Buffer,
     /// Rows of the scene.
     pub scene: usize,
-    /// Ascending row numbers, `[M]`; `R = scene + further instants * M`.
+    /// Row numbers below `scene`, `[M]`; `R = scene + further instants * M`. They must ascend: nothing checks it, and kernels index by them.
     pub moving: &'a Buffer,
 }
 
@@ -144,24 +144,20 @@ fn arranged(
     let keys = Buffer::empty(client, "depth keys in the order of the scene", rows)?;
     let ids = Buffer::empty(client, "rows in the order of the scene", rows)?;
     let classes = Buffer::empty(client, "classes of rows", rows)?;
-    // SAFETY: `moving` ascends below `scene`, so places are a permutation of the rows; every buffer holds `rows` values, `moving` as many as
-    // it says.
-    unsafe {
-        arrange_kernel::launch_unchecked(
-            client,
-            grid_for(rows),
-            cube_dim(),
-            counted.keys.arg(),
-            moving.arg(),
-            keys.arg(),
-            ids.arg(),
-            classes.arg(),
-            rows as u32,
-            scene as u32,
-            moving.len() as u32,
-            further as u32,
-        );
-    }
+    arrange_kernel::launch(
+        client,
+        grid_for(rows),
+        cube_dim(),
+        counted.keys.arg(),
+        moving.arg(),
+        keys.arg(),
+        ids.arg(),
+        classes.arg(),
+        rows as u32,
+        scene as u32,
+        moving.len() as u32,
+        further as u32,
+    );
     Ok((Counted { counts: counted.counts, keys, ids }, classes))
 }
 
