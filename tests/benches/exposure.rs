@@ -125,7 +125,7 @@ impl World {
 
     /// One rendering of everything an instant.
     fn renderings(&self, samples: &[MovingSample]) -> Tensor<3> {
-        let Gaussians { means, quats, log_scales, opacity_logits, sh } = self.gaussians.clone();
+        let Gaussians { means, quats, log_scales, opacity_logits, sh, .. } = self.gaussians.clone();
         let one = |sample: &MovingSample| {
             // The movers are the first rows.
             let replaced = |all: Tensor<2>, rows: &Tensor<2>| {

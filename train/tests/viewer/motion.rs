@@ -105,7 +105,7 @@ struct Circles(Gaussians);
 
 impl DynamicScene for Circles {
     fn at(&self, t: f64) -> Gaussians {
-        let Gaussians { means, quats, log_scales, opacity_logits, sh } = &self.0;
+        let Gaussians { means, quats, log_scales, opacity_logits, .. } = &self.0;
         let count = self.0.len();
         let moving = |row: usize| if row.is_multiple_of(2) { 1.0 } else { 0.0 };
         let table = |columns: usize, value: &dyn Fn(usize, usize) -> f64| {
@@ -123,7 +123,7 @@ impl DynamicScene for Circles {
             quats.val() + turned * 0.4,
             log_scales.val() + grown,
             opacity_logits.val() + faded,
-            sh.val(),
+            self.0.sh_coefficients(),
         )
     }
 
