@@ -84,7 +84,7 @@ fn exposures_do_not_depend_on_the_split() {
         };
         let sample = |k: usize| MovingSample { means: rows(&scene.means) + 0.02 * k as f64, quats: rows(&scene.quats) };
         let samples: Vec<MovingSample> = (0..3).map(sample).collect();
-        let options = ExposureOptions { render: options(3), linear: true };
+        let options = ExposureOptions { render: options(3), linear: true, room: None };
         render_exposure(gaussians, &moving, &samples, &scene.camera(), &options, None).color
     };
     let [whole, apart] = [false, true].map(|apart| drawn(apart, exposure));
