@@ -39,7 +39,7 @@ mod recorded {
     const OF_256_UNITS: [&str; 5] = ["rows_of::", "sh_forward", "sh_backward", "sh::bands", "opacity::"];
 
     /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
-    const SMALL_WORK: [(&str, &str); 13] = [
+    const SMALL_WORK: [(&str, &str); 15] = [
         ("sum::", "8 values a unit, or the second level: 1,024 parts"),
         ("scan::", "8 values a unit"),
         ("products::group_sum_kernel", "at most 1,024 values a unit"),
@@ -53,6 +53,8 @@ mod recorded {
         ("ssim::loss", "two values"),
         ("sort::first_of_keys_kernel", "a bisection a tile or pixel"),
         ("sort::", "2,048 keys a cube, 8 a unit"),
+        ("kernels::extra_count_kernel", "a number for each instant a tile of the image"),
+        ("kernels::drawn_kernel", "a list for each instant a tile of the image"),
     ];
 
     /// Burn's kernels that work on an element a unit: small launches have little work.
