@@ -44,10 +44,10 @@ pub(super) fn arrange_kernel(
             }
         }
         place += low * further;
-        if low < movers {
-            if moving[low as usize] == row {
-                class = 0u32;
-            }
+        // Behind the last, which is smaller than the row, there is none.
+        let nearest = select(low < movers, low, movers - 1u32);
+        if moving[nearest as usize] == row {
+            class = 0u32;
         }
     } else {
         let mover = (row - scene) % movers;
@@ -170,10 +170,8 @@ pub(super) fn copy_count_kernel(
     if index < pairs as usize {
         let tile = tiles[index] as usize;
         let mut count = 0u32;
-        if tile < grid as usize {
-            if entries[start_classes as usize + index] == still {
-                count = extra_offsets[tile + 1] - extra_offsets[tile];
-            }
+        if tile < grid as usize && entries[start_classes as usize + index] == still {
+            count = extra_offsets[tile + 1] - extra_offsets[tile];
         }
         copies[entries[start_slots as usize + index] as usize] = count;
     }
@@ -229,14 +227,12 @@ pub(super) fn drawn_kernel(
     let total = totals(base_offsets, copy_offsets, extra_offsets, rows, base_pairs, grid, room_pairs, room_extras);
     let counts = grid + 1u32;
     let used = select(total.fit, total.extras, 0u32);
-    if index < room_extras {
-        if index >= used {
-            let list = grid + index;
-            drawn[list as usize] = 0u32;
-            drawn[(start_classes + list) as usize] = still;
-            drawn[(start_lengths + list) as usize] = 0u32;
-            shares[(counts + list) as usize] = 0u32;
-        }
+    if index < room_extras && index >= used {
+        let list = grid + index;
+        drawn[list as usize] = 0u32;
+        drawn[(start_classes + list) as usize] = still;
+        drawn[(start_lengths + list) as usize] = 0u32;
+        shares[(counts + list) as usize] = 0u32;
     }
     if index == 0u32 {
         shares[grid as usize] = used;
@@ -342,21 +338,15 @@ pub(super) fn target_kernel(
         targets[index as usize] = own;
         targets[(start_copies + index) as usize] = base_offsets[row as usize + 1] + copy_offsets[slot as usize];
         // Rounding may send a pair to a tile behind the last. Its row keeps it, as one of no tile.
-        if total > 0u32 {
-            if index >= behind_tiles {
-                if index < base_total {
-                    let position = total - (base_total - behind_tiles) + (index - behind_tiles);
-                    lists[position as usize] = row;
-                    lists[(start_positions + own) as usize] = position;
-                }
-            }
+        if total > 0u32 && index >= behind_tiles && index < base_total {
+            let position = total - (base_total - behind_tiles) + (index - behind_tiles);
+            lists[position as usize] = row;
+            lists[(start_positions + own) as usize] = position;
         }
     }
-    if index < pairs {
-        if index >= total {
-            lists[index as usize] = 0u32;
-            lists[(start_positions + index) as usize] = index;
-        }
+    if index < pairs && index >= total {
+        lists[index as usize] = 0u32;
+        lists[(start_positions + index) as usize] = index;
     }
 }
 
