@@ -198,7 +198,6 @@ impl InstantsKernels for CubeBackend {
         let [projected, opacities, features] = &[projected, opacities, features].map(|t| launch.floats(t));
         let moving = &launch.ints(moving);
         let rows = intersect::InstantRows { projected, opacities, features, scene, moving };
-        let room = room.map(|Room { pairs, tiles }| intersect::InstantsRoom { pairs, tiles });
         let found = unwrap(intersect::intersect_instants(&launch.client, rows, size, channels, room));
         let words = match found.words {
             Some(words) => words,

@@ -112,6 +112,15 @@ pub struct AverageConfig {
     pub encoded: usize,
 }
 
+/// Room for the lists of a rendering, so that nothing waits for the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Pairs of tile and Gaussian.
+    pub pairs: usize,
+    /// Tiles drawn for an exposure, at all instants, those of the image included.
+    pub tiles: usize,
+}
+
 /// Tiles along x and y of an image in pixels.
 pub fn tile_grid(width: u32, height: u32) -> (usize, usize) {
     ((width as usize).div_ceil(TILE), (height as usize).div_ceil(TILE))

@@ -14,7 +14,8 @@ use gs_kernels::rows::PROJECTED;
 use super::assert_same_dtype;
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, int_tensor, with_float};
-pub use count::{DeviceCount, Room};
+pub use count::DeviceCount;
+pub use gs_kernels::config::Room;
 pub use reference::intersect_reference;
 
 /// Tiles of 16 x 16 pixels and the Gaussians that touch them; `M` is the number of (tile, Gaussian) pairs. All `i32`.

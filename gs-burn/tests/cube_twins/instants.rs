@@ -1,10 +1,10 @@
 //! The lists of the tiles of several instants.
 
 use gs_burn::ops::intersect::DeviceCount;
-use gs_kernels::config::tile_grid;
+use gs_kernels::config::{Room, tile_grid};
 use gs_kernels::cpu::exposure as cpu;
 use gs_kernels::cpu::intersect::Intersections;
-use gs_kernels::cube::intersect::{FoundInstants, InstantRows, InstantsRoom, intersect, intersect_instants};
+use gs_kernels::cube::intersect::{FoundInstants, InstantRows, intersect, intersect_instants};
 use gs_kernels::rows::PROJECTED;
 
 use crate::support::{Random, Scene, client, down_u32, up, up_u32};
@@ -55,7 +55,7 @@ impl Table {
         )
     }
 
-    fn found(&self, room: Option<InstantsRoom>) -> FoundInstants {
+    fn found(&self, room: Option<Room>) -> FoundInstants {
         let [projected, opacities, features] = &[&self.projected, &self.opacities, &self.features].map(|v| up(v));
         let moving = &up_u32(&self.moving);
         let table = InstantRows { projected, opacities, features, scene: self.scene, moving };
@@ -139,7 +139,7 @@ impl Table {
         let want = got;
         let shares = own_shares;
 
-        let room = |pairs, tiles| InstantsRoom { pairs, tiles };
+        let room = |pairs, tiles| Room { pairs, tiles };
         for room in
             [room(pairs, tiles), room(pairs + 1, tiles), room(pairs, tiles + 1), room(2 * pairs + 999, 3 * tiles)]
         {

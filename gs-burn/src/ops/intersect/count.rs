@@ -44,12 +44,3 @@ impl DeviceCount {
         matches!(self, Self::OnDevice { room, .. } if count > *room)
     }
 }
-
-/// Room for the lists of a rendering; see [`DeviceCount`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Room {
-    /// Pairs of tile and Gaussian.
-    pub pairs: usize,
-    /// Tiles drawn for an exposure, at all instants.
-    pub tiles: usize,
-}

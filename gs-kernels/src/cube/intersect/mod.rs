@@ -9,6 +9,6 @@ mod instants;
 mod lists;
 mod spans;
 
-pub use instants::{FoundInstants, InstantRows, InstantsRoom, intersect_instants};
+pub use instants::{FoundInstants, InstantRows, intersect_instants};
 pub use lists::{Found, Intersections, PAIRS_OF_A_UNIT, intersect};
 pub(in crate::cube) use spans::{CutOff, cut_off, touches};

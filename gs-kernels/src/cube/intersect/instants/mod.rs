@@ -15,7 +15,7 @@ use kernels::{
 use cubecl::prelude::*;
 
 use super::lists::{ByTile, Counted, Found, by_tile, count_tiles, intersect, usable_room};
-use crate::config::tile_grid;
+use crate::config::{Room, tile_grid};
 use crate::cube::buffer::{Buffer, cube_dim, grid, grid_for};
 use crate::cube::error::CubeError;
 use crate::cube::scan::exclusive_scan;
@@ -34,15 +34,6 @@ pub struct InstantRows<'a> {
     pub scene: usize,
     /// Row numbers below `scene`, `[M]`; `R = scene + further instants * M`. They must ascend: nothing checks it, and kernels index by them.
     pub moving: &'a Buffer,
-}
-
-/// Room for lists, so that nothing waits for the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InstantsRoom {
-    /// Pairs of all lists.
-    pub pairs: usize,
-    /// Lists, those of the image's tiles included.
-    pub tiles: usize,
 }
 
 /// The lists to be drawn; `T` is their number, or the room for them, and `P` that of their pairs.
@@ -80,7 +71,7 @@ pub fn intersect_instants(
     table: InstantRows,
     size: [u32; 2],
     channels: usize,
-    room: Option<InstantsRoom>,
+    room: Option<Room>,
 ) -> Result<FoundInstants, CubeError> {
     let InstantRows { projected, opacities, features, scene, moving } = table;
     let (rows, movers) = (projected.len() / PROJECTED, moving.len());
@@ -104,7 +95,7 @@ pub fn intersect_instants(
     let base = by_tile(client, projected, opacities, counted, size, pairs_room)?;
     let extended = Extended::of(client, &base, &classes, further, grid_tiles)?;
     let room = match room {
-        Some(room) => InstantsRoom { pairs: room.pairs, tiles: room.tiles.max(grid_tiles) },
+        Some(room) => Room { pairs: room.pairs, tiles: room.tiles.max(grid_tiles) },
         None => extended.counted(client, &base, grid_tiles)?,
     };
     let found = extended.lists(client, &base, further, grid_tiles, room)?;
@@ -253,7 +244,7 @@ impl Extended {
     }
 
     /// The exact room, read from the device.
-    fn counted(&self, client: &Client, base: &ByTile, grid_tiles: usize) -> Result<InstantsRoom, CubeError> {
+    fn counted(&self, client: &Client, base: &ByTile, grid_tiles: usize) -> Result<Room, CubeError> {
         let last = |buffer: &Buffer| -> Result<u32, CubeError> {
             Ok(buffer.part(buffer.len() - 1, 1).download::<u32>(client)?[0])
         };
@@ -261,7 +252,7 @@ impl Extended {
         if pairs > i32::MAX as u64 {
             return Err(CubeError::TooManyIntersections);
         }
-        Ok(InstantsRoom { pairs: pairs as usize, tiles: grid_tiles + last(&self.extra_offsets)? as usize })
+        Ok(Room { pairs: pairs as usize, tiles: grid_tiles + last(&self.extra_offsets)? as usize })
     }
 
     fn lists(
@@ -270,11 +261,11 @@ impl Extended {
         base: &ByTile,
         further: usize,
         grid_tiles: usize,
-        room: InstantsRoom,
+        room: Room,
     ) -> Result<FoundInstants, CubeError> {
         let (rows, base_pairs) = (base.gaussian_offsets.len() - 1, base.slots.len());
         let (still, grid_u32) = (further as u32 + 1, grid_tiles as u32);
-        let InstantsRoom { pairs, tiles } = room;
+        let Room { pairs, tiles } = room;
         let extras = tiles - grid_tiles;
         let drawn = Buffer::slab(client, "lists of tiles", [tiles; 3])?;
         let drawn_starts = drawn.starts.map(|start| start as u32);
