@@ -7,7 +7,7 @@ use crate::frame::{Intrinsics, RgbImage8, View};
 use crate::lens::Resolved;
 use crate::mask::{self, Mask};
 use crate::options::LoadOptions;
-use crate::pixels::{self, Behind};
+use crate::pixels::{self, Behind, Opened};
 use crate::priors::attach::{Attached, PhotoShape, SideNotes, attach};
 use crate::raw::RawFrame;
 use crate::resample::resample;
@@ -40,6 +40,8 @@ pub(crate) struct ViewNote {
     pub is_blank: bool,
     /// The photo is stored turned or mirrored, by EXIF. Known only of frames that were [examined](Decoder::examine).
     pub is_turned: bool,
+    /// The levels of a photo of more than 8 bits, as shares of its full range; `None` of a photo of 8 bits.
+    pub range: Option<[f64; 2]>,
     pub sides: SideNotes,
 }
 
@@ -58,7 +60,7 @@ impl Decoder {
 
     /// The frame's view.
     pub fn view(&self, frame: &RawFrame) -> Result<(View, ViewNote), DatasetError> {
-        let (photo, alpha) = pixels::open_with_alpha(&frame.image_path, self.behind)?;
+        let Opened { photo, alpha, range } = pixels::open_whole(&frame.image_path, self.behind)?;
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
         let target = self.target(size);
@@ -70,7 +72,7 @@ impl Decoder {
         let image = RgbImage8 { width: target.0, height: target.1, data };
         let intrinsics = scaled(camera.resolved.intrinsics, size, target);
         let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
-        let note = ViewNote { is_blank, ..camera.note(frame, notes) };
+        let note = ViewNote { is_blank, range, ..camera.note(frame, notes) };
         let view = View {
             name: frame.name.clone(),
             image_path: frame.image_path.clone(),
@@ -90,10 +92,11 @@ impl Decoder {
     pub fn examine(&self, frame: &RawFrame) -> Result<ViewNote, DatasetError> {
         let image = pixels::decode(&frame.image_path)?;
         let size = (image.width() as usize, image.height() as usize);
+        let range = pixels::deep_range(&image);
         drop(image);
         let camera = Camera::of(frame, size)?;
         let note = camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes);
-        Ok(ViewNote { is_turned: pixels::is_turned(&frame.image_path), ..note })
+        Ok(ViewNote { is_turned: pixels::is_turned(&frame.image_path), range, ..note })
     }
 
     /// Camera to world of the frame's view.
@@ -157,6 +160,7 @@ impl Camera {
             masked: self.masked,
             is_blank: self.masked == Some(1.0),
             is_turned: false,
+            range: None,
             sides,
         }
     }

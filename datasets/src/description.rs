@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::consistency;
+use crate::convention::PoseConvention;
 use crate::decode::Decoder;
 use crate::error::DatasetError;
 use crate::findings::Findings;
@@ -16,6 +17,7 @@ use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::{PointCloud, SceneFormat};
 use crate::statistics::mean;
+use crate::subject::without_strays;
 
 /// Frames sorted by name, before they are split.
 pub(crate) struct Description {
@@ -29,11 +31,12 @@ pub(crate) struct Description {
 impl Description {
     /// The description of a scene that a reader found.
     pub fn of(raw: RawScene, path: &Path, options: &LoadOptions, findings: &mut Findings) -> Self {
+        let raw = reread(raw, options);
         let frames = sort_and_name(raw.frames, findings);
         let frames = consistency::settle(frames, path, options, findings);
         // In a set with exposures, alpha is a share of light, in its sharp photos too.
         let is_light = frames.iter().any(|frame| frame.exposure.is_some_and(|exposure| exposure > 0.0));
-        let behind = Behind { color: options.background, is_light };
+        let behind = Behind { color: options.background, is_light, levels: options.levels };
         let decoder = Decoder::new(options, behind, origin(&frames, options));
         Self { format: raw.format, frames, points: raw.points, decoder }
     }
@@ -61,10 +64,34 @@ pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), Da
     {
         return wrong("exposure", "a duration above 0, in the unit of time", exposure.to_string());
     }
+    if !(options.points_scale > 0.0 && options.points_scale.is_finite()) {
+        return wrong("points_scale", "a factor above 0", options.points_scale.to_string());
+    }
+    if let Some([black, white]) = options.levels
+        && !((0.0..1.0).contains(&black) && white > black && white <= 1.0)
+    {
+        return wrong(
+            "levels",
+            "two shares of the full range, 0 <= black < white <= 1",
+            format!("{black} and {white}"),
+        );
+    }
     if options.background.iter().any(|value| !(0.0..=1.0).contains(value)) {
         return wrong("background", "values from 0 to 1", format!("{:?}", options.background));
     }
     Ok(())
+}
+
+/// The scene with its poses and points as the user says that they are meant.
+fn reread(mut raw: RawScene, options: &LoadOptions) -> RawScene {
+    if let Some(meant) = options.poses {
+        let own = PoseConvention::of(raw.format);
+        raw.frames.iter_mut().for_each(|frame| frame.c2w = meant.to_c2w(own.to_file(frame.c2w)));
+    }
+    if let Some(points) = &mut raw.points {
+        points.positions.iter_mut().for_each(|position| *position *= options.points_scale);
+    }
+    raw
 }
 
 /// Sorts by name as every published split does, drops repeated frames and makes names unique.
@@ -93,7 +120,7 @@ fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawF
 
 fn origin(frames: &[RawFrame], options: &LoadOptions) -> DVec3 {
     let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
-    match mean(&centres) {
+    match mean(&without_strays(&centres)) {
         Some(mean) if options.recentre && mean.length() > RECENTRE_DISTANCE => mean,
         _ => DVec3::ZERO,
     }

@@ -29,6 +29,7 @@
 pub mod camera_path;
 mod check;
 mod consistency;
+mod convention;
 mod decode;
 mod description;
 mod error;
@@ -41,6 +42,7 @@ pub mod image_io;
 pub mod import;
 mod jpeg;
 mod lens;
+mod levels;
 pub mod light;
 mod loader;
 mod log;
@@ -70,6 +72,7 @@ mod undistort;
 
 pub use check::{CheckReport, check};
 pub use consistency::frame_interval;
+pub use convention::{CameraAxis, PoseConvention};
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
 pub use lens::Distortion;

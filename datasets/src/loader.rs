@@ -11,6 +11,7 @@ use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{CameraPose, View};
 use crate::lens::off_photo_warning;
+use crate::levels;
 use crate::log::Log;
 use crate::mask;
 use crate::names::some_names;
@@ -40,6 +41,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let (mut views, notes): (Vec<View>, Vec<ViewNote>) =
         decoded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     summarise(path, &notes, &mut findings);
+    levels::warning(path, &notes, options.levels).into_iter().for_each(|sentence| findings.warn(sentence));
     let noted: Vec<Noted> = notes
         .iter()
         .zip(log.frames())

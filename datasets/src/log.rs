@@ -98,6 +98,14 @@ impl Log {
         Ok(log)
     }
 
+    /// [`open`](Log::open) without a word of its findings, for a second look at a data set.
+    ///
+    /// # Errors
+    /// As [`open`](Log::open).
+    pub fn describe_quietly(path: &Path, options: &LoadOptions) -> Result<Self, DatasetError> {
+        Ok(Self::describe(path, options)?.0)
+    }
+
     /// The log, and the findings of its description, which are not yet logged.
     pub(crate) fn describe(path: &Path, options: &LoadOptions) -> Result<(Self, Findings), DatasetError> {
         check_options(path, options)?;
@@ -137,7 +145,8 @@ impl Log {
             .map(|(split, index)| describe(&raw[index], split, &decoder))
             .collect();
         let all: Vec<&RawFrame> = raw.iter().collect();
-        let disagreements = consistency::compare_splits(&all[..trains], &all[trains..], options.sparse.is_some(), path);
+        let disagreements =
+            consistency::compare_splits(&all[..trains], &all[trains..], options.expects_later_frames(), path);
         Self {
             path: path.to_path_buf(),
             format: description.format,

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::convention::PoseConvention;
+
 /// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as [`Split::TEST`](crate::Split::TEST).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Holdout {
@@ -128,6 +130,22 @@ pub struct LoadOptions {
     /// How long the shutter was open in every view, in the unit of time, whatever the data set says; above 0. `None`
     /// (the default) goes by the data set.
     pub exposure: Option<f64>,
+    /// The convention of the poses, whatever the format's is; `None` (the default) goes by the format.
+    pub poses: Option<PoseConvention>,
+    /// Factor on the coordinates of the points to start from, for points in another unit than the poses. Default 1.
+    pub points_scale: f64,
+    /// The levels that become black and white, as shares of a photo's full range, 0 to 1. A 16-bit photo is stretched before it
+    /// is rounded to 8 bits. `None` (the default): 0 and 1.
+    pub levels: Option<[f64; 2]>,
+    /// Whether later frames are held out on purpose, so that their times are no mistake. Default no.
+    pub predicts: bool,
+}
+
+impl LoadOptions {
+    /// Whether held-out frames may be later than all that train.
+    pub(crate) fn expects_later_frames(&self) -> bool {
+        self.predicts || self.sparse.is_some()
+    }
 }
 
 /// A scene is moved to the origin when the mean of its camera centres is farther from it than this, in scene units.
@@ -150,6 +168,10 @@ impl Default for LoadOptions {
             training_truth: false,
             depth_kind: None,
             exposure: None,
+            poses: None,
+            points_scale: 1.0,
+            levels: None,
+            predicts: false,
         }
     }
 }

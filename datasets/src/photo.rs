@@ -17,7 +17,7 @@ use crate::undistort::Undistortion;
 /// # Errors
 /// When the file is missing, cut short, no PNG or JPEG, or larger than memory for one photo may be.
 pub fn read_photo(path: &Path, max_width: Option<usize>) -> Result<RgbImage8, DatasetError> {
-    let photo = pixels::open(path, Behind { color: [0.0; 3], is_light: false })?;
+    let photo = pixels::open(path, Behind::BLACK)?;
     let (width, height) = target_size(photo.size(), max_width);
     let (data, _) = resample(photo, &[], None, (width, height));
     Ok(RgbImage8 { width, height, data })
@@ -34,7 +34,7 @@ pub fn decode_photo(
     max_width: Option<usize>,
     undistortion: Option<&Undistortion>,
 ) -> Result<RgbImage8, DatasetError> {
-    let photo = pixels::open_bytes(path, bytes, Behind { color: [0.0; 3], is_light: false })?;
+    let photo = pixels::open_bytes(path, bytes, Behind::BLACK)?;
     let size = photo.size();
     if let Some(expected) = undistortion.map(Undistortion::size).filter(|expected| *expected != size) {
         let expected = format!("{} x {} pixels, as the calibration says", expected.0, expected.1);

@@ -131,9 +131,20 @@ pub(crate) struct Behind {
     /// Whether alpha is a share of light, as where things moved while the shutter was open: at a blurred edge it says for how
     /// long the background was seen. Otherwise encoded values are mixed, as those who publish still scenes do.
     pub is_light: bool,
+    /// The levels that become black and white, as shares of the full range; `None`: 0 and 1.
+    pub levels: Option<[f64; 2]>,
 }
 
 impl Behind {
+    /// Black, mixed with encoded values, over the full range.
+    pub const BLACK: Self = Self { color: [0.0; 3], is_light: false, levels: None };
+
+    /// A photo's encoded value, 0 to 1, between the levels.
+    fn stretch(self, value: f32) -> f32 {
+        let Some([black, white]) = self.levels else { return value };
+        ((f64::from(value) - black) / (white - black)).clamp(0.0, 1.0) as f32
+    }
+
     fn mix(self, value: f32, channel: usize, alpha: f32) -> f32 {
         let behind = self.color[channel];
         if self.is_light && alpha > 0.0 && alpha < 1.0 {
@@ -155,11 +166,47 @@ pub(crate) fn open_bytes(path: &Path, bytes: &[u8], behind: Behind) -> Result<Ph
     Ok(composited(decode_bytes(path, bytes)?, behind))
 }
 
-/// As [`open`], with the photo's alpha (0 to 255) in all three channels; `None` if the file has none or is opaque everywhere.
-pub(crate) fn open_with_alpha(path: &Path, behind: Behind) -> Result<(Photo, Option<Photo>), DatasetError> {
+/// A photo with the other contents of its file.
+pub(crate) struct Opened {
+    /// As [`open`] gives it.
+    pub photo: Photo,
+    /// The file's alpha, 0 to 255, in all three channels; `None` if the file has none or is opaque everywhere.
+    pub alpha: Option<Photo>,
+    /// See [`deep_range`].
+    pub range: Option<[f64; 2]>,
+}
+
+/// As [`open`], with the other contents of the file.
+pub(crate) fn open_whole(path: &Path, behind: Behind) -> Result<Opened, DatasetError> {
     let image = decode(path)?;
-    let alpha = alpha(&image).map(Photo::Rgb8);
-    Ok((composited(image, behind), alpha))
+    let (alpha, range) = (alpha(&image).map(Photo::Rgb8), deep_range(&image));
+    Ok(Opened { photo: composited(image, behind), alpha, range })
+}
+
+/// Share of the pixels left out at either end of a range: hot and dead pixels of a sensor.
+const OUTSIDE: f64 = 1e-3;
+
+/// The levels that the pixels of a photo of more than 8 bits have, as shares of its full range; `None` of a photo of 8 bits.
+pub(crate) fn deep_range(image: &DynamicImage) -> Option<[f64; 2]> {
+    if image.color().bytes_per_pixel() == image.color().channel_count() {
+        return None;
+    }
+    let mut counts = vec![0u64; 1 << 16];
+    let pixels = image.to_rgb16();
+    pixels.as_raw().iter().for_each(|level| counts[usize::from(*level)] += 1);
+    let left_out = (OUTSIDE * pixels.as_raw().len() as f64) as u64;
+    let (low, high) = (first_beyond(counts.iter(), left_out)?, first_beyond(counts.iter().rev(), left_out)?);
+    let last = f64::from(u16::MAX);
+    Some([low as f64 / last, 1.0 - high as f64 / last])
+}
+
+/// The place of the first count with which more than `left_out` have passed.
+fn first_beyond<'a>(mut counts: impl Iterator<Item = &'a u64>, left_out: u64) -> Option<usize> {
+    let mut passed = 0;
+    counts.position(|count| {
+        passed += count;
+        passed > left_out
+    })
 }
 
 fn alpha(image: &DynamicImage) -> Option<image::RgbImage> {
@@ -173,15 +220,21 @@ fn alpha(image: &DynamicImage) -> Option<image::RgbImage> {
 }
 
 fn composited(image: DynamicImage, behind: Behind) -> Photo {
+    let is_plain = behind.levels.is_none();
     match image {
-        DynamicImage::ImageRgb8(image) => Photo::Rgb8(image),
-        image @ DynamicImage::ImageLuma8(_) => Photo::Rgb8(image.into_rgb8()),
-        image if !image.color().has_alpha() => Photo::Rgb32(image.into_rgb32f()),
+        DynamicImage::ImageRgb8(image) if is_plain => Photo::Rgb8(image),
+        image @ DynamicImage::ImageLuma8(_) if is_plain => Photo::Rgb8(image.into_rgb8()),
+        image if !image.color().has_alpha() => {
+            let mut image = image.into_rgb32f();
+            image.iter_mut().for_each(|value| *value = behind.stretch(*value));
+            Photo::Rgb32(image)
+        }
         image => {
             let rgba = image.into_rgba32f();
             let mut rgb = image::Rgb32FImage::new(rgba.width(), rgba.height());
             for (out, pixel) in rgb.pixels_mut().zip(rgba.pixels()) {
                 let [r, g, b, alpha] = pixel.0;
+                let [r, g, b] = [r, g, b].map(|value| behind.stretch(value));
                 out.0 = [behind.mix(r, 0, alpha), behind.mix(g, 1, alpha), behind.mix(b, 2, alpha)];
             }
             Photo::Rgb32(rgb)

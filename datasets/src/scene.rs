@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3};
 
 use crate::frame::View;
 pub(crate) use crate::statistics::mean;
-use crate::subject::subject_distance;
+use crate::subject::{subject_distance, without_strays};
 
 /// The layout that a scene was described in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,10 +122,11 @@ impl Scene {
     }
 
     /// The scene's size as 3D Gaussian Splatting measures it: 1.1 times the largest distance of a training camera from
-    /// the mean of all training cameras, scene units. Learning rates and density thresholds are relative to it.
-    /// 0 when there is one camera only.
+    /// the mean of all training cameras, scene units. Learning rates and density thresholds are relative to it. A camera ten times farther
+    /// out than three quarters of them is a mistake and does not count. 0 when there is one camera only.
     pub fn extent(&self) -> f64 {
         let centres: Vec<DVec3> = self.train.iter().map(|view| view.c2w.w_axis.truncate()).collect();
+        let centres = without_strays(&centres);
         let Some(mean) = mean(&centres) else { return 0.0 };
         1.1 * centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max)
     }

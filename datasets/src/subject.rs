@@ -39,6 +39,27 @@ pub fn subject(poses: &[DMat4]) -> Option<DVec3> {
     poses.iter().all(sees).then_some(subject)
 }
 
+/// A camera this many times farther from the cameras' middle than three quarters of them are is a stray. A rig of a close group and a few
+/// far cameras may have a factor of 5.
+pub(crate) const STRAY: f64 = 10.0;
+
+/// Whether each camera stands so far from all others that its pose is a mistake rather than a part of the rig: rates, near planes and
+/// thresholds go by the others.
+pub(crate) fn strays(positions: &[DVec3]) -> Vec<bool> {
+    let along = |axis: fn(&DVec3) -> f64| median(positions.iter().map(axis).collect()).unwrap_or(0.0);
+    // By axis, since a mean goes where the stray is.
+    let middle = DVec3::new(along(|p| p.x), along(|p| p.y), along(|p| p.z));
+    let mut distances: Vec<f64> = positions.iter().map(|position| position.distance(middle)).collect();
+    distances.sort_by(f64::total_cmp);
+    let usual = distances.get(3 * distances.len() / 4).copied().unwrap_or(0.0);
+    positions.iter().map(|position| usual > 0.0 && position.distance(middle) > STRAY * usual).collect()
+}
+
+/// The positions without [strays].
+pub(crate) fn without_strays(positions: &[DVec3]) -> Vec<DVec3> {
+    positions.iter().zip(strays(positions)).filter(|(_, stray)| !stray).map(|(position, _)| *position).collect()
+}
+
 /// Least determinant (see [`nearest_to_axes`]) with which the subject says how far things are: axes that spread by some 10 degrees. A
 /// narrower rig knows its subject's distance worse than by half.
 const SPREAD: f64 = 0.005;
@@ -51,6 +72,10 @@ const CAMERAS_MIN: usize = 3;
 /// three cameras). The one meaning of "distance of the subject": near planes, warnings about them, and the depths at which random points
 /// begin are shares of it.
 pub fn subject_distance(poses: &[DMat4]) -> Option<f64> {
+    let centres: Vec<DVec3> = poses.iter().map(|pose| pose.w_axis.truncate()).collect();
+    let poses: Vec<DMat4> =
+        poses.iter().zip(strays(&centres)).filter(|(_, stray)| !stray).map(|(pose, _)| *pose).collect();
+    let poses = &poses[..];
     let subject = nearest_to_axes(poses, SPREAD).filter(|_| poses.len() >= CAMERAS_MIN)?;
     let depth = |c2w: &DMat4| (subject - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
     let before: Vec<f64> = poses.iter().map(depth).filter(|depth| *depth > 0.0).collect();
@@ -70,6 +95,19 @@ mod tests {
             DMat4::from_cols(y.cross(z).extend(0.0), y.extend(0.0), z.extend(0.0), position.extend(1.0))
         };
         (0..count).map(camera).collect()
+    }
+
+    #[test]
+    fn a_stray_changes_no_distance() {
+        let mut poses = arc(12, 2.0);
+        assert!(
+            strays(&poses.iter().map(|pose| pose.w_axis.truncate()).collect::<Vec<_>>()).iter().all(|stray| !stray)
+        );
+        poses[3].w_axis = (100.0 * poses[3].w_axis.truncate() + DVec3::X).extend(1.0);
+        let centres: Vec<DVec3> = poses.iter().map(|pose| pose.w_axis.truncate()).collect();
+        assert_eq!(strays(&centres).iter().position(|stray| *stray), Some(3));
+        assert_eq!(without_strays(&centres).len(), 11);
+        assert!((subject_distance(&poses).expect("an arc") - 4.0).abs() < 1e-9);
     }
 
     #[test]

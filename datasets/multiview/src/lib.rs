@@ -20,6 +20,7 @@
 //! | coloured points on the object at a time, by space carving | [`hull`](fn@hull) |
 //! | points for data sets without any, by a plane sweep | [`plane_sweep`](fn@plane_sweep) |
 //! | more points where some are known | [`plane_sweep_around`] |
+//! | whether poses agree with photos and points, and in which convention they would | [`judge_poses`] |
 //!
 //! Heuristics are fields of [`CueOptions`]; constants that follow from statistics are not.
 //!
@@ -52,10 +53,12 @@ mod carve;
 mod centres;
 mod cluster;
 mod depth_range;
+mod grey;
 mod hull;
 mod illumination;
 mod least_squares;
 mod masks;
+mod matches;
 mod median;
 mod noise;
 mod objects;
@@ -64,6 +67,8 @@ mod patch;
 mod pinhole;
 mod pixels;
 mod plane_sweep;
+mod pose_evidence;
+mod poses;
 mod regions;
 mod shadow;
 mod tracks;
@@ -82,5 +87,7 @@ pub use objects::object_centres;
 pub use options::{CueOptions, HullOptions, MaskOptions, ObjectOptions, OptionError, REFERENCE_WIDTH};
 pub use pinhole::Pinhole;
 pub use plane_sweep::{plane_sweep, plane_sweep_around};
+pub use pose_evidence::PointEvidence;
+pub use poses::{Camera, Evidence, PoseJudgement, PosePairs, PoseVerdict, judge_poses, pose_pairs};
 pub use tracks::{ImageScale, Track, tracks};
 pub use trajectory::{Kink, Trajectory};

@@ -12,9 +12,10 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use gs_datasets::{Intrinsics, PointCloud, View};
+use gs_datasets::{PointCloud, View};
 
 use crate::depth_range::DepthRange;
+use crate::grey::Grey;
 use crate::patch::{Patch, Pixels};
 
 /// Photos are reduced to about this width where nothing is known of their depths, so that patches span enough of the scene to be
@@ -53,15 +54,6 @@ const TEXTURE: f64 = 0.02;
 
 /// Rays tried for each point asked for.
 const TRIES: usize = 6;
-
-/// A reduced grey photo.
-struct Grey {
-    pixels: Pixels,
-    intrinsics: Intrinsics,
-    viewmat: glam::DMat4,
-    /// Original pixels along a side of a reduced one.
-    step: usize,
-}
 
 /// Up to `count` points at depths from `near` to `far` (scene units, positive) on which photos of a static scene
 /// agree, in the colours of their pixels. The result depends on the seed alone, not on the number of threads.
@@ -154,34 +146,6 @@ fn sweep(
         }
     }
     points
-}
-
-impl Grey {
-    /// All photos at about one width.
-    fn all(views: &[View], width: usize) -> Vec<Self> {
-        views.par_iter().map(|view| Self::of(view, width)).collect()
-    }
-
-    /// The mean of the channels over blocks of pixels, about `width` of them in a row.
-    fn of(view: &View, width: usize) -> Self {
-        let step = view.width.div_ceil(width).max(1);
-        let (width, height) = ((view.width / step).max(1), (view.height / step).max(1));
-        let mut values = vec![0.0; width * height];
-        for (index, value) in values.iter_mut().enumerate() {
-            let (x, y) = (index % width * step, index / width * step);
-            let (last_x, last_y) = ((x + step).min(view.width), (y + step).min(view.height));
-            let block = (y..last_y).flat_map(|row| (x..last_x).map(move |column| 3 * (row * view.width + column)));
-            let sum: u32 = block.flat_map(|i| &view.image.data[i..i + 3]).map(|c| u32::from(*c)).sum();
-            *value = sum as f32 / (255 * 3 * (last_x - x) * (last_y - y)) as f32;
-        }
-        let scale = 1.0 / step as f64;
-        Self {
-            pixels: Pixels { width, height, values },
-            intrinsics: view.intrinsics.scaled(scale, scale),
-            viewmat: view.c2w.inverse(),
-            step,
-        }
-    }
 }
 
 /// For each view the views to search: similar direction, preferred baseline.

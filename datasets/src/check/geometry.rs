@@ -12,6 +12,7 @@ use crate::plural::{agree, counted};
 use crate::pose;
 use crate::raw::{RawFrame, RawPoints};
 use crate::statistics::mean;
+use crate::subject::{STRAY, strays};
 
 /// Distances between where points are seen and where they project, pixels of the distorted image.
 pub(super) struct Reprojection {
@@ -97,7 +98,12 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
     let places = decimals((high - low).max_element());
     let count = points.positions.len();
     let lie = agree(count, "lies", "lie");
-    format!("{} to start from {lie} between {low:.places$} and {high:.places$}.", counted(count, "point"))
+    let far = strays(&points.positions).into_iter().filter(|stray| *stray).count();
+    let outliers = match far {
+        0 => String::new(),
+        _ => format!("; {far} of them more than {STRAY} times as far out as three quarters"),
+    };
+    format!("{} to start from {lie} between {low:.places$} and {high:.places$}{outliers}.", counted(count, "point"))
 }
 
 /// How far cameras stand apart and whether they look at something together.

@@ -7,6 +7,7 @@ use crate::decode::{Decoder, ViewNote};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::lens::off_photo_warning;
+use crate::levels;
 use crate::mask;
 use crate::names::some_names;
 use crate::plural::{agree, counted};
@@ -73,6 +74,9 @@ pub(super) fn describe(
     let off_photo: Vec<&str> =
         decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
     off_photo_warning(&report.path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
+    levels::warning(&report.path, &decoded, decoder.behind.levels)
+        .into_iter()
+        .for_each(|sentence| findings.warn(sentence));
     let across = |focal: fn(&ViewNote) -> f64| {
         let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
         (low, decoded.iter().map(focal).fold(0.0, f64::max))

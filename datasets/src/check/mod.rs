@@ -116,7 +116,7 @@ fn fill(
     if options.sparse.is_some() && points.is_some() {
         split::hidden_points(&frames, &plan, path).iter().for_each(|sentence| findings.warn(sentence));
     }
-    consistency::compare_splits(&train, &held_out, options.sparse.is_some(), path)
+    consistency::compare_splits(&train, &held_out, options.expects_later_frames(), path)
         .iter()
         .for_each(|sentence| findings.warn(sentence));
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();

@@ -11,7 +11,7 @@ use crate::names::some_names;
 use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::statistics::{mean, median};
-use crate::subject::subject;
+use crate::subject::{STRAY, strays, subject};
 
 /// Rotations closer than this are the same, radians: half a pixel at a focal length of 500.
 const SAME_ANGLE: f64 = 1e-3;
@@ -107,26 +107,17 @@ fn by_camera(frames: &[RawFrame]) -> BTreeMap<&str, Vec<&RawFrame>> {
     cameras
 }
 
-/// A camera this many times farther from the cameras' middle than half of them are is a stray.
-const STRAY: f64 = 50.0;
-
-/// Warns about training cameras far from all others: learning rates follow the rig's size, and one wrong pose makes it huge.
+/// Warns about training cameras far from all others: one wrong pose would make the rig huge.
 pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
     let frames = frames.iter().filter(|frame| SplitName::trains(frame.split.as_ref()));
     let (names, positions): (Vec<&str>, Vec<DVec3>) =
         frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
-    let along = |axis: fn(&DVec3) -> f64| median(positions.iter().map(axis).collect());
-    // By axis, since a mean goes where the stray is.
-    let (Some(x), Some(y), Some(z)) = (along(|p| p.x), along(|p| p.y), along(|p| p.z)) else { return };
-    let middle = DVec3::new(x, y, z);
-    let usual = median(positions.iter().map(|position| position.distance(middle)).collect()).unwrap_or(0.0);
-    let is_stray = |position: &DVec3| usual > 0.0 && position.distance(middle) > STRAY * usual;
     let strays: Vec<&str> =
-        names.into_iter().zip(&positions).filter(|(_, position)| is_stray(position)).map(|(name, _)| name).collect();
+        names.into_iter().zip(strays(&positions)).filter(|(_, stray)| *stray).map(|(name, _)| name).collect();
     if !strays.is_empty() {
         findings.warn(format!(
-            "{}: {} {} more than {STRAY} times as far away as half of all do ({}); are their poses right? Learning rates follow \
-             the cameras' spread, and so will be far too high",
+            "{}: {} {} more than {STRAY} times as far out as three quarters of all do ({}); are their poses right? The scene's extent, \
+             by which rates and thresholds go, is that of the others",
             scene.display(),
             counted(strays.len(), "camera"),
             agree(strays.len(), "stands", "stand"),

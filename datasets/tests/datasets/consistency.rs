@@ -171,7 +171,7 @@ fn a_camera_far_from_all_others_is_named() {
     top["frames"][4]["transform_matrix"][0][3] = json!(1000.0);
     folder.write_json("transforms.json", &top);
     let scene = load(folder.path(), &options).expect("loaded");
-    only_warning(&scene, &["1 camera stands more than 50 times", "(images/04)"]);
+    only_warning(&scene, &["1 camera stands more than 10 times", "(images/04)"]);
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod image_io;
 mod layouts;
 mod log;
 mod masks;
+mod meant;
 mod nvfi;
 mod odd_names;
 mod plural;

@@ -19,6 +19,10 @@ const ALL: LoadOptions = LoadOptions {
     training_truth: false,
     depth_kind: None,
     exposure: None,
+    poses: None,
+    points_scale: 1.0,
+    levels: None,
+    predicts: false,
 };
 
 /// A ball of 0.3 m that moves along x; photographed from three places at five times, 32 x 24 RGBA.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, SparseViews};
+use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PoseConvention, PriorUse, SparseViews};
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check};
@@ -93,6 +93,12 @@ impl Background {
     }
 }
 
+/// The value of `data.poses` that goes by the format.
+const AUTO: &str = "auto";
+
+/// The value of `data.levels` that changes nothing.
+const FULL_RANGE: [f64; 2] = [0.0, 1.0];
+
 /// Options for reading the data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -114,6 +120,13 @@ pub struct DataConfig {
     pub seen: f64,
     /// Image folder of a COLMAP model if it is not a usual one; empty: found automatically.
     pub images: String,
+    /// The convention of the poses: "auto" is the format's own; `c2w-` (camera to world) or `w2c-`, then `opencv`, `opengl` or the directions of
+    /// the camera's three axes, as in `c2w-right-down-forward`.
+    pub poses: String,
+    /// Factor on the coordinates of the points to start from, for points in another unit than the poses.
+    pub points_scale: f64,
+    /// The levels that become black and white, as shares of the photos' full range, for photos that use little of it.
+    pub levels: [f64; 2],
     /// Colour behind the scene and behind transparent pixels.
     pub background: Background,
     /// The use of mask files.
@@ -141,6 +154,9 @@ impl Default for DataConfig {
             validation_cameras: 5,
             seen: 1.0,
             images: String::new(),
+            poses: AUTO.into(),
+            points_scale: 1.0,
+            levels: FULL_RANGE,
             background: Background::Found(Auto::Auto),
             masks: MaskChoice::Auto,
             priors: vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp],
@@ -187,6 +203,9 @@ impl DataConfig {
                 DepthChoice::Depth => Some(DepthKind::Depth),
                 DepthChoice::InverseDepth => Some(DepthKind::InverseDepth),
             },
+            poses: self.poses.parse().ok(),
+            points_scale: self.points_scale,
+            levels: (self.levels != FULL_RANGE).then_some(self.levels),
             ..LoadOptions::default()
         }
     }
@@ -197,6 +216,13 @@ impl DataConfig {
         check("data.holdout_names", "[]", named, "a list of view names when data.holdout = \"names\"")?;
         check("data.seen", self.seen, self.seen > 0.0 && self.seen <= 1.0, "above 0 and at most 1")?;
         check("data.coarse_share", self.coarse_share, (0.0..=1.0).contains(&self.coarse_share), "from 0 to 1")?;
+        let is_known = self.poses == AUTO || self.poses.parse::<PoseConvention>().is_ok();
+        check("data.poses", &self.poses, is_known, "auto, or as c2w-opencv, w2c-opengl, c2w-right-down-forward")?;
+        let scale = self.points_scale;
+        check("data.points_scale", scale, scale > 0.0 && scale.is_finite(), "above 0")?;
+        let [black, white] = self.levels;
+        let ordered = (0.0..1.0).contains(&black) && white > black && white <= 1.0;
+        check("data.levels", format!("{:?}", self.levels), ordered, "two shares, 0 <= black < white <= 1")?;
         let color = self.background.color();
         let in_range = color.iter().all(|c| (0.0..=1.0).contains(c));
         check("data.background", format!("{color:?}"), in_range, "three numbers from 0 to 1")

@@ -146,14 +146,16 @@ impl DensityConfig {
 
     /// The count after the refinement of `step` of a run of `steps` that begins it with `count`, under `mcmc`.
     pub fn grown(&self, count: usize, step: usize, steps: usize) -> usize {
-        let most = (count as f64 * (1.0 + self.growth)).round();
+        // A few Gaussians would never become more.
+        let least = if self.growth > 0.0 { count as f64 + 1.0 } else { 0.0 };
+        let most = (count as f64 * (1.0 + self.growth)).round().max(least);
         let wanted = match self.follows_run() {
             true => {
                 // This refinement and those after it until the cap is to be reached.
                 let last = (self.full * steps as f64) as usize;
                 let left = 1 + last.saturating_sub(step) / self.interval(steps);
                 let factor = (self.cap as f64 / count.max(1) as f64).powf(1.0 / left as f64);
-                (count as f64 * factor).round().min(most)
+                (count as f64 * factor).round().max(least).min(most)
             }
             false => most,
         };

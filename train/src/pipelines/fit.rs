@@ -17,7 +17,9 @@ use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
 use crate::config::{Background, Config, ConfigError, FitConfig, tables};
 use crate::fit::facts::SceneFacts;
 use crate::fit::method::{ChartKey, Method, Step};
-use crate::fit::preflight::{check_pixels, near_warning, no_pixels};
+use crate::fit::preflight::{
+    check_pixels, few_points, judge_dataset, judge_scene, leave_out_few_points, near_warning, no_pixels,
+};
 use crate::fit::session::{Data, Session, Stepped};
 use crate::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
 use crate::fit::trainer::{Model, Trainer};
@@ -76,7 +78,12 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     let watch = Stopwatch::start();
     // Photos, cues and initial Gaussians take from seconds to minutes.
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
-    let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
+    let mut scene = load::<M>(&job.dataset, config)?;
+    if let Some(fault) = judge_scene(&scene, &options::<M>(config)).warning() {
+        tracing::warn!("{fault}");
+        scene.warnings.push(fault);
+    }
+    let data = Data::<M>::new(scene, config);
     let plan = plan::<M>(job, config, &data);
     let trainer = resumed::<M>(job, config, &plan)?;
     let mut session = Session::begin(&data, config, trainer, &job.device);
@@ -183,6 +190,7 @@ fn report_future<M: Method>(
 pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
     let mut scene = gs_datasets::load(path, &options::<M>(config))?;
     let warnings = scene.warnings.len();
+    scene.warnings.extend(leave_out_few_points(&mut scene.points));
     M::prepare(&mut scene);
     for warning in &scene.warnings[warnings..] {
         tracing::warn!("{warning}");
@@ -309,8 +317,16 @@ impl<M: Method> Pipeline for Fit<M> {
         if config.render.near > 0.0 {
             report.warnings.extend(near_warning(config.render.near, report.subject_distance));
         }
+        report.warnings.extend(few_points(report.points));
         report.errors.extend((report.blank == report.views()).then(|| no_pixels(dataset)));
         report.errors.extend(M::suits(dataset, report.train, report.timed).err());
+        // Its errors are in the report.
+        if report.is_ok()
+            && let Ok(judgement) = judge_dataset(dataset, &options::<M>(&config))
+        {
+            report.facts.extend(judgement.fact());
+            report.warnings.extend(judgement.warning());
+        }
         Ok(report)
     }
 

@@ -7,6 +7,7 @@ mod hostile;
 mod hull;
 mod pinned;
 mod plane_sweep;
+mod poses;
 mod shadows;
 mod tracks;
 mod trajectory;

@@ -19,7 +19,7 @@ use crate::raw::RawFrame;
 use crate::resize::{AreaResampler, target_size};
 
 /// Behind transparent pixels of the frames, which are averaged as light.
-const BLACK: Behind = Behind { color: [0.0; 3], is_light: true };
+const BLACK: Behind = Behind { is_light: true, ..Behind::BLACK };
 
 /// The JSON entries of a camera's photos.
 pub(super) fn blur_camera(

@@ -38,6 +38,7 @@ impl Method for Sparsedyn {
 
     fn loading(_config: &Config, options: &mut LoadOptions) {
         options.priors = PriorUse { sharp: false, ..options.priors };
+        options.predicts = true;
     }
 
     fn prepare(scene: &mut Scene) {

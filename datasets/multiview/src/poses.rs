@@ -1,0 +1,350 @@
+//! Whether poses agree with what photos and points say, and in which other convention they would.
+//!
+//! Nothing in a file tells whether its matrices lead to the world or from it, or where its camera looks. The data do: patches that two
+//! photos share lie on each other's epipolar lines, and coloured points project onto their colours.
+
+use glam::{DMat4, DVec3};
+
+use gs_datasets::{PointCloud, PoseConvention, View, counted, nearest_to_axes};
+
+use crate::pose_evidence::{Matches, Outlines, PointEvidence, Points};
+
+/// Most pairs of views that are matched: of neighbours by name, and of neighbours by position.
+const PAIRS: [usize; 2] = [8, 8];
+
+/// Least share of explained matches at which poses agree with photos: the rest is chance, lens and motion.
+const AGREES: f64 = 0.5;
+
+/// Least lead of another convention over the one that was read. Sound sets have a share of 0.95 and more; a wrong convention explains
+/// up to 0.45 by chance where cameras moved along a line.
+const LEAD: f64 = 0.35;
+
+/// Fewest matches and pairs by which poses are called wrong though no other convention explains them.
+const SURE: (usize, usize) = (100, 4);
+
+/// Shares of outlines whose middles meet: fewer than the first disagree, the second and more agree.
+const OUTLINES: (f64, f64) = (0.5, 0.8);
+
+/// Least correlation of points' colours with photos at which they agree, and its least lead over that of the poses as they were read. Hidden
+/// points, shadows and gloss take from it: sound sets have 0.5 to 0.95.
+const COLORS: (f64, f64) = (0.45, 0.3);
+
+/// Shares of points in view: fewer than the first are as good as none; an explanation shows at least the second.
+const SEEN: (f64, f64) = (0.05, 0.5);
+
+/// Factors between units that are confused: millimetres, centimetres, inches, feet and metres.
+const UNITS: [f64; 10] = [1e-3, 1e3, 1e-2, 1e2, 0.1, 10.0, 0.0254, 1.0 / 0.0254, 0.3048, 1.0 / 0.3048];
+
+/// Least determinant of axes that meet, see [`nearest_to_axes`], and the largest angle of an axis from where they do, radians.
+const MEETING: (f64, f64) = (0.005, 0.5);
+
+/// A camera as far as pairs are chosen by it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Camera to world.
+    pub c2w: DMat4,
+    /// Time of the photo.
+    pub time: Option<f64>,
+}
+
+/// Views to look at, and pairs of them to match.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PosePairs {
+    /// Indices of cameras, ascending.
+    pub views: Vec<usize>,
+    /// Pairs of indices into `views`.
+    pub pairs: Vec<[usize; 2]>,
+}
+
+/// Agreement of poses in one convention.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evidence {
+    /// Share of matched patches that lie on each other's epipolar lines before both cameras, 0 to 1; `None` where few were found.
+    pub matches: Option<f64>,
+    /// Points; `None` without any.
+    pub points: Option<PointEvidence>,
+    /// Share of the object's outlines whose middles meet before all cameras, 0 to 1; `None` where photos have no transparent background.
+    pub outlines: Option<f64>,
+}
+
+/// The judgement of [`judge_poses`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PoseVerdict {
+    /// Photos and points agree with the poses, as far as they tell.
+    Agrees,
+    /// The data do not tell.
+    Untold,
+    /// In this convention they would agree.
+    Convention(PoseConvention, Evidence),
+    /// Points would agree if they were multiplied by this factor.
+    PointsScale(f64, Evidence),
+    /// No view has points before it.
+    PointsUnseen,
+    /// Photos agree with each other and not with the poses in any convention.
+    Disagrees,
+    /// All cameras look away from where their axes meet; in this convention they look there.
+    LooksAway(PoseConvention),
+}
+
+/// What photos and points say about poses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseJudgement {
+    /// The convention as which poses were read.
+    pub read: PoseConvention,
+    /// Agreement in that convention.
+    pub given: Evidence,
+    /// Matched patches, and the pairs of views that they are of.
+    pub matched: (usize, usize),
+    /// The judgement.
+    pub verdict: PoseVerdict,
+}
+
+/// Pairs of different poses for [`judge_poses`]: of one moment if any moment has three views, otherwise of all.
+pub fn pose_pairs(cameras: &[Camera]) -> PosePairs {
+    let chosen = of_one_moment(cameras);
+    let differ = |[a, b]: &[usize; 2]| !cameras[*a].c2w.abs_diff_eq(cameras[*b].c2w, 1e-9);
+    let in_order = chosen.windows(2).map(|pair| [pair[0], pair[1]]).filter(differ);
+    let mut pairs = evenly(in_order.collect(), PAIRS[0]);
+    let nearest = evenly(chosen.clone(), PAIRS[1]).into_iter().filter_map(|a| {
+        let distance = |b: &usize| cameras[a].c2w.w_axis.distance(cameras[*b].c2w.w_axis);
+        let others = chosen.iter().copied().filter(|b| differ(&[a, *b]));
+        others.min_by(|b, c| distance(b).total_cmp(&distance(c))).map(|b| [a.min(b), a.max(b)])
+    });
+    pairs.extend(nearest);
+    pairs.sort_unstable();
+    pairs.dedup();
+    let mut views = pairs.concat();
+    views.sort_unstable();
+    views.dedup();
+    if views.is_empty() {
+        // One camera, or one pose: its points can still be looked at.
+        views = evenly(chosen, PAIRS[0]);
+    }
+    let place = |view: usize| views.binary_search(&view).unwrap_or_default();
+    let pairs = pairs.into_iter().map(|pair| pair.map(place)).collect();
+    PosePairs { views, pairs }
+}
+
+/// The cameras of the moment with the most, if it has three; otherwise all.
+fn of_one_moment(cameras: &[Camera]) -> Vec<usize> {
+    let mut moments: std::collections::BTreeMap<u64, Vec<usize>> = std::collections::BTreeMap::new();
+    for (i, camera) in cameras.iter().enumerate() {
+        if let Some(time) = camera.time {
+            moments.entry(time.to_bits()).or_default().push(i);
+        }
+    }
+    let fullest = moments.into_values().max_by_key(Vec::len).filter(|cameras| cameras.len() >= 3);
+    fullest.unwrap_or_else(|| (0..cameras.len()).collect())
+}
+
+/// At most `count` of a list, evenly through it.
+fn evenly<T>(list: Vec<T>, count: usize) -> Vec<T> {
+    let (length, step) = (list.len(), list.len().div_ceil(count).max(1));
+    list.into_iter().enumerate().filter(|(i, _)| length <= count || i % step == 0).map(|(_, value)| value).collect()
+}
+
+/// Judges the poses of `views` by the photos of `pairs` of them and by `points`. `origin` was subtracted from positions; `read` is the
+/// convention as which the poses were read.
+pub fn judge_poses(
+    views: &[&View],
+    pairs: &[[usize; 2]],
+    points: Option<&PointCloud>,
+    origin: DVec3,
+    read: PoseConvention,
+) -> PoseJudgement {
+    let data = Data {
+        views,
+        matches: Matches::of(views, pairs),
+        points: Points::of(points, origin),
+        outlines: Outlines::of(views),
+        origin,
+        read,
+    };
+    let given = data.evidence(read, 1.0);
+    let matched = data.matches.as_ref().map_or((0, 0), |matches| (matches.count(), matches.pairs()));
+    PoseJudgement { read, given, matched, verdict: data.verdict(given) }
+}
+
+/// Everything that poses are judged by.
+struct Data<'a> {
+    views: &'a [&'a View],
+    matches: Option<Matches>,
+    points: Option<Points>,
+    outlines: Option<Outlines>,
+    origin: DVec3,
+    read: PoseConvention,
+}
+
+impl Data<'_> {
+    /// Poses in the file's world (camera to world, OpenCV axes) if the file is of this convention.
+    fn poses(&self, convention: PoseConvention) -> Vec<DMat4> {
+        let of = |view: &&View| {
+            let c2w = DMat4::from_translation(self.origin) * view.c2w;
+            if convention == self.read { c2w } else { convention.to_c2w(self.read.to_file(c2w)) }
+        };
+        self.views.iter().map(of).collect()
+    }
+
+    fn evidence(&self, convention: PoseConvention, scale: f64) -> Evidence {
+        let poses = self.poses(convention);
+        Evidence {
+            matches: self.matches.as_ref().map(|matches| matches.explained(&poses)),
+            points: self.points.as_ref().map(|points| points.evidence(self.views, &poses, scale)),
+            outlines: self.outlines.as_ref().map(|outlines| outlines.explained(&poses)),
+        }
+    }
+
+    fn verdict(&self, given: Evidence) -> PoseVerdict {
+        let photos_agree = given.matches.is_some_and(|share| share >= AGREES);
+        if !photos_agree
+            && !given.points_agree()
+            && let Some(better) = self.other_convention(given)
+        {
+            return better;
+        }
+        if !given.points_agree()
+            && let Some(scaled) = self.other_unit(given)
+        {
+            return scaled;
+        }
+        if given.points.is_some_and(|points| points.seen < SEEN.0) {
+            return PoseVerdict::PointsUnseen;
+        }
+        let is_sure = self.matches.as_ref().is_some_and(|found| found.count() >= SURE.0 && found.pairs() >= SURE.1);
+        let outlines_agree = given.outlines.is_some_and(|share| share >= OUTLINES.1);
+        match given.matches {
+            _ if photos_agree || given.points_agree() || outlines_agree => PoseVerdict::Agrees,
+            Some(_) if is_sure => PoseVerdict::Disagrees,
+            _ => self.looks_away().map_or(PoseVerdict::Untold, PoseVerdict::LooksAway),
+        }
+    }
+
+    /// The convention that the data speak for, if they speak against the given one.
+    fn other_convention(&self, given: Evidence) -> Option<PoseVerdict> {
+        let others = PoseConvention::all().into_iter().filter(|other| *other != self.read);
+        let explains = others.map(|other| (other, self.evidence(other, 1.0))).filter(|(_, found)| found.beats(given));
+        // The first of equals, which is the more usual one.
+        let mut best: Option<(PoseConvention, Evidence)> = None;
+        for (other, found) in explains {
+            if best.is_none_or(|(_, known)| found.weight() > known.weight() + 1e-9) {
+                best = Some((other, found));
+            }
+        }
+        best.map(|(other, found)| PoseVerdict::Convention(other, found))
+    }
+
+    /// The unit that the points' colours speak for.
+    fn other_unit(&self, given: Evidence) -> Option<PoseVerdict> {
+        let scaled = UNITS.into_iter().map(|scale| (scale, self.evidence(self.read, scale)));
+        let explains = scaled.filter(|(_, found)| found.points_beat(given));
+        let best = explains.max_by(|a, b| a.1.weight().total_cmp(&b.1.weight()));
+        best.map(|(scale, found)| PoseVerdict::PointsScale(scale, found))
+    }
+
+    /// The convention with its camera looking the other way, where all cameras have behind them what their axes meet in.
+    fn looks_away(&self) -> Option<PoseConvention> {
+        let poses = self.poses(self.read);
+        let meeting = nearest_to_axes(&poses, MEETING.0).filter(|_| poses.len() >= 3)?;
+        let away = |pose: &DMat4| {
+            let from = pose.w_axis.truncate() - meeting;
+            from.length() > 0.0 && from.angle_between(pose.z_axis.truncate()) < MEETING.1
+        };
+        // The same file, its camera's y and z axes negated.
+        let turned = |convention: &PoseConvention| {
+            let turn = DMat4::from_cols(glam::DVec4::X, glam::DVec4::NEG_Y, glam::DVec4::NEG_Z, glam::DVec4::W);
+            let pose = poses.first().copied().unwrap_or(DMat4::IDENTITY);
+            convention.to_c2w(self.read.to_file(pose)).abs_diff_eq(pose * turn, 1e-9 * pose.w_axis.length())
+        };
+        let all_away = poses.iter().all(away);
+        PoseConvention::all()
+            .into_iter()
+            .find(|other| all_away && other.world_to_camera == self.read.world_to_camera && turned(other))
+    }
+}
+
+impl Evidence {
+    fn agreement(self) -> Option<f64> {
+        self.points.and_then(|points| points.agreement)
+    }
+
+    fn points_agree(self) -> bool {
+        self.points.is_some_and(|points| points.seen >= SEEN.1) && self.agreement().is_some_and(|r| r >= COLORS.0)
+    }
+
+    /// Whether points speak for this and against the given.
+    fn points_beat(self, given: Self) -> bool {
+        let lead = || self.agreement().unwrap_or(0.0) - given.agreement().unwrap_or(0.0);
+        self.points_agree() && lead() >= COLORS.1
+    }
+
+    /// Whether the data speak for this and against the given.
+    fn beats(self, given: Self) -> bool {
+        match (self.matches, given.matches, self.outlines, given.outlines) {
+            (Some(share), Some(before), ..) => share >= AGREES && share - before >= LEAD,
+            (.., Some(share), Some(before)) if self.points.is_none() => share >= OUTLINES.1 && before < OUTLINES.0,
+            _ => self.points_beat(given),
+        }
+    }
+
+    fn weight(self) -> f64 {
+        self.matches.unwrap_or(0.0) + self.agreement().unwrap_or(0.0).max(0.0) + self.outlines.unwrap_or(0.0)
+    }
+
+    /// The evidence in words; `None` where there is none.
+    fn described(self) -> Option<String> {
+        let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+        let matches = self.matches.map(|share| format!("{} of the matched corners fit", percent(share)));
+        let points = self.points.map(|points| {
+            let colors = points.agreement.map_or_else(String::new, |r| format!(", colours correlate by {r:.2}"));
+            format!("{} of the points are in view{colors}", percent(points.seen))
+        });
+        let outlines = self.outlines.map(|share| format!("{} of the outlines meet", percent(share)));
+        let parts: Vec<String> = matches.into_iter().chain(points).chain(outlines).collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
+    }
+}
+
+impl PoseJudgement {
+    /// The evidence for the poses as they were read, a sentence; `None` where there is none.
+    pub fn fact(&self) -> Option<String> {
+        let described = self.given.described()?;
+        let (matches, pairs) = self.matched;
+        let of = if matches > 0 {
+            format!(" ({} in {} of photos)", counted(matches, "corner"), counted(pairs, "pair"))
+        } else {
+            String::new()
+        };
+        Some(format!("Poses against photos, read as {}: {described}{of}.", self.read))
+    }
+
+    /// The fault, if there is one, and the way out.
+    pub fn warning(&self) -> Option<String> {
+        let given = self.given.described().unwrap_or_default();
+        let read = self.read;
+        Some(match self.verdict {
+            PoseVerdict::Agrees | PoseVerdict::Untold => return None,
+            PoseVerdict::Convention(other, found) => format!(
+                "the poses seem to be of another convention: read as {read}, {given}; read as {other}, {}; data.poses={other} reads \
+                 them so",
+                found.described().unwrap_or_default()
+            ),
+            PoseVerdict::PointsScale(scale, found) => format!(
+                "the points seem to be in another unit than the poses: as they are, {given}; multiplied by {scale:.4}, {}; \
+                 data.points_scale={scale:.4} does that",
+                found.described().unwrap_or_default()
+            ),
+            PoseVerdict::PointsUnseen => format!(
+                "hardly any point lies before a camera and inside its photo ({given}), and no usual convention or unit explains \
+                 that; are points and poses of one world? data.poses and data.points_scale say how they are meant"
+            ),
+            PoseVerdict::Disagrees => format!(
+                "photos agree with each other and not with their poses ({given}), and no usual convention explains that; do the \
+                 poses belong to these photos, in this order?"
+            ),
+            PoseVerdict::LooksAway(other) => format!(
+                "all cameras look away from where their axes meet: right for photos taken outward from one place; \
+                 otherwise data.poses={other} turns them round"
+            ),
+        })
+    }
+}

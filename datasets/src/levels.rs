@@ -1,0 +1,31 @@
+//! Photos of more than 8 bits that use little of their range, as thermal cameras write them.
+
+use std::path::Path;
+
+use crate::decode::ViewNote;
+use crate::plural::{agree, counted};
+
+/// Levels of 255 that photos have at the least: with a quarter of the range, two of eight bits are lost.
+const FEW: f64 = 64.0;
+
+/// A warning about photos of more than 8 bits of which few levels are left at 8, with the key that spreads them; `levels` is that key's
+/// value.
+pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>) -> Option<String> {
+    let ranges: Vec<[f64; 2]> = notes.iter().filter_map(|note| note.range).collect();
+    let low = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
+    let high = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
+    let left = 255.0 * (high - low);
+    if ranges.is_empty() || levels.is_some() || left >= FEW {
+        return None;
+    }
+    // Rounded outwards, so that no pixel is cut.
+    let (low, high) = ((low * 1e4).floor() / 1e4, ((high * 1e4).ceil() / 1e4).min(1.0));
+    Some(format!(
+        "{}: {} of more than 8 bits {} levels from {low:.4} to {high:.4} of the full range, which leaves {} of 256; \
+         data.levels=[{low:.4}, {high:.4}] spreads them over all",
+        scene.display(),
+        counted(ranges.len(), "photo"),
+        agree(ranges.len(), "has", "have"),
+        left.ceil() + 1.0
+    ))
+}

@@ -1,0 +1,117 @@
+//! Data read as the user says that they are meant: pose conventions, units of points, levels of deep photos; outliers that set no scale.
+
+use gs_datasets::{Holdout, LoadOptions, PoseConvention, check, load};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use serde_json::json;
+
+use crate::fixtures::{Folder, ring, ring_scene, rows};
+
+fn all() -> LoadOptions {
+    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
+}
+
+#[test]
+fn poses_of_any_convention_are_read_as_one() {
+    let (folder, mut top) = ring_scene(6);
+    folder.write_json("transforms.json", &top);
+    let usual = load(folder.path(), &all()).expect("loaded");
+    for text in ["c2w-opencv", "w2c-opencv", "w2c-opengl", "c2w-down-right-back", "w2c-left-up-forward"] {
+        let convention: PoseConvention = text.parse().expect("a convention");
+        for (frame, view) in top["frames"].as_array_mut().expect("frames").iter_mut().zip(&usual.train) {
+            frame["transform_matrix"] = rows(convention.to_file(view.c2w));
+        }
+        folder.write_json("transforms.json", &top);
+        let scene = load(folder.path(), &LoadOptions { poses: Some(convention), ..all() }).expect("loaded");
+        for (view, usual) in scene.train.iter().zip(&usual.train) {
+            assert!(view.c2w.abs_diff_eq(usual.c2w, 1e-12), "{text}: {} for {}", view.c2w, usual.c2w);
+        }
+        let other = load(folder.path(), &all()).expect("loaded");
+        assert!(!other.train[0].c2w.abs_diff_eq(usual.train[0].c2w, 0.1), "{text} makes a difference");
+    }
+}
+
+#[test]
+fn points_are_scaled() {
+    let (folder, mut top) = ring_scene(4);
+    top["ply_file_path"] = json!("points.ply");
+    folder.write("points.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1000 -2000 3000\n");
+    folder.write_json("transforms.json", &top);
+    let scene = load(folder.path(), &LoadOptions { points_scale: 0.001, ..all() }).expect("loaded");
+    let points = scene.points.expect("a point").positions;
+    assert!(
+        points[0].iter().zip([1.0, -2.0, 3.0]).all(|(found, expected)| (found - expected).abs() < 1e-6),
+        "{points:?}"
+    );
+    for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = load(folder.path(), &LoadOptions { points_scale: wrong, ..all() }).expect_err("refused");
+        assert!(error.to_string().contains("points_scale"), "{error}");
+    }
+}
+
+/// Grey photos of 16 bits with the levels 2900 to 3300 of a thermal camera.
+fn thermal() -> Folder {
+    let (folder, top) = ring_scene(3);
+    for i in 0..3 {
+        let levels = (0..32 * 24).map(|pixel| 2900 + (pixel * 7 + i * 13) % 401);
+        let data: Vec<u8> = levels.flat_map(|level| (level as u16).to_ne_bytes()).collect();
+        let mut png = Vec::new();
+        PngEncoder::new(&mut png).write_image(&data, 32, 24, ExtendedColorType::L16).expect("encoded");
+        folder.write(&format!("images/{i:02}.png"), png);
+    }
+    folder.write_json("transforms.json", &top);
+    folder
+}
+
+fn levels_of(scene: &gs_datasets::Scene) -> usize {
+    let levels: std::collections::BTreeSet<u8> =
+        scene.train.iter().flat_map(|view| view.image.data.iter().copied()).collect();
+    levels.len()
+}
+
+#[test]
+fn deep_photos_of_few_levels_are_told_and_stretched() {
+    let folder = thermal();
+    let scene = load(folder.path(), &all()).expect("loaded");
+    assert!(levels_of(&scene) <= 3, "{}", levels_of(&scene));
+    let told = |warnings: &[String]| {
+        let key = "data.levels=[0.0442, 0.0504]";
+        let one: Vec<&String> = warnings.iter().filter(|sentence| sentence.contains(key)).collect();
+        assert_eq!(one.len(), 1, "{warnings:?}");
+        assert!(one[0].contains("3 photos of more than 8 bits have levels from 0.0442 to 0.0504"), "{}", one[0]);
+    };
+    told(&scene.warnings);
+    told(&check(folder.path(), &all()).warnings);
+    let stretched = LoadOptions { levels: Some([0.0442, 0.0504]), ..all() };
+    let scene = load(folder.path(), &stretched).expect("loaded");
+    assert!(scene.warnings.is_empty() && levels_of(&scene) > 240, "{} levels, {:?}", levels_of(&scene), scene.warnings);
+    // Level 3000 of 65535 lies 0.0016 into a range of 0.0062.
+    let expected = 255.0 * (3000.0 / 65535.0 - 0.0442) / 0.0062;
+    let place = (0..32 * 24).find(|pixel| (pixel * 7) % 401 == 100).expect("a pixel of that level");
+    assert!((f64::from(scene.train[0].image.data[3 * place]) - expected).abs() <= 0.5, "{expected}");
+    for wrong in [[0.5, 0.5], [-0.1, 1.0], [0.0, 1.1], [f64::NAN, 1.0]] {
+        assert!(load(folder.path(), &LoadOptions { levels: Some(wrong), ..all() }).is_err(), "{wrong:?}");
+    }
+}
+
+#[test]
+fn a_stray_camera_sets_no_scale() {
+    let (folder, mut top) = ring_scene(12);
+    folder.write_json("transforms.json", &top);
+    let usual = load(folder.path(), &all()).expect("loaded");
+    top["frames"][4]["transform_matrix"] = ring(4);
+    for row in 0..3 {
+        let value = top["frames"][4]["transform_matrix"][row][3].as_f64().expect("a number");
+        top["frames"][4]["transform_matrix"][row][3] = json!(100.0 * value);
+    }
+    folder.write_json("transforms.json", &top);
+    let scene = load(folder.path(), &all()).expect("loaded");
+    assert!((scene.extent() / usual.extent() - 1.0).abs() < 0.15, "{} for {}", scene.extent(), usual.extent());
+    let (distance, known) = (scene.subject_distance().expect("one"), usual.subject_distance().expect("one"));
+    assert!((distance / known - 1.0).abs() < 0.05, "{distance} for {known}");
+    assert_eq!(
+        scene.warnings.iter().filter(|warning| warning.contains("(images/04)")).count(),
+        1,
+        "{:?}",
+        scene.warnings
+    );
+}
