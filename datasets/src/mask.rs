@@ -82,8 +82,8 @@ pub(crate) fn suspicion(scene: &Path, mut shares: Vec<f64>) -> Option<String> {
     let median = *shares.get(shares.len() / 2)?;
     (median > SUSPECT_SHARE).then(|| {
         format!(
-            "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. Their polarity may be \"white = object\" rather than \
-             \"black = ignore\": look at one, then load with masks ignored or reversed",
+            "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. They may mean the opposite: look at one; data.masks=keep-white, keep-black \
+             and ignore say how they are read",
             scene.display(),
             100.0 * median
         )

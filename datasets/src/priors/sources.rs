@@ -108,7 +108,9 @@ fn report(kind: Kind, folder: &Path, file: &Path, found: usize, findings: &mut F
         agree(found, "is", "are")
     );
     if kind == Kind::Sharp {
-        findings.warn(format!("{sentence}, guesses to learn from; if they are the truth, load without this prior"));
+        findings.warn(format!(
+            "{sentence}, guesses to learn from; if they are the truth, leave \"sharp\" out of data.priors"
+        ));
     } else {
         findings.fact(format!("{sentence}."));
     }

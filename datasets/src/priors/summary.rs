@@ -86,8 +86,8 @@ fn guessed(scene: &Path, views: &[Noted], findings: &mut Findings) {
         .collect();
     if let Some(first) = spaces.first() {
         findings.warn(format!(
-            "{}: nothing says what the depth files of {} mean (key `depth_kind`); they are taken for {}, up to \
-             scale and shift",
+            "{}: nothing says what the depth files of {} mean; they are taken for {}, up to scale and shift; \
+             data.depth_kind=metric-z, depth or inverse-depth says otherwise",
             scene.display(),
             counted(spaces.len(), "view"),
             describe(*first)
@@ -120,8 +120,8 @@ fn masks(scene: &Path, views: &[Noted], findings: &mut Findings) {
         && *median > SUSPECT_SHARE
     {
         findings.warn(format!(
-            "{}: THE MASKS MARK {:.0} % OF THE MEDIAN VIEW AS MOVING. They may mean the opposite: look at one, then load \
-             with masks ignored or reversed",
+            "{}: THE MASKS MARK {:.0} % OF THE MEDIAN VIEW AS MOVING. They may mean the opposite: look at one; \
+             data.masks=keep-black, keep-white and ignore read them otherwise",
             scene.display(),
             100.0 * median
         ));

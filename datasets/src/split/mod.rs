@@ -94,11 +94,11 @@ fn by_holdout(frames: &[RawFrame], holdout: &Holdout, scene: &Path) -> Result<Sp
     Ok(match holdout {
         Holdout::None => SplitPlan::of((0..frames.len()).collect(), Vec::new(), "all views train".to_string()),
         Holdout::Every(0) => return Err(bad("every n-th view with n of at least 1", "0".to_string())),
-        Holdout::Every(n) => every(frames, *n),
+        Holdout::Every(n) => every(frames, *n, "data.holdout_every"),
         Holdout::Dataset if frames.iter().any(|frame| frame.split.is_some()) => own(frames),
         Holdout::Dataset => match held_out_cameras(frames) {
             Some(cameras) => without_cameras(frames, &cameras),
-            None => every(frames, DEFAULT_HOLDOUT),
+            None => every(frames, DEFAULT_HOLDOUT, "data.holdout"),
         },
         Holdout::Names(names) => {
             for name in names {
@@ -113,9 +113,10 @@ fn by_holdout(frames: &[RawFrame], holdout: &Holdout, scene: &Path) -> Result<Sp
     })
 }
 
-fn every(frames: &[RawFrame], n: usize) -> SplitPlan {
+/// Every `n`-th frame by name is held out; `key` says otherwise.
+fn every(frames: &[RawFrame], n: usize, key: &str) -> SplitPlan {
     let (test, train) = (0..frames.len()).partition(|index| index % n == 0);
-    SplitPlan::of(train, test, format!("one in {n} held out, by name"))
+    SplitPlan::of(train, test, format!("one in {n} held out, by name ({key})"))
 }
 
 /// Fewest cameras of which one can be spared.
@@ -146,7 +147,7 @@ fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
 fn without_cameras(frames: &[RawFrame], held: &[String]) -> SplitPlan {
     let is_held = |index: &usize| frames[*index].camera_id.as_ref().is_some_and(|id| held.contains(id));
     let (test, train) = (0..frames.len()).partition(is_held);
-    SplitPlan::of(train, test, format!("all frames of camera {} held out", held.join(", ")))
+    SplitPlan::of(train, test, format!("all frames of camera {} held out (data.holdout)", held.join(", ")))
 }
 
 /// The data set's own split. Nothing but its training list trains: figures of a scene that learned from validation views could not
