@@ -45,10 +45,11 @@ impl Description {
     pub fn point_cloud(&self) -> Option<PointCloud> {
         let points = self.points.as_ref().filter(|points| !points.positions.is_empty())?;
         let origin = self.decoder.origin;
-        Some(PointCloud {
-            positions: points.positions.iter().map(|position| (*position - origin).as_vec3().to_array()).collect(),
-            colors: points.colors.clone(),
-        })
+        let local = points.positions.iter().map(|position| (*position - origin).as_vec3());
+        // A scale may take a point beyond what 32 bits hold.
+        let finite = local.zip(&points.colors).filter(|(position, _)| position.is_finite());
+        let (positions, colors) = finite.map(|(position, color)| (position.to_array(), *color)).unzip();
+        Some(PointCloud { positions, colors })
     }
 }
 

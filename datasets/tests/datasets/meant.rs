@@ -42,6 +42,8 @@ fn points_are_scaled() {
         points[0].iter().zip([1.0, -2.0, 3.0]).all(|(found, expected)| (found - expected).abs() < 1e-6),
         "{points:?}"
     );
+    let far = load(folder.path(), &LoadOptions { points_scale: 1e300, ..all() }).expect("loaded");
+    assert!(far.points.expect("a cloud").positions.is_empty(), "no 32-bit number holds them");
     for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let error = load(folder.path(), &LoadOptions { points_scale: wrong, ..all() }).expect_err("refused");
         assert!(error.to_string().contains("points_scale"), "{error}");
