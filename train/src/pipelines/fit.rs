@@ -28,13 +28,14 @@ use crate::report::timetable;
 use crate::report::viewer::{self, Viewed};
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::evaluate::{Evaluator, HeldOut};
+use crate::run::exchange::host::gaussians_of;
 use crate::run::fingerprint::Fingerprint;
 use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
 use crate::run::progress;
 use crate::run::resources::Stopwatch;
-use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, within_reach, write_ply_as};
+use crate::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
 
@@ -125,6 +126,9 @@ fn finish<M: Method>(
     run.save(step, &Snapshot::of(trainer))?;
     write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased)
         .map_err(|error| error.context("the finished scene could not be exported"))?;
+    if let Some(note) = placed_note(data.scene.origin) {
+        tracing::info!("{}: {note}", job.folder.ply().display());
+    }
     let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
     let file = run.record(step, measured)?;
@@ -358,14 +362,14 @@ impl<M: Method> Pipeline for Fit<M> {
                 let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
                 (model, notes.facts(), notes.step, checkpoint.origin.world())
             }
-            SceneFile::Ply(gaussians) => {
+            SceneFile::Ply(packed) => {
                 let at = Step { step: 0, config: &config, facts: &found, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
-                (Model { gaussians: gaussians.clone(), method }, found, 0, glam::DVec3::ZERO)
+                let gaussians = gaussians_of(&packed.splats, request.device);
+                (Model { gaussians, method }, found, 0, glam::DVec3::from_array(packed.splats.offset))
             }
         };
-        // A PLY file is in the data set's own world, a checkpoint has its `origin` subtracted; views have `scene.origin`
-        // subtracted.
+        // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
         model.gaussians = translated(&model.gaussians, origin - scene.origin);
         let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues, room: None };
         let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {
