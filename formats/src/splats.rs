@@ -5,8 +5,8 @@
 pub struct Splats {
     /// Means, scene units, relative to [`offset`](Self::offset).
     pub means: Vec<[f32; 3]>,
-    /// The position in the world that is to be added to every mean, scene units: zero but for scenes far from their world's origin,
-    /// whose places an `f32` cannot hold.
+    /// The position in the world that is to be added to every mean, scene units: zero but for scenes far from their
+    /// world's origin, whose places an `f32` cannot hold.
     pub offset: [f64; 3],
     /// Orientations, w x y z of any norm; zeros are drawn as the identity.
     pub quats: Vec<[f32; 4]>,
@@ -77,7 +77,8 @@ impl Splats {
             && all(self.sh[index * s..][..s].as_flattened())
     }
 
-    /// The rows whose rotation is four zeros, which is none: a program that wrote more rows than it had Gaussians leaves such rows.
+    /// The rows whose rotation is four zeros, which is none: a program that wrote more rows than it had Gaussians
+    /// leaves such rows.
     pub fn without_rotation(&self) -> Vec<u32> {
         let is_zero = |row: &u32| self.quats[*row as usize].iter().all(|x| *x == 0.0);
         (0..self.len() as u32).filter(is_zero).collect()

@@ -8,7 +8,8 @@
 //! other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is read. Harmonics of degree 4 are read
 //! up to degree 3.
 //!
-//! A scene far from its world's origin has local positions and a comment `SplatOffset: x y z`, which is added to each of them.
+//! A scene far from its world's origin has local positions and a comment `SplatOffset: x y z`, which is added to each
+//! of them.
 
 mod compressed;
 mod header;
@@ -120,8 +121,8 @@ pub enum PlyError {
     },
     /// A value is no number where a number is needed.
     #[error(
-        "{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}; {broken} of {count} vertices have such \
-         values, and `npx @playcanvas/splat-transform IN.ply --filter-nan OUT.ply` leaves these out",
+        "{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}; {broken} of {count} \
+         vertices have such values, and `npx @playcanvas/splat-transform IN.ply --filter-nan OUT.ply` leaves these out",
         path = shown(path)
     )]
     NotFinite {
@@ -140,7 +141,8 @@ pub enum PlyError {
     },
     /// A Gaussian that is to be written holds a value that is no number.
     #[error(
-        "{path}: Gaussian {vertex}: expected a finite number for `{property}`, found {found} ({broken} of {count} are broken)",
+        "{path}: Gaussian {vertex}: expected a finite number for `{property}`, found {found} ({broken} of {count} \
+         are broken)",
         path = shown(path)
     )]
     Broken {

@@ -1,9 +1,10 @@
-//! Positions far from the origin of their world. `f32` has seven digits, so a scene in map coordinates is kept as local positions
-//! and an offset of three `f64`, which is added to each of them.
+//! Positions far from the origin of their world. `f32` has seven digits, so a scene in map coordinates is kept as local
+//! positions and an offset of three `f64`, which is added to each of them.
 
-/// A scene is moved to the origin when the mean of its camera centres, or the middle of its Gaussians, is farther from it than this, in
-/// scene units. At 1000 the spacing of f32 is 6e-5: in metres, millimetres survive a few dozen roundings. City coordinates (1e4 and
-/// more) would lose them, while an ordinary scene stays in its file's world, where exported files match other tools.
+/// A scene is moved to the origin when the mean of its camera centres, or the middle of its Gaussians, is farther from
+/// it than this, in scene units. At 1000 the spacing of f32 is 6e-5: in metres, millimetres survive a few dozen
+/// roundings. City coordinates (1e4 and more) would lose them, while an ordinary scene stays in its file's world, where
+/// exported files match other tools.
 pub const RECENTRE_DISTANCE: f64 = 1000.0;
 
 /// Largest part of an offset, scene units: squares of distances stay within what an f32 holds.
@@ -19,8 +20,9 @@ pub fn is_offset(offset: [f64; 3]) -> bool {
     offset.iter().all(|x| x.abs() <= OFFSET_MAX)
 }
 
-/// Positions of a file that are finite, to which its `offset` is to be added, as local positions and their offset. The offset stays as
-/// it is where it is far and the positions are not; it is zero where the world's origin is near the middle of the scene.
+/// Positions of a file that are finite, to which its `offset` is to be added, as local positions and their offset. The
+/// offset stays as it is where it is far and the positions are not; it is zero where the world's origin is near the
+/// middle of the scene.
 pub fn localised(positions: &[[f64; 3]], offset: [f64; 3]) -> (Vec<[f32; 3]>, [f64; 3]) {
     let own = choose(median(positions), offset);
     let shift = [0, 1, 2].map(|axis| offset[axis] - own[axis]);

@@ -1,4 +1,5 @@
-//! Damaged configurations, checkpoints and files of scenes: nothing panics, and what is not read is refused in a sentence of one line.
+//! Damaged configurations, checkpoints and files of scenes: nothing panics, and what is not read is refused in a
+//! sentence of one line.
 //!
 //! Each reader gets [`SHORT`] cases with all other tests. The long run is asked for, with as many cases as wanted:
 //!

@@ -1,5 +1,5 @@
-//! Files of scenes as others bring them: far from the origin, with broken Gaussians, in formats that are not read, with cameras of other
-//! viewers.
+//! Files of scenes as others bring them: far from the origin, with broken Gaussians, in formats that are not read, with
+//! cameras of other viewers.
 
 mod common;
 
@@ -55,8 +55,8 @@ fn measured(folder: &Path, scene: &str) -> f64 {
     mean.split_whitespace().nth(1).expect("a figure").parse().expect("a number")
 }
 
-/// A scene in map coordinates: its files have local positions and name the offset to the last digit; whatever is read and written again
-/// keeps it, and every command sees the run's own scene. Only SPZ rounds.
+/// A scene in map coordinates: its files have local positions and name the offset to the last digit; whatever is read
+/// and written again keeps it, and every command sees the run's own scene. Only SPZ rounds.
 #[test]
 fn far_scenes_keep_their_digits() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -148,7 +148,8 @@ fn write(folder: &Path, name: &str, splats: Splats) {
     packed.write(&folder.join(name), Format::Ply, &common::device()).expect("written");
 }
 
-/// Two Gaussians far from 398 others: left out of an SPZ with a sentence, kept when asked for, and named where nothing holds them.
+/// Two Gaussians far from 398 others: left out of an SPZ with a sentence, kept when asked for, and named where nothing
+/// holds them.
 #[test]
 fn far_gaussians_are_left_out_of_spz() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -271,8 +272,8 @@ fn cameras_of_other_viewers_are_rendered() {
     let opengl = camera.c2w * DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0));
     let flat: Vec<f64> = (0..4).flat_map(|i| row(&opengl, i)).collect();
     let fov = 2.0 * (0.5 * height as f64 / camera.intrinsics.fy).atan().to_degrees();
-    let path = json!({"camera_type": "perspective", "render_width": width, "render_height": height, "fps": 24, "seconds": 1,
-        "camera_path": [{"camera_to_world": flat, "fov": fov, "aspect": 1.3}], "keyframes": []});
+    let path = json!({"camera_type": "perspective", "render_width": width, "render_height": height,
+        "fps": 24, "seconds": 1, "camera_path": [{"camera_to_world": flat, "fov": fov, "aspect": 1.3}], "keyframes": []});
     fs::write(folder.join("camera_path.json"), path.to_string()).expect("written");
     let shown = |cameras: &str, out: &str, name: &str| {
         succeeds(folder, &["render", "run", "--cameras", cameras, "--out", out]);

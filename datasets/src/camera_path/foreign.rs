@@ -1,11 +1,12 @@
 //! Cameras as other programs write them for their viewers.
 //!
-//! The trainer of 3D Gaussian Splatting (Inria) and its kin leave a `cameras.json`: a list of cameras with `img_name`, `width`, `height`,
-//! `fx`, `fy`, `position`, and `rotation`, the rows of camera to world in OpenCV axes. The principal point is the middle.
+//! The trainer of 3D Gaussian Splatting (Inria) and its kin leave a `cameras.json`: a list of cameras with `img_name`,
+//! `width`, `height`, `fx`, `fy`, `position`, and `rotation`, the rows of camera to world in OpenCV axes. The principal
+//! point is the middle.
 //!
-//! nerfstudio's viewer saves a `camera_path.json`: `render_width`, `render_height` and a list `camera_path`, each with `camera_to_world`
-//! (16 numbers, row by row, OpenGL axes), `fov` (vertical, degrees) and perhaps `render_time`. Its world is that of nerfstudio's scene, which
-//! may be turned and scaled against the data set's.
+//! nerfstudio's viewer saves a `camera_path.json`: `render_width`, `render_height` and a list `camera_path`, each with
+//! `camera_to_world` (16 numbers, row by row, OpenGL axes), `fov` (vertical, degrees) and perhaps `render_time`. Its
+//! world is that of nerfstudio's scene, which may be turned and scaled against the data set's.
 
 use std::path::Path;
 

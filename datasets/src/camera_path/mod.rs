@@ -21,7 +21,8 @@ use crate::frame::{CameraPose, Intrinsics};
 use keys::KeyFrames;
 pub use ring::{orbit, spiral};
 
-/// The cameras of a JSON file of key frames, of Inria's cameras.json or of nerfstudio's camera_path.json; `None` for another JSON file.
+/// The cameras of a JSON file of key frames, of Inria's cameras.json or of nerfstudio's camera_path.json; `None` for
+/// another JSON file.
 ///
 /// # Errors
 /// When it is no JSON, or one of these and not as it must be.

@@ -114,8 +114,8 @@ fn broken_key_frames_are_named() {
     }
 }
 
-/// A camera of Inria's list, by hand: it looks along the world's x, with the world's z up, so the rows of camera to world are the x, y
-/// and z of right (-y), down (-z) and forward (x).
+/// A camera of Inria's list, by hand: it looks along the world's x, with the world's z up, so the rows of camera to
+/// world are the x, y and z of right (-y), down (-z) and forward (x).
 #[test]
 fn cameras_of_inria_are_read() {
     let camera = |name: &str| {
@@ -137,7 +137,8 @@ fn cameras_of_inria_are_read() {
     assert!(close(camera.c2w.transform_vector3(DVec3::Y), DVec3::NEG_Z), "down");
 }
 
-/// A path of nerfstudio, by hand: the camera at (1, 2, 3) looks along the world's -z with y up, as OpenGL's unturned camera does.
+/// A path of nerfstudio, by hand: the camera at (1, 2, 3) looks along the world's -z with y up, as OpenGL's unturned
+/// camera does.
 #[test]
 fn paths_of_nerfstudio_are_read() {
     let camera = |more: &str| {
@@ -162,6 +163,12 @@ fn paths_of_nerfstudio_are_read() {
     assert!(close(timed.c2w.transform_point3(DVec3::ZERO), DVec3::new(1.0, 2.0, 3.0)));
     assert!(close(timed.c2w.transform_vector3(DVec3::Z), DVec3::NEG_Z), "forward");
     assert!(close(timed.c2w.transform_vector3(DVec3::Y), DVec3::NEG_Y), "down");
+    let inria = |fx: &str, sign: &str| {
+        format!(
+            r#"[{{"width": 9, "height": 9, "fx": {fx}, "fy": 1, "position": [0, 0, 0],
+                "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, {sign}]]}}]"#
+        )
+    };
     for (text, word) in [
         (path(&camera("")).replace("perspective", "fisheye"), "camera_type"),
         (path(""), "camera_path"),
@@ -172,8 +179,8 @@ fn paths_of_nerfstudio_are_read() {
         ("[]".into(), "1 to 100000 cameras"),
         ("[5]".into(), "camera 0"),
         (r#"[{"width": 9, "height": 9, "fx": 1, "fy": 1, "position": [0, 0, 0]}]"#.into(), "3 rows"),
-        (r#"[{"width": 9, "height": 9, "fx": 0, "fy": 1, "position": [0, 0, 0], "rotation": [[1,0,0],[0,1,0],[0,0,1]]}]"#.into(), "fx"),
-        (r#"[{"width": 9, "height": 9, "fx": 1, "fy": 1, "position": [0, 0, 0], "rotation": [[1,0,0],[0,1,0],[0,0,-1]]}]"#.into(), "reflection"),
+        (inria("0", "1"), "fx"),
+        (inria("1", "-1"), "reflection"),
         (r#"[{"width": 1e9, "height": 9}]"#.into(), "width"),
     ] {
         let error = read(&text).expect_err("broken").to_string();

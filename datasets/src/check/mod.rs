@@ -99,8 +99,8 @@ fn fill(
     if decoder.origin != glam::DVec3::ZERO {
         let glam::DVec3 { x, y, z } = decoder.origin;
         report.facts.push(format!(
-            "The scene is {:.0} units from its world's origin. Files of it have positions relative to ({x:.3}, {y:.3}, {z:.3}), which they \
-             name and which is read back.",
+            "The scene is {:.0} units from its world's origin. Its files have positions relative to \
+             ({x:.3}, {y:.3}, {z:.3}), an offset that they name and that is read back.",
             decoder.origin.length()
         ));
     }

@@ -1,8 +1,8 @@
 //! Binary glTF with `KHR_gaussian_splatting`, and the motion in an extension of our own.
 //!
-//! Every value is a float as it is in the scene, but for opacities and scales, which the extension wants after the sigmoid and the
-//! exponential. `docs/formats.md` has the layout. Files of others are read with all primitives of Gaussians, the transforms of their nodes,
-//! and the whole numbers that the extension allows.
+//! Every value is a float as it is in the scene, but for opacities and scales, which the extension wants after the
+//! sigmoid and the exponential. `docs/formats.md` has the layout. Files of others are read with all primitives of
+//! Gaussians, the transforms of their nodes, and the whole numbers that the extension allows.
 
 mod arrays;
 mod json;

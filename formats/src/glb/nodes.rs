@@ -11,7 +11,8 @@ pub(super) struct Shown {
     pub to_world: DMat4,
 }
 
-/// The meshes of the document's scene. Of a document without scenes all nodes are shown, of one without nodes all meshes.
+/// The meshes of the document's scene. Of a document without scenes all nodes are shown, of one without nodes all
+/// meshes.
 pub(super) fn shown(document: &Value) -> Result<Vec<Shown>, String> {
     let Some(nodes) = document.get("nodes").and_then(Value::as_array).filter(|nodes| !nodes.is_empty()) else {
         let meshes = list(document, "/meshes")?.len();

@@ -1,7 +1,8 @@
 //! Gaussians under the transform of their node.
 //!
-//! A linear map `M` turns a covariance `C C^T` with `C = R(q) diag(s)` into `M C C^T M^T`: the new axes and sizes are the left singular
-//! vectors and singular values of `M C`. Harmonics are turned by the rotation in `M`, as the extension wants.
+//! A linear map `M` turns a covariance `C C^T` with `C = R(q) diag(s)` into `M C C^T M^T`: the new axes and sizes are
+//! the left singular vectors and singular values of `M C`. Harmonics are turned by the rotation in `M`, as the
+//! extension wants.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
@@ -11,7 +12,8 @@ use crate::splats::unit;
 use crate::turn::{quaternion, turn_quaternion, turn_vector, turned_law};
 use crate::{Law, Motion, Splats};
 
-/// A map is a rotation and one scale up to this difference of an entry: quaternions and matrices are written with seven digits.
+/// A map is a rotation and one scale up to this difference of an entry: quaternions and matrices are written with seven
+/// digits.
 const SIMILAR: f64 = 1e-5;
 
 /// Rounds of Jacobi's method; it converges quadratically, and five reach rounding.
@@ -107,7 +109,8 @@ impl Place {
         Ok(motion)
     }
 
-    /// The turn of axes: an axis and its opposite are one, so a reflection is as good as its negative, which is a rotation.
+    /// The turn of axes: an axis and its opposite are one, so a reflection is as good as its negative, which is a
+    /// rotation.
     fn quaternion(&self) -> DQuat {
         quaternion(self.turn * self.turn.determinant().signum())
     }
@@ -128,8 +131,8 @@ fn orthogonal(mut map: DMat3) -> Option<DMat3> {
     apart.to_cols_array().iter().all(|x| x.abs() < 1e-9).then_some(map)
 }
 
-/// Orthonormal axes of positive determinant and the sizes along them, of `shape shape^T`: Jacobi's method on the columns, which keeps the
-/// digits of needles.
+/// Orthonormal axes of positive determinant and the sizes along them, of `shape shape^T`: Jacobi's method on the
+/// columns, which keeps the digits of needles.
 fn axes_and_sizes(mut shape: DMat3) -> (DMat3, DVec3) {
     for _ in 0..ROUNDS {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {

@@ -9,7 +9,8 @@ use super::{OPACITY_LEAST, SPLATS, harmonic_name};
 use crate::Splats;
 use crate::splats::logit;
 
-/// A size nearer to 0 than this, scene units, has no use for a finite logarithm: flat Gaussians have sizes of 0 in files of others.
+/// A size nearer to 0 than this, scene units, has no use for a finite logarithm: flat Gaussians have sizes of 0 in
+/// files of others.
 pub(super) const SIZE_LEAST: f32 = 1e-12;
 
 /// The extension of a primitive of Gaussians; `None` for another primitive.

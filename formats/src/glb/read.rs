@@ -26,7 +26,8 @@ pub struct Contents {
     pub linear: bool,
 }
 
-/// Floats of Gaussians that a file may become for each of its bytes: nodes may show a mesh again and again, and 64 times is a crowd.
+/// Floats of Gaussians that a file may become for each of its bytes: nodes may show a mesh again and again, and 64
+/// times is a crowd.
 const SHOWN_MAX: usize = 64;
 
 /// Most primitives that are shown, empty ones too.

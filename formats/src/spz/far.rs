@@ -1,4 +1,5 @@
-//! Gaussians so far from all others that a file is better without them: one distant Gaussian coarsens the positions of all.
+//! Gaussians so far from all others that a file is better without them: one distant Gaussian coarsens the positions of
+//! all.
 
 use super::FRACTIONAL_BITS;
 use super::write::{bits_of, largest};
@@ -7,14 +8,15 @@ use crate::Splats;
 /// Share of the Gaussians that are near by definition: a cloud of broken ones is smaller than the rest.
 const NEAR: f64 = 0.95;
 
-/// A Gaussian is far from the others beyond this many times the distance within which [`NEAR`] of them lie: a sky round a captured
-/// place ends before.
+/// A Gaussian is far from the others beyond this many times the distance within which [`NEAR`] of them lie: a sky round
+/// a captured place ends before.
 const FAR_TIMES: f64 = 20.0;
 
 /// The Gaussian whose size counts as small: five in a hundred are smaller.
 const SMALL: f64 = 0.05;
 
-/// Steps of positions up to this share of a small Gaussian's size lose nothing that is seen: half a step is a sixteenth of it.
+/// Steps of positions up to this share of a small Gaussian's size lose nothing that is seen: half a step is a sixteenth
+/// of it.
 const STEP_SHARE: f64 = 0.125;
 
 /// Gaussians that are left out of a file for the sake of the others.

@@ -1,8 +1,8 @@
 //! SPZ, the compressed format of Niantic: versions 2 and 3 are read, 3 is written.
 //!
-//! One gzip stream: a header of 16 bytes, then arrays over all Gaussians: positions, alphas, colours, scales, rotations, harmonics. A
-//! stream whose gzip was undone, as browsers and servers do, is read too.
-//! Everything is quantised; see `docs/formats.md` for the bytes and what they lose.
+//! One gzip stream: a header of 16 bytes, then arrays over all Gaussians: positions, alphas, colours, scales,
+//! rotations, harmonics. A stream whose gzip was undone, as browsers and servers do, is read too. Everything is
+//! quantised; see `docs/formats.md` for the bytes and what they lose.
 
 mod far;
 mod read;
@@ -17,7 +17,8 @@ pub use write::{encode, fractional_bits, oversized, write};
 
 /// "NGSP", little-endian.
 const MAGIC: u32 = 0x5053_474e;
-/// Before the offset of a scene far from its world's origin, in the comment of the gzip stream: the format has no place for text.
+/// Before the offset of a scene far from its world's origin, in the comment of the gzip stream: the format has no place
+/// for text.
 const OFFSET: &str = "; offset ";
 /// Bytes before the arrays.
 const HEADER: usize = 16;

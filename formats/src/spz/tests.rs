@@ -102,7 +102,8 @@ fn wide_scenes_keep_their_positions() {
     assert!(error.contains(".ply and .glb hold them"), "{error}");
 }
 
-/// One Gaussian far from all others would coarsen the positions of all to 1/64 unit. It is named, with the others' reach.
+/// One Gaussian far from all others would coarsen the positions of all to 1/64 unit. It is named, with the others'
+/// reach.
 #[test]
 fn far_gaussians_are_named() {
     let mut splats = random(400, 0, 3);
@@ -128,7 +129,8 @@ fn far_gaussians_are_named() {
     assert_eq!((oversized(&wide), far(&Splats::default())), (1, None));
 }
 
-/// An offset stands in the comment of the gzip stream to the last digit, and the rest of the file is that of the local scene.
+/// An offset stands in the comment of the gzip stream to the last digit, and the rest of the file is that of the local
+/// scene.
 #[test]
 fn an_offset_comes_back() {
     let local = random(20, 1, 4);

@@ -26,7 +26,8 @@ pub fn write(path: &Path, splats: &Splats) -> Result<(), FormatError> {
     write_file(path, &bytes)
 }
 
-/// Bits behind the point of a position: 12, or as many fewer as the farthest Gaussian needs; `None` if it fits with none.
+/// Bits behind the point of a position: 12, or as many fewer as the farthest Gaussian needs; `None` if it fits with
+/// none.
 pub fn fractional_bits(splats: &Splats) -> Option<u32> {
     bits_of(largest(splats, None))
 }
@@ -56,8 +57,8 @@ fn too_far(splats: &Splats) -> String {
     let count = splats.means.iter().filter(|mean| reaches(mean)).count();
     let [x, y, z] = splats.means[row];
     format!(
-        "Gaussian {row}: expected a position within {POSITION_MAX} scene units for SPZ, found ({x:e}, {y:e}, {z:e}) ({count} of {} \
-         are beyond); .ply and .glb hold them",
+        "Gaussian {row}: expected a position within {POSITION_MAX} scene units for SPZ, found ({x:e}, {y:e}, {z:e}) \
+         ({count} of {} are beyond); .ply and .glb hold them",
         splats.len()
     )
 }

@@ -20,8 +20,8 @@ use crate::{Gaussians, ShCoefficients};
 pub struct PlyScene {
     /// The Gaussians, with positions relative to `offset`.
     pub gaussians: Gaussians,
-    /// What is to be added to every position: zero unless the scene is far from its world's origin. By the file's comment, or else the
-    /// middle of the Gaussians.
+    /// What is to be added to every position: zero unless the scene is far from its world's origin. By the file's
+    /// comment, or else the middle of the Gaussians.
     pub offset: [f64; 3],
     /// How they are to be drawn, where the file says so.
     pub render_mode: Option<SplatRenderMode>,
@@ -29,7 +29,8 @@ pub struct PlyScene {
     pub sh_degree: usize,
 }
 
-/// Reads a scene onto a device, in its world: positions far from the origin are rounded, which [`read_ply_scene`] does not.
+/// Reads a scene onto a device, in its world: positions far from the origin are rounded, which [`read_ply_scene`] does
+/// not.
 ///
 /// # Errors
 /// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
@@ -254,8 +255,8 @@ impl Reader {
         }
     }
 
-    /// Keeps a record, unless one of its values is none: then it counts, and the first is remembered. An opacity without end is the one
-    /// of a Gaussian that is quite opaque or quite clear, which has no other logit.
+    /// Keeps a record, unless one of its values is none: then it counts, and the first is remembered. An opacity
+    /// without end is the one of a Gaussian that is quite opaque or quite clear, which has no other logit.
     fn keep(&self, record: &mut [f64], vertex: usize, records: &mut Records, broken: &mut Option<Broken>) {
         let opacity = &mut record[RECORD_OPACITY];
         if opacity.is_infinite() {

@@ -19,7 +19,8 @@ pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<(), Pl
     write_ply_as(path, gaussians, None, [0.0; 3])
 }
 
-/// [`write_ply`] with comments that say how the scene is to be drawn, and what is to be added to its positions, if that is not zero.
+/// [`write_ply`] with comments that say how the scene is to be drawn, and what is to be added to its positions, if that
+/// is not zero.
 ///
 /// # Errors
 /// As [`write_ply`].

@@ -56,7 +56,8 @@ pub struct ExportArgs {
     #[arg(long, value_name = "MB", value_parser = megabytes)]
     pub target_mb: Option<f64>,
 
-    /// Keep Gaussians far from all others in an SPZ file, where they make the positions of all coarser [default: left out, and said]
+    /// Keep Gaussians far from all others in an SPZ file, where they make the positions of all coarser [default: left
+    /// out, and said]
     #[arg(long)]
     pub keep_far: bool,
 }
@@ -80,7 +81,8 @@ pub struct ConvertArgs {
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: Option<u8>,
 
-    /// Keep Gaussians far from all others in an SPZ file, where they make the positions of all coarser [default: left out, and said]
+    /// Keep Gaussians far from all others in an SPZ file, where they make the positions of all coarser [default: left
+    /// out, and said]
     #[arg(long)]
     pub keep_far: bool,
 }

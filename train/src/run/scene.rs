@@ -91,8 +91,8 @@ impl LoadedScene {
         loaded
     }
 
-    /// The scene as a file holds it, at time `t`, or at all times where there is none: at the middle of its recording, with its motion.
-    /// One that is no series of functions of time has `samples` key frames.
+    /// The scene as a file holds it, at time `t`, or at all times where there is none: at the middle of its recording,
+    /// with its motion. One that is no series of functions of time has `samples` key frames.
     pub fn packed(&self, t: Option<f64>, samples: usize) -> Packed {
         let motion = if t.is_none() { motion_of(&*self.scene, self.middle, samples) } else { None };
         // A file that says nothing of it may have been trained either way.
@@ -192,8 +192,8 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
     }
 }
 
-/// Writes Gaussians as PLY: in the data set's own world, or, where `origin` is far from it, in local positions with an offset. Creates the
-/// folder if there is none.
+/// Writes Gaussians as PLY: in the data set's own world, or, where `origin` is far from it, in local positions with an
+/// offset. Creates the folder if there is none.
 ///
 /// # Errors
 /// When the file cannot be written, one sentence that names it; then no partial file is left.

@@ -22,8 +22,8 @@ const TRIALS: usize = 8;
 /// A file that is at least this share of what is allowed is full.
 const FULL: f64 = 0.98;
 
-/// Selects Gaussians of each scene, of its `rows` if only these may stay, so that its file takes at most `target` megabytes; returns
-/// what that costs, in words.
+/// Selects Gaussians of each scene, of its `rows` if only these may stay, so that its file takes at most `target`
+/// megabytes; returns what that costs, in words.
 ///
 /// # Errors
 /// A sentence when the scene is none of a run whose photos are there, or nothing fits.

@@ -65,7 +65,8 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// With an offset that is near zero added to the positions: only one that an `f32` cannot hold beside them stays apart.
+    /// With an offset that is near zero added to the positions: only one that an `f32` cannot hold beside them stays
+    /// apart.
     pub fn placed(mut self) -> Self {
         let offset = self.splats.offset;
         if offset == [0.0; 3] || is_far(offset) {
@@ -172,7 +173,8 @@ pub fn offset_note(offset: [f64; 3]) -> Option<String> {
     (offset != [0.0; 3]).then(|| format!("positions are relative to ({x}, {y}, {z}), which the file names"))
 }
 
-/// Reads a file of Gaussians by its ending; `None` where it is another file. Rows that are no Gaussians are left out, which is said.
+/// Reads a file of Gaussians by its ending; `None` where it is another file. Rows that are no Gaussians are left out,
+/// which is said.
 ///
 /// # Errors
 /// One sentence that names the file, what was expected and what was found.

@@ -14,22 +14,25 @@ pub(super) fn others(count: usize, rows: &[u32]) -> Vec<u32> {
 }
 
 impl Packed {
-    /// The rows that a file of this format is to hold: all, but for SPZ where a few Gaussians are so far from the others that they
-    /// would coarsen the positions of all. What is left out is said, with the option that keeps it.
+    /// The rows that a file of this format is to hold: all, but for SPZ where a few Gaussians are so far from the
+    /// others that they would coarsen the positions of all. What is left out is said, with the option that keeps it.
     pub fn spared(&self, path: &Path, format: Format) -> Option<Vec<u32>> {
         let far = (format == Format::Spz).then(|| spz::far(&self.splats)).flatten()?;
         let (count, all) = (far.rows.len(), self.splats.len());
-        let step = spz::fractional_bits(&self.splats).map(step_of);
-        let cost = step.map_or("no SPZ file holds them".into(), |step| {
-            format!("--keep-far keeps {}, and rounds all positions to {step} units", agree(count, "it", "them"))
-        });
+        let cost = match spz::fractional_bits(&self.splats).map(step_of) {
+            Some(step) => {
+                format!("--keep-far keeps {}, and rounds all positions to {step} units", agree(count, "it", "them"))
+            }
+            None => "no SPZ file holds them".into(),
+        };
+        let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
         tracing::warn!(
-            "{}: {} of {all} {} left out: row {}{} lies {} units or more from the middle, within {} units of which 95 % lie; {cost}",
+            "{}: {} of {all} {} left out: row {}{more}, {} units or more from the middle, within {} units of which 95 % \
+             lie; {cost}",
             path.display(),
             counted(count, "Gaussian"),
             agree(count, "was", "were"),
             far.rows[0],
-            if count > 1 { format!(" and {} more", count - 1) } else { String::new() },
             rounded(far.distance),
             rounded(far.reach),
         );
