@@ -34,10 +34,10 @@ pub fn localised(positions: &[[f64; 3]], offset: [f64; 3]) -> (Vec<[f32; 3]>, [f
 fn choose(middle: [f64; 3], offset: [f64; 3]) -> [f64; 3] {
     let whole = [0, 1, 2].map(|axis| middle[axis] + offset[axis]);
     match (is_far(whole), is_far(middle)) {
-        (false, _) => [0.0; 3],
-        (true, false) => offset,
         // Whole numbers are exact in any text.
-        (true, true) => whole.map(f64::round),
+        (true, true) if is_offset(whole) => whole.map(f64::round),
+        (true, false) => offset,
+        _ => [0.0; 3],
     }
 }
 
@@ -85,6 +85,7 @@ mod tests {
         assert_eq!((local, offset), (vec![[0.1, 0.2, -0.3]], [0.0; 3]), "they cancel");
         let (local, offset) = localised(&[[1e6, 2e6, 0.0]], far);
         assert_eq!((local, offset), (vec![[0.1, 0.2, -0.3]], [2e6, 2e6, 0.0]), "both are far");
+        assert_eq!(localised(&[[3e38, 0.0, 0.0]], [0.0; 3]), (vec![[3e38, 0.0, 0.0]], [0.0; 3]), "no place at all");
         assert!(is_far(far) && is_offset(far) && !is_far([900.0, 0.0, 0.0]));
         assert!(!is_offset([f64::NAN, 0.0, 0.0]) && !is_offset([0.0, 1e16, 0.0]));
     }

@@ -13,6 +13,9 @@ use crate::splats::logit;
 /// files of others.
 pub(super) const SIZE_LEAST: f32 = 1e-12;
 
+/// The kernel of 3D Gaussians.
+const KERNEL: &str = "ellipse";
+
 /// The extension of a primitive of Gaussians; `None` for another primitive.
 pub(super) fn extension(primitive: &Value) -> Option<&Value> {
     primitive.get("extensions")?.get(SPLATS)
@@ -28,6 +31,10 @@ pub(super) fn read(primitive: &Value, accessors: &Accessors) -> Result<Splats, S
     let extension = at(primitive, &format!("/extensions/{SPLATS}"))?;
     if let Some(name) = extension.get("extensions").and_then(Value::as_object).and_then(|more| more.keys().next()) {
         return Err(format!("expected plain accessors of {SPLATS}, found another form of it ({name:?})"));
+    }
+    let kernel = extension.get("kernel").and_then(Value::as_str).unwrap_or(KERNEL);
+    if kernel != KERNEL {
+        return Err(format!("expected the kernel {KERNEL:?} of {SPLATS}, found {kernel:?}"));
     }
     let named = |name: &str| primitive.get("attributes").and_then(|attributes| attributes.get(name)?.as_u64());
     let count = promised(primitive, accessors)?;

@@ -41,7 +41,9 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode> {
         tracing::warn!("{}: holds one moment of the scene, the middle of its recording", args.to.display());
         packed.motion = None;
     }
-    if let Some(rows) = packed.spared(&args.to, format).filter(|_| !args.keep_far) {
+    if !args.keep_far
+        && let Some(rows) = packed.spared(&args.to, format)
+    {
         packed = packed.select(&rows);
     }
     write_one(&args.to, &packed, format, Vec::new(), &device)?;

@@ -19,16 +19,15 @@ impl Packed {
     pub fn spared(&self, path: &Path, format: Format) -> Option<Vec<u32>> {
         let far = (format == Format::Spz).then(|| spz::far(&self.splats)).flatten()?;
         let (count, all) = (far.rows.len(), self.splats.len());
+        let it = agree(count, "it", "them");
         let cost = match spz::fractional_bits(&self.splats).map(step_of) {
-            Some(step) => {
-                format!("--keep-far keeps {}, and rounds all positions to {step} units", agree(count, "it", "them"))
-            }
-            None => "no SPZ file holds them".into(),
+            Some(step) => format!("--keep-far keeps {it} and rounds all positions to {step} units"),
+            None => format!("no SPZ file holds {it}, .ply and .glb do"),
         };
         let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
         tracing::warn!(
-            "{}: {} of {all} {} left out: row {}{more}, {} units or more from the middle, within {} units of which 95 % \
-             lie; {cost}",
+            "{}: {} of {all} {} left out (row {}{more}): {} units or more from the middle of the scene, where 95 % lie \
+             within {} units; {cost}",
             path.display(),
             counted(count, "Gaussian"),
             agree(count, "was", "were"),
