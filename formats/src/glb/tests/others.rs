@@ -319,6 +319,10 @@ fn hostile_nodes_are_refused() {
     assert!(
         decode(&lying).expect_err("lying").contains("expected 12 values of KHR_gaussian_splatting:ROTATION, found 11")
     );
+    let other = changed(&bytes, |document| {
+        document["meshes"][0]["primitives"][0]["extensions"][SPLATS]["kernel"] = json!("ellipse2d");
+    });
+    assert!(decode(&other).expect_err("another kernel").contains("ellipse2d"));
     let compressed =
         changed(&bytes, |document| document["bufferViews"][0]["extensions"] = json!({"EXT_meshopt_compression": {}}));
     assert!(decode(&compressed).expect_err("compressed").contains("EXT_meshopt_compression"));
