@@ -67,20 +67,21 @@ pub struct Packed {
 impl Packed {
     /// With an offset that is near zero added to the positions: only one that an `f32` cannot hold beside them stays
     /// apart.
-    pub fn placed(mut self) -> Self {
-        let offset = self.splats.offset;
-        if offset == [0.0; 3] || is_far(offset) {
-            return self;
+    pub fn placed(self) -> Self {
+        if is_far(self.splats.offset) { self } else { self.relative_to([0.0; 3]) }
+    }
+
+    /// With positions relative to another offset.
+    fn relative_to(mut self, offset: [f64; 3]) -> Self {
+        let shift = DVec3::from_array(self.splats.offset) - DVec3::from_array(offset);
+        if shift != DVec3::ZERO {
+            let moved = |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + shift).to_array().map(|x| x as f32);
+            self.splats.means.iter_mut().for_each(|mean| *mean = moved(*mean));
+            if let Some(Motion { law: Law::Keys(keys), .. }) = &mut self.motion {
+                keys.means.iter_mut().for_each(|mean| *mean = moved(*mean));
+            }
         }
-        let shift = |mean: &mut [f32; 3]| {
-            let moved = DVec3::from_array(mean.map(f64::from)) + DVec3::from_array(offset);
-            *mean = moved.to_array().map(|x| x as f32);
-        };
-        self.splats.means.iter_mut().for_each(shift);
-        if let Some(Motion { law: Law::Keys(keys), .. }) = &mut self.motion {
-            keys.means.iter_mut().for_each(shift);
-        }
-        self.splats.offset = [0.0; 3];
+        self.splats.offset = offset;
         self
     }
 
@@ -126,7 +127,7 @@ impl Packed {
         Ok(length as u64)
     }
 
-    /// The scene as a reader of the file finds it: SPZ rounds, the others keep every digit.
+    /// The scene as a reader of the file finds it, relative to its own offset: SPZ rounds, the others keep every digit.
     ///
     /// # Errors
     /// When the scene does not fit the format.
@@ -135,7 +136,7 @@ impl Packed {
             return Ok(self.clone());
         }
         let splats = spz::encode(&self.splats).and_then(|bytes| spz::decode(&bytes)).map_err(anyhow::Error::msg)?;
-        Ok(Self { splats, ..self.clone() })
+        Ok(Self { splats, motion: None, samples: self.samples }.relative_to(self.splats.offset))
     }
 
     /// Writes the file; makes its folder.
