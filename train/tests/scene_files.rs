@@ -13,23 +13,14 @@ use gs_formats::Splats;
 use gs_train::run::exchange::{Format, Packed, read_packed};
 use serde_json::{Value, json};
 
-const QUICK: [&str; 9] = [
-    "--steps",
-    "12",
-    "--quiet",
-    "--set",
-    "eval.ms_ssim=false",
-    "--set",
-    "init.random_points=150",
-    "--cap=160",
-    "--seed=1",
-];
+const QUICK: [&str; 8] =
+    ["--steps", "12", "--set", "eval.ms_ssim=false", "--set", "init.random_points=150", "--cap=160", "--seed=1"];
 
 /// A place in map coordinates.
 const PLACE: [f64; 3] = [450_123.4, 5_200_456.7, 312.5];
 
-/// The tiny scene without points, moved by `offset`.
-fn trained_at(folder: &Path, offset: [f64; 3]) {
+/// Trains the tiny scene without points, moved by `offset`; returns what was said meanwhile.
+fn trained_at(folder: &Path, offset: [f64; 3]) -> String {
     common::tiny_scene(folder);
     for name in ["train", "test"] {
         let file = folder.join(format!("scene/transforms_{name}.json"));
@@ -45,7 +36,8 @@ fn trained_at(folder: &Path, offset: [f64; 3]) {
     }
     fs::remove_file(folder.join("scene/points3d.ply")).expect("removed");
     let train: Vec<&str> = ["train", "scene", "--out", "run"].into_iter().chain(QUICK).collect();
-    succeeds(folder, &train);
+    let [_, said] = says(folder, &train);
+    said
 }
 
 /// PSNR of `gsburn eval`, mean over views.
@@ -61,7 +53,8 @@ fn measured(folder: &Path, scene: &str) -> f64 {
 fn far_scenes_keep_their_digits() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    trained_at(folder, PLACE);
+    let said = trained_at(folder, PLACE);
+    assert!(said.contains("scene.ply: positions are relative to (450"), "{said}");
     let checked = succeeds(folder, &["check", "scene"]);
     assert!(checked.contains("units from its world's origin") && checked.contains("relative to (450"), "{checked}");
     let header = String::from_utf8_lossy(&fs::read(folder.join("run/scene.ply")).expect("read")[..300]).into_owned();
@@ -108,7 +101,8 @@ fn far_scenes_keep_their_digits() {
 fn near_scenes_stay_in_their_world() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    trained_at(folder, [30.0, 0.0, 0.0]);
+    let said = trained_at(folder, [30.0, 0.0, 0.0]);
+    assert!(!said.contains("relative"), "{said}");
     let said = succeeds(folder, &["export", "run", "--out", "a.glb"]);
     assert!(!said.contains("relative") && !succeeds(folder, &["info", "a.glb"]).contains("offset"), "{said}");
     for file in ["run/scene.ply", "a.glb"] {

@@ -127,7 +127,7 @@ fn finish<M: Method>(
     write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased)
         .map_err(|error| error.context("the finished scene could not be exported"))?;
     if let Some(note) = placed_note(data.scene.origin) {
-        tracing::info!("{}: {note}", job.folder.ply().display());
+        run.say(&format!("{}: {note}", job.folder.ply().display()));
     }
     let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);

@@ -83,7 +83,7 @@ fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
         write_ply(&job.folder.ply(), &gaussians, origin)
             .map_err(|error| error.context("the first held-out snippet could not be exported"))?;
         if let Some(note) = placed_note(origin) {
-            tracing::info!("{}: {note}", job.folder.ply().display());
+            run.say(&format!("{}: {note}", job.folder.ply().display()));
         }
     }
     let file = run.record(trainer.step, measured)?;
