@@ -197,7 +197,7 @@ fn damaged_cameras_never_panic() {
         {"camera_to_world": [1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1], "fov": 90, "render_time": 0.5}]}"#;
     for text in [inria, path] {
         for place in 0..text.len() {
-            for with in ["9", "-", "\"", "e", "[", "}"] {
+            for with in ["9", "-", "\""] {
                 let mut damaged = text.to_owned();
                 damaged.replace_range(place..=place, with);
                 match read(&damaged) {
