@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::camera_path::KeyFrames;
+use crate::camera_path;
 use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::findings::Findings;
@@ -75,7 +75,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
 ///
 /// Of a transforms.json file, in file order; in a folder, the first of transforms_render.json, transforms.json, transforms_test.json
 /// and transforms_train.json. Of a folder with a COLMAP model, by name. Of a JSON file of key frames, the path through them
-/// (see [`camera_path`](crate::camera_path)).
+/// (see [`camera_path`]); of Inria's cameras.json and nerfstudio's camera_path.json, their cameras.
 ///
 /// # Errors
 /// As [`load`], and when a frame has neither `w` and `h` nor an image to take the size from.
@@ -87,9 +87,9 @@ pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
         return formats::colmap::cameras(&files);
     }
     if !path.is_dir()
-        && let Some(path) = KeyFrames::find(path)?
+        && let Some(cameras) = camera_path::in_file(path)?
     {
-        return Ok(path.cameras());
+        return Ok(cameras);
     }
     formats::transforms::read_cameras(path)
 }

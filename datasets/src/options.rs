@@ -148,10 +148,7 @@ impl LoadOptions {
     }
 }
 
-/// A scene is moved to the origin when the mean of its camera centres is farther from it than this, in scene units.
-/// At 1000 the spacing of f32 is 6e-5: in metres, millimetres survive a few dozen roundings. City coordinates (1e4 and
-/// more) would lose them, while an ordinary scene stays in its file's world, where exported files match other tools.
-pub const RECENTRE_DISTANCE: f64 = 1000.0;
+pub use gs_kernels::local::RECENTRE_DISTANCE;
 
 impl Default for LoadOptions {
     fn default() -> Self {

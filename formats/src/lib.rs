@@ -1,4 +1,5 @@
-//! Files of 3D Gaussians for other programs. Knows slices, nothing of tensors or training.
+//! Files of 3D Gaussians for other programs. Knows slices, nothing of tensors or training; which positions are far from
+//! their world's origin is said by `gs-kernels`.
 //!
 //! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`spz`] and [`glb`] are read and written, [`usda`] is
 //! written. PLY, the layout of 3DGS, is in the crate `gs-burn`. `docs/formats.md` has the layouts.

@@ -3,9 +3,12 @@
 /// `N` Gaussians, axes as in the [crate's documentation](crate).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Splats {
-    /// Means, scene units.
+    /// Means, scene units, relative to [`offset`](Self::offset).
     pub means: Vec<[f32; 3]>,
-    /// Orientations, w x y z of any norm but zero.
+    /// The position in the world that is to be added to every mean, scene units: zero but for scenes far from their
+    /// world's origin, whose places an `f32` cannot hold.
+    pub offset: [f64; 3],
+    /// Orientations, w x y z of any norm; zeros are drawn as the identity.
     pub quats: Vec<[f32; 4]>,
     /// Natural logarithms of the standard deviations, scene units.
     pub log_scales: Vec<[f32; 3]>,
@@ -50,17 +53,46 @@ impl Splats {
         }
         let opacity = || self.opacity_logits.iter().position(|x| !x.is_finite());
         let sh = || bad(&self.sh).map(|index| index / self.coefficients());
-        let rotation = |q: &[f32; 4]| q.iter().all(|x| *x == 0.0);
         let found = bad(&self.means)
             .map(|i| (i, "position"))
-            .or_else(|| bad(&self.quats).or_else(|| self.quats.iter().position(rotation)).map(|i| (i, "rotation")))
+            .or_else(|| bad(&self.quats).map(|i| (i, "rotation")))
             .or_else(|| bad(&self.log_scales).map(|i| (i, "scale")))
             .or_else(|| opacity().map(|i| (i, "opacity")))
             .or_else(|| sh().map(|i| (i, "colour")));
-        match found {
-            Some((index, what)) => Err(format!("Gaussian {index}: expected a {what} of finite numbers, found another")),
-            None => Ok(()),
+        let Some((index, what)) = found else { return Ok(()) };
+        let broken = (0..n).filter(|index| !self.is_finite(*index)).count();
+        Err(format!(
+            "Gaussian {index}: expected a {what} of finite numbers, found another ({broken} of {n} are broken)"
+        ))
+    }
+
+    /// Whether every value of the Gaussian `index` is finite.
+    fn is_finite(&self, index: usize) -> bool {
+        let s = self.coefficients();
+        let all = |values: &[f32]| values.iter().all(|x| x.is_finite());
+        all(&self.means[index])
+            && all(&self.quats[index])
+            && all(&self.log_scales[index])
+            && self.opacity_logits[index].is_finite()
+            && all(self.sh[index * s..][..s].as_flattened())
+    }
+
+    /// The rows whose rotation is four zeros, which is none: a program that wrote more rows than it had Gaussians
+    /// leaves such rows.
+    pub fn without_rotation(&self) -> Vec<u32> {
+        let is_zero = |row: &u32| self.quats[*row as usize].iter().all(|x| *x == 0.0);
+        (0..self.len() as u32).filter(is_zero).collect()
+    }
+
+    /// With more harmonics, which are zero, up to `degree`.
+    pub(crate) fn padded(mut self, degree: usize) -> Self {
+        if degree > self.degree {
+            let (before, after) = (self.coefficients(), (degree + 1).pow(2));
+            let zeros = std::iter::repeat_n([0.0; 3], after - before);
+            self.sh = self.sh.chunks(before).flat_map(|sh| sh.iter().copied().chain(zeros.clone())).collect();
+            self.degree = degree;
         }
+        self
     }
 
     /// The Gaussians with harmonics up to `degree` only.
@@ -82,6 +114,7 @@ impl Splats {
         let pick = |row: &u32| *row as usize;
         Self {
             means: rows.iter().map(|row| self.means[pick(row)]).collect(),
+            offset: self.offset,
             quats: rows.iter().map(|row| self.quats[pick(row)]).collect(),
             log_scales: rows.iter().map(|row| self.log_scales[pick(row)]).collect(),
             opacity_logits: rows.iter().map(|row| self.opacity_logits[pick(row)]).collect(),

@@ -15,6 +15,7 @@ pub fn flip(splats: &Splats) -> Splats {
     let s = splats.coefficients();
     Splats {
         means: splats.means.iter().copied().map(flip_vector).collect(),
+        offset: flip_offset(splats.offset),
         // The Gaussian's own axes y and z are reversed with the world's, which its shape does not see.
         quats: splats.quats.iter().map(|[w, x, y, z]| [*w, *x, -y, -z]).collect(),
         sh: splats.sh.iter().enumerate().map(|(i, c)| c.map(|c| FLIPPED_SH[i % s] * c)).collect(),
@@ -34,6 +35,11 @@ fn flip_vector([x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, -y, -z]
 }
 
+fn flip_offset([x, y, z]: [f64; 3]) -> [f64; 3] {
+    // Not -0, which would be written as such.
+    [x, 0.0 - y, 0.0 - z]
+}
+
 /// Turned by any rotation: means, orientations and harmonics. A Gaussian that was at `p` is at `rotation p`, and looks from there as
 /// it looked.
 pub fn turn(splats: &Splats, rotation: DMat3) -> Splats {
@@ -43,6 +49,7 @@ pub fn turn(splats: &Splats, rotation: DMat3) -> Splats {
     sh.chunks_mut(s).for_each(|sh| bands.turn(sh));
     Splats {
         means: splats.means.iter().map(|mean| turn_vector(rotation, *mean)).collect(),
+        offset: (rotation * DVec3::from_array(splats.offset)).to_array(),
         quats: splats.quats.iter().map(|q| turn_quaternion(quat, *q)).collect(),
         sh,
         log_scales: splats.log_scales.clone(),
@@ -65,7 +72,11 @@ pub fn upright(up: DVec3) -> Option<DMat3> {
     Some(DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::NEG_Y)))
 }
 
-fn turned_law(motion: &Motion, vector: impl Fn([f32; 3]) -> [f32; 3], quat: impl Fn([f32; 4]) -> [f32; 4]) -> Motion {
+pub(crate) fn turned_law(
+    motion: &Motion,
+    vector: impl Fn([f32; 3]) -> [f32; 3],
+    quat: impl Fn([f32; 4]) -> [f32; 4],
+) -> Motion {
     let mut motion = motion.clone();
     match &mut motion.law {
         // A rotation vector turns like any other vector.
@@ -80,15 +91,15 @@ fn turned_law(motion: &Motion, vector: impl Fn([f32; 3]) -> [f32; 3], quat: impl
     motion
 }
 
-fn quaternion(rotation: DMat3) -> DQuat {
+pub(crate) fn quaternion(rotation: DMat3) -> DQuat {
     DQuat::from_mat3(&rotation).normalize()
 }
 
-fn turn_vector(rotation: DMat3, v: [f32; 3]) -> [f32; 3] {
+pub(crate) fn turn_vector(rotation: DMat3, v: [f32; 3]) -> [f32; 3] {
     (rotation * DVec3::from_array(v.map(f64::from))).to_array().map(|x| x as f32)
 }
 
-fn turn_quaternion(turn: DQuat, q: [f32; 4]) -> [f32; 4] {
+pub(crate) fn turn_quaternion(turn: DQuat, q: [f32; 4]) -> [f32; 4] {
     let [w, x, y, z] = unit(q);
     let q = turn * DQuat::from_xyzw(x, y, z, w);
     [q.w, q.x, q.y, q.z].map(|x| x as f32)

@@ -38,6 +38,11 @@ pub fn encode(splats: &Splats, samples: &[Splats]) -> Result<String, String> {
     let last = samples.len().saturating_sub(1);
     let _ = writeln!(out, "#usda 1.0\n(\n    doc = \"{MARK}\"\n    defaultPrim = \"Scene\"\n    upAxis = \"Y\"");
     let _ = writeln!(out, "    metersPerUnit = 1");
+    if splats.offset != [0.0; 3] {
+        let [x, y, z] = splats.offset;
+        let _ = writeln!(out, "    customLayerData = {{\n        dictionary gsburn = {{");
+        let _ = writeln!(out, "            double3 offset = ({x}, {y}, {z})\n        }}\n    }}");
+    }
     if !samples.is_empty() {
         let _ = writeln!(out, "    startTimeCode = 0\n    endTimeCode = {last}");
         let _ =
@@ -134,6 +139,7 @@ mod tests {
     fn the_text_says_what_the_scene_is() {
         let splats = Splats {
             means: vec![[1.0, 2.0, -3.5]],
+            offset: [0.0; 3],
             quats: vec![[2.0, 0.0, 0.0, 0.0]],
             log_scales: vec![[0.0; 3]],
             opacity_logits: vec![0.0],
@@ -153,7 +159,9 @@ mod tests {
         ] {
             assert!(still.contains(line), "{line} in {still}");
         }
-        assert!(!still.contains("timeSamples"));
+        assert!(!still.contains("timeSamples") && !still.contains("customLayerData"));
+        let far = encode(&Splats { offset: [450_000.125, -5e6, 0.1], ..splats.clone() }, &[]).expect("written");
+        assert!(far.contains("double3 offset = (450000.125, 5000000, -0.1)"), "{far}");
         let mut later = splats.clone();
         later.means[0][0] = 2.0;
         let moving = encode(&splats, &[splats.clone(), later]).expect("written");

@@ -12,6 +12,7 @@ const ROUNDING: f64 = 1e-6;
 fn splats() -> Splats {
     let at = |i: usize, k: usize| ((7 * i + 3 * k) as f32).sin();
     Splats {
+        offset: [0.0; 3],
         means: (0..6).map(|i| [at(i, 0), at(i, 1), at(i, 2)]).collect(),
         quats: (0..6).map(|i| [1.5 + at(i, 3), at(i, 4), at(i, 5), at(i, 6)]).collect(),
         log_scales: vec![[-2.0; 3]; 6],

@@ -7,6 +7,9 @@
 //! A comment `SplatRenderMode: default` or `mip` says whether small Gaussians are brightened by the blur of a pixel; PlayCanvas' and
 //! other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is read. Harmonics of degree 4 are read
 //! up to degree 3.
+//!
+//! A scene far from its world's origin has local positions and a comment `SplatOffset: x y z`, which is added to each
+//! of them.
 
 mod compressed;
 mod header;
@@ -22,7 +25,7 @@ use std::path::PathBuf;
 
 use printable::shown;
 pub use read::{PlyScene, read_ply, read_ply_scene};
-pub use write::{write_ply, write_ply_as};
+pub use write::{encoded_len, write_ply, write_ply_as};
 
 /// What the comment `SplatRenderMode` of a file says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,6 +55,9 @@ impl SplatRenderMode {
 
 /// The name in the comment.
 const RENDER_MODE: &str = "SplatRenderMode:";
+
+/// The name of the comment with the offset, three numbers.
+const OFFSET: &str = "SplatOffset:";
 
 /// Errors of reading and writing a scene.
 #[derive(Debug, thiserror::Error)]
@@ -114,7 +120,11 @@ pub enum PlyError {
         found: u64,
     },
     /// A value is no number where a number is needed.
-    #[error("{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}", path = shown(path))]
+    #[error(
+        "{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}; {broken} of {count} \
+         vertices have such values, and `npx @playcanvas/splat-transform IN.ply --filter-nan OUT.ply` leaves these out",
+        path = shown(path)
+    )]
     NotFinite {
         /// The file.
         path: PathBuf,
@@ -124,6 +134,30 @@ pub enum PlyError {
         property: String,
         /// The value as it is in the file.
         found: String,
+        /// How many vertices have such a value.
+        broken: usize,
+        /// All vertices.
+        count: usize,
+    },
+    /// A Gaussian that is to be written holds a value that is no number.
+    #[error(
+        "{path}: Gaussian {vertex}: expected a finite number for `{property}`, found {found} ({broken} of {count} \
+         are broken)",
+        path = shown(path)
+    )]
+    Broken {
+        /// The file.
+        path: PathBuf,
+        /// Index of the Gaussian, from 0.
+        vertex: usize,
+        /// Name of its property.
+        property: String,
+        /// The value.
+        found: f32,
+        /// How many Gaussians are broken.
+        broken: usize,
+        /// All Gaussians.
+        count: usize,
     },
 }
 

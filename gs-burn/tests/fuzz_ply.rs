@@ -17,7 +17,7 @@ use std::fs;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Gaussians;
-use gs_burn::ply::{read_ply, write_ply};
+use gs_burn::ply::{SplatRenderMode, read_ply, write_ply_as};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
@@ -40,7 +40,7 @@ fn device() -> Device {
     return Device::ndarray();
 }
 
-/// Three Gaussians as this crate writes them, and the same in the two other encodings.
+/// Three Gaussians as this crate writes them, far from their world's origin, and the same in the two other encodings.
 fn seeds() -> [Vec<u8>; 3] {
     let device = device();
     let ramp = |count: usize| -> Vec<f32> { (0..count).map(|i| 0.1 * (i as f32 + 1.0)).collect() };
@@ -56,7 +56,7 @@ fn seeds() -> [Vec<u8>; 3] {
     );
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.ply");
-    write_ply(&path, &gaussians).expect("written");
+    write_ply_as(&path, &gaussians, Some(SplatRenderMode::Mip), [450_123.5, 5_200_456.25, -300.0]).expect("written");
     let little = fs::read(&path).expect("read");
     let end = b"end_header\n";
     let len = little.windows(end.len()).position(|window| window == end).expect("a header") + end.len();

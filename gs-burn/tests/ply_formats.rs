@@ -65,7 +65,7 @@ fn the_render_mode_comes_back() {
     let folder = tempfile::tempdir().expect("no error");
     let path = folder.path().join("scene.ply");
     for mode in [None, Some(SplatRenderMode::Default), Some(SplatRenderMode::Mip)] {
-        write_ply_as(&path, &gaussians, mode).expect("no error");
+        write_ply_as(&path, &gaussians, mode, [0.0; 3]).expect("no error");
         assert_eq!(read_ply_scene(&path, &device()).expect("no error").render_mode, mode);
     }
     let bytes = fs::read(&path).expect("no error");

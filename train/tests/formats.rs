@@ -129,7 +129,7 @@ fn a_turned_scene_looks_as_before_from_the_turned_camera() {
         opacity_logits: (0..60).map(|i| 2.0 * at(i, 10)).collect(),
         degree: 3,
         sh: (0..960).map(|i| [0.4 * at(i, 11), 0.4 * at(i, 12), 0.4 * at(i, 13)]).collect(),
-        antialiased: None,
+        ..Splats::default()
     };
     let k = Intrinsics { fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
     let c2w = DMat4::from_translation(DVec3::new(0.2, -0.1, -4.0));

@@ -1,4 +1,5 @@
-//! Damaged configurations and checkpoints: nothing panics, and what is not read is refused in a sentence of one line.
+//! Damaged configurations, checkpoints and files of scenes: nothing panics, and what is not read is refused in a
+//! sentence of one line.
 //!
 //! Each reader gets [`SHORT`] cases with all other tests. The long run is asked for, with as many cases as wanted:
 //!
@@ -14,8 +15,10 @@ use std::fs;
 use std::path::Path;
 
 use gs_datasets::synthetic::deblur::{self, DeblurOptions};
+use gs_formats::Splats;
 use gs_train::pipelines::{PIPELINES, Sources, of_checkpoint, resolve};
 use gs_train::run::checkpoint::Checkpoint;
+use gs_train::run::exchange::{Format, Packed, read_packed};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
@@ -109,6 +112,82 @@ fn checkpoints(cases: u32) {
         };
         read().err().map(|error| gs_train::logging::one_sentence(&error))
     });
+}
+
+/// A scene far from its world's origin, with a row of zeros.
+fn far_scene() -> Splats {
+    let count = 6;
+    let mut quats = vec![[1.0, 0.0, 0.0, 0.0]; count];
+    quats[4] = [0.0; 4];
+    Splats {
+        means: (0..count).map(|i| [i as f32, 1.0, -0.5]).collect(),
+        offset: [450_123.5, 5_200_456.25, 300.0],
+        quats,
+        log_scales: vec![[-3.0; 3]; count],
+        opacity_logits: vec![0.5; count],
+        degree: 1,
+        sh: vec![[0.25, -0.5, 0.125]; 4 * count],
+        antialiased: Some(true),
+    }
+}
+
+/// The scene in each format that is read, by its ending; an SPZ without its gzip, and a glTF with nodes.
+fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 3] {
+    let packed = Packed { splats: far_scene(), motion: None, samples: 0 };
+    let written = |name: &str, format: Format| {
+        let path = folder.join(name);
+        packed.write(&path, format, &common::device()).expect("written");
+        fs::read(&path).expect("read")
+    };
+    let ply = written("seed.ply", Format::Ply);
+    let (spz, glb) = (written("seed.spz", Format::Spz), written("seed.glb", Format::Glb));
+    let arrays = 6 * (9 + 1 + 3 + 3 + 4 + 9);
+    let raw = [&b"NGSP"[..], &3_u32.to_le_bytes(), &6_u32.to_le_bytes(), &[1, 12, 0, 0], &vec![77; arrays]].concat();
+    // As long as the node that it takes the place of, with spaces from behind.
+    let text = String::from_utf8_lossy(&glb).into_owned();
+    assert!(text.contains(r#""nodes":[{"mesh":0}]"#), "{text}");
+    let place = glb.windows(12).position(|bytes| bytes == br#"[{"mesh":0}]"#).expect("a node");
+    let node = br#"[{"mesh":0,"scale":[2,1,1],"translation":[1e6,0,0]}]"#;
+    let mut nodes = glb.clone();
+    nodes.splice(place..place + 12, node.iter().copied());
+    let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) + (node.len() - 12) as u32;
+    nodes[12..16].copy_from_slice(&length.to_le_bytes());
+    [("ply", vec![ply]), ("spz", vec![spz, raw]), ("glb", vec![glb, nodes])]
+}
+
+fn scenes(cases: u32) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let device = common::device();
+    for (ending, seeds) in scene_seeds(folder.path()) {
+        let file = folder.path().join(format!("scene.{ending}"));
+        for seed in &seeds {
+            fs::write(&file, seed).expect("written");
+            let read = read_packed(&file, &device).expect("a sound seed").expect("a scene");
+            // SPZ and glTF are written with rotations of norm 1.
+            assert_eq!(read.splats.len(), if ending == "ply" { 5 } else { 6 }, "{ending}");
+        }
+        fuzz(cases, &seeds, |bytes| {
+            fs::write(&file, bytes).expect("written");
+            match read_packed(&file, &device) {
+                Ok(packed) => {
+                    packed.expect("an ending that is read").splats.check().expect("finite numbers");
+                    None
+                }
+                Err(error) => Some(gs_train::logging::one_sentence(&error)),
+            }
+        });
+    }
+}
+
+#[test]
+fn damaged_scenes_are_refused() {
+    scenes(SHORT);
+}
+
+#[test]
+#[ignore = "long: GS_FUZZ_CASES cases"]
+fn damaged_scenes_are_refused_long() {
+    scenes(long());
 }
 
 #[test]

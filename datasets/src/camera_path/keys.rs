@@ -27,16 +27,16 @@ const FOV: f64 = 50.0;
 /// Images from one key frame to the next where the file says nothing: two seconds of film.
 const IMAGES: usize = 48;
 /// Most images of a path, and longest side of one, pixels.
-const IMAGES_MAX: f64 = 100_000.0;
-const SIDE_MAX: f64 = 16_384.0;
+pub(super) const IMAGES_MAX: f64 = 100_000.0;
+pub(super) const SIDE_MAX: f64 = 16_384.0;
 /// Least and largest angle of view, degrees.
-const FOVS: [f64; 2] = [0.1, 179.0];
+pub(super) const FOVS: [f64; 2] = [0.1, 179.0];
 /// Farthest position: squares stay within what an f32 holds.
 const FARTHEST: f64 = 1e15;
 
 /// A file of key frames.
 #[derive(Debug, Clone, PartialEq)]
-pub struct KeyFrames {
+pub(super) struct KeyFrames {
     keys: Vec<Key>,
     width: usize,
     height: usize,
@@ -53,16 +53,12 @@ struct Key {
 }
 
 impl KeyFrames {
-    /// Reads a file if it is one of key frames; `None` where it is another JSON file, or none.
+    /// The key frames of a file; `None` where it is another one.
     ///
     /// # Errors
     /// When it has `keyframes` that are not as they must be.
-    pub fn find(file: &Path) -> Result<Option<Self>, DatasetError> {
-        let top = json::read(file)?;
-        if !top.contains_key("keyframes") {
-            return Ok(None);
-        }
-        Self::of(&top, file).map(Some)
+    pub(super) fn find(top: &Map<String, Value>, file: &Path) -> Result<Option<Self>, DatasetError> {
+        if top.contains_key("keyframes") { Self::of(top, file).map(Some) } else { Ok(None) }
     }
 
     fn of(top: &Map<String, Value>, file: &Path) -> Result<Self, DatasetError> {
@@ -124,7 +120,7 @@ fn curve([a, b, c, d]: [DVec3; 4], x: f64) -> DVec3 {
     0.5 * (2.0 * b + (c - a) * x + (2.0 * a - 5.0 * b + 4.0 * c - d) * x * x + (3.0 * b - 3.0 * c + d - a) * x * x * x)
 }
 
-fn ranged(keys: &Keys, name: &str, otherwise: f64, [least, most]: [f64; 2]) -> Result<f64, DatasetError> {
+pub(super) fn ranged(keys: &Keys, name: &str, otherwise: f64, [least, most]: [f64; 2]) -> Result<f64, DatasetError> {
     let found = keys.number(name)?.unwrap_or(otherwise);
     if (least..=most).contains(&found) {
         return Ok(found);

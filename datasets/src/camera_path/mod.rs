@@ -2,17 +2,42 @@
 //!
 //! All are cameras in the data set's own world, OpenCV axes, and are named after the path and their number.
 
+mod foreign;
 mod keys;
 mod ring;
 #[cfg(test)]
 mod tests;
 
+use std::path::Path;
+
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
+use serde_json::Value;
+
+use crate::error::DatasetError;
+use crate::formats::json;
 use crate::frame::{CameraPose, Intrinsics};
 
-pub use keys::KeyFrames;
+use keys::KeyFrames;
 pub use ring::{orbit, spiral};
+
+/// The cameras of a JSON file of key frames, of Inria's cameras.json or of nerfstudio's camera_path.json; `None` for
+/// another JSON file.
+///
+/// # Errors
+/// When it is no JSON, or one of these and not as it must be.
+pub fn in_file(file: &Path) -> Result<Option<Vec<CameraPose>>, DatasetError> {
+    let top = match json::read_value(file)? {
+        Value::Array(list) => return foreign::of_list(&list, file).map(Some),
+        Value::Object(top) => top,
+        _ => return Ok(None),
+    };
+    // A path of nerfstudio has key frames of its own beside it.
+    if let Some(cameras) = foreign::of_path(&top, file)? {
+        return Ok(Some(cameras));
+    }
+    Ok(KeyFrames::find(&top, file)?.map(|path| path.cameras()))
+}
 
 /// Up of the world by its cameras, a unit vector: people hold cameras upright. `None` where they cancel.
 pub fn up(cameras: &[CameraPose]) -> Option<DVec3> {

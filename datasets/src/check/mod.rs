@@ -97,8 +97,12 @@ fn fill(
     images::describe(&examined, &decoder, report, findings);
     report.facts.push(geometry::describe_cameras(&frames));
     if decoder.origin != glam::DVec3::ZERO {
-        let moved = -decoder.origin;
-        report.facts.push(format!("The scene is far from its world's origin and will be moved by {moved:.1}."));
+        let glam::DVec3 { x, y, z } = decoder.origin;
+        report.facts.push(format!(
+            "The scene is {:.0} units from its world's origin. Its files have positions relative to \
+             ({x:.3}, {y:.3}, {z:.3}), an offset that they name and that is read back.",
+            decoder.origin.length()
+        ));
     }
     describe_times(&frames, report);
     let plan = plan?;

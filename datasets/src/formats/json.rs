@@ -10,20 +10,24 @@ use crate::plural::counted;
 
 /// Reads a JSON file whose top level is an object.
 pub(crate) fn read(path: &Path) -> Result<Map<String, Value>, DatasetError> {
+    match read_value(path)? {
+        Value::Object(object) => Ok(object),
+        other => Err(DatasetError::malformed(path, "top level", "a JSON object", kind(&other))),
+    }
+}
+
+/// Reads a JSON file.
+pub(crate) fn read_value(path: &Path) -> Result<Value, DatasetError> {
     let bytes = guarded::read(path, guarded::DESCRIPTION_MAX)?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
         DatasetError::malformed(path, format!("byte {offset}"), "JSON in UTF-8", "bytes that are not UTF-8")
     })?;
     let text = quote_non_finite(text.trim_start_matches('\u{feff}'));
-    match serde_json::from_str(&text) {
-        Ok(Value::Object(object)) => Ok(object),
-        Ok(other) => Err(DatasetError::malformed(path, "top level", "a JSON object", kind(&other))),
-        Err(error) => {
-            let location = format!("line {}, column {}", error.line(), error.column());
-            Err(DatasetError::malformed(path, location, "valid JSON", error.to_string()))
-        }
-    }
+    serde_json::from_str(&text).map_err(|error| {
+        let location = format!("line {}, column {}", error.line(), error.column());
+        DatasetError::malformed(path, location, "valid JSON", error.to_string())
+    })
 }
 
 /// Puts quotes around NaN and Infinity outside of strings. Python writes them although JSON has no such numbers; as

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::json::{at, index, index_or_0};
-use super::{FLOAT, UNSIGNED_INT};
+use super::{BYTE, FLOAT, SHORT, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT};
 use crate::COUNT_MAX;
 
 /// Arrays that become accessors of the one buffer.
@@ -46,34 +46,69 @@ pub(super) struct Accessors<'a> {
 }
 
 impl Accessors<'_> {
-    /// An array of `D` floats each.
+    /// An array of `D` numbers each: floats, or whole numbers as they are or normalised to 0 or -1 to 1.
     pub fn floats<const D: usize>(&self, accessor: usize) -> Result<Vec<[f32; D]>, String> {
         let kind = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][D];
-        self.array(accessor, FLOAT, kind, 4 * D, |bytes| {
-            std::array::from_fn(|i| f32::from_le_bytes(std::array::from_fn(|k| bytes[4 * i + k])))
-        })
+        let found = self.described(accessor, kind)?;
+        let is_normalised = found.get("normalized").and_then(Value::as_bool) == Some(true);
+        let component = component_of(found);
+        let (size, most) = match component {
+            FLOAT => (4, 1.0),
+            BYTE => (1, 127.0),
+            UNSIGNED_BYTE => (1, 255.0),
+            SHORT => (2, 32_767.0),
+            UNSIGNED_SHORT => (2, 65_535.0),
+            _ => return Err(format!("accessor {accessor}: expected floats, bytes or shorts, found type {component}")),
+        };
+        let unit = if is_normalised && component != FLOAT { 1.0 / most } else { 1.0 };
+        let number = |b: &[u8]| match component {
+            FLOAT => f32::from_le_bytes(std::array::from_fn(|k| b[k])),
+            BYTE => f32::from(b[0] as i8),
+            UNSIGNED_BYTE => f32::from(b[0]),
+            SHORT => f32::from(i16::from_le_bytes([b[0], b[1]])),
+            _ => f32::from(u16::from_le_bytes([b[0], b[1]])),
+        };
+        // The least whole number with a sign is a step below -1.
+        let value = |b: &[u8]| if unit == 1.0 { number(b) } else { (number(b) * unit).max(-1.0) };
+        self.array(accessor, found, D * size, |bytes| std::array::from_fn(|i| value(&bytes[i * size..])))
     }
 
     /// An array of whole numbers.
     pub fn indices(&self, accessor: usize) -> Result<Vec<u32>, String> {
-        self.array(accessor, UNSIGNED_INT, "SCALAR", 4, |b| u32::from_le_bytes(std::array::from_fn(|k| b[k])))
+        let found = self.described(accessor, "SCALAR")?;
+        match component_of(found) {
+            UNSIGNED_INT => self.array(accessor, found, 4, |b| u32::from_le_bytes(std::array::from_fn(|k| b[k]))),
+            other => Err(format!("accessor {accessor}: expected whole numbers of 32 bits, found type {other}")),
+        }
+    }
+
+    /// How many values an accessor promises.
+    pub fn count(&self, accessor: usize) -> Result<usize, String> {
+        index(at(self.document, &format!("/accessors/{accessor}"))?, "/count")
+    }
+
+    /// The description of an accessor, if it is of the type `kind` and complete in itself.
+    fn described(&self, accessor: usize, kind: &str) -> Result<&Value, String> {
+        let found = at(self.document, &format!("/accessors/{accessor}"))?;
+        let other = found.get("type").and_then(Value::as_str).unwrap_or("none");
+        if other != kind {
+            return Err(format!("accessor {accessor}: expected the type {kind}, found {other:?}"));
+        }
+        if found.get("sparse").is_some() {
+            return Err(format!(
+                "accessor {accessor}: expected all values, found a sparse accessor, which is not read"
+            ));
+        }
+        Ok(found)
     }
 
     fn array<T>(
         &self,
         accessor: usize,
-        component: u64,
-        kind: &str,
+        found: &Value,
         each: usize,
         value: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<T>, String> {
-        let found = at(self.document, &format!("/accessors/{accessor}"))?;
-        let is_kind = found.get("componentType").and_then(Value::as_u64) == Some(component)
-            && found.get("type").and_then(Value::as_str) == Some(kind)
-            && found.get("sparse").is_none();
-        if !is_kind {
-            return Err(format!("accessor {accessor}: expected {kind} of component type {component}, found another"));
-        }
         let count = index(found, "/count")?;
         if count == 0 {
             return Ok(Vec::new());
@@ -82,6 +117,9 @@ impl Accessors<'_> {
             return Err(format!("accessor {accessor}: expected fewer values, found {count}"));
         }
         let view = at(self.document, &format!("/bufferViews/{}", index(found, "/bufferView")?))?;
+        if let Some(name) = view.get("extensions").and_then(Value::as_object).and_then(|all| all.keys().next()) {
+            return Err(format!("accessor {accessor}: expected plain bytes, found them compressed by {name:?}"));
+        }
         if index_or_0(view, "/buffer")? != 0 {
             return Err("expected one buffer inside the file, found another".into());
         }
@@ -100,4 +138,8 @@ impl Accessors<'_> {
             _ => Err(format!("accessor {accessor}: expected {count} values, found fewer bytes; the file is cut short")),
         }
     }
+}
+
+fn component_of(accessor: &Value) -> u64 {
+    accessor.get("componentType").and_then(Value::as_u64).unwrap_or(0)
 }

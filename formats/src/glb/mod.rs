@@ -1,11 +1,15 @@
 //! Binary glTF with `KHR_gaussian_splatting`, and the motion in an extension of our own.
 //!
-//! Every value is a float as it is in the scene, but for opacities and scales, which the extension wants after the sigmoid and the
-//! exponential. `docs/formats.md` has the layout.
+//! Every value is a float as it is in the scene, but for opacities and scales, which the extension wants after the
+//! sigmoid and the exponential. `docs/formats.md` has the layout. Files of others are read with all primitives of
+//! Gaussians, the transforms of their nodes, and the whole numbers that the extension allows.
 
 mod arrays;
 mod json;
 mod motion;
+mod nodes;
+mod placed;
+mod primitive;
 mod read;
 #[cfg(test)]
 mod tests;
@@ -27,8 +31,12 @@ const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BIN_CHUNK: u32 = 0x004e_4942;
 
 /// Component types of accessors.
-const FLOAT: u64 = 5126;
+const BYTE: u64 = 5120;
+const UNSIGNED_BYTE: u64 = 5121;
+const SHORT: u64 = 5122;
+const UNSIGNED_SHORT: u64 = 5123;
 const UNSIGNED_INT: u64 = 5125;
+const FLOAT: u64 = 5126;
 
 /// An opacity nearer to 0 or 1 than this has no finite logit in `f32` arithmetic.
 const OPACITY_LEAST: f64 = 1e-7;

@@ -1,3 +1,5 @@
+mod others;
+
 use super::*;
 use crate::splats::testing::{numbers, random};
 use crate::splats::{sigmoid, unit};

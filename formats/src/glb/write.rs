@@ -41,7 +41,10 @@ pub fn encode(splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<
         used.push(MOTION);
         extensions.insert(MOTION.into(), motion::to_json(&flip_motion(motion), &mut arrays));
     }
-    let extras = splats.antialiased.map_or(json!({}), |antialiased| json!({"antialiased": antialiased}));
+    let mut extras = splats.antialiased.map_or(json!({}), |antialiased| json!({"antialiased": antialiased}));
+    if splats.offset != [0.0; 3] {
+        extras["offset"] = json!(splats.offset);
+    }
     let document = json!({
         "asset": {"version": "2.0", "generator": MARK},
         "extensionsUsed": used,
@@ -96,7 +99,7 @@ fn linear_light(value: f32) -> f32 {
 }
 
 /// Header, JSON and buffer, each padded to four bytes.
-fn container(document: &Value, mut buffer: Vec<u8>) -> Result<Vec<u8>, String> {
+pub(super) fn container(document: &Value, mut buffer: Vec<u8>) -> Result<Vec<u8>, String> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     buffer.resize(buffer.len().next_multiple_of(4), 0);

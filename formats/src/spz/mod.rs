@@ -1,19 +1,25 @@
 //! SPZ, the compressed format of Niantic: versions 2 and 3 are read, 3 is written.
 //!
-//! One gzip stream: a header of 16 bytes, then arrays over all Gaussians: positions, alphas, colours, scales, rotations, harmonics.
-//! Everything is quantised; see `docs/formats.md` for the bytes and what they lose.
+//! One gzip stream: a header of 16 bytes, then arrays over all Gaussians: positions, alphas, colours, scales,
+//! rotations, harmonics. A stream whose gzip was undone, as browsers and servers do, is read too. Everything is
+//! quantised; see `docs/formats.md` for the bytes and what they lose.
 
+mod far;
 mod read;
 mod rotation;
 #[cfg(test)]
 mod tests;
 mod write;
 
+pub use far::{Far, far};
 pub use read::{decode, read};
-pub use write::{encode, fractional_bits, write};
+pub use write::{encode, fractional_bits, oversized, write};
 
 /// "NGSP", little-endian.
 const MAGIC: u32 = 0x5053_474e;
+/// Before the offset of a scene far from its world's origin, in the comment of the gzip stream: the format has no place
+/// for text.
+const OFFSET: &str = "; offset ";
 /// Bytes before the arrays.
 const HEADER: usize = 16;
 /// Bit of the header's flags: trained with antialiasing.

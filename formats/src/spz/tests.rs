@@ -78,16 +78,93 @@ fn opaque_and_clear_gaussians_stay_finite() {
     assert_eq!(back.log_scales, [[255.0 / 16.0 - 10.0; 3], [-10.0; 3]]);
 }
 
-/// Map coordinates: six digits before the point leave fewer bits behind it, and half a step is then larger.
+/// A scene of 500 km takes its bits, and half a step is then larger. Positions that no bits hold are named.
 #[test]
-fn far_scenes_keep_their_positions() {
+fn wide_scenes_keep_their_positions() {
     let mut splats = random(50, 0, 2);
-    splats.means.iter_mut().for_each(|mean| mean[0] += 500_000.0);
-    assert_eq!(fractional_bits(&splats), Some(4));
+    splats
+        .means
+        .iter_mut()
+        .enumerate()
+        .for_each(|(i, mean)| mean[0] += if i % 2 == 0 { 500_000.0 } else { -500_000.0 });
+    splats.means[0][0] = 0.0;
+    assert_eq!((fractional_bits(&splats), far(&splats)), (Some(4), None));
     let back = decode(&encode(&splats).expect("encoded")).expect("decoded");
-    assert!(apart(&back.means, &splats.means) <= 0.5 / 16.0 + 1e-6);
-    splats.means[0][1] = 1e9;
-    assert!(encode(&splats).is_err());
+    let apart =
+        back.means.iter().zip(&splats.means).map(|(a, b)| {
+            (0..3).map(|i| (f64::from(a[i]) + back.offset[i] - f64::from(b[i])).abs()).fold(0.0, f64::max)
+        });
+    assert!(apart.fold(0.0, f64::max) <= 0.5 / 16.0 + 1e-6);
+    splats.means[7][1] = 1e9;
+    splats.means[9][2] = -2e9;
+    let error = encode(&splats).expect_err("no bits");
+    assert!(error.contains("Gaussian 7") && error.contains("1e9") && error.contains("2 of 50"), "{error}");
+    assert!(error.contains(".ply and .glb hold them"), "{error}");
+}
+
+/// One Gaussian far from all others would coarsen the positions of all to 1/64 unit. It is named, with the others'
+/// reach.
+#[test]
+fn far_gaussians_are_named() {
+    let mut splats = random(400, 0, 3);
+    assert_eq!(far(&splats), None);
+    for (row, place) in [(17, [1e5, 0.0, 0.0]), (200, [0.0, -5e8, 3e38])] {
+        splats.means[row] = place;
+        let found = far(&splats).expect("far ones");
+        assert_eq!(found.rows, if row == 17 { vec![17] } else { vec![17, 200] });
+        assert!((99_000.0..101_000.0).contains(&found.distance) && (3.0..7.0).contains(&found.reach), "{found:?}");
+        let kept: Vec<u32> = (0..400).filter(|row| !found.rows.contains(row)).collect();
+        assert_eq!((fractional_bits(&splats.select(&kept)), far(&splats.select(&kept))), (Some(12), None));
+    }
+    // Large Gaussians do not see the coarser step.
+    let mut sky = random(400, 0, 3);
+    sky.log_scales = vec![[0.0; 3]; 400];
+    sky.means[17] = [1e4, 0.0, 0.0];
+    assert_eq!(far(&sky), None);
+    // A wide scene has no Gaussian apart from the others.
+    let mut wide = random(400, 0, 3);
+    wide.means.iter_mut().flatten().for_each(|x| *x *= 5000.0);
+    assert_eq!((far(&wide), oversized(&wide)), (None, 0));
+    wide.log_scales[3][1] = 7.0;
+    assert_eq!((oversized(&wide), far(&Splats::default())), (1, None));
+}
+
+/// An offset stands in the comment of the gzip stream to the last digit, and the rest of the file is that of the local
+/// scene.
+#[test]
+fn an_offset_comes_back() {
+    let local = random(20, 1, 4);
+    let offset = [450_123.123_456_789, -5_200_456.1, 1.0 / 3.0];
+    let back = decode(&encode(&Splats { offset, ..local.clone() }).expect("encoded")).expect("decoded");
+    let near = decode(&encode(&local).expect("encoded")).expect("decoded");
+    assert_eq!((back.offset, near.offset), (offset, [0.0; 3]));
+    assert_eq!((back.means, back.sh, back.quats), (near.means, near.sh, near.quats));
+    let comment = |text: &str| {
+        let mut gzip = flate2::GzBuilder::new().comment(text).write(Vec::new(), Compression::default());
+        gzip.write_all(&header(3, 0, 0, 12)).and_then(|()| gzip.finish()).expect("memory")
+    };
+    for wrong in ["1 2", "1 2 3 4", "1 2 nan", "1 2 1e300", "a b c"] {
+        let error = decode(&comment(&format!("written by gsburn; offset {wrong}"))).expect_err(wrong);
+        assert!(error.contains("an offset of three numbers"), "{error}");
+        decode(&comment(&format!("made elsewhere; offset {wrong}"))).expect("a comment of another program");
+    }
+}
+
+/// A stream whose gzip was undone is read, unless it is cut short; other versions are named by their header.
+#[test]
+fn a_stream_without_gzip_is_read() {
+    let packed = encode(&random(20, 1, 3)).expect("encoded");
+    let mut raw = Vec::new();
+    std::io::Read::read_to_end(&mut flate2::read::MultiGzDecoder::new(&packed[..]), &mut raw).expect("unpacked");
+    assert_eq!(decode(&raw).expect("read"), decode(&packed).expect("read"));
+    for length in (0..raw.len()).step_by(7) {
+        assert!(decode(&raw[..length]).is_err(), "{length} bytes");
+    }
+    raw[4] = 4;
+    let error = decode(&raw).expect_err("newer");
+    assert!(error.contains("found SPZ 4") && error.contains("npx @playcanvas/splat-transform"), "{error}");
+    raw[4] = 1;
+    assert!(decode(&raw).expect_err("older").contains("found SPZ 1"));
 }
 
 /// A file of version 2 by hand: one Gaussian.
@@ -117,7 +194,7 @@ fn broken_files_are_refused() {
     let wrong = |raw: &[u8]| decode(&packed(raw)).expect_err("broken");
     assert!(wrong(&header(3, 67_000_000, 3, 12)).contains("no "));
     assert!(wrong(&header(3, u32::MAX, 0, 12)).contains("at most"));
-    assert!(wrong(&header(1, 1, 0, 12)).contains("version 1"));
+    assert!(wrong(&header(1, 1, 0, 12)).contains("SPZ 1"));
     assert!(wrong(&header(3, 1, 9, 12)).contains("degree"));
     assert!(wrong(&header(3, 1, 0, 60)).contains("fractional"));
     assert!(wrong(b"a text of more than sixteen bytes").contains("NGSP"));

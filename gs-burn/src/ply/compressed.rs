@@ -50,20 +50,26 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
     let room = Records::with_capacity(count, rest.min(REST_KEPT));
     let mut records =
         room.map_err(|error| PlyError::Io { path: source.path.clone(), source: io::Error::other(error) })?;
-    let mut record = Vec::new();
+    let (mut record, mut broken) = (Vec::new(), None::<(usize, usize)>);
     for index in 0..count {
         record.clear();
         unpack(chunks.row(index / CHUNK), words.row(index), &mut record);
         let harmonic = |k: usize| harmonic(harmonics.row(index)[k]);
         record
             .extend((0..rest.min(REST_KEPT)).flat_map(|k| (0..3).map(move |channel| channel * rest + k)).map(harmonic));
-        if record.iter().any(|value| !value.is_finite()) {
-            let (path, property) = (source.path, "a range of its chunk".to_owned());
-            return Err(PlyError::NotFinite { path, vertex: index, property, found: "another value".into() });
+        if record.iter().all(|value| (*value as f32).is_finite()) {
+            records.push(&record);
+        } else {
+            broken.get_or_insert((index, 0)).1 += 1;
         }
-        records.push(&record);
     }
-    Ok((records, rest))
+    match broken {
+        None => Ok((records, rest)),
+        Some((vertex, broken)) => {
+            let (property, found) = ("a range of its chunk".to_owned(), "another value".to_owned());
+            Err(PlyError::NotFinite { path: source.path, vertex, property, found, broken, count })
+        }
+    }
 }
 
 /// How many Gaussians there are, if the file is long enough for all that its header promises.
@@ -154,21 +160,21 @@ impl Table {
 }
 
 /// The packed record of a Gaussian without its harmonics above degree 0.
-fn unpack(ranges: &[f64], words: &[f64], record: &mut Vec<f32>) {
+fn unpack(ranges: &[f64], words: &[f64], record: &mut Vec<f64>) {
     let between = |range: usize, share: f64| ranges[2 * range] * (1.0 - share) + ranges[2 * range + 1] * share;
     let [position, rotation, scale, colour] = [0, 1, 2, 3].map(|i| words[i] as u32);
     let mean = three(position);
-    record.extend([0, 1, 2].map(|a| between(a, mean[a]) as f32));
-    record.extend(quaternion(rotation).map(|x| x as f32));
+    record.extend([0, 1, 2].map(|a| between(a, mean[a])));
+    record.extend(quaternion(rotation));
     let scale = three(scale);
-    record.extend([0, 1, 2].map(|a| between(3 + a, scale[a]) as f32));
+    record.extend([0, 1, 2].map(|a| between(3 + a, scale[a])));
     let [red, green, blue, opacity] = [24, 16, 8, 0].map(|shift| f64::from(colour >> shift & 255) / 255.0);
     let opacity = opacity.clamp(OPACITY_LEAST, 1.0 - OPACITY_LEAST);
-    record.push((opacity / (1.0 - opacity)).ln() as f32);
+    record.push((opacity / (1.0 - opacity)).ln());
     let colours = [red, green, blue];
     let has_ranges = ranges.len() > 2 * RANGES.len();
     let of_range = |a: usize| if has_ranges { between(RANGES.len() + a, colours[a]) } else { colours[a] };
-    record.extend([0, 1, 2].map(|a| ((of_range(a) - 0.5) / SH_C0) as f32));
+    record.extend([0, 1, 2].map(|a| (of_range(a) - 0.5) / SH_C0));
 }
 
 /// 11, 10 and 11 bits, each 0 to 1.
@@ -185,11 +191,11 @@ fn quaternion(word: u32) -> [f64; 4] {
     std::array::from_fn(|i| if i == which { largest } else { rest.next().unwrap_or_default() })
 }
 
-fn harmonic(byte: f64) -> f32 {
+fn harmonic(byte: f64) -> f64 {
     let share = match byte {
         0.0 => 0.0,
         255.0 => 1.0,
         _ => (byte + 0.5) / 256.0,
     };
-    ((share - 0.5) * 8.0) as f32
+    (share - 0.5) * 8.0
 }

@@ -3,8 +3,10 @@
 use std::io::{BufRead, Read};
 use std::path::Path;
 
+use gs_kernels::local::{OFFSET_MAX, is_offset};
+
 use super::printable::printable;
-use super::{PlyError, RENDER_MODE, SplatRenderMode};
+use super::{OFFSET, PlyError, RENDER_MODE, SplatRenderMode};
 
 /// Longest header that is read; a header of Gaussians has 2 KB.
 const HEADER_MAX: u64 = 1 << 16;
@@ -116,6 +118,8 @@ pub struct Header {
     pub elements: Vec<Element>,
     /// What a comment says about drawing; `None` without it, or where it says a word that is not known.
     pub render_mode: Option<SplatRenderMode>,
+    /// Added to every position, by a comment; zero without it.
+    pub offset: [f64; 3],
     /// Bytes up to and including the line `end_header`.
     pub len: u64,
 }
@@ -140,7 +144,7 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
-        let mut render_mode = None;
+        let (mut render_mode, mut offset) = (None, [0.0; 3]);
         loop {
             let Some(line) = next(&mut file)? else {
                 return Err(
@@ -158,6 +162,12 @@ impl Header {
                     });
                 }
                 ["comment", RENDER_MODE, word] => render_mode = SplatRenderMode::of_word(word),
+                ["comment", OFFSET, ref words @ ..] => {
+                    let expected = || format!("expected three numbers up to {OFFSET_MAX:e} as offset");
+                    offset = offset_of(words).ok_or_else(|| {
+                        bad(format!("{}, found the line `{}`", expected(), printable(&start_of(&line))))
+                    })?;
+                }
                 ["comment" | "obj_info", ..] | [] => {}
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| unclear())?;
@@ -177,6 +187,11 @@ impl Header {
             }
         }
         let encoding = encoding.ok_or_else(|| bad("expected a line `format`, found none".into()))?;
-        Ok(Self { encoding, elements, render_mode, len })
+        Ok(Self { encoding, elements, render_mode, offset, len })
     }
+}
+
+fn offset_of(words: &[&str]) -> Option<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = words.iter().map(|word| word.parse().ok()).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).filter(|offset| is_offset(*offset))
 }

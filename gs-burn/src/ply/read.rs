@@ -5,30 +5,45 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
+use gs_kernels::local::localised;
 
 use super::header::{Element, Encoding, Header, Scalar, start_of};
 use super::printable::printable;
 use super::source::{Records, Source};
-use super::{PlyError, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names};
+use super::{
+    PlyError, RECORD_OPACITY, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names,
+};
 use crate::{Gaussians, ShCoefficients};
 
 /// A scene and what its file says of it.
 #[derive(Debug, Clone)]
 pub struct PlyScene {
-    /// The Gaussians.
+    /// The Gaussians, with positions relative to `offset`.
     pub gaussians: Gaussians,
+    /// What is to be added to every position: zero unless the scene is far from its world's origin. By the file's
+    /// comment, or else the middle of the Gaussians.
+    pub offset: [f64; 3],
     /// How they are to be drawn, where the file says so.
     pub render_mode: Option<SplatRenderMode>,
     /// Degree of the harmonics in the file, 0 to 4; above 3 they were left out.
     pub sh_degree: usize,
 }
 
-/// Reads a scene onto a device.
+/// Reads a scene onto a device, in its world: positions far from the origin are rounded, which [`read_ply_scene`] does
+/// not.
 ///
 /// # Errors
 /// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
 pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, PlyError> {
-    Ok(read_ply_scene(path, device)?.gaussians)
+    let PlyScene { gaussians, offset, .. } = read_ply_scene(path, device)?;
+    if offset == [0.0; 3] {
+        return Ok(gaussians);
+    }
+    let means = gaussians.means.val();
+    let offset = Tensor::<1>::from_floats(offset.map(|x| x as f32), &means.device()).unsqueeze::<2>();
+    let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|parameter| parameter.val());
+    let (opacity_logits, sh) = (gaussians.opacity_logits.val(), gaussians.sh_coefficients());
+    Ok(Gaussians::from_tensors(means + offset, quats, log_scales, opacity_logits, sh))
 }
 
 /// [`read_ply`], with what the file says beside its Gaussians.
@@ -37,7 +52,7 @@ pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, Pl
 /// As [`read_ply`].
 pub fn read_ply_scene(path: impl AsRef<Path>, device: &Device) -> Result<PlyScene, PlyError> {
     let source = Source::open(path.as_ref())?;
-    let render_mode = source.header.render_mode;
+    let (render_mode, offset) = (source.header.render_mode, source.header.offset);
     let (records, rest) = if compressed::is_compressed(&source.header) {
         compressed::read(source)?
     } else {
@@ -45,23 +60,28 @@ pub fn read_ply_scene(path: impl AsRef<Path>, device: &Device) -> Result<PlyScen
         let rest = reader.rest;
         (reader.read()?, rest)
     };
-    Ok(PlyScene { gaussians: gaussians(records, device), render_mode, sh_degree: (rest + 1).isqrt() - 1 })
+    let (means, offset) = localised(&records.means, offset);
+    let gaussians = gaussians(means.into_flattened(), records, device);
+    Ok(PlyScene { gaussians, offset, render_mode, sh_degree: (rest + 1).isqrt() - 1 })
 }
 
-fn gaussians(records: Records, device: &Device) -> Gaussians {
+fn gaussians(means: Vec<f32>, records: Records, device: &Device) -> Gaussians {
     let count = records.opacity_logits.len();
     let coefficients = records.rest + 1;
     fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
         Tensor::from_data(TensorData::new(values, shape), device)
     }
     Gaussians::from_tensors(
-        tensor(records.means, [count, 3], device),
+        tensor(means, [count, 3], device),
         tensor(records.quats, [count, 4], device),
         tensor(records.log_scales, [count, 3], device),
         tensor(records.opacity_logits, [count], device),
         ShCoefficients::upload(records.sh, count, coefficients, device),
     )
 }
+
+/// The logit of an opacity of 1 - 1e-7, the nearest to 1 that a sigmoid in `f32` tells from it.
+const OPACITY_MOST: f64 = 16.118;
 
 /// Longest line of a text file, bytes: a vertex of degree 3 has 62 numbers, and a face a few more.
 const LINE_MAX: u64 = 1 << 16;
@@ -74,6 +94,15 @@ struct Column {
     /// Bytes before it in a binary vertex.
     offset: usize,
     scalar: Scalar,
+}
+
+/// The first vertex with a value that is none, and how many there are.
+struct Broken {
+    vertex: usize,
+    /// Index in the packed record.
+    column: usize,
+    found: String,
+    count: usize,
 }
 
 struct Reader {
@@ -163,15 +192,15 @@ impl Reader {
         let mut records = self.room(count)?;
         let mut bytes = vec![0; stride];
         let mut record = vec![0.0; self.columns.len()];
+        let mut broken = None;
         for vertex in 0..count {
             self.file.read_exact(&mut bytes).map_err(|source| self.io(source))?;
             for (value, column) in record.iter_mut().zip(&self.columns) {
-                let found = column.scalar.decode(&bytes[column.offset..], encoding);
-                *value = self.finite(found, vertex, column)?;
+                *value = column.scalar.decode(&bytes[column.offset..], encoding);
             }
-            records.push(&record);
+            self.keep(&mut record, vertex, &mut records, &mut broken);
         }
-        Ok(records)
+        self.complete(records, broken)
     }
 
     fn read_text(&mut self) -> Result<Records, PlyError> {
@@ -186,6 +215,7 @@ impl Reader {
         }
         let mut records = self.room(count)?;
         let mut record = vec![0.0; self.columns.len()];
+        let mut broken = None;
         for vertex in 0..count {
             self.next_line(&mut line)?;
             let words: Vec<&str> = line.split_whitespace().collect();
@@ -195,21 +225,14 @@ impl Reader {
                 return Err(PlyError::Header { path: self.path.clone(), message });
             }
             for (value, column) in record.iter_mut().zip(&self.columns) {
-                let word = words[column.index];
-                *value =
-                    self.finite(word.parse().unwrap_or(f64::NAN), vertex, column).map_err(|error| match error {
-                        PlyError::NotFinite { path, vertex, property, .. } => PlyError::NotFinite {
-                            path,
-                            vertex,
-                            property,
-                            found: format!("`{}`", printable(&start_of(word))),
-                        },
-                        other => other,
-                    })?;
+                *value = words[column.index].parse().unwrap_or(f64::NAN);
             }
-            records.push(&record);
+            self.keep(&mut record, vertex, &mut records, &mut broken);
+            if let Some(Broken { column, found, .. }) = broken.as_mut().filter(|broken| broken.vertex == vertex) {
+                *found = format!("`{}`", printable(&start_of(words[self.columns[*column].index])));
+            }
         }
-        Ok(records)
+        self.complete(records, broken)
     }
 
     /// The next line that is not blank.
@@ -232,13 +255,27 @@ impl Reader {
         }
     }
 
-    fn finite(&self, found: f64, vertex: usize, column: &Column) -> Result<f32, PlyError> {
-        let value = found as f32;
-        if value.is_finite() {
-            return Ok(value);
+    /// Keeps a record, unless one of its values is none: then it counts, and the first is remembered. An opacity
+    /// without end is the one of a Gaussian that is quite opaque or quite clear, which has no other logit.
+    fn keep(&self, record: &mut [f64], vertex: usize, records: &mut Records, broken: &mut Option<Broken>) {
+        let opacity = &mut record[RECORD_OPACITY];
+        if opacity.is_infinite() {
+            *opacity = opacity.clamp(-OPACITY_MOST, OPACITY_MOST);
         }
-        let (path, property) = (self.path.clone(), column.name.clone());
-        Err(PlyError::NotFinite { path, vertex, property, found: found.to_string() })
+        match record.iter().position(|value| !(*value as f32).is_finite()) {
+            None => records.push(record),
+            Some(column) => {
+                let first = || Broken { vertex, column, found: record[column].to_string(), count: 0 };
+                broken.get_or_insert_with(first).count += 1;
+            }
+        }
+    }
+
+    /// The records, if none is broken.
+    fn complete(&self, records: Records, broken: Option<Broken>) -> Result<Records, PlyError> {
+        let Some(Broken { vertex, column, found, count: broken }) = broken else { return Ok(records) };
+        let (path, property) = (self.path.clone(), self.columns[column].name.clone());
+        Err(PlyError::NotFinite { path, vertex, property, found, broken, count: self.element().count as usize })
     }
 
     fn io(&self, source: std::io::Error) -> PlyError {

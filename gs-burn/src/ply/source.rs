@@ -36,7 +36,8 @@ impl Source {
 /// Gaussians on the host.
 #[derive(Default)]
 pub struct Records {
-    pub means: Vec<f32>,
+    /// As they are in the file: of doubles and of text every digit.
+    pub means: Vec<[f64; 3]>,
     pub quats: Vec<f32>,
     pub log_scales: Vec<f32>,
     pub opacity_logits: Vec<f32>,
@@ -48,26 +49,28 @@ pub struct Records {
 impl Records {
     /// With room for `count` Gaussians, if the machine has it.
     pub fn with_capacity(count: usize, rest: usize) -> Result<Self, TryReserveError> {
-        let floats = |each: usize| -> Result<Vec<f32>, TryReserveError> {
+        fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
             let mut values = Vec::new();
-            values.try_reserve_exact(count * each)?;
+            values.try_reserve_exact(count)?;
             Ok(values)
-        };
+        }
         Ok(Self {
-            means: floats(3)?,
-            quats: floats(4)?,
-            log_scales: floats(3)?,
-            opacity_logits: floats(1)?,
-            sh: floats(3 * (rest + 1))?,
+            means: room(count)?,
+            quats: room(4 * count)?,
+            log_scales: room(3 * count)?,
+            opacity_logits: room(count)?,
+            sh: room(3 * (rest + 1) * count)?,
             rest,
         })
     }
 
-    pub fn push(&mut self, record: &[f32]) {
-        self.means.extend_from_slice(&record[RECORD_MEANS]);
-        self.quats.extend_from_slice(&record[RECORD_QUATS]);
-        self.log_scales.extend_from_slice(&record[RECORD_LOG_SCALES]);
-        self.opacity_logits.push(record[RECORD_OPACITY]);
-        self.sh.extend_from_slice(&record[RECORD_SH..]);
+    /// Adds a packed record of finite numbers.
+    pub fn push(&mut self, record: &[f64]) {
+        let floats = |range: std::ops::Range<usize>| record[range].iter().map(|x| *x as f32);
+        self.means.push(std::array::from_fn(|axis| record[RECORD_MEANS][axis]));
+        self.quats.extend(floats(RECORD_QUATS));
+        self.log_scales.extend(floats(RECORD_LOG_SCALES));
+        self.opacity_logits.push(record[RECORD_OPACITY] as f32);
+        self.sh.extend(floats(RECORD_SH..record.len()));
     }
 }

@@ -144,13 +144,15 @@ fn values_that_are_not_finite_are_refused() {
     // Vertex 2, property `x`: 26 floats a vertex.
     let place = header_len(&bytes) + 2 * 26 * 4;
     bad[place..place + 4].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert_refused(&path, &bad, "vertex 2: expected a finite number for `x`, found NaN");
+    assert_refused(&path, &bad, "vertex 2: expected a finite number for `x`, found NaN; 1 of 5 vertices");
+    bad[place + 2 * 26 * 4..][..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    assert_refused(&path, &bad, "found NaN; 2 of 5 vertices have such values, and `npx @playcanvas/splat-transform");
 
     let mut scene = Scene::random(3, 0, 31);
     scene.quats = crate::testing::tensor([vec![0.5; 7], vec![f64::INFINITY], vec![0.5; 4]].concat(), [3, 4]);
     let target = folder.path().join("bad.ply");
     let error = write_ply(&target, &scene.gaussians()).unwrap_err().to_string();
-    assert!(error.contains("vertex 1") && error.contains("`rot_3`"), "{error}");
+    assert!(error.contains("Gaussian 1") && error.contains("`rot_3`") && error.contains("1 of 3"), "{error}");
     assert!(!target.exists());
 }
 
@@ -245,4 +247,62 @@ fn a_count_is_bounded_however_long_the_file_is() {
         let error = read_ply(&path, &device()).unwrap_err().to_string();
         assert!(error.contains("at most 67108864 vertices, found 20000000000"), "{error}");
     }
+}
+
+/// Doubles in map coordinates keep their millimetres: positions are local, with an offset of whole units.
+#[test]
+fn far_doubles_become_local() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    let header = header_of_degree(0).replace("vertex 0", "vertex 3").replace("binary_little_endian", "ascii");
+    let header =
+        ["x", "y", "z"].iter().fold(header, |text, a| text.replace(&format!("float {a}\n"), &format!("double {a}\n")));
+    let row = |i: usize| format!("450123.{:03} 5200456.5 300.25 0 0 0 inf -1 -1 -1 1 0 0 0\n", 125 + i);
+    fs::write(&path, header + &(0..3).map(row).collect::<String>()).unwrap();
+    let scene = read_ply_scene(&path, &device()).unwrap();
+    assert_eq!(scene.offset, [450_123.0, 5_200_457.0, 300.0]);
+    let means = values(&scene.gaussians.means.val());
+    assert!((means[0] - 0.125).abs() < 1e-6 && (means[6] - 0.127).abs() < 1e-6 && means[1] == -0.5, "{means:?}");
+    assert_eq!(values(&scene.gaussians.opacity_logits.val()), [f64::from(16.118_f32); 3], "inf is quite opaque");
+    let world = values(&read_ply(&path, &device()).unwrap().means.val());
+    assert!((world[0] - 450_123.125).abs() < 0.02 && (world[1] - 5_200_456.5).abs() < 0.3, "{world:?}");
+}
+
+/// The comment comes back to the last digit, beside positions that stay as they were; the length is that of the file.
+#[test]
+fn an_offset_is_written_and_read() {
+    let (gaussians, folder) = scene(1);
+    let path = folder.path().join("scene.ply");
+    let offset = [450_123.123_456_789, -5_200_456.1, 1.0 / 3.0];
+    let mode = Some(SplatRenderMode::Mip);
+    for offset in [offset, [0.0; 3]] {
+        write_ply_as(&path, &gaussians, mode, offset).unwrap();
+        let back = read_ply_scene(&path, &device()).unwrap();
+        assert_eq!((back.offset, back.render_mode), (offset, mode));
+        let [found, written] = [&back.gaussians, &gaussians].map(|scene| values(&scene.means.val()));
+        assert!(found.iter().zip(&written).all(|(a, b)| *a as f32 == *b as f32), "{found:?} and {written:?}");
+        let bytes = fs::read(&path).unwrap();
+        assert_eq!(bytes.len(), encoded_len(5, 1, mode, offset));
+        assert_eq!(
+            String::from_utf8_lossy(&bytes).contains("comment SplatOffset: 450123.123456789 -5200456.1 0.333"),
+            offset[0] != 0.0
+        );
+    }
+    let (bytes, _folder, _) = written();
+    let with = |line: &str| {
+        let text = format!("comment {line}\nelement vertex");
+        let len = header_len(&bytes);
+        let header = String::from_utf8_lossy(&bytes[..len]).replacen("element vertex", &text, 1);
+        [header.into_bytes(), bytes[len..].to_vec()].concat()
+    };
+    for wrong in
+        ["SplatOffset: 1 2", "SplatOffset: 1 2 x", "SplatOffset: nan 0 0", "SplatOffset: 0 0 1e16", "SplatOffset:"]
+    {
+        assert_refused(&path, &with(wrong), "three numbers up to 1e15 as offset");
+    }
+    fs::write(&path, with("SplatOffset: 10 20 30")).unwrap();
+    let near = read_ply_scene(&path, &device()).unwrap();
+    assert_eq!(near.offset, [0.0; 3]);
+    let (moved, means) = (values(&near.gaussians.means.val()), values(&gaussians.means.val()));
+    assert!((moved[0] - means[0] - 10.0).abs() < 1e-5 && (moved[5] - means[5] - 30.0).abs() < 1e-5, "added up");
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Tensor;
 
-use super::{PlyError, RECORD_OPACITY, RECORD_SH, RENDER_MODE, SplatRenderMode, record_names};
+use super::{OFFSET, PlyError, RECORD_OPACITY, RECORD_SH, RENDER_MODE, SplatRenderMode, record_names};
 use crate::Gaussians;
 
 /// Writes a scene as little-endian binary in the layout of 3DGS.
@@ -16,10 +16,11 @@ use crate::Gaussians;
 /// # Errors
 /// When the file cannot be written, or a Gaussian holds a value that is not finite, which no viewer could show.
 pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<(), PlyError> {
-    write_ply_as(path, gaussians, None)
+    write_ply_as(path, gaussians, None, [0.0; 3])
 }
 
-/// [`write_ply`] with a comment that says how the scene is to be drawn.
+/// [`write_ply`] with comments that say how the scene is to be drawn, and what is to be added to its positions, if that
+/// is not zero.
 ///
 /// # Errors
 /// As [`write_ply`].
@@ -27,13 +28,14 @@ pub fn write_ply_as(
     path: impl AsRef<Path>,
     gaussians: &Gaussians,
     mode: Option<SplatRenderMode>,
+    offset: [f64; 3],
 ) -> Result<(), PlyError> {
     let path = path.as_ref();
     let records = Records::of(gaussians);
     records.check(path)?;
     let io = |source| PlyError::Io { path: path.to_owned(), source };
     let partial = beside(path);
-    let written = write(&partial, &records, mode).and_then(|()| fs::rename(&partial, path));
+    let written = write(&partial, &records, mode, offset).and_then(|()| fs::rename(&partial, path));
     if written.is_err() {
         // The error at hand is more useful than one about the temporary file.
         let _ = fs::remove_file(&partial);
@@ -83,29 +85,43 @@ impl Records {
             return Ok(());
         }
         let mut record = Vec::new();
+        let (mut first, mut broken) = (None, 0);
         for vertex in 0..self.count {
             self.record(vertex, &mut record);
             if let Some(index) = record.iter().position(|value| !value.is_finite()) {
-                let (path, property) = (path.to_owned(), record_names(self.rest).swap_remove(index));
-                return Err(PlyError::NotFinite { path, vertex, property, found: record[index].to_string() });
+                first.get_or_insert((vertex, index, record[index]));
+                broken += 1;
             }
         }
-        Ok(())
+        let Some((vertex, index, found)) = first else { return Ok(()) };
+        let (path, property) = (path.to_owned(), record_names(self.rest).swap_remove(index));
+        Err(PlyError::Broken { path, vertex, property, found, broken, count: self.count })
     }
 }
 
-fn write(path: &Path, records: &Records, mode: Option<SplatRenderMode>) -> io::Result<()> {
+/// Bytes of a file of so many Gaussians, with its header.
+pub fn encoded_len(count: usize, sh_degree: usize, mode: Option<SplatRenderMode>, offset: [f64; 3]) -> usize {
+    let layout = layout((sh_degree + 1).pow(2) - 1);
+    header(count, &layout, mode, offset).len() + 4 * layout.len() * count
+}
+
+fn header(count: usize, layout: &[(String, Option<usize>)], mode: Option<SplatRenderMode>, offset: [f64; 3]) -> String {
+    let mut lines = vec!["ply".into(), "format binary_little_endian 1.0".into(), "comment written by gsburn".into()];
+    lines.extend(mode.map(|mode| format!("comment {RENDER_MODE} {}", mode.word())));
+    if offset != [0.0; 3] {
+        let [x, y, z] = offset;
+        lines.push(format!("comment {OFFSET} {x} {y} {z}"));
+    }
+    lines.push(format!("element vertex {count}"));
+    lines.extend(layout.iter().map(|(name, _)| format!("property float {name}")));
+    lines.push("end_header\n".into());
+    lines.join("\n")
+}
+
+fn write(path: &Path, records: &Records, mode: Option<SplatRenderMode>, offset: [f64; 3]) -> io::Result<()> {
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     let layout = layout(records.rest);
-    writeln!(file, "ply\nformat binary_little_endian 1.0\ncomment written by gsburn")?;
-    if let Some(mode) = mode {
-        writeln!(file, "comment {RENDER_MODE} {}", mode.word())?;
-    }
-    writeln!(file, "element vertex {}", records.count)?;
-    for (name, _) in &layout {
-        writeln!(file, "property float {name}")?;
-    }
-    writeln!(file, "end_header")?;
+    file.write_all(header(records.count, &layout, mode, offset).as_bytes())?;
     let mut record = Vec::new();
     for index in 0..records.count {
         records.record(index, &mut record);

@@ -55,6 +55,11 @@ pub struct ExportArgs {
     /// costs on held-out photos
     #[arg(long, value_name = "MB", value_parser = megabytes)]
     pub target_mb: Option<f64>,
+
+    /// Keep Gaussians far from all others in an SPZ file, where they make the positions of all coarser [default: left
+    /// out, and said]
+    #[arg(long)]
+    pub keep_far: bool,
 }
 
 /// Arguments of `convert`.
@@ -75,6 +80,11 @@ pub struct ConvertArgs {
     /// Keep SH only up to this degree
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: Option<u8>,
+
+    /// Keep Gaussians far from all others in an SPZ file, where they make the positions of all coarser [default: left
+    /// out, and said]
+    #[arg(long)]
+    pub keep_far: bool,
 }
 
 /// Which way is up.

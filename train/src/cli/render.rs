@@ -32,8 +32,9 @@ pub struct RenderArgs {
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 
-    /// Cameras: a transforms.json, a folder with one or with a COLMAP model (photos need not exist), or a JSON file of key frames;
-    /// images are named after its frames [default: the run's data set]
+    /// Cameras: a transforms.json, a folder with one or with a COLMAP model (photos need not exist), a JSON file of key
+    /// frames, Inria's cameras.json or nerfstudio's camera_path.json; images are named after its frames [default: the
+    /// run's data set]
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     pub cameras: Option<PathBuf>,
 

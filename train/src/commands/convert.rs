@@ -3,13 +3,10 @@
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::counted;
 
 use crate::cli::{ConvertArgs, Up};
-use crate::commands::export::upright;
-use crate::commands::print;
+use crate::commands::export::{upright, write_one};
 use crate::run::exchange::{ENDINGS, Format, Packed, read_packed};
-use crate::run::memory::megabytes;
 use crate::run::outputs;
 
 /// Times at which OpenUSD samples a motion: two seconds of film, and the end.
@@ -44,8 +41,11 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode> {
         tracing::warn!("{}: holds one moment of the scene, the middle of its recording", args.to.display());
         packed.motion = None;
     }
-    packed.write(&args.to, format, &device)?;
-    let size = std::fs::metadata(&args.to).map_or(0, |metadata| metadata.len());
-    print(format!("{}: {}, {}", args.to.display(), counted(packed.splats.len(), "Gaussian"), megabytes(size)));
+    if !args.keep_far
+        && let Some(rows) = packed.spared(&args.to, format)
+    {
+        packed = packed.select(&rows);
+    }
+    write_one(&args.to, &packed, format, Vec::new(), &device)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+use gs_datasets::counted;
 use gs_datasets::image_io::{encode_png, write_atomic};
 use serde::Serialize;
 
@@ -108,8 +109,8 @@ fn table(measured: &Measured) -> String {
     }
     let why = if measured.split == "train" { ", because none are held out or they were asked for" } else { "" };
     text += &format!(
-        "{} Gaussians, {}{why}",
-        measured.size.gaussians,
+        "{}, {}{why}",
+        counted(measured.size.gaussians, "Gaussian"),
         described_split(&measured.split, quality.views.len())
     );
     if quality.compared == "formed blur" {

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use glam::DVec3;
 use gs_burn::device::{BACKENDS, select};
 
 use crate::cli::InfoArgs;
@@ -50,6 +51,10 @@ fn about_scene(path: &Path) -> Result<()> {
         print(format!("steps taken  {}", run.step));
         print(format!("data set     {}", run.dataset.display()));
     }
+    if loaded.origin != DVec3::ZERO {
+        let DVec3 { x, y, z } = loaded.origin;
+        print(format!("offset       {x}, {y}, {z}, added to x, y, z"));
+    }
     print(format!("Gaussians    {}", gaussians.len()));
     print(format!("SH degree    {}", gaussians.sh_degree()));
     print(format!("parameters   {}", megabytes(4 * (floats * gaussians.len()) as u64)));
@@ -78,5 +83,25 @@ fn about_scene(path: &Path) -> Result<()> {
 fn quantiles(mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
     let [low, middle, high] = [0.05, 0.5, 0.95].map(|share| values[((values.len() - 1) as f64 * share) as usize]);
-    format!("{low:.4} to {high:.4}, median {middle:.4} (5 % to 95 %)")
+    format!("{} to {}, median {} (5 % to 95 %)", figure(low), figure(high), figure(middle))
+}
+
+/// Numbers from here on are written with an exponent: a broken scene has positions of 38 digits.
+const LONG: f64 = 1e9;
+
+/// Four digits behind the point, and no zero with a sign.
+fn figure(x: f64) -> String {
+    let text = if x.abs() < LONG { format!("{x:.4}") } else { format!("{x:.4e}") };
+    if text == "-0.0000" { "0.0000".into() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_short() {
+        let shown = [-0.00001, 0.0, 1.25, -999_999_999.0, 1e9, -3e38, f64::INFINITY].map(figure);
+        assert_eq!(shown, ["0.0000", "0.0000", "1.2500", "-999999999.0000", "1.0000e9", "-3.0000e38", "inf"]);
+    }
 }

@@ -10,7 +10,8 @@ use gs_datasets::image_io::write_atomic;
 use crate::cli::ViewArgs;
 use crate::commands::{device, print};
 use crate::pipelines::{Foreseen, of_checkpoint};
-use crate::report::viewer::{self, Camera, Packed, Viewed};
+use crate::report::viewer::{self, Camera, Packed as Page, Viewed};
+use crate::run::exchange::Packed;
 use crate::run::folder::full_path;
 use crate::run::memory::megabytes;
 use crate::run::outputs;
@@ -37,9 +38,11 @@ pub fn run(args: &ViewArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The name of a scene: of its folder or its file.
+/// The name of a scene: of its folder, or of its file without the ending.
 fn name_of(path: &Path) -> String {
-    full_path(path).file_stem().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
+    let path = full_path(path);
+    let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+    name.map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
 }
 
 /// A scene with everything that its page shows.
@@ -74,14 +77,14 @@ impl Opened {
     /// A sentence when the scene cannot be opened.
     pub fn alone(file: &SceneFile, device: &Device) -> Result<Self> {
         let loaded = match file {
-            SceneFile::Ply(gaussians) => LoadedScene::of_gaussians(gaussians.clone()),
+            SceneFile::Ply(packed) => LoadedScene::of_packed(Packed::clone(packed), device),
             SceneFile::Checkpoint(checkpoint) => of_checkpoint(checkpoint)?.open(checkpoint, device)?,
         };
         Ok(Self { loaded, cameras: Vec::new() })
     }
 
     /// The scene for its page.
-    pub fn packed(self, name: &str) -> Packed {
+    pub fn packed(self, name: &str) -> Page {
         let Self { loaded, cameras } = self;
         let viewed = Viewed {
             name: name.into(),

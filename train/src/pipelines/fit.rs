@@ -8,7 +8,7 @@ use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
 use gs_datasets::image_io::write_atomic;
-use gs_datasets::{CheckReport, LoadOptions, Scene};
+use gs_datasets::{CheckReport, LoadOptions, Scene, counted};
 use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
@@ -30,13 +30,14 @@ use crate::report::timetable;
 use crate::report::viewer::{self, Viewed};
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::evaluate::{Evaluator, HeldOut};
+use crate::run::exchange::host::gaussians_of;
 use crate::run::fingerprint::Fingerprint;
 use crate::run::folder::{Setting, full_path};
 use crate::run::memory::{Prediction, megabytes};
 use crate::run::metrics::{psnr, psnr_masked};
 use crate::run::progress;
 use crate::run::resources::Stopwatch;
-use crate::run::scene::{LoadedScene, SceneFile, SceneRun, translated, within_reach, write_ply_as};
+use crate::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 use crate::stability::Experiment;
 
@@ -132,6 +133,9 @@ fn finish<M: Method>(
     run.save(step, &Snapshot::of(trainer))?;
     write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased)
         .map_err(|error| error.context("the finished scene could not be exported"))?;
+    if let Some(note) = placed_note(data.scene.origin) {
+        run.say(&format!("{}: {note}", job.folder.ply().display()));
+    }
     let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
     let file = run.record(step, measured)?;
@@ -250,13 +254,13 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
         scene.held_out.iter().map(|split| format!("{} {}", split.views.len(), split.name)).collect();
     let held_out = if held_out.is_empty() { "0 held-out".to_string() } else { held_out.join(" and ") };
     run.say(&format!(
-        "{} ({}): {} training and {held_out} views of {} x {} pixels, {} Gaussians to begin with, at most {}",
+        "{} ({}): {} training and {held_out} views of {} x {} pixels, {} to begin with, at most {}",
         job.dataset.display(),
         scene.format,
         scene.train.len(),
         size.0,
         size.1,
-        trainer.gaussians().len(),
+        counted(trainer.gaussians().len(), "Gaussian"),
         session.config.density.cap
     ));
     let near_open = session.config.render.near == 0.0;
@@ -374,14 +378,14 @@ impl<M: Method> Pipeline for Fit<M> {
                 let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
                 (model, notes.facts(), notes.step, checkpoint.origin.world())
             }
-            SceneFile::Ply(gaussians) => {
+            SceneFile::Ply(packed) => {
                 let at = Step { step: 0, config: &config, facts: &found, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
-                (Model { gaussians: gaussians.clone(), method }, found, 0, glam::DVec3::ZERO)
+                let gaussians = gaussians_of(&packed.splats, request.device);
+                (Model { gaussians, method }, found, 0, glam::DVec3::from_array(packed.splats.offset))
             }
         };
-        // A PLY file is in the data set's own world, a checkpoint has its `origin` subtracted; views have `scene.origin`
-        // subtracted.
+        // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
         model.gaussians = translated(&model.gaussians, origin - scene.origin);
         let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues, room: None };
         let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {

@@ -26,7 +26,6 @@ use crate::fit::foresight::Foresight;
 use crate::fit::snapshot::Snapshot;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::evaluate::{Comparison, Measured};
-use crate::run::exchange::read_scene;
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
@@ -228,11 +227,8 @@ pub fn names() -> String {
 /// # Errors
 /// A sentence naming the file, what was expected and what was found.
 pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
-    if let Some(loaded) = path.is_file().then(|| read_scene(path, device)).transpose()?.flatten() {
-        return Ok(loaded);
-    }
     match read_file(path, device)? {
-        SceneFile::Ply(gaussians) => Ok(LoadedScene::of_gaussians(gaussians)),
+        SceneFile::Ply(packed) => Ok(LoadedScene::of_packed(*packed, device)),
         SceneFile::Checkpoint(checkpoint) => of_checkpoint(&checkpoint)?.open(&checkpoint, device),
     }
 }

@@ -422,14 +422,14 @@ impl Evaluation {
         let regions: String =
             quality.regions.iter().map(|(name, scores)| format!(", {name} parts {:.2} dB", scores.psnr)).collect();
         format!(
-            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {}; {} Gaussians, {:.1} s",
+            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {}; {}, {:.1} s",
             self.step,
             quality.mean.psnr,
             quality.mean.ssim,
             optional("MS-SSIM", quality.mean.ms_ssim),
             optional("LPIPS", quality.mean.lpips),
             described_split(split, quality.views.len()),
-            size.gaussians,
+            counted(size.gaussians, "Gaussian"),
             self.cost.seconds
         )
     }

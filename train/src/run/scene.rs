@@ -7,11 +7,13 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
-use gs_formats::{glb, spz};
+use gs_formats::Splats;
+use gs_kernels::local::is_far;
 use gs_models::{DynamicScene, Shutter, Static};
 
 use super::checkpoint::Checkpoint;
-use super::exchange::host::gaussians_of;
+use super::exchange::host::{gaussians_of, splats_of};
+use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign, render_mode};
 use super::folder::RunFolder;
 use super::metrics::median;
 use crate::config::{Config, RenderConfig};
@@ -24,7 +26,7 @@ pub struct LoadedScene {
     pub gaussians: Gaussians,
     /// The scene at any time.
     pub scene: Box<dyn DynamicScene>,
-    /// Position that was subtracted from the data set's world, scene units; zero for a PLY file.
+    /// Position that was subtracted from the data set's world, scene units.
     pub origin: DVec3,
     /// Values fixed by its data set.
     pub facts: SceneFacts,
@@ -52,12 +54,11 @@ pub struct SceneRun {
 }
 
 /// The file of a scene.
-#[allow(clippy::large_enum_variant)] // there is one
 pub enum SceneFile {
     /// A saved state.
     Checkpoint(Box<Checkpoint>),
-    /// Gaussians at one time, of a PLY, SPZ or glTF file.
-    Ply(Gaussians),
+    /// Gaussians of a PLY, SPZ or glTF file.
+    Ply(Box<Packed>),
 }
 
 impl LoadedScene {
@@ -74,6 +75,31 @@ impl LoadedScene {
             shutter: None,
             run: None,
         }
+    }
+
+    /// The scene of a file.
+    pub fn of_packed(packed: Packed, device: &Device) -> Self {
+        let mut loaded = Self::of_gaussians(gaussians_of(&packed.splats, device));
+        loaded.origin = DVec3::from_array(packed.splats.offset);
+        if let Some(antialiased) = packed.splats.antialiased {
+            loaded.render.antialiased = antialiased;
+        }
+        if let Some(motion) = packed.motion {
+            loaded.middle = motion.middle;
+            loaded.scene = Box::new(MotionScene::new(packed.splats, motion, device));
+        }
+        loaded
+    }
+
+    /// The scene as a file holds it, at time `t`, or at all times where there is none: at the middle of its recording,
+    /// with its motion. One that is no series of functions of time has `samples` key frames.
+    pub fn packed(&self, t: Option<f64>, samples: usize) -> Packed {
+        let motion = if t.is_none() { motion_of(&*self.scene, self.middle, samples) } else { None };
+        // A file that says nothing of it may have been trained either way.
+        let is_known = self.run.is_some() || self.render.antialiased;
+        let antialiased = is_known.then_some(self.render.antialiased);
+        let splats = splats_of(&self.scene.at(t.unwrap_or(self.middle)), antialiased);
+        Packed { splats: Splats { offset: self.origin.to_array(), ..splats }, motion, samples }
     }
 
     /// The options of a rendering at an SH degree.
@@ -150,22 +176,24 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
         |path: &Path| -> Result<SceneFile> { Ok(SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?))) };
     if path.is_dir() {
         let Some((_, newest)) = RunFolder::at(path).saved().pop() else {
+            refuse_foreign(path)?;
             bail!("{}: expected a run folder with a checkpoint, found none", path.display());
         };
         return checkpoint(&newest);
     }
-    match path.extension().and_then(|extension| extension.to_str()) {
-        Some("safetensors") => checkpoint(path),
-        Some("ply") => Ok(SceneFile::Ply(ply::read_ply(path, device)?)),
-        Some("spz") => Ok(SceneFile::Ply(gaussians_of(&spz::read(path)?, device))),
-        Some("glb") => Ok(SceneFile::Ply(gaussians_of(&glb::read(path)?.splats, device))),
-        _ => {
+    if path.extension().is_some_and(|extension| extension == "safetensors") {
+        return checkpoint(path);
+    }
+    match read_packed(path, device)? {
+        Some(packed) => Ok(SceneFile::Ply(Box::new(packed))),
+        None => {
             bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply, .spz or .glb file", path.display())
         }
     }
 }
 
-/// Writes Gaussians as PLY in the data set's own world, with `origin` added back. Creates the folder if there is none.
+/// Writes Gaussians as PLY: in the data set's own world, or, where `origin` is far from it, in local positions with an
+/// offset. Creates the folder if there is none.
 ///
 /// # Errors
 /// When the file cannot be written, one sentence that names it; then no partial file is left.
@@ -173,7 +201,7 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     }
-    ply::write_ply(path, &translated(gaussians, origin)).context("cannot write the scene")
+    write_placed(path, gaussians, origin, None)
 }
 
 /// [`write_ply`] with a comment that says whether the scene is to be drawn with antialiasing.
@@ -181,8 +209,21 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()
 /// # Errors
 /// As [`write_ply`].
 pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: bool) -> Result<()> {
-    let mode = if antialiased { SplatRenderMode::Mip } else { SplatRenderMode::Default };
-    ply::write_ply_as(path, &translated(gaussians, origin), Some(mode)).context("cannot write the scene")
+    write_placed(path, gaussians, origin, Some(render_mode(antialiased)))
+}
+
+fn write_placed(path: &Path, gaussians: &Gaussians, origin: DVec3, mode: Option<SplatRenderMode>) -> Result<()> {
+    let written = if is_far(origin.to_array()) {
+        ply::write_ply_as(path, gaussians, mode, origin.to_array())
+    } else {
+        ply::write_ply_as(path, &translated(gaussians, origin), mode, [0.0; 3])
+    };
+    written.context("cannot write the scene")
+}
+
+/// The note on the positions of a file that [`write_ply`] wrote with this `origin`; `None` where they are the world's.
+pub fn placed_note(origin: DVec3) -> Option<String> {
+    offset_note(origin.to_array()).filter(|_| is_far(origin.to_array()))
 }
 
 /// The Gaussians moved by `offset`, scene units.

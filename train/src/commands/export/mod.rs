@@ -9,7 +9,6 @@ use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use glam::{DMat3, DVec3};
 use gs_datasets::{camera_path, counted, load_cameras};
-use gs_formats::spz;
 
 use crate::cli::{ExportArgs, Up};
 use crate::commands::print;
@@ -55,7 +54,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     outputs::check(&paths, &[])?;
     let turn = args.up.map(|up| rotation(args, &loaded, up)).transpose()?;
     let samples = args.frames.map_or(SAMPLES, |count| count as usize);
-    let mut scenes: Vec<Packed> = times.iter().map(|t| Packed::of(&loaded, *t, samples)).collect();
+    let mut scenes: Vec<Packed> = times.iter().map(|t| loaded.packed(*t, samples)).collect();
     if let Some(degree) = args.sh_degree {
         scenes = scenes.into_iter().map(|scene| scene.cut(usize::from(degree))).collect();
     }
@@ -68,15 +67,22 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
             *scene = scene.select(&kept);
         }
     }
+    let rows: Vec<Option<Vec<u32>>> = scenes
+        .iter()
+        .zip(&paths)
+        .map(|(scene, path)| if args.keep_far { None } else { scene.spared(path, format) })
+        .collect();
     if let Some(target) = args.target_mb {
         if args.no_floaters {
             bail!("--target-mb and --no-floaters both choose Gaussians; give one of them");
         }
-        let report = fit(&mut scenes, format, target, args, &device)?;
+        let report = fit(&mut scenes, &rows, format, target, args, &device)?;
         notes[0].extend(report);
+    } else {
+        scenes.iter_mut().zip(&rows).for_each(|(scene, rows)| keep(scene, rows.as_deref()));
     }
     for ((path, scene), note) in paths.iter().zip(scenes).zip(notes) {
-        let scene = scene.translated(loaded.origin);
+        let scene = scene.placed();
         let scene = match turn {
             Some(turn) => scene.turned(turn),
             None => scene,
@@ -86,15 +92,21 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn write_one(path: &Path, scene: &Packed, format: Format, mut notes: Vec<String>, device: &Device) -> Result<()> {
+/// The Gaussians `rows` alone, or all.
+fn keep(scene: &mut Packed, rows: Option<&[u32]>) {
+    if let Some(rows) = rows {
+        *scene = scene.select(rows);
+    }
+}
+
+/// Writes a file and says what is in it.
+///
+/// # Errors
+/// One sentence that names the file; then no partial file is left.
+pub fn write_one(path: &Path, scene: &Packed, format: Format, mut notes: Vec<String>, device: &Device) -> Result<()> {
     scene.write(path, format, device)?;
     let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    if format == Format::Spz
-        && let Some(bits) = spz::fractional_bits(&scene.splats).filter(|bits| *bits < 12)
-    {
-        let step = 0.5_f64.powi(bits as i32);
-        notes.push(format!("positions in steps of {step} units because the scene is far from its world's origin"));
-    }
+    notes.extend(scene.notes(format));
     let notes: String = notes.iter().map(|note| format!(", {note}")).collect();
     print(format!("{}: {}{notes}, {}", path.display(), counted(scene.splats.len(), "Gaussian"), megabytes(size)));
     Ok(())

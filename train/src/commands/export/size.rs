@@ -10,9 +10,11 @@ use crate::cli::ExportArgs;
 use crate::fit::density::prune::contributions;
 use crate::fit::photos::{camera, to_tensor};
 use crate::pipelines::{Foreseen, of_checkpoint};
-use crate::run::exchange::{Format, Packed, scene_of};
+use crate::run::exchange::{Format, Packed};
 use crate::run::metrics::{psnr, psnr_masked};
-use crate::run::scene::{SceneFile, read_file};
+use crate::run::scene::{LoadedScene, SceneFile, read_file};
+
+use super::keep;
 
 /// Sizes that are tried: each brings the count nearer to the largest that fits, and the fourth is within a few percent of it.
 const TRIALS: usize = 8;
@@ -20,19 +22,24 @@ const TRIALS: usize = 8;
 /// A file that is at least this share of what is allowed is full.
 const FULL: f64 = 0.98;
 
-/// Selects Gaussians of each scene so that its file takes at most `target` megabytes; returns what that costs, in words.
+/// Selects Gaussians of each scene, of its `rows` if only these may stay, so that its file takes at most `target`
+/// megabytes; returns what that costs, in words.
 ///
 /// # Errors
 /// A sentence when the scene is none of a run whose photos are there, or nothing fits.
 pub(super) fn fit(
     scenes: &mut [Packed],
+    rows: &[Option<Vec<u32>>],
     format: Format,
     target: f64,
     args: &ExportArgs,
     device: &Device,
 ) -> Result<Vec<String>> {
     let bytes = target * 1e6;
-    if scenes.iter().map(|scene| scene.length(format)).collect::<Result<Vec<_>>>()?.iter().all(|n| *n as f64 <= bytes) {
+    let mut whole = scenes.to_vec();
+    whole.iter_mut().zip(rows).for_each(|(scene, rows)| keep(scene, rows.as_deref()));
+    if whole.iter().map(|scene| scene.length(format)).collect::<Result<Vec<_>>>()?.iter().all(|n| *n as f64 <= bytes) {
+        scenes.clone_from_slice(&whole);
         return Ok(vec![format!("all fit into {target} MB")]);
     }
     let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene, device)? else {
@@ -50,13 +57,17 @@ pub(super) fn fit(
     let (shown, views) = shown(&photos);
     let usual = loaded.render_options(3);
     let before = mean_psnr(&*loaded.scene, views, &usual);
-    for scene in scenes.iter_mut() {
-        *scene = most(scene, format, bytes, &order)?;
+    let of = |rows: &Option<Vec<u32>>| -> Vec<u32> {
+        let may_stay = |row: &u32| rows.as_ref().is_none_or(|rows| rows.binary_search(row).is_ok());
+        order.iter().copied().filter(may_stay).collect()
+    };
+    for (scene, rows) in scenes.iter_mut().zip(rows) {
+        *scene = most(scene, format, bytes, &of(rows))?;
     }
     let total: f64 = sums.iter().sum();
-    let kept = scenes[0].splats.len();
-    let share: f64 = order[..kept].iter().map(|row| sums[*row as usize]).sum::<f64>() / total.max(f64::MIN_POSITIVE);
-    let read = scene_of(scenes[0].as_read(format)?, device);
+    let kept = &of(&rows[0])[..scenes[0].splats.len()];
+    let share: f64 = kept.iter().map(|row| sums[*row as usize]).sum::<f64>() / total.max(f64::MIN_POSITIVE);
+    let read = LoadedScene::of_packed(scenes[0].as_read(format)?, device);
     let mut notes = vec![format!("of {} those with {:.1} % of the contribution", sums.len(), 100.0 * share)];
     // A single moment of a moving scene cannot be held against photos of other times.
     if loaded.scene.span().is_none() || scenes[0].motion.is_some() {
@@ -75,7 +86,7 @@ fn most(scene: &Packed, format: Format, bytes: f64, order: &[u32]) -> Result<Pac
     };
     let (mut fits, mut too_many) = (None, order.len());
     let mut count = order.len();
-    let mut length = scene.length(format)? as f64;
+    let mut length = of_count(count).length(format)? as f64;
     for _ in 0..TRIALS {
         let floor = fits.as_ref().map_or(0, |scene: &Packed| scene.splats.len());
         if floor + 1 >= too_many {

@@ -21,7 +21,7 @@ use crate::run::checkpoint::Origin;
 use crate::run::folder::{Setting, full_path};
 use crate::run::memory::megabytes;
 use crate::run::progress;
-use crate::run::scene::write_ply;
+use crate::run::scene::{placed_note, write_ply};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 
 /// Trains a network: begin or resume, take steps while the run observes, save, measure, report.
@@ -82,6 +82,9 @@ fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
     if let Some((gaussians, origin)) = scene {
         write_ply(&job.folder.ply(), &gaussians, origin)
             .map_err(|error| error.context("the first held-out snippet could not be exported"))?;
+        if let Some(note) = placed_note(origin) {
+            run.say(&format!("{}: {note}", job.folder.ply().display()));
+        }
     }
     let file = run.record(trainer.step, measured)?;
     let history = run.finish()?;

@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::{Gaussians, ShCoefficients};
 use gs_formats::Splats;
 
-/// The Gaussians on the host.
+/// The Gaussians on the host, without an offset.
 pub fn splats_of(gaussians: &Gaussians, antialiased: Option<bool>) -> Splats {
     fn rows<const D: usize, const C: usize>(tensor: Tensor<D>) -> Vec<[f32; C]> {
         let values: Vec<f32> = tensor.inner().into_data().iter::<f32>().collect();
@@ -12,6 +12,7 @@ pub fn splats_of(gaussians: &Gaussians, antialiased: Option<bool>) -> Splats {
     }
     Splats {
         means: rows(gaussians.means.val()),
+        offset: [0.0; 3],
         quats: rows(gaussians.quats.val()),
         log_scales: rows(gaussians.log_scales.val()),
         opacity_logits: rows::<1, 1>(gaussians.opacity_logits.val()).into_iter().map(|[x]| x).collect(),

@@ -1,7 +1,9 @@
 //! Scenes as files of other programs: PLY, SPZ, glTF and OpenUSD, told by the ending.
 
+mod foreign;
 pub mod host;
 mod motion;
+mod spare;
 
 use std::path::Path;
 
@@ -9,10 +11,11 @@ use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use glam::{DMat3, DVec3};
 use gs_burn::ply::{self, SplatRenderMode};
+use gs_datasets::{agree, counted};
 use gs_formats::{Law, Motion, Splats, glb, spz, turn, usda};
+use gs_kernels::local::is_far;
 
-use super::scene::LoadedScene;
-
+pub use foreign::refuse_foreign;
 use host::{gaussians_of, splats_of};
 pub use motion::{MotionScene, motion_of, time_function};
 
@@ -62,30 +65,23 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// A scene at time `t`, or at all times where there is none: at the middle of its recording, with its motion. One that is no series of
-    /// functions of time has `samples` key frames.
-    pub fn of(loaded: &LoadedScene, t: Option<f64>, samples: usize) -> Self {
-        let motion = if t.is_none() { motion_of(&*loaded.scene, loaded.middle, samples) } else { None };
-        // A file that says nothing of it may have been trained either way.
-        let is_known = loaded.run.is_some() || loaded.render.antialiased;
-        let antialiased = is_known.then_some(loaded.render.antialiased);
-        let splats = splats_of(&loaded.scene.at(t.unwrap_or(loaded.middle)), antialiased);
-        Self { splats, motion, samples }
+    /// With an offset that is near zero added to the positions: only one that an `f32` cannot hold beside them stays
+    /// apart.
+    pub fn placed(self) -> Self {
+        if is_far(self.splats.offset) { self } else { self.relative_to([0.0; 3]) }
     }
 
-    /// Moved by `offset`, scene units.
-    pub fn translated(mut self, offset: DVec3) -> Self {
-        if offset == DVec3::ZERO {
-            return self;
+    /// With positions relative to another offset.
+    fn relative_to(mut self, offset: [f64; 3]) -> Self {
+        let shift = DVec3::from_array(self.splats.offset) - DVec3::from_array(offset);
+        if shift != DVec3::ZERO {
+            let moved = |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + shift).to_array().map(|x| x as f32);
+            self.splats.means.iter_mut().for_each(|mean| *mean = moved(*mean));
+            if let Some(Motion { law: Law::Keys(keys), .. }) = &mut self.motion {
+                keys.means.iter_mut().for_each(|mean| *mean = moved(*mean));
+            }
         }
-        let shift = |mean: &mut [f32; 3]| {
-            let moved = DVec3::from_array(mean.map(f64::from)) + offset;
-            *mean = moved.to_array().map(|x| x as f32);
-        };
-        self.splats.means.iter_mut().for_each(shift);
-        if let Some(Motion { law: Law::Keys(keys), .. }) = &mut self.motion {
-            keys.means.iter_mut().for_each(shift);
-        }
+        self.splats.offset = offset;
         self
     }
 
@@ -114,13 +110,16 @@ impl Packed {
         (0..self.samples).map(|index| motion.at(&self.splats, first + step * index as f64)).collect()
     }
 
-    /// How long the file is, bytes. Of PLY: its numbers, without the header of at most 2 kB.
+    /// How long the file is, bytes.
     ///
     /// # Errors
     /// When the scene does not fit the format.
     pub fn length(&self, format: Format) -> Result<u64> {
         let length = match format {
-            Format::Ply => self.splats.len() * 4 * (14 + 3 * self.splats.coefficients()),
+            Format::Ply => {
+                let Splats { degree, offset, .. } = self.splats;
+                ply::encoded_len(self.splats.len(), degree, self.render_mode(), offset)
+            }
             Format::Spz => spz::encode(&self.splats).map_err(anyhow::Error::msg)?.len(),
             Format::Glb => glb::encode(&self.splats, self.motion.as_ref(), false).map_err(anyhow::Error::msg)?.len(),
             Format::Usda => usda::encode(&self.splats, &self.sampled()).map_err(anyhow::Error::msg)?.len(),
@@ -128,7 +127,7 @@ impl Packed {
         Ok(length as u64)
     }
 
-    /// The scene as a reader of the file finds it: SPZ rounds, the others keep every digit.
+    /// The scene as a reader of the file finds it, relative to its own offset: SPZ rounds, the others keep every digit.
     ///
     /// # Errors
     /// When the scene does not fit the format.
@@ -137,7 +136,7 @@ impl Packed {
             return Ok(self.clone());
         }
         let splats = spz::encode(&self.splats).and_then(|bytes| spz::decode(&bytes)).map_err(anyhow::Error::msg)?;
-        Ok(Self { splats, ..self.clone() })
+        Ok(Self { splats, motion: None, samples: self.samples }.relative_to(self.splats.offset))
     }
 
     /// Writes the file; makes its folder.
@@ -149,7 +148,9 @@ impl Packed {
             std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
         }
         match format {
-            Format::Ply => ply::write_ply_as(path, &gaussians_of(&self.splats, device), self.render_mode())?,
+            Format::Ply => {
+                ply::write_ply_as(path, &gaussians_of(&self.splats, device), self.render_mode(), self.splats.offset)?;
+            }
             Format::Spz => spz::write(path, &self.splats)?,
             Format::Glb => glb::write(path, &self.splats, self.motion.as_ref(), false)?,
             Format::Usda => usda::write(path, &self.splats, &self.sampled())?,
@@ -167,29 +168,23 @@ pub fn render_mode(antialiased: bool) -> SplatRenderMode {
     if antialiased { SplatRenderMode::Mip } else { SplatRenderMode::Default }
 }
 
-/// Reads a file of Gaussians by its ending; `None` where it is another file.
+/// The note on an offset, for the sentence on a file; `None` where there is none.
+pub fn offset_note(offset: [f64; 3]) -> Option<String> {
+    let [x, y, z] = offset;
+    (offset != [0.0; 3]).then(|| format!("positions are relative to ({x}, {y}, {z}), which the file names"))
+}
+
+/// Reads a file of Gaussians by its ending; `None` where it is another file. Rows that are no Gaussians are left out,
+/// which is said.
 ///
 /// # Errors
 /// One sentence that names the file, what was expected and what was found.
 pub fn read_packed(path: &Path, device: &Device) -> Result<Option<Packed>> {
-    let still = |splats| Packed { splats, motion: None, samples: 0 };
+    refuse_foreign(path)?;
     let Some(format) = Format::of(path).filter(|_| !path.is_dir()) else { return Ok(None) };
-    Ok(Some(match format {
-        Format::Ply => {
-            let scene = ply::read_ply_scene(path, device)?;
-            if scene.sh_degree > 3 {
-                tracing::warn!(
-                    "{}: spherical harmonics of degree {} were cut to degree 3",
-                    path.display(),
-                    scene.sh_degree
-                );
-            }
-            if scene.render_mode == Some(SplatRenderMode::Flat) {
-                tracing::warn!("{}: made for 2D Gaussians, which are drawn as thin 3D ones here", path.display());
-            }
-            let antialiased = scene.render_mode.map(|mode| mode == SplatRenderMode::Mip);
-            still(splats_of(&scene.gaussians, antialiased))
-        }
+    let still = |splats| Packed { splats, motion: None, samples: 0 };
+    let packed = match format {
+        Format::Ply => still(read_ply(path, device)?),
         Format::Spz => still(spz::read(path)?),
         Format::Glb => {
             let contents = glb::read(path)?;
@@ -199,28 +194,36 @@ pub fn read_packed(path: &Path, device: &Device) -> Result<Option<Packed>> {
             Packed { splats: contents.splats, motion: contents.motion, samples: 0 }
         }
         Format::Usda => bail!("{}: OpenUSD is written and not read; expected .ply, .spz or .glb", path.display()),
-    }))
+    };
+    without_empty_rows(path, packed).map(Some)
 }
 
-/// Reads a file of Gaussians as a scene; `None` where it is another file.
-///
-/// # Errors
-/// As [`read_packed`].
-pub fn read_scene(path: &Path, device: &Device) -> Result<Option<LoadedScene>> {
-    let Some(packed) = read_packed(path, device)? else { return Ok(None) };
-    Ok(Some(scene_of(packed, device)))
+fn read_ply(path: &Path, device: &Device) -> Result<Splats> {
+    let scene = ply::read_ply_scene(path, device)?;
+    if scene.sh_degree > 3 {
+        tracing::warn!("{}: spherical harmonics of degree {} were cut to degree 3", path.display(), scene.sh_degree);
+    }
+    if scene.render_mode == Some(SplatRenderMode::Flat) {
+        tracing::warn!("{}: made for 2D Gaussians, which are drawn as thin 3D ones here", path.display());
+    }
+    let antialiased = scene.render_mode.map(|mode| mode == SplatRenderMode::Mip);
+    Ok(Splats { offset: scene.offset, ..splats_of(&scene.gaussians, antialiased) })
 }
 
-/// What was read, as a scene.
-pub fn scene_of(packed: Packed, device: &Device) -> LoadedScene {
-    let gaussians = gaussians_of(&packed.splats, device);
-    let mut loaded = LoadedScene::of_gaussians(gaussians);
-    if let Some(antialiased) = packed.splats.antialiased {
-        loaded.render.antialiased = antialiased;
+/// A row of zeros has no rotation and is no Gaussian.
+fn without_empty_rows(path: &Path, packed: Packed) -> Result<Packed> {
+    let empty = packed.splats.without_rotation();
+    let (Some(first), Some(last)) = (empty.first(), empty.last()) else { return Ok(packed) };
+    let (count, all) = (empty.len(), packed.splats.len());
+    let rows = counted(count, "row");
+    if count == all {
+        bail!("{}: expected Gaussians, found {rows} without a rotation (four zeros)", path.display());
     }
-    if let Some(motion) = packed.motion {
-        loaded.middle = motion.middle;
-        loaded.scene = Box::new(MotionScene::new(packed.splats, motion, device));
-    }
-    loaded
+    tracing::warn!(
+        "{}: {rows} of {all} {} no rotation (four zeros) and {} left out: between row {first} and row {last}",
+        path.display(),
+        agree(count, "has", "have"),
+        agree(count, "was", "were")
+    );
+    Ok(packed.select(&spare::others(all, &empty)))
 }
