@@ -6,6 +6,7 @@ use crate::error::DatasetError;
 use crate::frame::{Intrinsics, RgbImage8, View};
 use crate::lens::Resolved;
 use crate::mask::{self, Mask};
+use crate::one_color;
 use crate::options::LoadOptions;
 use crate::pixels::{self, Behind};
 use crate::priors::attach::{Attached, PhotoShape, SideNotes, attach};
@@ -38,6 +39,8 @@ pub(crate) struct ViewNote {
     pub masked: Option<f64>,
     /// No pixel of the view counts.
     pub is_blank: bool,
+    /// The one colour of the whole photo, see [`one_color`].
+    pub one_color: Option<[f32; 3]>,
     /// The photo is stored turned or mirrored, by EXIF. Known only of frames that were [examined](Decoder::examine).
     pub is_turned: bool,
     pub sides: SideNotes,
@@ -61,6 +64,7 @@ impl Decoder {
         let (photo, alpha) = pixels::open_with_alpha(&frame.image_path, self.behind)?;
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
+        let one_color = one_color::of(&photo);
         let target = self.target(size);
         let undistortion = Undistortion::new(frame.lens.distortion, camera.resolved.intrinsics, size);
         let (data, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
@@ -70,7 +74,7 @@ impl Decoder {
         let image = RgbImage8 { width: target.0, height: target.1, data };
         let intrinsics = scaled(camera.resolved.intrinsics, size, target);
         let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
-        let note = ViewNote { is_blank, ..camera.note(frame, notes) };
+        let note = ViewNote { is_blank, one_color, ..camera.note(frame, notes) };
         let view = View {
             name: frame.name.clone(),
             image_path: frame.image_path.clone(),
@@ -88,12 +92,12 @@ impl Decoder {
 
     /// Decodes the frame's files without making a view of them.
     pub fn examine(&self, frame: &RawFrame) -> Result<ViewNote, DatasetError> {
-        let image = pixels::decode(&frame.image_path)?;
-        let size = (image.width() as usize, image.height() as usize);
-        drop(image);
+        let photo = pixels::open(&frame.image_path, self.behind)?;
+        let (size, one_color) = (photo.size(), one_color::of(&photo));
+        drop(photo);
         let camera = Camera::of(frame, size)?;
         let note = camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes);
-        Ok(ViewNote { is_turned: pixels::is_turned(&frame.image_path), ..note })
+        Ok(ViewNote { one_color, is_turned: pixels::is_turned(&frame.image_path), ..note })
     }
 
     /// Camera to world of the frame's view.
@@ -156,6 +160,7 @@ impl Camera {
             off_photo: self.resolved.off_photo,
             masked: self.masked,
             is_blank: self.masked == Some(1.0),
+            one_color: None,
             is_turned: false,
             sides,
         }
