@@ -6,6 +6,7 @@ use crate::error::DatasetError;
 use crate::frame::{Intrinsics, RgbImage8, View};
 use crate::lens::Resolved;
 use crate::mask::{self, Mask};
+use crate::one_color;
 use crate::options::LoadOptions;
 use crate::pixels::{self, Behind, Opened};
 use crate::priors::attach::{Attached, PhotoShape, SideNotes, attach};
@@ -38,6 +39,8 @@ pub(crate) struct ViewNote {
     pub masked: Option<f64>,
     /// No pixel of the view counts.
     pub is_blank: bool,
+    /// The one colour of the whole photo, see [`one_color`].
+    pub one_color: Option<[f32; 3]>,
     /// The photo is stored turned or mirrored, by EXIF. Known only of frames that were [examined](Decoder::examine).
     pub is_turned: bool,
     /// The levels of a photo of more than 8 bits, as shares of its full range; `None` of a photo of 8 bits.
@@ -63,6 +66,7 @@ impl Decoder {
         let Opened { photo, alpha, range } = pixels::open_whole(&frame.image_path, self.behind)?;
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
+        let one_color = one_color::of(&photo);
         let target = self.target(size);
         let undistortion = Undistortion::new(frame.lens.distortion, camera.resolved.intrinsics, size);
         let (data, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
@@ -72,7 +76,7 @@ impl Decoder {
         let image = RgbImage8 { width: target.0, height: target.1, data };
         let intrinsics = scaled(camera.resolved.intrinsics, size, target);
         let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
-        let note = ViewNote { is_blank, range, ..camera.note(frame, notes) };
+        let note = ViewNote { is_blank, one_color, range, ..camera.note(frame, notes) };
         let view = View {
             name: frame.name.clone(),
             image_path: frame.image_path.clone(),
@@ -90,13 +94,12 @@ impl Decoder {
 
     /// Decodes the frame's files without making a view of them.
     pub fn examine(&self, frame: &RawFrame) -> Result<ViewNote, DatasetError> {
-        let image = pixels::decode(&frame.image_path)?;
-        let size = (image.width() as usize, image.height() as usize);
-        let range = pixels::deep_range(&image);
-        drop(image);
+        let Opened { photo, range, .. } = pixels::open_whole(&frame.image_path, self.behind)?;
+        let (size, one_color) = (photo.size(), one_color::of(&photo));
+        drop(photo);
         let camera = Camera::of(frame, size)?;
         let note = camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes);
-        Ok(ViewNote { is_turned: pixels::is_turned(&frame.image_path), range, ..note })
+        Ok(ViewNote { one_color, is_turned: pixels::is_turned(&frame.image_path), range, ..note })
     }
 
     /// Camera to world of the frame's view.
@@ -159,6 +162,7 @@ impl Camera {
             off_photo: self.resolved.off_photo,
             masked: self.masked,
             is_blank: self.masked == Some(1.0),
+            one_color: None,
             is_turned: false,
             range: None,
             sides,

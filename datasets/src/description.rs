@@ -10,6 +10,7 @@ use crate::convention::PoseConvention;
 use crate::decode::Decoder;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::formats::masks;
 use crate::names::{self, some_names};
 use crate::options::{LoadOptions, RECENTRE_DISTANCE};
 use crate::pixels::Behind;
@@ -30,15 +31,25 @@ pub(crate) struct Description {
 
 impl Description {
     /// The description of a scene that a reader found.
-    pub fn of(raw: RawScene, path: &Path, options: &LoadOptions, findings: &mut Findings) -> Self {
+    ///
+    /// # Errors
+    /// When two views with different poses share a photo.
+    pub fn of(
+        raw: RawScene,
+        path: &Path,
+        options: &LoadOptions,
+        findings: &mut Findings,
+    ) -> Result<Self, DatasetError> {
+        findings.take(consistency::one_view_a_photo(&raw.frames, path))?;
         let raw = reread(raw, options);
-        let frames = sort_and_name(raw.frames, findings);
+        let mut frames = sort_and_name(raw.frames, findings);
+        masks::find(&mut frames, path, options, findings);
         let frames = consistency::settle(frames, path, options, findings);
         // In a set with exposures, alpha is a share of light, in its sharp photos too.
         let is_light = frames.iter().any(|frame| frame.exposure.is_some_and(|exposure| exposure > 0.0));
         let behind = Behind { color: options.background, is_light, levels: options.levels };
         let decoder = Decoder::new(options, behind, origin(&frames, options));
-        Self { format: raw.format, frames, points: raw.points, decoder }
+        Ok(Self { format: raw.format, frames, points: raw.points, decoder })
     }
 
     /// The points in the world of views; `None` where there are none.

@@ -70,15 +70,19 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, DatasetError> {
     Ok(bytes)
 }
 
-/// The text of a regular file of at most `limit` bytes.
+/// The text of a regular file of at most `limit` bytes, without the byte order mark that editors of Windows put before it.
 ///
 /// # Errors
 /// As [`read`], and when the file is not in UTF-8.
 pub fn read_to_string(path: &Path, limit: u64) -> Result<String, DatasetError> {
-    String::from_utf8(read(path, limit)?).map_err(|error| {
+    let mut text = String::from_utf8(read(path, limit)?).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
         DatasetError::malformed(path, format!("byte {offset}"), "text in UTF-8", "bytes that are not UTF-8")
-    })
+    })?;
+    if text.starts_with('\u{feff}') {
+        text.drain(..'\u{feff}'.len_utf8());
+    }
+    Ok(text)
 }
 
 /// Whether something that could be read is there: anything but a folder. What is no file either is refused when it is read, and

@@ -3,10 +3,13 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
+use crate::fold::{self, Fault};
 use crate::frame::Intrinsics;
 use crate::names::some_names;
 use crate::plural::counted;
+use crate::printable::{decimals, number};
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.
@@ -119,6 +122,9 @@ impl Lens {
                 self.shown(),
             )
         })?;
+        if let Some(fault) = fold::fault(&self.distortion, intrinsics, (width, height)) {
+            return Err(self.diverged(fault, intrinsics, image, file));
+        }
         let rescaled = (scale_x - 1.0).abs() > 1e-9 || (scale_y - 1.0).abs() > 1e-9;
         let outside = |centre: f64, side: f64| !(centre > 0.0 && centre < side);
         Ok(Resolved {
@@ -126,6 +132,35 @@ impl Lens {
             intrinsics: intrinsics.scaled(scale_x, scale_y),
             rescaled_from: rescaled.then_some((width, height)),
         })
+    }
+
+    fn diverged(&self, fault: Fault, intrinsics: Intrinsics, image: &Path, file: &Path) -> DatasetError {
+        let Distortion { k, d, p } = self.distortion;
+        let named = |name: &'static str, values: &[f64]| -> Vec<String> {
+            let values = values.iter().enumerate().filter(|(_, value)| **value != 0.0);
+            values.map(|(i, value)| format!("{name}{} {}", i + 1, number(*value))).collect()
+        };
+        // FULL_OPENCV calls its denominator k4 to k6.
+        let divisor = d
+            .iter()
+            .zip(4..)
+            .filter(|(value, _)| **value != 0.0)
+            .map(|(value, i)| format!("k{i} {} below", number(*value)));
+        let coefficients: Vec<String> = named("k", &k).into_iter().chain(divisor).chain(named("p", &p)).collect();
+        let how = match fault {
+            Fault::Folds { radius, share } => format!(
+                "one that folds back {} focal lengths ({} pixels) from the principal point, so that it cannot show {:.0} % of the photo",
+                decimals(radius, 4),
+                decimals(radius * intrinsics.fx, 1),
+                100.0 * share
+            ),
+            Fault::Stretches(times) => {
+                format!("one that moves the corner of the photo {} times as far out", decimals(times, 1))
+            }
+        };
+        let found = format!("{how} ({}): the calibration diverged", coefficients.join(", "));
+        let location = format!("frame {:?}", image.display().to_string());
+        DatasetError::malformed(file, location, "a lens that shows each part of the photo once", found)
     }
 
     /// Focal lengths and principal point as the file gives them, for a message.
@@ -152,72 +187,5 @@ impl Lens {
             FOCAL_SIDES.contains(&(focal / side)) && (centre / side - 0.5).abs() <= CENTRE_SIDES
         };
         (sound(fx, cx, width) && sound(fy, cy, height)).then_some(Intrinsics { fx, fy, cx, cy })
-    }
-}
-
-/// The OpenCV lens model, from ideal to observed normalised coordinates (`r2 = x^2 + y^2`):
-///
-/// ```text
-/// g  = (1 + k1 r2 + k2 r2^2 + k3 r2^3 + k4 r2^4) / (1 + d1 r2 + d2 r2^2 + d3 r2^3)
-/// x' = x g + 2 p1 x y + p2 (r2 + 2 x^2)
-/// y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y
-/// ```
-///
-/// Every pinhole and radial model is a case of it: COLMAP's RADIAL has k1 and k2, OPENCV adds p1 and p2, FULL_OPENCV
-/// adds k3 and d (its k4..k6); nerfstudio's polynomial has k1..k4.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Distortion {
-    /// k1 to k4.
-    pub k: [f64; 4],
-    /// d1 to d3.
-    pub d: [f64; 3],
-    /// p1 and p2.
-    pub p: [f64; 2],
-}
-
-impl Distortion {
-    /// Whether the lens is an ideal pinhole.
-    pub fn is_none(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// Whether all coefficients are finite.
-    pub fn is_finite(&self) -> bool {
-        self.k.iter().chain(&self.d).chain(&self.p).all(|value| value.is_finite())
-    }
-
-    /// The observed position of the ideal point (x, y), both in normalised coordinates.
-    pub fn apply(&self, x: f64, y: f64) -> (f64, f64) {
-        let r2 = x * x + y * y;
-        let g = self.radial(r2);
-        let [p1, p2] = self.p;
-        (x * g + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * g + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y)
-    }
-
-    fn radial(&self, r2: f64) -> f64 {
-        let [k1, k2, k3, k4] = self.k;
-        let [d1, d2, d3] = self.d;
-        let g = 1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4)));
-        // A division is a third of the work per pixel, and only FULL_OPENCV needs it.
-        if self.d == [0.0; 3] { g } else { g / (1.0 + r2 * (d1 + r2 * (d2 + r2 * d3))) }
-    }
-
-    /// The squared radius up to which the observed radius `r g(r^2)` grows with the ideal radius `r`, at most `limit`.
-    /// Beyond it the polynomial folds back and would show parts of the photo a second time.
-    pub(crate) fn valid_radius2(&self, limit: f64) -> f64 {
-        const STEPS: usize = 1024;
-        let end = limit.sqrt();
-        let mut last = 0.0;
-        for step in 1..=STEPS {
-            let r = end * step as f64 / STEPS as f64;
-            let observed = r * self.radial(r * r);
-            // NaN is a pole of the rational form and ends the search too.
-            if observed.is_nan() || observed <= last {
-                let before = end * (step - 1) as f64 / STEPS as f64;
-                return before * before;
-            }
-            last = observed;
-        }
-        limit
     }
 }

@@ -15,6 +15,7 @@ use crate::levels;
 use crate::log::Log;
 use crate::mask;
 use crate::names::some_names;
+use crate::one_color;
 use crate::options::LoadOptions;
 use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
@@ -32,7 +33,8 @@ use crate::statistics::range;
 /// # Errors
 /// When a file is missing, unreadable, cut off or contradicts its format; when a pose, point or intrinsic is not finite
 /// or a pose is not rigid; when an image's proportions contradict its intrinsics; when a camera model is not a pinhole
-/// with radial and tangential distortion; when no training view is left.
+/// with radial and tangential distortion, or folds inside the photo; when two views with different poses share a photo; when all training
+/// photos have one colour; when no training view is left.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let (log, mut findings) = Log::describe(path, options)?;
     let decoded: Vec<Result<(View, ViewNote), DatasetError>> =
@@ -40,6 +42,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     // Collected before looking for errors, so that the first one by name is reported and not the first by chance.
     let (mut views, notes): (Vec<View>, Vec<ViewNote>) =
         decoded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let trains = notes.iter().zip(log.frames()).filter(|(_, frame)| frame.split == Split::TRAIN);
+    one_color::refuse(path, trains.map(|(note, _)| note.one_color))?;
     summarise(path, &notes, &mut findings);
     levels::warning(path, &notes, options.levels).into_iter().for_each(|sentence| findings.warn(sentence));
     let noted: Vec<Noted> = notes

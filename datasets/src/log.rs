@@ -111,7 +111,7 @@ impl Log {
         check_options(path, options)?;
         let mut findings = Findings::default();
         let raw = formats::read(path, options, &mut findings)?;
-        let description = Description::of(raw, path, options, &mut findings);
+        let description = Description::of(raw, path, options, &mut findings)?;
         let plan = split::plan(&description.frames, options, path)?;
         if options.sparse.is_some() && description.points.is_some() {
             let hidden = split::hidden_points(&description.frames, &plan, path);

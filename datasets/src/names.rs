@@ -19,6 +19,28 @@ pub(crate) fn with_slashes(written: &str) -> String {
     written.replace('\\', "/")
 }
 
+/// Whether `written` is the absolute path of another machine: Linux, macOS or Windows, and not there.
+pub(crate) fn is_elsewhere(root: &Path, written: &str) -> bool {
+    let path = with_slashes(written);
+    let is_drive = path.as_bytes().get(1..3) == Some(b":/") && path.as_bytes()[0].is_ascii_alphabetic();
+    (path.starts_with('/') || is_drive) && find_image(root, written).is_none()
+}
+
+/// The path below `root` that the [absolute path of another machine](is_elsewhere) ends with: its longest end with a file. `None` for other
+/// paths, and without such a file.
+pub(crate) fn moved_here(root: &Path, written: &str) -> Option<String> {
+    if !is_elsewhere(root, written) {
+        return None;
+    }
+    let path = with_slashes(written);
+    let ends =
+        path.match_indices('/').map(|(at, _)| &path[at + 1..]).filter(|end| !end.is_empty() && !end.starts_with('/'));
+    ends.take(PARTS_MAX).find(|end| find_image(root, end).is_some()).map(str::to_string)
+}
+
+/// Most parts of a path that are looked at; a file system allows paths of some thousand bytes, and a description any.
+const PARTS_MAX: usize = 64;
+
 /// The file that `written` names relative to `root`, trying extensions if it has none. `None` if there is none. What is there and is
 /// no file, a folder `a.png` or a pipe, is found too, to be refused when it is read.
 pub(crate) fn find_image(root: &Path, written: &str) -> Option<PathBuf> {

@@ -1,6 +1,6 @@
 //! Decoding photos: opaque colour out, transparency composited on the chosen background.
 
-use std::io::{BufReader, Cursor, Seek};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::metadata::Orientation;
@@ -21,6 +21,9 @@ const DECODE_MAX: u64 = 1 << 30;
 /// Most decoded bytes for each byte of a file: deflate makes at most 1032 bytes of one, and of a palette of two colours each is eight
 /// pixels of three bytes. A header that asks for more is broken, and its memory is asked for before the pixels are looked at.
 const DECODED_PER_BYTE: u64 = 1032 * 24;
+
+/// The finding about a file of no bytes, as a copy that was interrupted leaves it.
+const EMPTY: &str = "an empty file";
 
 /// A decoded photo without transparency.
 pub(crate) enum Photo {
@@ -73,6 +76,9 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
     limits.max_alloc = Some(DECODE_MAX);
     reader.limits(limits);
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
+    if bytes.is_empty() {
+        return Err(wrong(EMPTY.to_string()));
+    }
     let is_read =
         matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP | ImageFormat::Tiff));
     if let Some(foreign) = Foreign::of_bytes(bytes).filter(|_| !is_read) {
@@ -102,6 +108,9 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
 pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be described.
     let mut file = BufReader::new(guarded::open_regular(path, guarded::IMAGE_MAX)?);
+    if file.fill_buf().is_ok_and(<[u8]>::is_empty) {
+        return Err(DatasetError::Image { path: path.to_path_buf(), found: EMPTY.to_string() });
+    }
     if let Some(size) = jpeg::size(&mut file) {
         return Ok(size);
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 
 use crate::error::DatasetError;
+use crate::printable::decimals;
 
 /// How far from orthonormal a rotation may be, as the largest entry of `R^T R - 1`: room for matrices printed with
 /// three digits, far from a sheared or squeezed one.
@@ -40,7 +41,7 @@ pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Ri
     }
     let last = DVec4::from_array(rows[3]);
     if (last - DVec4::W).abs().max_element() > 1e-6 {
-        return Err(wrong("a last row of 0 0 0 1", format!("{last}")));
+        return Err(wrong("a last row of 0 0 0 1", format!("{:?}", last.to_array())));
     }
     let m = DMat4::from_cols_array_2d(rows).transpose();
     let rotation = DMat3::from_mat4(m);
@@ -51,12 +52,12 @@ pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Ri
     if determinant < 0.0 {
         return Err(wrong(
             "a rotation (determinant +1)",
-            format!("a reflection (determinant {determinant:.4}); is an axis negated or are two swapped?"),
+            format!("a reflection (determinant {}); is an axis negated or are two swapped?", decimals(determinant, 4)),
         ));
     }
     let scale = determinant.cbrt();
     if (scale - 1.0).abs() > SCALE_TOLERANCE {
-        return Err(wrong("a rotation without scale", format!("a scale of {scale:.4} in the rotation")));
+        return Err(wrong("a rotation without scale", format!("a scale of {} in the rotation", decimals(scale, 4))));
     }
     let rotation = rotation * (1.0 / scale);
     let deviation = rotation.transpose() * rotation - DMat3::IDENTITY;

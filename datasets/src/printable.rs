@@ -29,3 +29,22 @@ pub(crate) fn is_steering(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}')
 }
+
+/// From a billion on a number is shown as a power of ten: its digits would fill lines and say nothing.
+const LARGE: f64 = 1e9;
+
+/// A number for a message, with all its digits below a billion.
+pub(crate) fn number(value: f64) -> String {
+    if value.abs() < LARGE { value.to_string() } else { format!("{value:e}") }
+}
+
+/// A number with this many decimals, or as a power of ten with three digits from a billion on.
+pub(crate) fn decimals(value: f64, places: usize) -> String {
+    if value.abs() < LARGE { format!("{value:.places$}") } else { format!("{value:.2e}") }
+}
+
+/// A position with this many decimals, likewise.
+pub(crate) fn position(value: glam::DVec3, places: usize) -> String {
+    let [x, y, z] = value.to_array().map(|value| decimals(value, places));
+    format!("[{x}, {y}, {z}]")
+}

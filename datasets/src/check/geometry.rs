@@ -10,6 +10,7 @@ use crate::formats::colmap::model::Model;
 use crate::lens::Lens;
 use crate::plural::{agree, counted};
 use crate::pose;
+use crate::printable;
 use crate::raw::{RawFrame, RawPoints};
 use crate::statistics::mean;
 use crate::subject::{STRAY, strays};
@@ -96,6 +97,7 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
     let low = points.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = points.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let places = decimals((high - low).max_element());
+    let position = |value| printable::position(value, places);
     let count = points.positions.len();
     let lie = agree(count, "lies", "lie");
     let far = strays(&points.positions).into_iter().filter(|stray| *stray).count();
@@ -103,7 +105,8 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
         0 => String::new(),
         _ => format!("; {far} of them more than {STRAY} times as far out as three quarters"),
     };
-    format!("{} to start from {lie} between {low:.places$} and {high:.places$}{outliers}.", counted(count, "point"))
+    let (low, high) = (position(low), position(high));
+    format!("{} to start from {lie} between {low} and {high}{outliers}.", counted(count, "point"))
 }
 
 /// How far cameras stand apart and whether they look at something together.
@@ -124,15 +127,16 @@ pub(super) fn describe_cameras(frames: &[RawFrame]) -> String {
     };
     let places = decimals(farthest);
     format!(
-        "Cameras stand around {middle:.places$}, at distances of {} (median) to {farthest:.places$}; {look}.",
-        three_digits(median)
+        "Cameras stand around {}, at distances of {} (median) to {}; {look}.",
+        printable::position(middle, places),
+        three_digits(median),
+        printable::decimals(farthest, places)
     )
 }
 
 /// The number with three significant digits: a world may be of any size.
 fn three_digits(value: f64) -> String {
-    let places = decimals(value);
-    format!("{value:.places$}")
+    printable::decimals(value, decimals(value))
 }
 
 /// Decimals that show three digits of `size`; 2 where it has none to show.
@@ -151,9 +155,14 @@ mod tests {
 
     #[test]
     fn three_digits_whatever_the_size() {
-        for (value, text) in
-            [(4.1231, "4.12"), (0.0041231, "0.00412"), (41.231, "41.2"), (41231.0, "41231"), (0.0, "0.00")]
-        {
+        for (value, text) in [
+            (4.1231, "4.12"),
+            (0.0041231, "0.00412"),
+            (41.231, "41.2"),
+            (41231.0, "41231"),
+            (0.0, "0.00"),
+            (1e300, "1.00e300"),
+        ] {
             assert_eq!(three_digits(value), text);
         }
     }

@@ -36,7 +36,7 @@ pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
 fn apart(error: &DatasetError) -> Option<(String, String)> {
     match error {
         DatasetError::Malformed { path, location, expected, found } => {
-            let (name, place) = frame_of(location)?;
+            let (name, place) = frame_of(location).or_else(|| numbered(location))?;
             let place = if place.is_empty() { "a frame" } else { place };
             Some((format!("{}: {place}: expected {expected}, found {found}", shown(path)), name))
         }
@@ -53,6 +53,18 @@ fn apart(error: &DatasetError) -> Option<(String, String)> {
                 actual.1
             );
             Some((common, shown(path)))
+        }
+        DatasetError::MaskShape { path, photo, found } => {
+            let common = format!(
+                "expected masks of their photos' proportions, {} x {} pixels, found {} x {}",
+                photo.0, photo.1, found.0, found.1
+            );
+            Some((common, shown(path)))
+        }
+        DatasetError::Io { path, action, source } => Some((format!("cannot {action}: {source}"), shown(path))),
+        DatasetError::NotAFile { path, found } => Some((format!("expected files, found {found}"), shown(path))),
+        DatasetError::TooLarge { path, limit, found } => {
+            Some((format!("expected files of at most {limit}, found {found}"), shown(path)))
         }
         DatasetError::Image { path, found } => {
             Some((format!("expected readable PNG or JPEG images, found: {found}"), shown(path)))
@@ -74,4 +86,12 @@ fn frame_of(location: &str) -> Option<(String, &str)> {
         None => (quoted.strip_suffix('"')?, ""),
     };
     Some((name.to_string(), rest))
+}
+
+/// `line 12, column f` or `row 3` -> the line and the rest.
+fn numbered(location: &str) -> Option<(String, &str)> {
+    let (name, rest) = location.split_once(", ").unwrap_or((location, ""));
+    let (word, number) = name.split_once(' ')?;
+    let is_place = ["line", "row"].contains(&word) && number.bytes().all(|byte| byte.is_ascii_digit());
+    is_place.then(|| (name.to_string(), if rest.is_empty() { word } else { rest }))
 }

@@ -10,6 +10,7 @@ use crate::lens::off_photo_warning;
 use crate::levels;
 use crate::mask;
 use crate::names::some_names;
+use crate::one_color;
 use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
@@ -33,6 +34,8 @@ pub(super) fn describe(
             Err(error) => findings.errors.push(error),
         }
     }
+    let training = decoded.iter().zip(&trains).filter(|(_, trains)| **trains);
+    findings.errors.extend(one_color::refuse(&report.path, training.map(|(note, _)| note.one_color)).err());
     let mut sizes: Vec<((usize, usize), usize)> = Vec::new();
     for ViewNote { size, .. } in &decoded {
         match sizes.iter_mut().find(|(known, _)| known == size) {

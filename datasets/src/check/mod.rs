@@ -15,7 +15,7 @@ use crate::formats::{self, Layout, camera_texts, colmap, llff, panoptic, reality
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::plural::{agree, counted};
-use crate::printable::printable;
+use crate::printable::{position, printable};
 use crate::raw::{RawFrame, SplitName};
 use crate::split;
 use crate::statistics::mean;
@@ -79,7 +79,7 @@ fn fill(
     };
     report.format = Some(raw.format);
     report.facts.append(&mut findings.take_facts());
-    let Description { frames, points, decoder, .. } = Description::of(raw, path, options, findings);
+    let Description { frames, points, decoder, .. } = Description::of(raw, path, options, findings)?;
     report.facts.append(&mut findings.take_facts());
     report.points = points.as_ref().map_or(0, |points| points.positions.len());
     report.facts.push(geometry::describe_points(points.as_ref()));
@@ -97,11 +97,11 @@ fn fill(
     images::describe(&examined, &decoder, report, findings);
     report.facts.push(geometry::describe_cameras(&frames));
     if decoder.origin != glam::DVec3::ZERO {
-        let glam::DVec3 { x, y, z } = decoder.origin;
         report.facts.push(format!(
             "The scene is {:.0} units from its world's origin. Its files have positions relative to \
-             ({x:.3}, {y:.3}, {z:.3}), an offset that they name and that is read back.",
-            decoder.origin.length()
+             {}, an offset that they name and that is read back.",
+            decoder.origin.length(),
+            position(decoder.origin, 3)
         ));
     }
     describe_times(&frames, report);

@@ -2,6 +2,7 @@
 //! loading: a contradiction is repaired or its frames are left out, with a warning.
 
 mod cameras;
+mod photos;
 mod splits;
 mod timing;
 
@@ -12,6 +13,7 @@ use crate::options::LoadOptions;
 use crate::raw::RawFrame;
 
 pub(crate) use self::cameras::static_cameras;
+pub(crate) use self::photos::one_view_a_photo;
 pub(crate) use self::splits::{compare_splits, without_time};
 pub use self::timing::frame_interval;
 pub(crate) use self::timing::interval_of;

@@ -8,9 +8,11 @@ use std::path::{Path, PathBuf};
 
 use glam::DMat4;
 
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::lens::{Distortion, Focal, Lens};
+use crate::folder::entries;
+use crate::lens::{Focal, Lens};
 use crate::names;
 use crate::plural::counted;
 use crate::pose;
@@ -47,10 +49,8 @@ pub(crate) fn find(path: &Path) -> Option<CameraTexts> {
     if !path.join("images").is_dir() {
         return None;
     }
-    let entries = std::fs::read_dir(path.join("cameras")).ok()?.take(TEXTS_MAX).flatten().map(|entry| entry.path());
     let is_text = |file: &PathBuf| file.extension().is_some_and(|end| end.eq_ignore_ascii_case("txt"));
-    let mut files: Vec<PathBuf> = entries.filter(is_text).collect();
-    files.sort();
+    let files: Vec<PathBuf> = entries(&path.join("cameras")).into_iter().filter(is_text).take(TEXTS_MAX).collect();
     let first = files.first()?;
     camera(first).is_ok().then(|| CameraTexts { folder: path.to_path_buf(), files })
 }

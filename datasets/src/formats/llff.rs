@@ -7,22 +7,25 @@
 //! ```
 //!
 //! R's columns are the camera's down, right and back axes in the world. Rows go with camera folders (or photos) in the
-//! order of their names. As in N3DV, the first camera is held out; time is the index among all frame names over the last
-//! index, 0 to 1.
+//! [order](rows) of their names. As in N3DV, the first camera is held out; time is the index among all frame names over the
+//! last index, 0 to 1.
 
 use std::path::{Path, PathBuf};
 
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 
+use super::rows;
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::folder::{entries, file_name};
 use crate::foreign::{CONVERT, Foreign};
 use crate::guarded;
-use crate::lens::{Distortion, Focal, Lens};
+use crate::lens::{Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
 use crate::plural::counted;
-use crate::printable::printable;
+use crate::printable::{number, printable};
 use crate::priors::{npy, sources};
 use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
@@ -48,7 +51,7 @@ const VIDEOS: [&str; 3] = ["mp4", "mov", "avi"];
 pub(crate) struct PoseFile {
     pub path: PathBuf,
     folder: PathBuf,
-    /// Folders of frames, in the order of the rows.
+    /// Folders of frames, sorted by name as text.
     cameras: Vec<PathBuf>,
     has_videos: bool,
 }
@@ -72,7 +75,7 @@ pub(crate) fn find(path: &Path) -> Option<PoseFile> {
         return None;
     }
     let is_camera = |path: &Path| file_name(path).to_ascii_lowercase().starts_with(CAMERA_PREFIX);
-    let entries = sorted(&folder);
+    let entries = entries(&folder);
     let cameras = entries.iter().filter(|path| is_camera(path) && path.is_dir()).cloned().collect();
     let has_videos = entries.iter().any(|path| is_camera(path) && has_extension(path, &VIDEOS));
     Some(PoseFile { path: file, folder, cameras, has_videos })
@@ -86,7 +89,9 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
         return Err(DatasetError::malformed(&poses.path, "shape", "(cameras, 17)", found));
     }
     let rows: Vec<&[f64]> = rows.values.chunks_exact(ROW).collect();
-    let photos = if poses.has_cameras() { camera_frames(poses, rows.len())? } else { still_photos(poses, rows.len())? };
+    let positions: Vec<DVec3> = rows.iter().map(|row| DVec3::new(row[3], row[8], row[13])).collect();
+    let find = if poses.has_cameras() { camera_frames } else { still_photos };
+    let photos = find(poses, &positions, findings)?;
     let mut frames = Vec::new();
     for (index, row) in rows.iter().enumerate() {
         let camera = camera(row, &poses.path, index);
@@ -138,8 +143,14 @@ struct FrameFile {
 }
 
 /// Frames of all cameras. Cameras that lack frames keep the others' times: time goes by the name.
-fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, DatasetError> {
-    let found: Vec<Vec<PathBuf>> = poses.cameras.iter().map(|folder| frames_of(folder)).collect();
+fn camera_frames(
+    poses: &PoseFile,
+    positions: &[DVec3],
+    findings: &mut Findings,
+) -> Result<Vec<FrameFile>, DatasetError> {
+    let rows = positions.len();
+    let cameras = rows::in_order(poses.cameras.clone(), positions, &poses.path, findings);
+    let found: Vec<Vec<PathBuf>> = cameras.iter().map(|folder| frames_of(folder)).collect();
     if found.iter().all(Vec::is_empty) {
         let what = if poses.has_videos { VIDEOS_ONLY } else { foreign_photos(poses).unwrap_or("empty folders") };
         let (path, found) = (poses.folder.clone(), what.to_string());
@@ -164,7 +175,7 @@ fn camera_frames(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, Datase
                 path,
                 row,
                 time: (stems.len() > 1).then_some(index as f64 / last),
-                camera: Some(printable(&file_name(&poses.cameras[row])).into_owned()),
+                camera: Some(printable(&file_name(&cameras[row])).into_owned()),
                 split: (rows > 1).then_some(split),
             });
         }
@@ -180,26 +191,32 @@ const VIDEOS_ONLY: &str = "videos, which have to be taken apart into frames firs
 fn foreign_photos(poses: &PoseFile) -> Option<&'static str> {
     let is_foreign = |path: &PathBuf| matches!(Foreign::of_extension(path), Some(Foreign::Photo(_)));
     let mut folders = poses.cameras.iter().flat_map(|folder| [folder.clone(), folder.join("images")]);
-    folders.any(|folder| sorted(&folder).iter().any(is_foreign)).then_some(CONVERT)
+    folders.any(|folder| entries(&folder).iter().any(is_foreign)).then_some(CONVERT)
 }
 
 fn frames_of(folder: &Path) -> Vec<PathBuf> {
     let images = |folder: &Path| -> Vec<PathBuf> {
-        sorted(folder).into_iter().filter(|path| has_extension(path, &IMAGES) && guarded::is_there(path)).collect()
+        entries(folder).into_iter().filter(|path| has_extension(path, &IMAGES) && guarded::is_there(path)).collect()
     };
     let found = images(folder);
     if found.is_empty() { images(&folder.join("images")) } else { found }
 }
 
-fn still_photos(poses: &PoseFile, rows: usize) -> Result<Vec<FrameFile>, DatasetError> {
+fn still_photos(
+    poses: &PoseFile,
+    positions: &[DVec3],
+    findings: &mut Findings,
+) -> Result<Vec<FrameFile>, DatasetError> {
+    let rows = positions.len();
     let folder = poses.folder.join("images");
-    let found: Vec<PathBuf> = sorted(&folder).into_iter().filter(|path| has_extension(path, &IMAGES)).collect();
+    let found: Vec<PathBuf> = entries(&folder).into_iter().filter(|path| has_extension(path, &IMAGES)).collect();
     if found.len() != rows {
         let count = format!("{} in {}", counted(found.len(), "image"), folder.display());
         let expected = format!("folders {CAMERA_PREFIX}00 and on, or one image for each of {}", counted(rows, "pose"));
         return Err(DatasetError::malformed(&poses.path, "rows", expected, count));
     }
     let photo = |(row, path)| FrameFile { path, row, time: None, camera: None, split: None };
+    let found = rows::in_order(found, positions, &poses.path, findings);
     Ok(found.into_iter().enumerate().map(photo).collect())
 }
 
@@ -210,7 +227,7 @@ fn camera(row: &[f64], file: &Path, index: usize) -> Result<(DMat4, Lens), Datas
     let (height, width, focal) = (at(0, 4), at(1, 4), at(2, 4));
     let sound = [height, width].iter().all(|side| (1.0..=1e6).contains(side)) && focal > 0.0 && focal.is_finite();
     if !sound {
-        let found = format!("height {height}, width {width}, focal length {focal}");
+        let found = format!("height {}, width {}, focal length {}", number(height), number(width), number(focal));
         return Err(DatasetError::malformed(file, label, "an image size and a focal length in pixels", found));
     }
     // OpenCV's right, down and forward are LLFF's second, first and negated third column.
@@ -229,18 +246,6 @@ fn camera(row: &[f64], file: &Path, index: usize) -> Result<(DMat4, Lens), Datas
         distortion: Distortion::default(),
     };
     Ok((c2w, lens))
-}
-
-/// What a folder holds, in the order of names; nothing when it cannot be listed.
-fn sorted(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort_by(|a, b| natural(&file_name(a), &file_name(b)));
-    paths
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn stem(path: &Path) -> String {

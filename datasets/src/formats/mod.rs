@@ -4,11 +4,15 @@ pub(crate) mod camera_texts;
 pub(crate) mod colmap;
 pub(crate) mod json;
 pub(crate) mod llff;
+mod lookup;
+pub(crate) mod masks;
 pub(crate) mod panoptic;
 mod poseless;
 pub(crate) mod realityscan;
-pub(crate) mod renamed;
+mod renamed;
+mod rows;
 pub(crate) mod transforms;
+mod unicode;
 
 use std::path::Path;
 
@@ -61,7 +65,7 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of RealityScan, cameras/NAME.txt \
                    beside images, or a COLMAP \
                    model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
-                   sparse_bin/0 or dense/sparse";
+                   sparse_bin/0, dense/sparse or distorted/sparse/0";
     let (expected, found) = match poseless::found(path, metadata.is_dir()) {
         Some(found) => ("photos with their camera poses (a COLMAP model in sparse/0, or transforms.json)", found),
         None => (layouts, contents(path, metadata.is_dir())),

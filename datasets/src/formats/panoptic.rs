@@ -12,16 +12,17 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::guarded;
-use crate::lens::{Distortion, Focal, Lens};
+use crate::lens::{Focal, Lens};
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
 use crate::plural::{agree, counted};
-use crate::printable::printable;
+use crate::printable::{number, printable};
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
@@ -180,7 +181,7 @@ impl<'a> Meta<'a> {
         let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
         let side = |key: &str| match keys.number(key)? {
             Some(value) if (1.0..=1e6).contains(&value) => Ok(value),
-            Some(value) => Err(keys.wrong(key, "an image side of 1 to 1000000 pixels", value.to_string())),
+            Some(value) => Err(keys.wrong(key, "an image side of 1 to 1000000 pixels", number(value))),
             None => Err(keys.wrong(key, "an image side in pixels", "nothing".to_string())),
         };
         let (width, height) = (side("w")?, side("h")?);

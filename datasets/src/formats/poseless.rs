@@ -2,8 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::folder::entries;
 use crate::foreign::{CONVERT, EXTRACT, Foreign, POSES, is_photo};
 use crate::plural::counted;
+
+/// The file of poses that makes a folder one of 4DGaussians' multipleview data sets.
+const MULTIPLEVIEW: &str = "poses_bounds_multipleview.npy";
+
+/// The sentence about such a folder. Its COLMAP model lies in `sparse_`, which has an image for each camera: image1.jpg for cam01.
+const MULTIPLEVIEW_FOUND: &str = "the multipleview layout of 4DGaussians (poses_bounds_multipleview.npy, sparse_, cam01/frame_00001.jpg), which is \
+                                  not read; a transforms.json with `file_path`, `transform_matrix`, `time` and `camera_id` of each \
+                                  frame describes the same";
 
 /// What is there and what to do, if it is photos or videos.
 pub(super) fn found(path: &Path, is_folder: bool) -> Option<String> {
@@ -13,6 +22,9 @@ pub(super) fn found(path: &Path, is_folder: bool) -> Option<String> {
             None if !is_photo(path) => None,
             _ => Some("a single photo; give the folder that holds the photos and their poses".to_string()),
         };
+    }
+    if path.join(MULTIPLEVIEW).exists() {
+        return Some(MULTIPLEVIEW_FOUND.to_string());
     }
     let entries = entries(path);
     let below = || entries.iter().filter(|entry| entry.is_dir()).map(|folder| self::entries(folder));
@@ -55,12 +67,4 @@ fn files(entries: &[PathBuf]) -> Files {
         }
     }
     found
-}
-
-/// What a folder holds, in the order of names.
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
-    paths
 }

@@ -10,13 +10,15 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DVec3};
 
-use super::renamed::Renamed;
+use super::lookup::{Lookup, Reach};
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::lens::{Distortion, Focal, Lens};
-use crate::names::{self, some_names};
+use crate::folder::entries;
+use crate::lens::{Focal, Lens};
+use crate::names;
 use crate::options::LoadOptions;
-use crate::plural::{agree, counted};
+use crate::plural::counted;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
 use crate::{guarded, pixels, ply, pose};
@@ -43,9 +45,7 @@ pub(crate) fn find(path: &Path) -> Option<CameraTable> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         return is_table(path).then(|| CameraTable { file: path.to_path_buf(), folder: folder.to_path_buf() });
     }
-    let mut files: Vec<PathBuf> = std::fs::read_dir(path).ok()?.flatten().map(|entry| entry.path()).collect();
-    files.sort();
-    let file = files.into_iter().find(|file| is_table(file))?;
+    let file = entries(path).into_iter().find(|file| is_table(file))?;
     Some(CameraTable { file, folder: path.to_path_buf() })
 }
 
@@ -83,35 +83,23 @@ pub(crate) fn read(
         DatasetError::malformed(file, "first line", format!("the columns {}", REQUIRED.join(",")), "others")
     })?;
     let root = image_folder(table, options);
-    let renamed = Renamed::of(&root);
-    let (mut frames, mut missing, mut total) = (Vec::new(), Vec::new(), 0);
-    for (index, line) in lines {
-        total += 1;
-        let row = Row { file, header: &header, fields: line.split(',').map(str::trim).collect(), number: index + 1 };
+    let rows: Vec<Row> = lines
+        .map(|(i, line)| Row { file, header: &header, fields: line.split(',').map(str::trim).collect(), number: i + 1 })
+        .collect();
+    let mut photos = Lookup::of(&root, rows.iter().filter_map(|row| row.text("name").ok()), Reach::Anywhere);
+    let mut frames = Vec::new();
+    for row in &rows {
         let Some(written) = findings.take(row.text("name"))? else { continue };
         let name = names::output_name(&root, written, file);
         let Some(name) = findings.take(name)? else { continue };
-        let Some(image_path) = names::find_image(&root, written).or_else(|| renamed.find(written)) else {
-            missing.push(written);
-            continue;
-        };
+        let Some(image_path) = photos.find(written) else { continue };
         let frame = row.frame(name, image_path);
         frames.extend(findings.take(frame)?);
     }
-    if !missing.is_empty() {
-        findings.warn(format!(
-            "{}: {} of {} {} not exist below {}; {} left out ({})",
-            file.display(),
-            missing.len(),
-            counted(total, "photo"),
-            agree(missing.len(), "does", "do"),
-            root.display(),
-            agree(missing.len(), "it was", "they were"),
-            some_names(&missing)
-        ));
-    }
+    let hint = photos.hint();
+    photos.warn(file, &hint, findings);
     if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of the {} of {}", counted(total, "photo"), file.display());
+        let found = format!("none of the {} of {}{hint}", counted(rows.len(), "photo"), file.display());
         return Err(DatasetError::NoFrames { path: table.folder.clone(), found });
     }
     let points = findings.take(points(table))?.flatten();
@@ -133,9 +121,8 @@ fn points(table: &CameraTable) -> Result<Option<RawPoints>, DatasetError> {
     if own.exists() {
         return ply::read(&own).map(Some);
     }
-    let entries = std::fs::read_dir(&table.folder).map_err(|error| DatasetError::read(&table.folder, error))?;
     let is_ply = |path: &PathBuf| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
-    let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_ply).collect();
+    let files: Vec<PathBuf> = entries(&table.folder).into_iter().filter(is_ply).collect();
     if let [file] = files.as_slice() { ply::read(file).map(Some) } else { Ok(None) }
 }
 

@@ -155,7 +155,7 @@ fn describe(dataset: &Path, options: &ImportOptions, findings: &mut Findings) ->
     let load = LoadOptions { recentre: false, ..LoadOptions::default() };
     let layout = formats::detect(dataset)?;
     let raw = formats::read(dataset, &load, findings)?;
-    let description = Description::of(raw, dataset, &load, findings);
+    let description = Description::of(raw, dataset, &load, findings)?;
     let is_measured = options.use_points || matches!(layout, Layout::Colmap(_));
     let points = description.points.filter(|_| is_measured).map_or_else(Vec::new, |points| points.positions);
     Ok(Known { layout, frames: description.frames, points })

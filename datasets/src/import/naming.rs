@@ -102,7 +102,8 @@ mod tests {
     use glam::DMat4;
 
     use super::*;
-    use crate::lens::{Distortion, Lens};
+    use crate::distortion::Distortion;
+    use crate::lens::Lens;
 
     fn frame(name: &str, camera: &str, time: f64, split: SplitName) -> RawFrame {
         let lens = Lens {

@@ -75,7 +75,11 @@ pub(crate) fn plan(frames: &[RawFrame], options: &LoadOptions, scene: &Path) -> 
     if plan.train.is_empty() {
         return Err(DatasetError::NoTrainingViews {
             path: scene.to_path_buf(),
-            found: format!("{} ({})", counted(plan.held_out_frames().count(), "held-out view"), plan.rule),
+            found: format!(
+                "{} ({}); to train on all views: --set data.holdout=none",
+                counted(plan.held_out_frames().count(), "held-out view"),
+                plan.rule
+            ),
         });
     }
     if options.splits == SplitUse::Reported {

@@ -95,15 +95,3 @@ fn masks_lie_beside_the_images() {
     let options = LoadOptions { masks: MaskUse::Ignore, ..LoadOptions::default() };
     assert!(load(folder.path(), &options).expect("loaded").train.iter().all(|view| view.mask.is_none()));
 }
-
-#[test]
-fn a_missing_second_line_is_noticed() {
-    let folder = Folder::new();
-    example(&folder).write_text(&folder, "sparse/0");
-    let text = std::fs::read_to_string(folder.file("sparse/0/images.txt")).expect("read");
-    let headers: Vec<&str> =
-        text.lines().enumerate().filter(|(i, _)| *i == 0 || i % 2 == 1).map(|(_, line)| line).collect();
-    folder.write("sparse/0/images.txt", headers.join("\n"));
-    let error = load(folder.path(), &LoadOptions::default()).expect_err("lines are missing").to_string();
-    assert!(error.contains("line 3") && error.contains("observations"), "{error}");
-}

@@ -32,14 +32,14 @@ fn renamed_photos_are_found_if_only_one_can_be_meant() {
     let scene = load_all(&folder);
     assert_eq!(names(&scene.train), ["a photo", "b", "left/a", "z"]);
     let told = scene.warnings.join(" ");
-    assert!(told.contains("3 images were found under another name") && told.contains("b.png as b.JPG"), "{told}");
+    assert!(told.contains("3 photos were found under another name") && told.contains("b.png as b.JPG"), "{told}");
     // Two photos of one name: neither is taken, and the missing one is named.
     moved(&folder, "images/left_a.png", "images/one/a.png");
     folder.photo("images/two/a.png", 40, 30);
     let scene = load_all(&folder);
     assert_eq!(names(&scene.train), ["a photo", "b", "z"]);
     let told = scene.warnings.join(" ");
-    assert!(told.contains("1 of 4 images does not exist") && told.contains("left/a.png"), "{told}");
+    assert!(told.contains("1 of 4 photos does not exist") && told.contains("left/a.png"), "{told}");
 }
 
 /// Metashape and RealityCapture write a camera a photo; photos may be half as large as the cameras say; newer COLMAP writes rigs and

@@ -214,17 +214,17 @@ fn transparency_is_composited_before_resizing() {
 fn transparency_of_exposed_photos_is_a_share_of_light() {
     let (folder, mut top) = ring_scene(1);
     // Half the exposure white, half the black background: half the light, encoded as 188.
-    folder.rgba("images/00.png", 2, 1, |_, _| [255, 255, 255, 128]);
+    folder.rgba("images/00.png", 2, 1, |x, _| if x == 0 { [255, 255, 255, 128] } else { [0, 0, 0, 255] });
     let size = [("w", 2.0), ("h", 1.0), ("cx", 1.0), ("cy", 0.5)];
     for (key, value) in size {
         top[key] = json!(value);
     }
     folder.write_json("transforms.json", &top);
-    assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [128; 6]);
+    assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [128, 128, 128, 0, 0, 0]);
     top["frames"][0]["time"] = json!(0.0);
     top["frames"][0]["exposure"] = json!(0.5);
     folder.write_json("transforms.json", &top);
-    assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [188; 6]);
+    assert_eq!(load(folder.path(), &ALL).expect("loaded").train[0].image.data, [188, 188, 188, 0, 0, 0]);
 }
 
 #[test]
@@ -234,7 +234,7 @@ fn missing_images_are_left_out_and_none_left_is_an_error() {
     std::fs::remove_file(folder.file("images/01.png")).expect("removed");
     let scene = load(folder.path(), &ALL).expect("loaded");
     assert_eq!(names(&scene.train), ["images/00", "images/02"]);
-    assert!(scene.warnings[0].contains("1 of 3 images") && scene.warnings[0].contains("images/01.png"));
+    assert!(scene.warnings[0].contains("1 of 3 photos") && scene.warnings[0].contains("images/01.png"));
     std::fs::remove_dir_all(folder.file("images")).expect("removed");
     let error = load(folder.path(), &ALL).expect_err("no image").to_string();
     assert!(error.contains("none of 3 images"), "{error}");

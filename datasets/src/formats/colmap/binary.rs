@@ -107,7 +107,7 @@ fn read<T>(path: &Path, parse: impl Fn(&mut Bytes) -> Result<T, DatasetError>) -
 }
 
 /// cameras.bin
-pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, Camera)>, DatasetError> {
+pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, Result<Camera, DatasetError>)>, DatasetError> {
     read(path, |bytes| {
         let count = bytes.count(4 + 4 + 8 + 8 + 16, "cameras")?;
         let mut cameras = Vec::with_capacity(count);
@@ -119,7 +119,7 @@ pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, Camera)>, DatasetError> {
             })?;
             let (width, height) = (bytes.u64("width")?, bytes.u64("height")?);
             let params = (0..params).map(|_| bytes.f64("camera parameter")).collect::<Result<_, _>>()?;
-            cameras.push((id, Camera { model, width, height, params }));
+            cameras.push((id, Ok(Camera { model, width, height, params })));
         }
         Ok(cameras)
     })

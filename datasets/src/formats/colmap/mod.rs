@@ -2,64 +2,29 @@
 //! full pose.
 
 mod binary;
+mod find;
+mod lenses;
 pub(crate) mod model;
+mod photos;
 mod text;
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use self::lenses::Lenses;
 use self::model::Model;
-use super::renamed::Renamed;
+use super::lookup::{Lookup, Reach};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::frame::CameraPose;
-use crate::guarded;
-use crate::lens::Lens;
-use crate::mask::{MaskFile, White};
-use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
-use crate::plural::{agree, counted};
+use crate::plural::counted;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
 use crate::side_files::{Kind, SideFile, SideFiles};
 use crate::{names, pose};
 
-/// Where models lie below a scene's folder; the last two are for a path to the models and to the model itself.
-const MODEL_FOLDERS: [&str; 8] =
-    ["sparse/0", "sparse", "colmap/sparse/0", "sparse_bin/0", "dense/sparse", "dense/sparse/0", "0", ""];
-
-/// How many images are looked for to tell which folder holds them.
-const PROBED: usize = 50;
-
-/// A model's files.
-pub(crate) struct ModelFiles {
-    /// What the user gave.
-    pub scene: PathBuf,
-    /// Where cameras, images and points3D are.
-    pub folder: PathBuf,
-    pub format: SceneFormat,
-}
-
-impl ModelFiles {
-    pub fn file(&self, stem: &str) -> PathBuf {
-        let extension = if self.format == SceneFormat::ColmapBinary { "bin" } else { "txt" };
-        self.folder.join(format!("{stem}.{extension}"))
-    }
-}
-
-/// The model at or below `path`. Binary wins where a folder has both, as in COLMAP.
-pub(crate) fn find(path: &Path) -> Option<ModelFiles> {
-    for below in MODEL_FOLDERS {
-        let folder = path.join(below);
-        for (extension, format) in [("bin", SceneFormat::ColmapBinary), ("txt", SceneFormat::ColmapText)] {
-            let has = |stem: &str| folder.join(format!("{stem}.{extension}")).exists();
-            if has("cameras") && has("images") {
-                return Some(ModelFiles { scene: path.to_path_buf(), folder, format });
-            }
-        }
-    }
-    None
-}
+pub(crate) use self::find::{ModelFiles, find};
 
 /// Reads the three files. Observations are kept only when asked for: they are most of a model.
 pub(crate) fn read_model(
@@ -68,14 +33,8 @@ pub(crate) fn read_model(
     findings: &mut Findings,
 ) -> Result<Model, DatasetError> {
     let is_binary = files.format == SceneFormat::ColmapBinary;
-    let (path, mut model) = (files.file("cameras"), Model::default());
-    let cameras = if is_binary { binary::cameras(&path) } else { text::cameras(&path) };
-    for (id, camera) in findings.take(cameras)?.unwrap_or_default() {
-        if model.cameras.insert(id, camera).is_some() {
-            let twice = DatasetError::malformed(&path, format!("camera {id}"), "each camera id once", "it twice");
-            findings.take::<()>(Err(twice))?;
-        }
-    }
+    let mut model = Model::default();
+    read_cameras(files, &mut model, findings)?;
     let path = files.file("images");
     let images =
         if is_binary { binary::images(&path, keep_observations) } else { text::images(&path, keep_observations) };
@@ -92,12 +51,29 @@ pub(crate) fn read_model(
         .iter()
         .find(|(_, point)| !point.position.is_finite() || point.position.abs().max_element() > f64::from(f32::MAX));
     if let Some((id, point)) = broken {
-        let found = point.position.to_string();
+        let found = format!("{:?}", point.position.to_array());
         let error = DatasetError::malformed(&path, format!("point {id}"), "a finite position", found);
         findings.take::<()>(Err(error))?;
         model.points.retain(|(_, point)| point.position.is_finite());
     }
     Ok(model)
+}
+
+/// Reads the cameras. A broken one is kept as a sentence: most images may be of others.
+fn read_cameras(files: &ModelFiles, model: &mut Model, findings: &mut Findings) -> Result<(), DatasetError> {
+    let path = files.file("cameras");
+    let cameras = if files.format == SceneFormat::ColmapBinary { binary::cameras(&path) } else { text::cameras(&path) };
+    for (id, camera) in findings.take(cameras)?.unwrap_or_default() {
+        let is_twice = match camera {
+            Ok(camera) => model.cameras.insert(id, camera).is_some(),
+            Err(error) => model.broken.insert(id, error.to_string()).is_some(),
+        };
+        if is_twice {
+            let twice = DatasetError::malformed(&path, format!("camera {id}"), "each camera id once", "it twice");
+            findings.take::<()>(Err(twice))?;
+        }
+    }
+    Ok(())
 }
 
 /// Reads a scene.
@@ -115,7 +91,8 @@ pub(crate) fn cameras(files: &ModelFiles) -> Result<Vec<CameraPose>, DatasetErro
     let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
     let is_binary = files.format == SceneFormat::ColmapBinary;
     let cameras = if is_binary { binary::cameras(&cameras_file)? } else { text::cameras(&cameras_file)? };
-    let cameras: HashMap<u32, model::Camera> = cameras.into_iter().collect();
+    let cameras = cameras.into_iter().map(|(id, camera)| Ok((id, camera?)));
+    let cameras = cameras.collect::<Result<HashMap<u32, model::Camera>, DatasetError>>()?;
     let images = if is_binary { binary::images(&images_file, false)? } else { text::images(&images_file, false)? };
     let pose = |image: &model::Image| {
         let camera = cameras.get(&image.camera_id).ok_or_else(|| {
@@ -151,87 +128,43 @@ pub(crate) fn scene(
     options: &LoadOptions,
     findings: &mut Findings,
 ) -> Result<RawScene, DatasetError> {
+    files.say_others(model.images.len(), findings);
     let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
-    let image_folder = image_folder(files, &model, options)?;
-    let mask_folder = mask_folder(&image_folder, options.masks);
-    let mut lenses: HashMap<u32, Lens> = HashMap::new();
-    let (mut frames, mut missing, mut elsewhere) = (Vec::new(), Vec::new(), Vec::new());
-    let mut renamed = None;
-    let total = model.images.len();
+    let root = photos::folder(files, &model, options)?;
+    let mask_folder = photos::mask_folder(&root, options.masks);
+    let mut lenses = Lenses::of(&model, files);
+    let mut photos = Lookup::of(&root, model.images.iter().map(|image| image.name.as_str()), Reach::Anywhere);
+    let mut frames = Vec::new();
     for image in &model.images {
-        let name = names::output_name(&image_folder, &image.name, &images_file);
+        let name = names::output_name(&root, &image.name, &images_file);
         let Some(name) = findings.take(name)? else { continue };
-        let image_path = names::find_image(&image_folder, &image.name).or_else(|| {
-            // The folder is listed once, and only if a photo is not where it should be.
-            let renamed = renamed.get_or_insert_with(|| Renamed::of(&image_folder));
-            let path = renamed.find(&image.name)?;
-            elsewhere.push(format!("{} as {}", image.name, renamed.shown(&path)));
-            Some(path)
-        });
-        let Some(image_path) = image_path else {
-            missing.push(image.name.as_str());
-            continue;
-        };
-        let camera = model.cameras.get(&image.camera_id).ok_or_else(|| {
-            DatasetError::malformed(
-                &images_file,
-                format!("image {:?}", image.name),
-                format!("a camera that {} lists", cameras_file.display()),
-                format!("camera {}", image.camera_id),
-            )
-        });
-        let lens = match lenses.get(&image.camera_id) {
-            Some(lens) => Ok(lens.clone()),
-            None => camera.and_then(|camera| camera.lens(image.camera_id, &cameras_file)),
-        };
+        let Some(image_path) = photos.find(&image.name) else { continue };
         let c2w = pose::from_world_to_camera(image.q, image.t, &images_file, &image.name);
-        let (Some(lens), Some(c2w)) = (findings.take(lens)?, findings.take(c2w)?) else { continue };
-        lenses.insert(image.camera_id, lens.clone());
-        let mask = mask(mask_folder.as_deref(), &image.name, options.masks);
+        let (Some(lens), Some(c2w)) = (lenses.lens(image), findings.take(c2w)?) else { continue };
+        let mask = photos::mask(mask_folder.as_deref(), &image.name, options.masks);
         let mut sides = SideFiles::default();
         if options.masks == MaskUse::Moving && options.priors.masks && mask_folder.is_some() {
             sides.files.push(SideFile { kind: Kind::Moving, path: mask.as_ref().map(|mask| mask.path.clone()) });
         }
         frames.push(RawFrame {
-            name,
             masks: mask.filter(|_| options.masks != MaskUse::Moving).into_iter().collect(),
-            exposure: None,
             sides,
-            image_path,
-            c2w,
-            lens,
-            time: None,
             camera_id: Some(image.camera_id.to_string()),
-            split: None,
-            file: cameras_file.clone(),
+            ..RawFrame::posed(name, image_path, c2w, lens, cameras_file.clone())
         });
     }
-    if !elsewhere.is_empty() {
-        findings.warn(format!(
-            "{}: {} {} found under another name below {} ({})",
-            images_file.display(),
-            counted(elsewhere.len(), "image"),
-            agree(elsewhere.len(), "was", "were"),
-            image_folder.display(),
-            some_names(&elsewhere)
-        ));
+    lenses.report(findings)?;
+    let mut hint = photos.hint();
+    if !photos.missing().is_empty() {
+        hint += &photos::other_folder(files, &model, &root);
     }
-    if !missing.is_empty() {
-        findings.warn(format!(
-            "{}: {} of {} {} not exist in {}; {} left out ({})",
-            images_file.display(),
-            missing.len(),
-            counted(total, "image"),
-            agree(missing.len(), "does", "do"),
-            image_folder.display(),
-            agree(missing.len(), "it was", "they were"),
-            some_names(&missing)
-        ));
-    }
+    photos.warn(&images_file, &hint, findings);
+    photos::say_unregistered(files, &root, &photos.files(), findings);
     if frames.is_empty() && !findings.is_lenient() {
-        let found = match total {
+        let found = match photos.total() {
             0 => format!("no image in {}", images_file.display()),
-            _ => format!("none of the {} in {}", counted(total, "image"), image_folder.display()),
+            total if photos.missing().is_empty() => format!("no sound camera of {}", counted(total, "image")),
+            total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
         };
         return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
     }
@@ -240,57 +173,4 @@ pub(crate) fn scene(
         colors: model.points.iter().map(|(_, point)| point.color).collect(),
     });
     Ok(RawScene { format: files.format, frames, points })
-}
-
-/// The folder that holds most of the images: `images` of the scene or near the model, or one of those folders itself.
-fn image_folder(files: &ModelFiles, model: &Model, options: &LoadOptions) -> Result<PathBuf, DatasetError> {
-    if let Some(chosen) = &options.images {
-        let below = files.scene.join(chosen);
-        let folder = if below.is_dir() { below } else { chosen.clone() };
-        return if folder.is_dir() {
-            Ok(folder)
-        } else {
-            Err(DatasetError::Option {
-                path: files.scene.clone(),
-                option: "images",
-                expected: "a folder with images".to_string(),
-                found: format!("{}, which is no folder", chosen.display()),
-            })
-        };
-    }
-    let mut candidates = Vec::new();
-    let near = [Some(files.scene.as_path()), Some(files.folder.as_path())];
-    let above = files.folder.ancestors().skip(1).take(3).map(Some);
-    for base in near.into_iter().chain(above).flatten() {
-        candidates.push(base.join("images"));
-        candidates.push(base.to_path_buf());
-    }
-    let found = |folder: &Path| {
-        model.images.iter().take(PROBED).filter(|image| names::find_image(folder, &image.name).is_some()).count()
-    };
-    let mut best = (0, files.scene.join("images"));
-    for folder in candidates.into_iter().filter(|folder| folder.is_dir()) {
-        let count = found(&folder);
-        if count > best.0 {
-            best = (count, folder);
-        }
-    }
-    Ok(best.1)
-}
-
-/// COLMAP's masks: `masks/<image name>.png` (or with the image's own extension replaced), black = ignore.
-fn mask_folder(image_folder: &Path, masks: MaskUse) -> Option<PathBuf> {
-    let folder = image_folder.parent()?.join("masks");
-    (masks != MaskUse::Ignore && folder.is_dir()).then_some(folder)
-}
-
-fn mask(folder: Option<&Path>, image: &str, masks: MaskUse) -> Option<MaskFile> {
-    let folder = folder?;
-    let whole = names::with_slashes(image);
-    let stem = whole.rsplit_once('.').map_or(whole.as_str(), |(stem, _)| stem);
-    let path = [folder.join(format!("{whole}.png")), folder.join(format!("{stem}.png"))]
-        .into_iter()
-        .find(|path| guarded::is_there(path))?;
-    let white = if masks == MaskUse::KeepBlack { White::Ignore } else { White::Keep };
-    Some(MaskFile { path, white })
 }

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
-use crate::lens::{Distortion, Focal, Lens};
+use crate::lens::{Focal, Lens};
 
 /// COLMAP's camera models by id: name and number of parameters. All must be known to read past them in binary files.
 const MODELS: [(&str, usize); 18] = [
@@ -31,7 +32,7 @@ const MODELS: [(&str, usize); 18] = [
 ];
 
 /// The models that can be undistorted to a pinhole here.
-const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or FULL_OPENCV \
+pub(super) const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or FULL_OPENCV \
                          (colmap image_undistorter makes PINHOLE of the others)";
 
 /// Name and number of parameters of a model by its number in binary files.
@@ -80,6 +81,8 @@ pub(crate) struct Point {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Model {
     pub cameras: HashMap<u32, Camera>,
+    /// Cameras that their line does not describe: a sentence for each.
+    pub broken: HashMap<u32, String>,
     pub images: Vec<Image>,
     pub points: Vec<(u64, Point)>,
 }

@@ -8,6 +8,7 @@ use super::frames::Entry;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::Keys;
+use crate::formats::lookup::{Lookup, Reach};
 use crate::formats::panoptic;
 use crate::guarded;
 use crate::mask::{MaskFile, White};
@@ -29,32 +30,34 @@ enum MaskRule {
     Unused,
 }
 
-/// Finds the files of each frame. Frames without an image are dropped with a warning.
+/// Finds the files of each frame. Frames without an image are dropped with a warning; its end, about what is there in place of missing
+/// images, comes back too.
 pub(super) fn images(
-    entries: Vec<Entry>,
+    mut entries: Vec<Entry>,
     top: &Map<String, Value>,
     root: &Path,
     file: &Path,
     options: &LoadOptions,
     findings: &mut Findings,
-) -> Result<Vec<RawFrame>, DatasetError> {
+) -> Result<(Vec<RawFrame>, String), DatasetError> {
     let total = entries.len();
+    let moved: Vec<(String, String)> = entries.iter_mut().filter_map(|entry| move_here(entry, root)).collect();
+    let written: Vec<Option<String>> = entries.iter_mut().map(|entry| entry.file_path.take()).collect();
+    let mut photos = Lookup::of(root, written.iter().filter_map(Option::as_deref), Reach::InPlace);
+    moved.iter().for_each(|(from, to)| photos.note_elsewhere(from, to));
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
     let rule = mask_rule(&keys, root, options, &entries, findings)?;
     let depth = depth_meaning(&keys, options)?;
     blur_space(&keys, findings)?;
-    let (mut missing, mut missing_masks) = (Vec::new(), Vec::new());
+    let (mut nameless, mut missing_masks) = (0, Vec::new());
     let mut found = Vec::new();
-    for entry in entries {
-        let Some(written) = entry.file_path else {
-            missing.push("a frame without file_path".to_string());
+    for (entry, written) in entries.into_iter().zip(&written) {
+        let Some(written) = written else {
+            nameless += 1;
             continue;
         };
-        let Some(name) = findings.take(names::output_name(root, &written, file))? else { continue };
-        let Some(image_path) = names::find_image(root, &written) else {
-            missing.push(written);
-            continue;
-        };
+        let Some(name) = findings.take(names::output_name(root, written, file))? else { continue };
+        let Some(image_path) = photos.find(written) else { continue };
         let mut sides = SideFiles { files: Vec::new(), depth };
         // instant-ngp turns depth off by a scale of 0.
         let wanted = |kind| sources::is_wanted(kind, options.priors) && (kind != Kind::Depth || depth.step > 0.0);
@@ -97,24 +100,42 @@ pub(super) fn images(
             format!("none of {}, {first} among them", counted(total, "file")),
         ));
     }
-    for (list, what) in [(missing, "image"), (missing_masks, "mask")] {
-        if !list.is_empty() {
-            let effect = match what {
-                "image" => agree(list.len(), "its frame was left out", "their frames were left out"),
-                _ => agree(list.len(), "its frame is not masked", "their frames are not masked"),
-            };
-            findings.warn(format!(
-                "{}: {} of {} {} not exist; {effect} ({})",
-                file.display(),
-                list.len(),
-                counted(total, what),
-                agree(list.len(), "does", "do"),
-                some_names(&list)
-            ));
-        }
+    let hint = photos.hint();
+    photos.warn(file, &hint, findings);
+    if nameless > 0 {
+        let count = counted(nameless, "frame");
+        findings.warn(format!(
+            "{}: {count} without file_path {} left out",
+            file.display(),
+            agree(nameless, "was", "were")
+        ));
+    }
+    if !missing_masks.is_empty() {
+        findings.warn(format!(
+            "{}: {} of {} {} not exist; {} ({})",
+            file.display(),
+            missing_masks.len(),
+            counted(total, "mask"),
+            agree(missing_masks.len(), "does", "do"),
+            agree(missing_masks.len(), "its frame is not masked", "their frames are not masked"),
+            some_names(&missing_masks)
+        ));
     }
     search_side_folders(&mut found, root, file, rule, options, findings);
-    Ok(found)
+    Ok((found, hint))
+}
+
+/// Brings the paths of an entry that were written on another machine below `root`. The path of the photo as it was written and as it is here.
+fn move_here(entry: &mut Entry, root: &Path) -> Option<(String, String)> {
+    let sides = entry.sides.iter_mut().map(|(_, path)| path);
+    for path in entry.mask_path.iter_mut().chain(sides) {
+        if let Some(here) = names::moved_here(root, path) {
+            *path = here;
+        }
+    }
+    let path = entry.file_path.as_mut()?;
+    let here = names::moved_here(root, path)?;
+    Some((std::mem::replace(path, here.clone()), here))
 }
 
 /// Looks beside the JSON for priors that it does not name.

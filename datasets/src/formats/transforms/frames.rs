@@ -12,7 +12,7 @@ use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
 use crate::plural::{agree, counted};
 use crate::pose;
-use crate::printable::printable;
+use crate::printable::{number, printable};
 use crate::priors::sources::{FRAME_KEYS, TRUTH_KEYS};
 use crate::side_files::Kind;
 
@@ -94,7 +94,7 @@ fn read_entry(
     let mut objects = vec![frame];
     objects.extend(camera.map(|(_, object)| object));
     let mut own = Keys { file, location: "a frame".to_string(), objects: objects.clone() };
-    let file_path = own.text("file_path")?.filter(|path| !path.trim().is_empty()).map(str::to_string);
+    let file_path = path(&own, "file_path")?;
     let label = file_path.clone().unwrap_or_else(|| "without file_path".to_string());
     own.location = format!("frame {label:?}");
 
@@ -116,17 +116,22 @@ fn read_entry(
         lens: lens::read(&all)?,
         time,
         camera_id,
-        mask_path: own.text("mask_path")?.map(str::to_string),
+        mask_path: path(&own, "mask_path")?,
         exposure: if time.is_some() { exposure(&all)? } else { None },
         sides: sides(&own)?,
     })
+}
+
+/// A path as written; an empty one is none.
+fn path(keys: &Keys, key: &str) -> Result<Option<String>, DatasetError> {
+    Ok(keys.text(key)?.filter(|path| !path.trim().is_empty()).map(str::to_string))
 }
 
 /// How long the shutter was open around the frame's time. Photos without a time may say other things under this key.
 fn exposure(keys: &Keys) -> Result<Option<f64>, DatasetError> {
     match keys.number("exposure")? {
         Some(value) if value < 0.0 => {
-            Err(keys.wrong("exposure", "a duration above 0, in the unit of `time`", value.to_string()))
+            Err(keys.wrong("exposure", "a duration above 0, in the unit of `time`", number(value)))
         }
         other => Ok(other),
     }
@@ -137,10 +142,8 @@ fn sides(keys: &Keys) -> Result<Vec<(Kind, String)>, DatasetError> {
     let mut found: Vec<(Kind, String)> = Vec::new();
     let mut add = |keys: &Keys, table: &[(&str, Kind)]| -> Result<(), DatasetError> {
         for (key, kind) in table {
-            if let Some(path) = keys.text(key)?.filter(|path| !path.trim().is_empty())
-                && found.iter().all(|(known, _)| known != kind)
-            {
-                found.push((*kind, path.to_string()));
+            if let Some(path) = path(keys, key)?.filter(|_| found.iter().all(|(known, _)| known != kind)) {
+                found.push((*kind, path));
             }
         }
         Ok(())

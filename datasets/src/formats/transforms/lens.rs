@@ -1,8 +1,10 @@
 //! The lens keys of transforms.json, per frame or shared.
 
+use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::formats::json::Keys;
-use crate::lens::{Distortion, Focal, Lens};
+use crate::lens::{Focal, Lens};
+use crate::printable::number;
 
 /// Largest declared image side, pixels; beyond it a number is not a size.
 const SIDE_MAX: f64 = 1e6;
@@ -46,12 +48,12 @@ fn focal(keys: &Keys) -> Result<(Option<Focal>, Option<Focal>), DatasetError> {
                 return if value > 0.0 {
                     Ok(Some(Focal::Pixels(value)))
                 } else {
-                    Err(own.wrong(pixels, "a focal length above 0", value.to_string()))
+                    Err(own.wrong(pixels, "a focal length above 0", number(value)))
                 };
             }
             match own.number(angle)? {
                 Some(value) if value > 0.0 && value < std::f64::consts::PI => Ok(Some(Focal::Angle(value))),
-                Some(value) => Err(own.wrong(angle, "an angle between 0 and pi (radians)", value.to_string())),
+                Some(value) => Err(own.wrong(angle, "an angle between 0 and pi (radians)", number(value))),
                 None => Ok(None),
             }
         };
@@ -66,7 +68,7 @@ fn focal(keys: &Keys) -> Result<(Option<Focal>, Option<Focal>), DatasetError> {
 fn size(keys: &Keys, key: &str) -> Result<Option<f64>, DatasetError> {
     match keys.number(key)? {
         Some(value) if !(1.0..=SIDE_MAX).contains(&value) => {
-            Err(keys.wrong(key, "an image side of 1 to 1000000 pixels", value.to_string()))
+            Err(keys.wrong(key, "an image side of 1 to 1000000 pixels", number(value)))
         }
         other => Ok(other),
     }

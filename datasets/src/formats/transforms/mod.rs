@@ -58,7 +58,7 @@ pub(crate) fn read(
     findings: &mut Findings,
 ) -> Result<RawScene, DatasetError> {
     let mut scene = RawScene { format: SceneFormat::Transforms, frames: Vec::new(), points: None };
-    let mut listed = 0;
+    let (mut listed, mut hint) = (0, String::new());
     // A lone train file is a whole data set that has yet to be split.
     let splits = sources.files.len() > 1;
     for (file, split_name) in &sources.files {
@@ -67,7 +67,8 @@ pub(crate) fn read(
         let parsed = frames::read(&top, file, findings);
         let Some(entries) = findings.take(parsed)? else { continue };
         listed += entries.len();
-        let found = attach::images(entries, &top, root, file, options, findings)?;
+        let (found, more) = attach::images(entries, &top, root, file, options, findings)?;
+        hint += &more;
         let found = assign_splits(found, &top, file, split_name.clone().filter(|_| splits), findings)?;
         scene.frames.extend(found);
         if scene.points.is_none() {
@@ -79,7 +80,7 @@ pub(crate) fn read(
         let found = if listed == 0 {
             "an empty list of frames".to_string()
         } else {
-            format!("none of {}", counted(listed, "image"))
+            format!("none of {}{hint}", counted(listed, "image"))
         };
         return Err(DatasetError::NoFrames { path: sources.scene.clone(), found });
     }
@@ -218,10 +219,13 @@ fn split_lists(
     found: &[RawFrame],
 ) -> Result<BTreeMap<SplitName, HashSet<String>>, DatasetError> {
     const ENDING: &str = "_filenames";
-    let named = |list: Vec<&str>| -> HashSet<String> { list.iter().map(|path| names::view_name(root, path)).collect() };
+    let name = |path: &str| names::view_name(root, names::moved_here(root, path).as_deref().unwrap_or(path));
+    let named = |list: Vec<&str>| -> HashSet<String> { list.into_iter().map(name).collect() };
     let mut lists = BTreeMap::new();
-    for (name, split_name) in [("train", SplitName::Train), ("val", SplitName::Validation), ("test", SplitName::Test)] {
-        if let Some(list) = keys.texts(&format!("{name}{ENDING}"))? {
+    for (list_name, split_name) in
+        [("train", SplitName::Train), ("val", SplitName::Validation), ("test", SplitName::Test)]
+    {
+        if let Some(list) = keys.texts(&format!("{list_name}{ENDING}"))? {
             lists.insert(split_name, named(list));
         }
     }
@@ -251,6 +255,7 @@ fn read_points(top: &Map<String, Value>, root: &Path, file: &Path) -> Result<Opt
     let keys = Keys { file, location: "top level".to_string(), objects: vec![top] };
     let Some(written) = keys.text("ply_file_path")? else { return Ok(None) };
     let path = root.join(names::with_slashes(written));
+    let path = if path.exists() { path } else { names::moved_here(root, written).map_or(path, |here| root.join(here)) };
     if !path.exists() {
         let expected = "a file of points, or no such key: training then finds points of its own";
         return Err(keys.wrong("ply_file_path", expected, format!("no file {}", path.display())));
