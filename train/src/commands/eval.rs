@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+use gs_datasets::counted;
 use gs_datasets::image_io::{encode_png, write_atomic};
 use serde::Serialize;
 
@@ -108,10 +109,11 @@ fn table(measured: &Measured) -> String {
     }
     let why = if measured.split == "train" { ", because none are held out or they were asked for" } else { "" };
     text += &format!(
-        "{} Gaussians, {}{why}",
-        measured.size.gaussians,
+        "{}, {}{why}",
+        counted(measured.size.gaussians, "Gaussian"),
         described_split(&measured.split, quality.views.len())
     );
+    text.extend(quality.nothing_to_tell().map(|why| format!("\n{why}")));
     if quality.compared == "formed blur" {
         text +=
             "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";

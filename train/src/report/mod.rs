@@ -1,10 +1,12 @@
 //! The report of a finished run: side-by-side pictures, curves, and one self-contained page.
 
+mod axis;
 pub mod charts;
 pub mod comparison;
 pub mod future;
 pub mod html;
 mod labels;
+mod legend;
 pub mod maps;
 mod page;
 pub mod pictures;
@@ -108,7 +110,7 @@ fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
         Series::dots("held-out mean", held_out(None)),
     ];
     quality.extend(regions.iter().map(|name| Series::dots(&format!("held-out {name} parts"), held_out(Some(name)))));
-    quality.retain(|series| !series.is_empty());
+    quality.retain(Series::is_visible);
     let loss = charts::smoothed(&train(&|line| line.loss.map(f64::from)));
     let mut curves = vec![
         ("psnr".to_string(), chart("Quality", "PSNR, dB", quality)),
@@ -119,5 +121,6 @@ fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
         let file = name.to_lowercase().replace(' ', "-");
         curves.push((file, chart(name, name, vec![Series::line(name, values)])));
     }
+    curves.retain(|(_, chart)| chart.has_course());
     curves
 }

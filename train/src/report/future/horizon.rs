@@ -221,7 +221,7 @@ impl Horizon {
             Series::line_and_dots("predicted", line(|moment| Some(moment.psnr))),
             Series::line_and_dots("last seen state held", line(|moment| moment.held)),
         ];
-        series.retain(|series| !series.is_empty());
+        series.retain(Series::is_visible);
         let values = series.iter().flat_map(|series| series.points()).map(|point| point.1);
         let [least, most] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], y| [a.min(y), b.max(y)]);
         let low = least - LEGEND * (most - least);
