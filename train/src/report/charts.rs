@@ -20,6 +20,9 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(230, 159, 0),
 ];
 
+/// Most points of a curve: a chart has fewer pixels along x.
+const COURSE_MAX: usize = 1000;
+
 /// Weight of the newest value in [`smoothed`].
 const SMOOTHING: f64 = 0.1;
 
@@ -28,7 +31,7 @@ type Plane = Cartesian2d<Axis, Axis>;
 
 /// Margin around a chart and widths of its labels below and on the left, pixels.
 const MARGIN: u32 = 10;
-const BELOW: u32 = 38;
+const BELOW: u32 = 42;
 const LEFT: u32 = 64;
 
 /// Height of the chart's title, pixels.
@@ -151,7 +154,7 @@ impl Chart {
             .axis_style(RGBColor(120, 120, 120))
             .x_desc(&self.x)
             .y_desc(&self.y)
-            .label_style(("sans-serif", 12))
+            .label_style(("sans-serif", 14))
             .draw()?;
         for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
             draw_series(&mut chart, series, *color)?;
@@ -162,7 +165,7 @@ impl Chart {
                 .position(self.legend_corner([x_axis, y_axis]).position())
                 .background_style(WHITE.mix(0.85))
                 .border_style(RGBColor(200, 200, 200))
-                .label_font(("sans-serif", 12))
+                .label_font(("sans-serif", 13))
                 .draw()?;
         }
         Ok(root.present()?)
@@ -239,6 +242,14 @@ pub fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// At most [`COURSE_MAX`] of the points of a curve, evenly spread, the newest among them.
+pub fn course(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let every = points.len().div_ceil(COURSE_MAX).max(1);
+    let mut kept: Vec<(f64, f64)> = points.iter().rev().step_by(every).copied().collect();
+    kept.reverse();
+    kept
+}
+
 fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
 }
@@ -266,6 +277,14 @@ mod tests {
         assert!(svg.starts_with("<svg") && svg.contains("polyline") && svg.contains("Quality"));
         assert!(chart(Vec::new()).svg().contains("no data"));
         assert!(chart(vec![Series::dots("one", vec![(5.0, 5.0)])]).svg().contains("circle"));
+    }
+
+    #[test]
+    fn a_long_curve_keeps_its_newest_point() {
+        let points: Vec<(f64, f64)> = (1..=2500).map(|i| (f64::from(i), 0.0)).collect();
+        let kept = course(&points);
+        assert_eq!((kept.len(), kept.last().map(|point| point.0)), (834, Some(2500.0)));
+        assert_eq!(course(&points[..7]), points[..7]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use plotters::prelude::SeriesLabelPosition;
 use super::labels::WIDTH_OF_CHARACTER;
 
 /// Height of a row of the legend, and width of all beside its names, pixels.
-const ROW: f64 = 18.0;
+const ROW: f64 = 19.0;
 const SIDE: f64 = 50.0;
 
 /// Places between two points of a line at which it may be covered.
@@ -50,8 +50,8 @@ impl Occupied {
     /// The legend with these names in a plot of so many pixels, which is empty as yet.
     pub fn new<'a>(names: impl Iterator<Item = &'a str>, plot: [u32; 2]) -> Self {
         let lengths: Vec<usize> = names.map(|name| name.chars().count()).collect();
-        // Letters of 12 pixels, where the width is that of 11.
-        let longest = WIDTH_OF_CHARACTER * 12.0 / 11.0 * lengths.iter().copied().max().unwrap_or(0) as f64;
+        // Letters of 13 pixels, where the width is that of 11.
+        let longest = WIDTH_OF_CHARACTER * 13.0 / 11.0 * lengths.iter().copied().max().unwrap_or(0) as f64;
         let size = [(SIDE + longest) / f64::from(plot[0]), ROW * (lengths.len() + 1) as f64 / f64::from(plot[1])];
         Self { size, dots: Vec::new(), places: Vec::new() }
     }

@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 use glam::DMat4;
-use gs_datasets::{Split, View};
+use gs_datasets::{Split, View, counted};
 use serde::Serialize;
 
 use super::studio::{Known, pose_of};
@@ -238,8 +238,9 @@ impl Horizon {
             format!("; moving parts {moving:.2} dB, held {held:.2} dB, gain {:+.2} dB", moving - held)
         });
         format!(
-            "{}: PSNR {psnr:.2} dB over {views} later views, last state held {held:.2} dB, gain over held {gain:+.2} dB{moving}",
-            self.split
+            "{}: PSNR {psnr:.2} dB over {}, last state held {held:.2} dB, gain over held {gain:+.2} dB{moving}",
+            self.split,
+            counted(views, "later view")
         )
     }
 }
