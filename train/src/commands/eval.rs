@@ -113,6 +113,7 @@ fn table(measured: &Measured) -> String {
         counted(measured.size.gaussians, "Gaussian"),
         described_split(&measured.split, quality.views.len())
     );
+    text.extend(quality.nothing_to_tell().map(|why| format!("\n{why}")));
     if quality.compared == "formed blur" {
         text +=
             "\nthe photos are blurry and no sharp truth is known: each is compared with the blur that the scene forms";

@@ -1,9 +1,11 @@
 //! Line and scatter charts as SVG text.
 
-use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 use serde::Serialize;
+
+use super::axis::Axis;
+use super::legend::{Corner, Occupied};
 
 /// Size of a chart, pixels.
 pub(crate) const SIZE: (u32, u32) = (640, 300);
@@ -18,11 +20,22 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(230, 159, 0),
 ];
 
+/// Most points of a curve: a chart has fewer pixels along x.
+const COURSE_MAX: usize = 1000;
+
 /// Weight of the newest value in [`smoothed`].
 const SMOOTHING: f64 = 0.1;
 
 /// Two axes of numbers.
-type Plane = Cartesian2d<RangedCoordf64, RangedCoordf64>;
+type Plane = Cartesian2d<Axis, Axis>;
+
+/// Margin around a chart and widths of its labels below and on the left, pixels.
+const MARGIN: u32 = 10;
+const BELOW: u32 = 42;
+const LEFT: u32 = 64;
+
+/// Height of the chart's title, pixels.
+const TITLE: u32 = 24;
 
 /// Opacity of the line of an event: what is drawn over it stays visible.
 const EVENT: f64 = 0.7;
@@ -93,9 +106,9 @@ impl Series {
         &self.points
     }
 
-    /// Whether there are no points.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
+    /// Whether something of it can be seen: a dot, or a line between two points.
+    pub fn is_visible(&self) -> bool {
+        finite(&self.points).len() > usize::from(self.style.radius().is_none())
     }
 }
 
@@ -123,17 +136,17 @@ impl Chart {
     fn draw(&self, backend: SVGBackend) -> Result<(), Box<dyn std::error::Error>> {
         let root = backend.into_drawing_area();
         root.fill(&WHITE)?;
-        let points = self.series.iter().flat_map(|series| finite(&series.points));
-        let Some((x_range, y_range)) = ranges(points) else {
+        let points: Vec<(f64, f64)> = self.series.iter().flat_map(|series| finite(&series.points)).collect();
+        let Some([x_axis, y_axis]) = axes(&points) else {
             root.draw(&Text::new(format!("{}: no data", self.title), (20, 20), ("sans-serif", 16)))?;
             return Ok(root.present()?);
         };
         let mut chart = ChartBuilder::on(&root)
             .caption(&self.title, ("sans-serif", 17))
-            .margin(10)
-            .x_label_area_size(38)
-            .y_label_area_size(64)
-            .build_cartesian_2d(x_range, y_range)?;
+            .margin(MARGIN)
+            .x_label_area_size(BELOW)
+            .y_label_area_size(LEFT)
+            .build_cartesian_2d(x_axis, y_axis)?;
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -141,26 +154,50 @@ impl Chart {
             .axis_style(RGBColor(120, 120, 120))
             .x_desc(&self.x)
             .y_desc(&self.y)
-            .x_label_formatter(&|v| number(*v))
-            .y_label_formatter(&|v| number(*v))
-            .label_style(("sans-serif", 12))
+            .label_style(("sans-serif", 14))
             .draw()?;
         for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
             draw_series(&mut chart, series, *color)?;
         }
         if self.series.len() > 1 {
-            // Curves of a training end near their best, schedules begin with the first frame: these corners are free.
-            let has_events = self.series.iter().any(|series| series.style == Style::Events);
-            let corner = if has_events { SeriesLabelPosition::UpperLeft } else { SeriesLabelPosition::LowerRight };
             chart
                 .configure_series_labels()
-                .position(corner)
+                .position(self.legend_corner([x_axis, y_axis]).position())
                 .background_style(WHITE.mix(0.85))
                 .border_style(RGBColor(200, 200, 200))
-                .label_font(("sans-serif", 12))
+                .label_font(("sans-serif", 13))
                 .draw()?;
         }
         Ok(root.present()?)
+    }
+}
+
+impl Chart {
+    /// Whether there is a course to see: points at two values of x.
+    pub fn has_course(&self) -> bool {
+        self.series.iter().any(|series| {
+            let points = finite(&series.points);
+            points.first().is_some_and(|first| points.iter().any(|point| point.0 != first.0))
+        })
+    }
+
+    /// The corner in which the legend hides least.
+    fn legend_corner(&self, axes: [Axis; 2]) -> Corner {
+        let plot = [SIZE.0 - LEFT - 2 * MARGIN, SIZE.1 - BELOW - TITLE - 2 * MARGIN];
+        let mut occupied = Occupied::new(self.series.iter().map(Series::name), plot);
+        for series in &self.series {
+            let place = |(x, y)| [axes[0].place(x), axes[1].place(y)];
+            let points: Vec<[f64; 2]> = finite(&series.points).into_iter().map(place).collect();
+            if series.style.radius().is_some() {
+                occupied.dots.extend(&points);
+            }
+            if matches!(series.style, Style::Line | Style::LineAndDots) {
+                occupied.add_line(&points);
+            }
+        }
+        // Curves of a training end near their best, schedules begin with the first frame: these corners are mostly free.
+        let has_events = self.series.iter().any(|series| series.style == Style::Events);
+        occupied.freest(if has_events { Corner::UpperLeft } else { Corner::LowerRight })
     }
 }
 
@@ -205,47 +242,32 @@ pub fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// At most [`COURSE_MAX`] of the points of a curve, evenly spread, the newest among them.
+pub fn course(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let every = points.len().div_ceil(COURSE_MAX).max(1);
+    let mut kept: Vec<(f64, f64)> = points.iter().rev().step_by(every).copied().collect();
+    kept.reverse();
+    kept
+}
+
 fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
 }
 
-/// The bounding box of the points with a margin; `None` without points.
-fn ranges(points: impl Iterator<Item = (f64, f64)>) -> Option<(std::ops::Range<f64>, std::ops::Range<f64>)> {
-    let start = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
-    let [x0, x1, y0, y1] = points.fold(start, |[x0, x1, y0, y1], (x, y)| [x0.min(x), x1.max(x), y0.min(y), y1.max(y)]);
-    let with_air = |low: f64, high: f64| {
-        let air = if high > low { 0.05 * (high - low) } else { 0.05 * high.abs().max(1.0) };
-        low - air..high + air
+/// The axes of the points, from 0 to 1; `None` without points.
+fn axes(points: &[(f64, f64)]) -> Option<[Axis; 2]> {
+    let axis = |values: Vec<f64>| {
+        let low = values.iter().copied().reduce(f64::min)?;
+        let high = values.iter().copied().reduce(f64::max)?;
+        Some(Axis::new((low, high), 0.0, 1.0, false).whole(values.iter().all(|value| value.fract() == 0.0)))
     };
-    (x0 <= x1).then(|| (with_air(x0, x1), with_air(y0, y1)))
-}
-
-/// A number with as few characters as it needs.
-fn number(value: f64) -> String {
-    match value.abs() {
-        0.0..1e-9 => "0".into(),
-        1e-9..0.1 => short(value, 3),
-        0.1..1000.0 => short(value, 2),
-        1000.0..1e6 => short(value / 1e3, 2) + "k",
-        _ => short(value / 1e6, 2) + "M",
-    }
-}
-
-/// A number of at most so many decimals, without trailing zeros.
-fn short(value: f64, decimals: usize) -> String {
-    format!("{value:.decimals$}").trim_end_matches('0').trim_end_matches('.').into()
+    let [xs, ys] = [points.iter().map(|point| point.0).collect(), points.iter().map(|point| point.1).collect()];
+    Some([axis(xs)?, axis(ys)?])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Ticks a fifth apart are told apart.
-    #[test]
-    fn numbers_are_short() {
-        let all = [0.0, 0.004, 0.25, 16.2, 16.0, 100.0, -50.0, 12_500.0, 2e6].map(number);
-        assert_eq!(all, ["0", "0.004", "0.25", "16.2", "16", "100", "-50", "12.5k", "2M"]);
-    }
 
     #[test]
     fn charts_are_svg_with_or_without_points() {
@@ -255,5 +277,23 @@ mod tests {
         assert!(svg.starts_with("<svg") && svg.contains("polyline") && svg.contains("Quality"));
         assert!(chart(Vec::new()).svg().contains("no data"));
         assert!(chart(vec![Series::dots("one", vec![(5.0, 5.0)])]).svg().contains("circle"));
+    }
+
+    #[test]
+    fn a_long_curve_keeps_its_newest_point() {
+        let points: Vec<(f64, f64)> = (1..=2500).map(|i| (f64::from(i), 0.0)).collect();
+        let kept = course(&points);
+        assert_eq!((kept.len(), kept.last().map(|point| point.0)), (834, Some(2500.0)));
+        assert_eq!(course(&points[..7]), points[..7]);
+    }
+
+    #[test]
+    fn one_point_is_no_course() {
+        let chart = |series| Chart { title: "Loss".into(), x: "step".into(), y: "loss".into(), series };
+        assert!(!chart(vec![Series::line("loss", vec![(6.0, 0.8)]), Series::dots("b", vec![(6.0, 2.0)])]).has_course());
+        assert!(chart(vec![Series::line("loss", vec![(3.0, 0.8), (6.0, 0.8)])]).has_course());
+        assert!(
+            !Series::line("loss", vec![(6.0, 0.8)]).is_visible() && Series::dots("b", vec![(6.0, 2.0)]).is_visible()
+        );
     }
 }

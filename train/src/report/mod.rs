@@ -1,11 +1,15 @@
 //! The report of a finished run: side-by-side pictures, curves, and one self-contained page.
 
+mod axis;
+mod cards;
 pub mod charts;
 pub mod comparison;
 pub mod future;
 pub mod html;
 mod labels;
+mod legend;
 pub mod maps;
+mod meanings;
 mod page;
 pub mod pictures;
 mod profile;
@@ -22,7 +26,7 @@ use crate::run::folder::{EvalFile, MetricsLine, RunFolder, TrainLine};
 use crate::run::profile::Profile;
 
 use charts::{Chart, Series};
-pub use page::{COMPARISON, FUTURE, STYLE, with_section};
+pub use page::{COMPARISON, FUTURE, STYLE, section_page, with_section};
 use pictures::SideBySide;
 
 /// Largest section kept beside a report, bytes: a row of a table takes some 500 bytes, and a page with a million measurements is read by
@@ -54,18 +58,18 @@ pub fn write(
         write_atomic(&folder.plots().join(format!("{name}.svg")), svg.as_bytes())?;
         plots.push(svg);
     }
-    let page = page::html(eval, &plots, &pictures, (viewer, Profile::read(folder).as_ref()), config)?;
+    let page = page::whole(eval, &plots, &pictures, (viewer, Profile::read(folder).as_ref()), config)?;
     // Sections that later commands put into an earlier report are kept.
     let kept = [(folder.comparison(), COMPARISON), (folder.future(), FUTURE)];
     let page = kept.into_iter().fold(page, |page, (path, place)| {
         let section = guarded::read_to_string(&path, SECTION_MAX).ok();
-        section.and_then(|section| with_section(&page, place, &section)).unwrap_or(page)
+        section.and_then(|text| with_section(&page, place, page::section_of(&text, place))).unwrap_or(page)
     });
     Ok(write_atomic(&folder.report(), page.as_bytes())?)
 }
 
-/// The curves of a run: quality, loss and every count over steps.
-fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
+/// The curves of a run so far with their names in files: quality, loss and every count over steps.
+pub fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
     let over_steps = |value: &dyn Fn(&MetricsLine) -> Option<f64>| -> Vec<(f64, f64)> {
         history.iter().filter_map(|line| Some((line.step() as f64, value(line)?))).collect()
     };
@@ -104,20 +108,21 @@ fn curves(history: &[MetricsLine]) -> Vec<(String, Chart)> {
         }
     }
     let mut quality = vec![
-        Series::line("training photo", charts::smoothed(&train(&|line| line.psnr))),
+        Series::line("training photo", charts::course(&charts::smoothed(&train(&|line| line.psnr)))),
         Series::dots("held-out mean", held_out(None)),
     ];
     quality.extend(regions.iter().map(|name| Series::dots(&format!("held-out {name} parts"), held_out(Some(name)))));
-    quality.retain(|series| !series.is_empty());
-    let loss = charts::smoothed(&train(&|line| line.loss.map(f64::from)));
+    quality.retain(Series::is_visible);
+    let loss = charts::course(&charts::smoothed(&train(&|line| line.loss.map(f64::from))));
     let mut curves = vec![
         ("psnr".to_string(), chart("Quality", "PSNR, dB", quality)),
         ("loss".to_string(), chart("Loss", "loss", vec![Series::line("loss", loss)])),
     ];
     for name in counts {
-        let values = train(&|line| line.counts.get(name).copied());
+        let values = charts::course(&train(&|line| line.counts.get(name).copied()));
         let file = name.to_lowercase().replace(' ', "-");
         curves.push((file, chart(name, name, vec![Series::line(name, values)])));
     }
+    curves.retain(|(_, chart)| chart.has_course());
     curves
 }

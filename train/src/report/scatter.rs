@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::axis::{Axis, named};
 use super::html::escaped;
 use super::labels::{Placer, WIDTH_OF_CHARACTER};
 
@@ -70,46 +71,6 @@ struct Frame {
     right: f64,
     top: f64,
     bottom: f64,
-}
-
-/// A map from values to pixels.
-#[derive(Debug, Clone, Copy)]
-struct Axis {
-    low: f64,
-    high: f64,
-    from: f64,
-    to: f64,
-    log: bool,
-}
-
-impl Axis {
-    /// An axis that shows `low..high` with a margin between the pixels `from` and `to`.
-    fn new((low, high): (f64, f64), from: f64, to: f64, log: bool) -> Self {
-        let map = |x: f64| if log { x.log10() } else { x };
-        let (low, high) = (map(low), map(high));
-        let air = if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1.0) };
-        Self { low: low - air, high: high + air, from, to, log }
-    }
-
-    fn place(&self, value: f64) -> f64 {
-        let value = if self.log { value.log10() } else { value };
-        self.from + (value - self.low) / (self.high - self.low) * (self.to - self.from)
-    }
-
-    /// Ticks at round numbers.
-    fn ticks(&self) -> Vec<f64> {
-        if self.log {
-            let decades = self.low.floor() as i32..=self.high.ceil() as i32;
-            let all = decades.flat_map(|decade| [1.0, 2.0, 5.0].map(|step| step * 10_f64.powi(decade)));
-            return all.filter(|x| (self.low..=self.high).contains(&x.log10())).collect();
-        }
-        let rough = (self.high - self.low) / 6.0;
-        let decade = 10_f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|s| *s >= rough).unwrap_or(rough);
-        let first = (self.low / step).ceil() as i64;
-        // Integer multiples of the step, so that rounding does not accumulate.
-        (first..).map(|k| k as f64 * step).take_while(|x| *x <= self.high).take(20).collect()
-    }
 }
 
 impl Scatter {
@@ -260,20 +221,6 @@ impl Scatter {
     }
 }
 
-/// Ticks with as few digits as distinguish them.
-fn named(ticks: &[f64]) -> Vec<(f64, String)> {
-    let step = ticks.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
-    let largest = ticks.iter().fold(0.0_f64, |largest, tick| largest.max(tick.abs()));
-    let (unit, sign) = match step {
-        _ if largest >= 1e6 => (1e6, "M"),
-        _ if largest >= 1e4 => (1e3, "k"),
-        _ => (1.0, ""),
-    };
-    let digits = (-(step / unit).log10().floor()).clamp(0.0, 6.0) as usize;
-    let digits = if step.is_finite() { digits } else { 2 };
-    ticks.iter().map(|tick| (*tick, format!("{:.digits$}{sign}", tick / unit))).collect()
-}
-
 fn text(svg: &mut String, x: f64, y: f64, anchor: &str, size: u32, fill: &str, content: &str) -> std::fmt::Result {
     writeln!(
         svg,
@@ -324,15 +271,5 @@ mod tests {
         assert!(svg.starts_with("<svg") && svg.contains("a&lt;b") && svg.contains("N 7") && !svg.contains("NaN"));
         assert!(chart(&[]).svg().contains("no data"));
         assert!(!chart(&[(5.0, 5.0)]).svg().contains("NaN"), "one point has a range of its own");
-    }
-
-    #[test]
-    fn ticks_are_round() {
-        let axis = Axis::new((0.0, 1000.0), 0.0, 1.0, false);
-        assert_eq!(axis.ticks(), [0.0, 200.0, 400.0, 600.0, 800.0, 1000.0]);
-        let log = Axis::new((10.0, 1000.0), 0.0, 1.0, true);
-        assert_eq!(log.ticks(), [10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0]);
-        assert_eq!(named(&[20.0, 20.5]).iter().map(|(_, name)| name.as_str()).collect::<Vec<_>>(), ["20.0", "20.5"]);
-        assert_eq!(named(&[5000.0, 10000.0])[1].1, "10k");
     }
 }

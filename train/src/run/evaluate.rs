@@ -7,7 +7,9 @@ use gs_burn::Gaussians;
 use gs_datasets::{Scene, View, counted};
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim};
+use super::metrics::{
+    Perceptual, is_of_equal_images, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, shown_psnr, ssim, ssim_masked,
+};
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
 use crate::fit::method::{Compared, MOVING, Method, Region, Step, given_regions};
@@ -288,32 +290,38 @@ impl Evaluator {
     }
 
     /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels are black in
-    /// both images for the measures over neighbourhoods.
+    /// both images. LPIPS alone is a mean over these as well, since its network gives one number for an image.
     pub fn scores(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
-        let share = counts.as_ref().map_or(1.0, |counts| f64::from(counts.clone().mean().into_scalar::<f32>()));
-        if share == 0.0 {
-            return None;
-        }
-        let (psnr, image, truth) = match counts {
-            None => (psnr(image.clone(), truth.clone()), image, truth),
+        let (within, image, truth) = match counts.clone() {
+            None => (
+                Scores {
+                    psnr: psnr(image.clone(), truth.clone()),
+                    ssim: ssim(image.clone(), truth.clone()),
+                    ..Scores::default()
+                },
+                image,
+                truth,
+            ),
             Some(counts) => {
-                let psnr = psnr_masked(image.clone(), truth.clone(), counts.clone());
-                (psnr, image * counts.clone(), truth * counts)
+                let [image, truth] = [image, truth].map(|image| image * counts.clone());
+                (scores_within(image.clone(), truth.clone(), counts)?, image, truth)
             }
         };
         Some(Scores {
-            psnr,
-            ssim: ssim_of_share(image.clone(), truth.clone(), share),
-            ms_ssim: self.ms_ssim.then(|| ms_ssim(image.clone(), truth.clone())).flatten(),
+            ms_ssim: self.ms_ssim.then(|| ms_ssim(image.clone(), truth.clone(), counts)).flatten(),
             lpips: self.perceptual.as_ref().ok().map(|network| network.distance(image, truth)),
+            ..within
         })
     }
 
     /// The scores over the pixels of a region that count; `None` if there is none.
     fn region(&self, image: Tensor<3>, photo: &Photo<()>, view: &View, region: &Region) -> Option<Scores> {
         let inside = to_tensor(view, &region.mask, 1, &image.device());
-        let counts = photo.mask.iter().fold(inside, |inside, mask| inside * mask.clone());
-        Some(Scores { ms_ssim: None, ..self.scores(image, photo.image.clone(), Some(counts))? })
+        let truth = photo.image.clone();
+        match photo.mask.clone() {
+            None => scores_within(image, truth, inside),
+            Some(mask) => scores_within(image * mask.clone(), truth * mask.clone(), inside * mask),
+        }
     }
 
     /// The mean over views, their regions, and why a measure is missing; `compared` says with what they were compared.
@@ -385,6 +393,11 @@ fn mean<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> 
 }
 
 impl Quality {
+    /// The reason why the figures say nothing, where the renderings equal the photos.
+    pub fn nothing_to_tell(&self) -> Option<&'static str> {
+        is_of_equal_images(self.mean.psnr).then_some("the photos hold nothing to tell: renderings equal them")
+    }
+
     /// The scores over moving pixels, if they were measured.
     pub fn moving(&self) -> Option<&Scores> {
         self.regions.get(MOVING)
@@ -419,12 +432,16 @@ impl Evaluation {
     pub fn line(&self) -> String {
         let optional = |name: &str, value: Option<f64>| value.map_or(String::new(), |v| format!(", {name} {v:.4}"));
         let Measured { split, quality, size, .. } = &self.measured;
-        let regions: String =
-            quality.regions.iter().map(|(name, scores)| format!(", {name} parts {:.2} dB", scores.psnr)).collect();
+        let regions: String = quality
+            .regions
+            .iter()
+            .map(|(name, scores)| format!(", {name} parts {}", shown_psnr(scores.psnr)))
+            .collect();
         format!(
-            "step {}: PSNR {:.2} dB, SSIM {:.4}{}{}{regions} over {}; {}, {:.1} s",
+            "step {}: PSNR {}{}, SSIM {:.4}{}{}{regions} over {}; {}, {:.1} s",
             self.step,
-            quality.mean.psnr,
+            shown_psnr(quality.mean.psnr),
+            quality.nothing_to_tell().map_or(String::new(), |why| format!(" ({why})")),
             quality.mean.ssim,
             optional("MS-SSIM", quality.mean.ms_ssim),
             optional("LPIPS", quality.mean.lpips),
@@ -467,8 +484,9 @@ pub fn described_split(split: &str, count: usize) -> String {
     }
 }
 
-/// SSIM over the `share` of the pixels inside a mask, if both images are black outside of it. SSIM is 1 outside, except for windows
-/// (of 11 pixels) that reach into the mask. Errors in windows that cross the mask edge count too, so this is a lower bound.
-fn ssim_of_share(image: Tensor<3>, truth: Tensor<3>, share: f64) -> f64 {
-    1.0 - (1.0 - ssim(image, truth)) / share.max(f64::MIN_POSITIVE)
+/// PSNR and SSIM over the pixels at which `inside`, `[H, W, 1]`, is 1; `None` without such a pixel. The windows of SSIM see the pixels around
+/// these too. MS-SSIM and LPIPS look at neighbourhoods that are larger than a region.
+pub fn scores_within(image: Tensor<3>, truth: Tensor<3>, inside: Tensor<3>) -> Option<Scores> {
+    let ssim = ssim_masked(image.clone(), truth.clone(), inside.clone())?;
+    Some(Scores { psnr: psnr_masked(image, truth, inside), ssim, ms_ssim: None, lpips: None })
 }

@@ -26,7 +26,9 @@ addEventListener('load', async () => {
       line: parseFloat(part('.line').style.left)};
     return file;
   }
+  told.hints = [part('.hint').hidden];
   await tell('begin');
+  told.hints.push(part('.hint').hidden);
   const touch = {pointerType: 'touch'};
   drag([50, 60], [100, 60], touch);
   const file = await tell('orbit');

@@ -87,6 +87,8 @@ fn fingers_mouse_and_keys_do_what_the_page_says() {
 
     let begin = state("begin");
     assert!(near(begin.eye(), crate::pose().w_axis.truncate() + shift) && same(begin.distance(), DISTANCE));
+    // The hint on the picture goes with the first key.
+    assert_eq!(told["hints"], serde_json::json!([false, true]));
     let side = |axis: usize| SIZE[axis] as f64 / begin.0["shown"][axis].as_f64().expect("pixels");
     let pixel = side(0).max(side(1)) / focal;
 

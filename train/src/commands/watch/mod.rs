@@ -5,7 +5,7 @@ mod server;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
 use burn::tensor::Device;
@@ -15,17 +15,14 @@ use self::server::Answers;
 use crate::cli::WatchArgs;
 use crate::commands::view::Opened;
 use crate::commands::{device, print};
-use crate::report::charts::smoothed;
+use crate::report::curves;
 use crate::report::viewer::{self, Camera, Packed};
-use crate::run::checkpoint::Checkpoint;
+use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::folder::{MetricsLine, RunFolder};
 use crate::run::scene::SceneFile;
 
 /// How often the run folder is looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
-
-/// Most points of a curve in the page.
-const POINTS_MAX: usize = 200;
 
 /// Serves the page until Ctrl-C.
 ///
@@ -37,7 +34,7 @@ pub fn run(args: &WatchArgs) -> Result<ExitCode> {
     folder.read_config()?;
     let page = viewer::live_page(&folder.name(), include_str!("live.css"), include_str!("live.js"));
     let answers = Arc::new(Answers::new(page));
-    let mut watcher = Watcher { folder, data: args.data.clone(), device, shown: None, cameras: None, seen: None };
+    let mut watcher = Watcher::new(folder, args.data.clone(), device);
     watcher.look(&answers);
     let port = server::start(args.port, answers.clone())?;
     print(format!("http://127.0.0.1:{port}/ shows {}; Ctrl-C ends this, not the training", args.run.display()));
@@ -47,68 +44,149 @@ pub fn run(args: &WatchArgs) -> Result<ExitCode> {
     }
 }
 
+/// A file at a moment: another one of the same name differs in time or size.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Stamp {
+    modified: SystemTime,
+    bytes: u64,
+}
+
+impl Stamp {
+    /// `None` where there is no such file.
+    fn of(path: &Path) -> Option<Self> {
+        let metadata = std::fs::metadata(path).ok()?;
+        Some(Self { modified: metadata.modified().unwrap_or(UNIX_EPOCH), bytes: metadata.len() })
+    }
+}
+
+/// A checkpoint as it was found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Saved {
+    step: usize,
+    path: PathBuf,
+    stamp: Stamp,
+}
+
+impl Saved {
+    /// A name that no other checkpoint has: the page asks for a scene when it changes.
+    fn version(&self) -> String {
+        let since = self.stamp.modified.duration_since(UNIX_EPOCH).unwrap_or_default();
+        format!("{}-{}-{}", self.step, since.as_nanos(), self.stamp.bytes)
+    }
+}
+
+/// What is in the run folder.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+struct Found {
+    /// The checkpoint that is served.
+    shown: Option<Saved>,
+    /// The step of a newer one that cannot be read.
+    damaged: Option<usize>,
+    /// The metrics.
+    metrics: Option<Stamp>,
+    /// Whether there is no run any more.
+    is_gone: bool,
+}
+
 /// What is known of the run.
 struct Watcher {
     folder: RunFolder,
     data: Option<PathBuf>,
     device: Device,
-    /// Step of the checkpoint that is served.
-    shown: Option<usize>,
-    /// Its cameras, which stay.
-    cameras: Option<Vec<Camera>>,
-    /// Length of the metrics and the step served, when the state was last written.
-    seen: Option<(u64, Option<usize>)>,
+    /// What was found when the state was last written.
+    found: Option<Found>,
+    /// Cameras, which stay as long as checkpoints are of the same run.
+    cameras: Option<(Origin, Vec<Camera>)>,
+    /// Checkpoints that cannot be read, each of which was named once.
+    unreadable: Vec<Saved>,
 }
 
 /// The content of `/state.json`.
 #[derive(Debug, Serialize)]
 struct State {
-    version: Option<usize>,
+    /// The scene that is served; `None`: none is.
+    version: Option<String>,
     text: String,
-    curves: Vec<Curve>,
-}
-
-#[derive(Debug, Serialize)]
-struct Curve {
-    name: &'static str,
-    points: Vec<(f64, f64)>,
+    /// The curves as SVG.
+    charts: Vec<String>,
 }
 
 impl Watcher {
+    fn new(folder: RunFolder, data: Option<PathBuf>, device: Device) -> Self {
+        Self { folder, data, device, found: None, cameras: None, unreadable: Vec::new() }
+    }
+
     /// Reads what is new in the run folder.
     fn look(&mut self, answers: &Answers) {
-        if let Some((step, path)) = self.folder.saved().pop().filter(|(step, _)| self.shown != Some(*step)) {
-            match self.packed(&path) {
-                Ok(Packed { json, block }) => {
-                    answers.set_scene(format!("{{\"version\":{step},\"scene\":{json},\"block\":\"{block}\"}}"));
-                    self.shown = Some(step);
-                }
-                // The training removes old checkpoints; the next look finds the next one.
-                Err(error) => tracing::warn!("{error:#}"),
-            }
-        }
-        let length = std::fs::metadata(self.folder.metrics()).map_or(0, |metadata| metadata.len());
-        if self.seen != Some((length, self.shown)) {
+        let metrics = Stamp::of(&self.folder.metrics());
+        let is_gone = !self.folder.config().is_file();
+        let (shown, damaged) = if is_gone { (None, None) } else { self.newest(answers) };
+        let found = Found { shown, damaged, metrics, is_gone };
+        if self.found.as_ref() != Some(&found) {
             let lines = self.folder.read_metrics(usize::MAX).unwrap_or_default();
-            let state = State { version: self.shown, text: told(&lines, self.shown), curves: curves(&lines) };
-            answers.set_state(serde_json::to_string(&state).expect("numbers are JSON"));
-            self.seen = Some((length, self.shown));
+            let charts = curves(&lines).into_iter().map(|(_, chart)| chart.svg()).collect();
+            let version = found.shown.as_ref().map(Saved::version);
+            let state = State { version, text: told(&lines, &found, &self.folder), charts };
+            answers.set_state(serde_json::to_string(&state).expect("texts are JSON"));
+            self.found = Some(found);
         }
     }
 
+    /// Serves the newest checkpoint that can be read; returns it, and the step of a newer one that cannot.
+    fn newest(&mut self, answers: &Answers) -> (Option<Saved>, Option<usize>) {
+        let mut damaged = None;
+        for (step, path) in self.folder.saved().into_iter().rev() {
+            // The training removes old checkpoints.
+            let Some(stamp) = Stamp::of(&path) else { continue };
+            let saved = Saved { step, path, stamp };
+            if self.is_shown(&saved) {
+                return (Some(saved), damaged);
+            }
+            if !self.unreadable.contains(&saved) {
+                match self.packed(&saved.path) {
+                    Ok(Packed { json, block }) => {
+                        let version = saved.version();
+                        answers
+                            .set_scene(format!("{{\"version\":\"{version}\",\"scene\":{json},\"block\":\"{block}\"}}"));
+                        return (Some(saved), damaged);
+                    }
+                    // It was removed or replaced while it was read: the next look finds the next one.
+                    Err(_) if Stamp::of(&saved.path).as_ref() != Some(&saved.stamp) => continue,
+                    Err(error) => {
+                        tracing::warn!("{error:#}; the page shows the newest whole checkpoint");
+                        self.unreadable.push(saved);
+                    }
+                }
+            }
+            damaged = damaged.or(Some(step));
+        }
+        (None, damaged)
+    }
+
+    fn is_shown(&self, saved: &Saved) -> bool {
+        self.found.as_ref().and_then(|found| found.shown.as_ref()) == Some(saved)
+    }
+
     fn packed(&mut self, path: &Path) -> Result<Packed> {
-        let file = SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?));
+        let checkpoint = Checkpoint::load(path)?;
+        let origin = checkpoint.origin.clone();
+        let file = SceneFile::Checkpoint(Box::new(checkpoint));
         let opened = match &self.cameras {
-            None => Opened::with_photos(&file, self.data.as_deref(), &self.device)?,
-            Some(cameras) => Opened { cameras: cameras.clone(), ..Opened::alone(&file, &self.device)? },
+            Some((of, cameras)) if *of == origin => {
+                Opened { cameras: cameras.clone(), ..Opened::alone(&file, &self.device)? }
+            }
+            _ => Opened::with_photos(&file, self.data.as_deref(), &self.device)?,
         };
-        self.cameras = Some(opened.cameras.clone());
+        self.cameras = Some((origin, opened.cameras.clone()));
         Ok(opened.packed(&self.folder.name()))
     }
 }
 
-/// The run in one sentence.
-fn told(lines: &[MetricsLine], shown: Option<usize>) -> String {
+/// The run in a sentence or two.
+fn told(lines: &[MetricsLine], found: &Found, folder: &RunFolder) -> String {
+    if found.is_gone {
+        return format!("{}: the run is gone; there is no config.toml any more.", folder.path().display());
+    }
     let train = lines.iter().rev().find_map(|line| match line {
         MetricsLine::Train(line) => Some(line),
         MetricsLine::Eval(_) => None,
@@ -117,34 +195,10 @@ fn told(lines: &[MetricsLine], shown: Option<usize>) -> String {
         let loss = line.loss.map_or(String::new(), |loss| format!(", loss {loss:.4}"));
         format!("step {}{loss}, {:.0} s", line.step, line.seconds)
     });
-    match shown {
-        Some(step) => format!("{now}; the scene is that of step {step}"),
-        None => format!("{now}; no checkpoint yet"),
-    }
-}
-
-/// The curves of the page.
-fn curves(lines: &[MetricsLine]) -> Vec<Curve> {
-    let of = |name: &'static str, smooth: bool, value: &dyn Fn(&MetricsLine) -> Option<f64>| {
-        let points: Vec<(f64, f64)> =
-            lines.iter().filter_map(|line| Some((line.step() as f64, value(line)?))).collect();
-        let points = if smooth { smoothed(&points) } else { points };
-        let every = points.len().div_ceil(POINTS_MAX).max(1);
-        // Counted from the end, so that the newest is among them.
-        let mut thinned: Vec<(f64, f64)> = points.into_iter().rev().step_by(every).collect();
-        thinned.reverse();
-        Curve { name, points: thinned }
+    let scene = match &found.shown {
+        Some(saved) => format!("the scene is that of step {}", saved.step),
+        None => "no checkpoint yet".into(),
     };
-    let train = |line: &MetricsLine| match line {
-        MetricsLine::Train(line) => Some(line.clone()),
-        MetricsLine::Eval(_) => None,
-    };
-    vec![
-        of("training photos, PSNR in dB", true, &|line| train(line)?.psnr),
-        of("loss", true, &|line| train(line)?.loss.map(f64::from)),
-        of("held-out mean, PSNR in dB", false, &|line| match line {
-            MetricsLine::Eval(evaluation) => Some(evaluation.mean().psnr),
-            MetricsLine::Train(_) => None,
-        }),
-    ]
+    let damaged = found.damaged.map_or(String::new(), |step| format!("; the checkpoint of step {step} cannot be read"));
+    format!("{now}; {scene}{damaged}")
 }

@@ -11,6 +11,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
+/// The port that a browser means where an address names none.
+const HTTP: u16 = 80;
+
 /// A request that is longer is refused, bytes: a browser's has some 700.
 const REQUEST_MAX: usize = 8192;
 
@@ -150,9 +153,8 @@ fn respond(request: &str, port: u16) -> Result<&str, &'static str> {
         return Err("400 Bad Request");
     }
     let mut hosts = lines.filter_map(|line| line.split_once(':')).filter(|(key, _)| key.eq_ignore_ascii_case("host"));
-    let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
     match (hosts.next(), hosts.next()) {
-        (Some((_, host)), None) if ours.iter().any(|own| own == host.trim()) => {}
+        (Some((_, host)), None) if is_own(host.trim(), port) => {}
         _ => return Err("403 Forbidden"),
     }
     if method != "GET" {
@@ -161,20 +163,38 @@ fn respond(request: &str, port: u16) -> Result<&str, &'static str> {
     Ok(name)
 }
 
+/// Whether a `Host` is this server. Browsers leave out the port of HTTP.
+fn is_own(host: &str, port: u16) -> bool {
+    ["127.0.0.1", "localhost"].iter().any(|own| match host.strip_prefix(own) {
+        Some("") => port == HTTP,
+        Some(rest) => rest == format!(":{port}"),
+        None => false,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn only_this_machine_and_get() {
-        let ask = |first: &str, host: &str| {
+        let ask_at = |port: u16, first: &str, host: &str| {
             let request = format!("{first}\r\nHost: {host}\r\n\r\n");
-            respond(&request, 80).map(str::to_string)
+            respond(&request, port).map(str::to_string)
         };
+        let ask = |first: &str, host: &str| ask_at(80, first, host);
         assert_eq!(ask("GET / HTTP/1.1", "127.0.0.1:80"), Ok("/".into()));
         assert_eq!(ask("GET /state.json HTTP/1.1", " localhost:80 "), Ok("/state.json".into()));
         assert_eq!(ask("GET / HTTP/1.1", "evil.example:80"), Err("403 Forbidden"));
-        assert_eq!(ask("GET / HTTP/1.1", "127.0.0.1"), Err("403 Forbidden"));
+        // Browsers leave out the port where it is that of HTTP, and only there.
+        for host in ["127.0.0.1", "localhost"] {
+            assert_eq!(ask("GET / HTTP/1.1", host), Ok("/".into()));
+            assert_eq!(ask_at(8080, "GET / HTTP/1.1", host), Err("403 Forbidden"));
+            assert_eq!(ask_at(8080, "GET / HTTP/1.1", &format!("{host}:8080")), Ok("/".into()));
+        }
+        for host in ["evil.example", "127.0.0.1.evil.example", "localhost:8080", "127.0.0.1:", ""] {
+            assert_eq!(ask("GET / HTTP/1.1", host), Err("403 Forbidden"), "{host}");
+        }
         assert_eq!(ask("GET / HTTP/1.1", "127.0.0.1:80\r\nHost: evil.example"), Err("403 Forbidden"));
         assert_eq!(ask("POST / HTTP/1.1", "127.0.0.1:80"), Err("405 Method Not Allowed"));
         assert_eq!(respond("GET / HTTP/1.1\r\n\r\n", 80), Err("403 Forbidden"));

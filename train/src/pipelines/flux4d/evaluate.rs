@@ -26,7 +26,7 @@ use crate::fit::method::MOVING;
 use crate::fit::parameters::to_host;
 use crate::report::maps::velocity_colors;
 use crate::report::viewer::Packed;
-use crate::run::evaluate::{Comparison, Evaluator, Measured, ModelSize, Scores, ViewScores};
+use crate::run::evaluate::{Comparison, Evaluator, Measured, ModelSize, ViewScores, scores_within};
 use crate::run::metrics::{psnr, psnr_masked};
 use gs_models::flux4d::scene::REST_SPEED;
 
@@ -150,8 +150,8 @@ fn snippet(
             let mask = mask_tensor(view, &mask, &device);
             sums.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
             sums.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
-            let scores = evaluator.scores(ours.clone(), truth.clone(), Some(mask));
-            regions.extend(scores.map(|scores| (MOVING.to_string(), Scores { ms_ssim: None, ..scores })));
+            let scores = scores_within(ours.clone(), truth.clone(), mask);
+            regions.extend(scores.map(|scores| (MOVING.to_string(), scores)));
         }
         if kept > 0 && sums.views.len().is_multiple_of(keep_every) {
             let velocity = velocity_picture(inferred, (&camera, view.time));

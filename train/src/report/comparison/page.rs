@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use gs_datasets::guarded;
 use gs_datasets::image_io::write_atomic;
+use gs_datasets::{guarded, printable};
 
 use super::Comparison;
-use crate::report::html::escaped;
+use crate::report::html::{self, escaped};
 use crate::report::scatter::{SIZE, Scatter};
-use crate::report::{COMPARISON, STYLE, with_section};
+use crate::report::{COMPARISON, section_page, with_section};
 use crate::run::folder::RunFolder;
 use crate::run::outputs::MARK;
 
@@ -39,21 +39,15 @@ fn section(comparison: &Comparison, command: &str) -> String {
     let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>{}</h2>\n<div class=\"plots\">\n", escaped(title));
     panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
     html += "</div>\n";
-    warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(warning)));
+    warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(&printable(warning))));
     tables.iter().for_each(|table| html += &table.html());
-    html + &format!("<p>Made by <code>{}</code></p>\n</section>\n", escaped(command))
+    html + &format!("<p>Made by <code>{}</code></p>\n</section>\n", escaped(&printable(command)))
 }
 
 /// A page of its own that needs no other file, with a section for each comparison.
 pub fn page(title: &str, comparisons: &[Comparison], command: &str) -> String {
-    let title = escaped(title);
     let sections: String = comparisons.iter().map(|comparison| section(comparison, command)).collect();
-    format!(
-        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title} · gsburn</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>{title}</h1>\n</header>\n{sections}\
-         </main>\n</body>\n</html>\n"
-    )
+    html::page(title, "", &format!("<header>\n<h1>{}</h1>\n</header>\n{sections}", html::name(title)))
 }
 
 /// Puts the comparison into the report.html of a run, in place of an earlier one, and saves it beside it, so that a new report
@@ -71,6 +65,6 @@ pub fn add_to_report(folder: &RunFolder, comparison: &Comparison, command: &str)
     let Some(report) = with_section(&report, COMPARISON, &section) else {
         bail!("{}: expected a report of gsburn, found another page", path.display());
     };
-    write_atomic(&folder.comparison(), section.as_bytes())?;
+    write_atomic(&folder.comparison(), section_page(&folder.name(), COMPARISON, &section).as_bytes())?;
     Ok(write_atomic(&path, report.as_bytes())?)
 }

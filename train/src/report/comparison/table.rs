@@ -8,7 +8,7 @@ use gs_datasets::printable;
 
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::fit::figure::Prominence;
-use crate::report::html::escaped;
+use crate::report::html::{escaped, name};
 use crate::run::evaluate::Evaluation;
 use crate::run::memory::megabytes;
 
@@ -149,7 +149,11 @@ impl Table {
             let on_front = front.is_some_and(|c| !row[c].is_empty());
             html += if on_front { "<tr class=\"front\">" } else { "<tr>" };
             for (c, cell) in row.iter().enumerate() {
-                let cell = if cell.is_empty() { "–".into() } else { escaped(cell) };
+                let cell = match cell.as_str() {
+                    "" => "–".into(),
+                    text if c == 0 => name(text),
+                    text => escaped(text),
+                };
                 match self.links.get(i).filter(|_| c == 0) {
                     Some(link) => write!(html, "<td><a href=\"{}\">{cell}</a></td>", escaped(link)),
                     None => write!(html, "<td>{cell}</td>"),

@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 use glam::DMat4;
-use gs_datasets::{Split, View};
+use gs_datasets::{Split, View, counted};
 use serde::Serialize;
 
 use super::studio::{Known, pose_of};
@@ -221,7 +221,7 @@ impl Horizon {
             Series::line_and_dots("predicted", line(|moment| Some(moment.psnr))),
             Series::line_and_dots("last seen state held", line(|moment| moment.held)),
         ];
-        series.retain(|series| !series.is_empty());
+        series.retain(Series::is_visible);
         let values = series.iter().flat_map(|series| series.points()).map(|point| point.1);
         let [least, most] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], y| [a.min(y), b.max(y)]);
         let low = least - LEGEND * (most - least);
@@ -238,8 +238,9 @@ impl Horizon {
             format!("; moving parts {moving:.2} dB, held {held:.2} dB, gain {:+.2} dB", moving - held)
         });
         format!(
-            "{}: PSNR {psnr:.2} dB over {views} later views, last state held {held:.2} dB, gain over held {gain:+.2} dB{moving}",
-            self.split
+            "{}: PSNR {psnr:.2} dB over {}, last state held {held:.2} dB, gain over held {gain:+.2} dB{moving}",
+            self.split,
+            counted(views, "later view")
         )
     }
 }

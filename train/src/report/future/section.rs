@@ -3,24 +3,19 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use gs_datasets::guarded;
 use gs_datasets::image_io::{encode_png, write_atomic};
+use gs_datasets::{counted, guarded};
 
 use super::Horizon;
 use super::strip::Picture;
 use super::studio::Known;
-use crate::report::html::escaped;
-use crate::report::{FUTURE, with_section};
+use crate::report::html::{escaped, figure};
+use crate::report::{FUTURE, section_page, with_section};
 use crate::run::folder::RunFolder;
 use crate::run::outputs::MARK;
 
 /// Largest report, bytes: its pictures are in it.
 const PAGE_MAX: u64 = 1 << 30;
-
-/// Widest picture on the page, CSS pixels.
-const WIDEST: usize = 640;
 
 /// Something shown in the section.
 #[derive(Debug, Clone)]
@@ -39,7 +34,7 @@ impl Known<'_> {
     pub fn section(&self, horizon: &Horizon, more: &[Shown]) -> Result<String> {
         let mut html = begin();
         if let Some(strip) = self.strip(horizon, None) {
-            picture(&mut html, &strip, "Predicted frames above the photos of the same camera and times", strip.width)?;
+            html += &picture(&strip, "Predicted frames above the photos of the same camera and times")?;
         }
         writeln!(html, "<div class=\"plots\">\n<figure>{}</figure>", horizon.chart().svg())?;
         html += "</div>\n";
@@ -65,21 +60,15 @@ fn finish(mut html: String, more: &[Shown]) -> Result<String> {
     for one in more {
         match one {
             Shown::Chart(svg) => writeln!(html, "<figure>{svg}</figure>")?,
-            Shown::Picture(shown, caption) => picture(&mut html, shown, caption, shown.width.min(WIDEST))?,
+            Shown::Picture(shown, caption) => html += &picture(shown, caption)?,
         }
     }
     Ok(html + "</div>\n</section>\n")
 }
 
-fn picture(html: &mut String, picture: &Picture, caption: &str, width: usize) -> Result<()> {
+fn picture(picture: &Picture, caption: &str) -> Result<String> {
     let png = encode_png("report".as_ref(), picture.width, picture.height, &picture.pixels)?;
-    let caption = escaped(caption);
-    writeln!(
-        html,
-        "<figure><img alt=\"{caption}\" width=\"{width}\" src=\"data:image/png;base64,{}\">\n<figcaption>{caption}</figcaption></figure>",
-        STANDARD.encode(&png)
-    )?;
-    Ok(())
+    Ok(figure(&png, [picture.width, picture.height], caption, &escaped(caption)))
 }
 
 fn table(horizon: &Horizon) -> String {
@@ -89,8 +78,8 @@ fn table(horizon: &Horizon) -> String {
     };
     let moving = future.moving.zip(future.held_moving).map(|(psnr, held)| row("moving parts", psnr, held));
     format!(
-        "<table>\n<tr><th>PSNR of {} later views, dB</th><th>predicted</th><th>last seen state held</th><th>gain</th></tr>\n{}{}</table>\n",
-        future.views,
+        "<table>\n<tr><th>PSNR of {}, dB</th><th>predicted</th><th>last seen state held</th><th>gain</th></tr>\n{}{}</table>\n",
+        counted(future.views, "later view"),
         row("whole images", future.psnr, future.held),
         moving.unwrap_or_default()
     )
@@ -109,6 +98,6 @@ pub fn add_to_report(folder: &RunFolder, section: &str) -> Result<()> {
     let Some(report) = with_section(&report, FUTURE, section) else {
         bail!("{}: expected a report of gsburn, found another page", path.display());
     };
-    write_atomic(&folder.future(), section.as_bytes())?;
+    write_atomic(&folder.future(), section_page(&folder.name(), FUTURE, section).as_bytes())?;
     Ok(write_atomic(&path, report.as_bytes())?)
 }

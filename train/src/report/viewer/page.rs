@@ -3,8 +3,7 @@
 use gs_kernels::constants::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN};
 
 use super::scene::Packed;
-use crate::report::html::escaped;
-use crate::run::outputs::MARK;
+use crate::report::html::{self, MAGNIFICATION};
 
 const CONTROLS: &str = include_str!("viewer.html");
 const SCRIPT: &str = include_str!("viewer.js");
@@ -36,18 +35,15 @@ pub fn live_page(name: &str, style: &str, script: &str) -> String {
 }
 
 fn whole(name: &str, body: &str) -> String {
-    let name = escaped(name);
-    format!(
-        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta \
-         http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\">\n<title>{name} · gsburn</title>\n<style>\n{}{STYLE}</style>\n\
-         </head>\n<body>\n<main>\n<h1>{name}</h1>\n{body}</main>\n</body>\n</html>\n",
-        crate::report::STYLE
-    )
+    let policy = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n");
+    let heading = html::name(name);
+    html::page(name, &policy, &format!("<h1>{heading}</h1>\n<style>\n{STYLE}</style>\n{body}"))
 }
 
 fn body(place: &str, scene: Option<&Packed>) -> String {
-    let mut html = format!("<div id=\"viewer\" class=\"viewer\" data-place=\"{place}\">\n{CONTROLS}</div>\n");
+    let mut html = format!(
+        "<div id=\"viewer\" class=\"viewer\" data-place=\"{place}\" data-magnification=\"{MAGNIFICATION}\">\n{CONTROLS}</div>\n"
+    );
     if let Some(Packed { json, block }) = scene {
         html += &format!("<script type=\"application/json\" id=\"viewer-scene\">{json}</script>\n");
         html += &format!("<script type=\"text/plain\" id=\"viewer-block\">{block}</script>\n");

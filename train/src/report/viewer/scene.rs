@@ -2,6 +2,7 @@
 
 use glam::{DMat4, DVec3};
 use gs_burn::{Gaussians, RenderOptions};
+use gs_datasets::{agree, counted};
 use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 
@@ -120,7 +121,9 @@ impl Viewed<'_> {
             let kept = numbers.most_visible(GAUSSIANS_MAX);
             motion.iter_mut().for_each(|motion| motion.keep(&kept));
             numbers = numbers.pick(&kept);
-            notes.push(format!("the least visible {} Gaussians are left out of this page", total - kept.len()));
+            let left = total - kept.len();
+            let are = agree(left, "is", "are");
+            notes.push(format!("the least visible {} {are} left out of this page", counted(left, "Gaussian")));
         }
         let trained_degree = self.options.sh_degree.min(numbers.degree);
         let degree = if numbers.len() > WITH_SH_MAX { 0 } else { trained_degree };

@@ -6,7 +6,9 @@ const root = document.getElementById('viewer'), part = selector => root.querySel
 const WIDTH = 4096;                      // texels in a row of a data texture
 const INSTANTS = 8;                      // of an exposure
 const PASS = 4;                          // seconds in which the recording is played once
+const MAGNIFICATION = +root.dataset.magnification; // most pixels of the page for one of training
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
+const isolated = name => '\u2068' + name + '\u2069'; // its direction of writing ends with it
 const make = (tag, parent, properties) => parent.appendChild(Object.assign(document.createElement(tag), properties));
 function give_up(why) {
   root.textContent = why;
@@ -92,7 +94,7 @@ function resize(w, h) {
 }
 
 // ---- scene ------------------------------------------------------------------------------------------------------
-let scene = null, data = null, dirty = true;
+let scene = null, data = null, dirty = true, begun = false, shown_views = null;
 const now = {t: 0, view: null, mode: 'colour', photo: 'off', pixels: 'training', wipe: 0.5, playing: false};
 async function load(described, block) {
   const found = await unpack(block, described.arrays), n = described.count, s = (described.degree + 1) ** 2;
@@ -104,12 +106,15 @@ async function load(described, block) {
   table(1, gl.RGBA16F, s * n, Array.from({length: 3 * s}, plane));
   table(2, gl.RGBA32F, texels * position.length / 3, [position, turn, shape].map((values, i) => [values, i ? 4 : 3, 4 * texels, 4 * i]));
   data = {means, rows, position, texels, weights, moved: means.slice(), keys: new Uint32Array(n), ids: [0, 1].map(() => new Uint32Array(n))};
-  scene = described;
+  const views = described.cameras.map(({name, photo}) => name + photo).join();
+  const same = scene && views === shown_views;
+  [scene, shown_views] = [described, views];
   build();
-  if (camera) return seek(now.t);
+  if (same) return seek(now.t);
   now.t = scene.middle;
   choose(0);
-  requestAnimationFrame(frame);
+  if (!begun) requestAnimationFrame(frame);
+  begun = true;
 }
 // The blocks that count at a time, each with its weight and the slope of that: Hermite's cubics between the knots of motion.rs.
 function weights(t) {
@@ -228,7 +233,9 @@ function keep() {
 // ---- controls ---------------------------------------------------------------------------------------------------
 const stage = part('.stage'), photo = part('.photo'), line = part('.line'), slider = part('input'), fingers = new Map(), held = new Set();
 const FLY = {w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0]};
+const hint = part('.hint'), met = () => { hint.hidden = true; };
 stage.onpointerdown = event => {
+  met();
   stage.focus({preventScroll: true});
   event.wiping = !line.hidden && Math.abs(event.offsetX - now.wipe * canvas.clientWidth) < 14;
   fingers.set(event.pointerId, event);
@@ -256,6 +263,7 @@ stage.oncontextmenu = event => event.preventDefault();
 stage.addEventListener('wheel', event => {   // a report must scroll until its viewer was clicked
   if (place === 'report' && document.activeElement !== stage) return;
   event.preventDefault();
+  met();
   dolly(Math.exp(event.deltaY * 0.001));
 }, {passive: false});
 stage.onkeydown = event => {             // keys press buttons, fly, or change the time
@@ -263,6 +271,7 @@ stage.onkeydown = event => {             // keys press buttons, fly, or change t
   const steps = {arrowleft: -1, arrowright: 1}[key], [first, last] = scene.span ?? [0, 0];
   if (event.ctrlKey || event.metaKey || !(button?.offsetParent || FLY[key] || steps)) return;
   event.preventDefault();
+  met();
   if (FLY[key]) held.add(key);
   else if (steps) seek(now.t + steps * (last - first) / 48);
   else button.click();
@@ -293,29 +302,33 @@ function build() {                       // shows the controls that this scene n
   list.replaceChildren();
   scene.cameras.forEach(({name, split, time, photo}, index) => {
     if (split && split !== scene.cameras[index - 1]?.split) make('span', list, {className: 'label', textContent: split});
-    const button = make('button', list, {name: 'view', value: index, textContent: photo ? '' : name, title: name + (time === null ? '' : ', time ' + time)});
+    const button = make('button', list, {name: 'view', value: index, textContent: photo ? '' : name, title: isolated(name) + (time === null ? '' : ', time ' + time)});
     button.dataset.key = index + 1;
     if (photo) make('img', button, {src: photo, alt: name});
   });
 }
 function show() {                        // the state, as picture and in the controls
   dirty = false;
-  draw();
   const own = scene.cameras[now.view], shown = own?.photo ? now.photo : 'off', number = n => n.toLocaleString('en').replaceAll(',', '\u202f');
+  // A picture of few pixels stays small, and shows them; one drawn as finely as the screen is has no size of its own.
+  const widest = MAGNIFICATION * camera.size[0] * (shown === 'beside' ? 2 : 1);
+  stage.style.maxWidth = now.pixels === 'screen' ? '' : widest + 'px';
+  stage.toggleAttribute('data-small', now.pixels !== 'screen' && cssPixel() <= 0.5);
   for (const button of root.querySelectorAll('button[value]')) button.setAttribute('aria-pressed', String(now[button.name]) === button.value);
   stage.dataset.photo = shown;
+  draw();
   [photo.hidden, line.hidden] = [shown === 'off', shown !== 'wipe'];
   if (!photo.hidden && photo.src !== own.photo) photo.src = own.photo;
   line.style.left = 100 * now.wipe + '%';
   photo.style.clipPath = line.hidden ? '' : `inset(0 ${100 - 100 * now.wipe}% 0 0)`;
-  part('.status').textContent = [own?.split && own.name, number(scene.count) + ' Gaussians', 'SH ' + scene.degree,
-    scene.clock && number(scene.moving) + ' move', `${canvas.width} × ${canvas.height} pixels`, ...scene.notes,
+  part('.status').textContent = [own?.split && isolated(own.name), number(scene.count) + (scene.count === 1 ? ' Gaussian' : ' Gaussians'), 'SH ' + scene.degree,
+    scene.clock && number(scene.moving) + (scene.moving === 1 ? ' moves' : ' move'), `${canvas.width} × ${canvas.height} pixels`, ...scene.notes,
     !halves && 'ten bits a channel: this browser cannot draw to half floats'].filter(Boolean).join(' · ');
   const [first, last] = scene.span ?? [0, 1], [seen_from, seen_to] = scene.seen ?? [0, 1];
   part('[name=play]').textContent = now.playing ? '❚❚' : '▶';
   slider.value = (now.t - first) / (last - first);
   // Of a clock's seconds only those since the begin tell anything.
-  part('output').textContent = (Math.abs(first) > 1e4 ? '+' + (now.t - first).toFixed(3) : 't = ' + now.t.toFixed(3))
+  part('output').textContent = (Math.abs(first) > 1e4 ? '+' + (now.t - first).toFixed(3) + ' s' : 't = ' + now.t.toFixed(3))
     + (now.t < seen_from || now.t > seen_to ? ' (predicted)' : '');
 }
 

@@ -121,7 +121,7 @@ fn run(lab: &Lab) -> Result<Findings> {
                 title: "What a wrong depth prior costs".into(),
                 x: "size of scale and shift errors".into(),
                 y: "PSNR, dB".into(),
-                series: series.into_iter().filter(|series| !series.is_empty()).collect(),
+                series: series.into_iter().filter(Series::is_visible).collect(),
             },
         )],
         notes: if lab.quick { vec![note] } else { vec![note, others] },
