@@ -18,6 +18,9 @@ const CANDIDATES: usize = 16;
 const FINALISTS: usize = 3;
 /// Sweeps that count in any case: one can be met by any motion.
 const COUNTED: usize = 2;
+/// Most steps of the grid of velocities to each side: those for sweeps a second apart. The grid's size grows by the square of the
+/// time between sweeps, so that twenty seconds would take gigabytes.
+const SIDE_MAX: f64 = 200.0;
 /// Score that a metre per second costs: of equal alignments the slowest is meant.
 const SPEED_COST: f64 = 0.002;
 /// Gain of the score from which on an acceleration and a turn are believed.
@@ -177,7 +180,7 @@ fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
 fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Value) -> Vec<(PlanarMotion, f64)> {
     // A step moves the points by half the reach in the sweep next in time.
     let Some(next) = near.first() else { return Vec::new() };
-    let step = (0.5 * next.plan.reach() / next.after.abs().max(1e-3)).min(SPEED_MAX);
+    let step = (0.5 * next.plan.reach() / next.after.abs().max(1e-3)).clamp(SPEED_MAX / SIDE_MAX, SPEED_MAX);
     let side = (SPEED_MAX / step) as i32;
     let mut scores = Vec::new();
     for row in -side..=side {
