@@ -73,10 +73,10 @@ pub(crate) fn plan(frames: &[RawFrame], options: &LoadOptions, scene: &Path) -> 
         None => by_holdout(frames, &options.holdout, scene)?,
     };
     if plan.train.is_empty() {
-        return Err(DatasetError::NoTrainingViews {
-            path: scene.to_path_buf(),
-            found: format!("{} ({})", counted(plan.held_out_frames().count(), "held-out view"), plan.rule),
-        });
+        let held_out = counted(plan.held_out_frames().count(), "held-out view");
+        let none = "data.holdout = \"none\" (--set data.holdout=none) holds out no view";
+        let found = format!("{held_out} ({}); {none}", plan.rule);
+        return Err(DatasetError::NoTrainingViews { path: scene.to_path_buf(), found });
     }
     if options.splits == SplitUse::Reported {
         plan.keep_reported();

@@ -246,3 +246,40 @@ fn changed(motion: &PlanarMotion, parameter: usize, by: f64) -> PlanarMotion {
     }
     changed
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::super::AlignedSweep;
+    use super::super::free_space::RangeImage;
+    use super::super::ground::Ground;
+    use super::super::plan::Extent;
+    use super::*;
+
+    /// Of sweeps a second apart or less the step is half the reach; of sweeps farther apart the grid does not grow.
+    #[test]
+    fn the_grid_is_bounded_by_the_time_between_sweeps() {
+        let points = [[10.0_f32, 0.0, 1.0], [12.0, 1.0, 1.0]];
+        let places = [[10.0, 0.0], [12.0, 1.0]];
+        let sweep = AlignedSweep { points: &points, time: 0.0, origin: [0.0; 3] };
+        let (extent, ground) = (Extent::of(places.into_iter()), Ground::of(&[&points]));
+        let shadow = Shadow::new(&RangeImage::new(&sweep, |_| true), extent, &ground);
+        let plan = Plan::new(places.into_iter(), extent, 0.4);
+        let looked_at = |after: f64| {
+            let (calls, others) = (Cell::new(0_usize), [Other { plan: &plan, shadow: &shadow, after }]);
+            let value = |_: &[[f64; 2]], _: &PlanarMotion| {
+                calls.set(calls.get() + 1);
+                0.0
+            };
+            coarse(&places, &PlanarMotion::rest([11.0, 0.5]), &others, &value);
+            calls.get() as f64
+        };
+        // A disk of radius SPEED_MAX in steps of half the reach over the time between sweeps.
+        let disk = |seconds: f64| std::f64::consts::PI * (SPEED_MAX * seconds / 0.2).powi(2);
+        for (after, seconds) in [(0.5, 0.5), (1.0, 1.0), (20.0, 1.0), (1.7e9, 1.0)] {
+            let share = looked_at(after) / disk(seconds);
+            assert!((share - 1.0).abs() < 0.02, "{after} s: {share} of the disk");
+        }
+    }
+}
