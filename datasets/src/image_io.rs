@@ -112,12 +112,17 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
     })
 }
 
+/// The begin of a file's name with which the names of its half files begin, behind a dot. All of the name and the rest may be longer than
+/// a name can be.
+pub fn temporary_begin(path: &Path) -> Option<String> {
+    const KEPT: usize = 32;
+    path.file_name().map(|name| name.to_string_lossy().chars().take(KEPT).collect())
+}
+
 /// A name beside `path` that no other thread or process uses.
 fn temporary_beside(path: &Path) -> PathBuf {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
-    // A part of the name says whose it is; all of it and the rest may be longer than a name can be.
-    const KEPT: usize = 32;
-    let name: String = path.file_name().unwrap_or_default().to_string_lossy().chars().take(KEPT).collect();
+    let name = temporary_begin(path).unwrap_or_default();
     let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
     path.with_file_name(format!(".{name}.{}.{unique}.tmp", std::process::id()))
 }

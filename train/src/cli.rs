@@ -150,9 +150,9 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
 
-    /// Steps by a budget of time, reading and evaluation at the end apart: processor time on a CPU, the clock on a GPU. A few steps are
+    /// Steps, at most a million, by a budget of time, reading and evaluation at the end apart: processor time on a CPU, the clock on a GPU. A few steps are
     /// measured first; the plan is saved in config.toml
-    #[arg(long, value_name = "M", conflicts_with_all = ["steps", "resume"])]
+    #[arg(long, value_name = "M", value_parser = extrapolate::positive, conflicts_with_all = ["steps", "resume"])]
     pub minutes: Option<f64>,
 
     /// Gaussians at most (as --set density.cap=N)
@@ -160,7 +160,7 @@ pub struct TrainArgs {
     pub cap: Option<usize>,
 
     /// Seed of all random draws (as --set seed=N)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub seed: Option<u64>,
 
     /// Run folder [default: runs/NAME after the data set; runs/NAME-2, -3, ... if that exists]
@@ -225,7 +225,7 @@ pub struct EvalArgs {
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// The data set
+    /// The data set: photos, a driving log, or a folder of driving logs
     #[arg(value_hint = ValueHint::AnyPath)]
     pub dataset: PathBuf,
 

@@ -19,7 +19,7 @@ use gs_train::report::future::spread::{Spread, moving_rows};
 
 mod common;
 
-use common::program::{fails, fails_with, succeeds};
+use common::program::{fails, fails_with, says, succeeds};
 
 /// A tiny world of four cameras, one of them held out, and a run on it of few steps.
 fn trained(folder: &Path) {
@@ -96,8 +96,16 @@ fn a_run_is_extrapolated_into_whole_files_that_repeat() {
     assert_eq!(in_parts, whole.len() as u64, "each Gaussian is in one part");
     assert_eq!(count("bodies"), parts.len() + 1, "a file for each part and their list");
 
-    succeeds(folder, &[&ASKED[..], &["--out", "again"]].concat());
+    // The results are there, whether or not the report of the run can be written.
+    let report = fs::read(folder.join("run/report.html")).expect("read");
+    fs::write(folder.join("run/report.html"), "another page").expect("written");
+    let [_, warned] = says(folder, &[&ASKED[..], &["--out", "again"]].concat());
+    assert!(warned.contains("report.html") && warned.contains("the report is left as it is"), "{warned}");
+    fs::write(folder.join("run/report.html"), report).expect("written");
     assert!(contents(&folder.join("again")) == files, "another call writes other bytes");
+    succeeds(folder, &["extrapolate", "run", "--to", "0.9", "--members", "0", "--out", "again"]);
+    let files = contents(&folder.join("again"));
+    assert!(files.keys().all(|path| !path.starts_with("ply") && !path.starts_with("bodies")), "{:?}", files.keys());
     let said =
         succeeds(folder, &["extrapolate", "run", "--to", "0.9", "--step", "3.5", "--members", "0", "--out", "steps"]);
     assert!(said.contains("steps of 3.5 frames move a Gaussian by at most"), "{said}");
@@ -112,7 +120,7 @@ fn refused(folder: &Path) {
         (2, vec!["--to", "nan"], "expected a finite number"),
         (2, vec!["--to", "1", "--frames", "0"], "not in 1..=10000"),
         (1, vec!["--to", "1", "--step", "1000"], "expected a step of 0.01 to 100 frames, found 1000"),
-        (1, vec!["--to", "1", "--members", "1"], "at least 2 members"),
+        (2, vec!["--to", "1", "--members", "1"], "expected 0, or 2 to 1000 members"),
         (1, vec!["--to", "1", "--camera", "cam77"], "expected orbit or one of cam00"),
     ] {
         let error = fails_with(code, folder, &[&["extrapolate", "run", "--out", "no"][..], &args].concat());

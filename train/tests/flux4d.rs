@@ -20,7 +20,7 @@ use gs_train::run::watch::{Ending, Job};
 
 mod common;
 
-use common::program::{fails, succeeds};
+use common::program::{fails, fails_with, says, succeeds};
 use common::streets::{SMALL, job, small_street, streets};
 
 fn failure(job: &Job) -> String {
@@ -140,6 +140,21 @@ fn an_interrupted_reconstruction_is_made_anew() {
     let has = |name: &str| out.join(name).exists();
     assert_eq!(["unfinished", "input", "reconstruction.json"].map(has), [true, false, false]);
     fs::write(&sweep, whole).expect("written");
+    let [text, warned] = says(folder, &args);
+    assert!(text.contains("2 snippets, 19 images") && !warned.contains("outside"), "{text}\n{warned}");
+    // Times and shifts where nothing is, and another result in the place of this one.
+    let mut far = args.to_vec();
+    far.retain(|arg| *arg != "--full");
+    far[3] = "-5,0.1";
+    let [_, warned] = says(folder, &far);
+    assert!(warned.contains("--times: 1 time lies outside the recording, which is from 0 to 1"), "{warned}");
+    let times: Vec<_> =
+        fs::read_dir(folder.join("out/times")).expect("a folder").flatten().map(|e| e.file_name()).collect();
+    assert_eq!(times.len(), 2, "{times:?}");
+    for (flag, value) in [("--times", "1e308"), ("--times", "nan"), ("--shift", "1e308,0,0")] {
+        let said = fails_with(2, folder, &["reconstruct", "street", flag, value, "--out", "out"]);
+        assert!(said.contains(value), "{said}");
+    }
     assert!(succeeds(folder, &args).contains("2 snippets, 19 images"));
     assert_eq!(["unfinished", "input", "reconstruction.json"].map(has), [false, true, true]);
     let times = fs::read_dir(out.join("times")).expect("a folder").count();
@@ -270,10 +285,84 @@ fn the_flow_of_sweeps_is_written_and_scored() {
     fs::write(folder.join("mine/00.npy"), "mine").expect("written");
     assert!(fails(folder, &["flow", "streets/000", "--out", "mine"]).contains("expected an empty folder"));
     assert_eq!(fs::read_to_string(folder.join("mine/00.npy")).expect("text"), "mine");
+    // Of another log, whose frames have other names: nothing of the first is left.
+    let other = folder.join("other");
+    write(&other, &small_street(4, 7), |_, _| {}).expect("written");
+    fs::rename(other.join("lidar/03.pkl.gz"), other.join("lidar/003.pkl.gz")).expect("renamed");
+    succeeds(folder, &["flow", "other", "--out", "flow"]);
+    assert_eq!(arrays_in(&folder.join("flow")), ["00.npy", "003.npy", "01.npy", "02.npy"]);
     let fitted = succeeds(folder, &["flow", "streets/000", "--window", "2", "--fit", "2"]);
     assert!(fitted.contains("a fit of each pair") && fitted.contains("EPE3D, moving"), "{fitted}");
     fs::remove_dir_all(&log).expect("a folder");
     assert!(fails(folder, &["flow", "streets/000"]).contains("streets/000"));
+}
+
+fn arrays_in(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).expect("a folder").flatten().map(|entry| entry.file_name());
+    let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+    names.retain(|name| name.ends_with(".npy"));
+    names.sort();
+    names
+}
+
+/// A clock that jumps by 20 s is a gap, on both sides of which motion is looked for; a first time of 0 leaves one sweep without another.
+#[test]
+fn the_flow_of_a_log_with_a_gap_stays_on_its_sides() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let log = streets(folder, 1).join("000");
+    let path = log.join("lidar/timestamps.json");
+    let times: Vec<f64> = serde_json::from_str(&fs::read_to_string(&path).expect("read")).expect("seconds");
+    let jumping: Vec<f64> = (0..11).map(|i| times[i] + if i >= 6 { 20.0 } else { 0.0 }).collect();
+    let alone: Vec<f64> = (0..11).map(|i| if i == 0 { 0.0 } else { times[i] }).collect();
+    for (times, sweeps, said) in [
+        (jumping, 11, "1 gap (20.1 s after frame 05), over which no motion is looked for"),
+        (alone, 10, "1 sweep has no other without a gap before or after and is left out"),
+    ] {
+        fs::write(&path, serde_json::to_string(&times).expect("JSON")).expect("written");
+        for fit in [&[][..], &["--fit", "2"]] {
+            let [text, warned] = says(folder, &[&["flow", "streets/000"], fit].concat());
+            assert!(text.contains(&format!("{sweeps} sweeps")), "{text}");
+            assert!(warned.contains(said), "{warned}");
+        }
+    }
+}
+
+/// A folder of logs is what `train` takes, and `check` too.
+#[test]
+fn a_folder_of_logs_is_checked_log_by_log() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    streets(folder, 2);
+    let [text, warned] = says(folder, &["check", "streets"]);
+    assert!(text.contains("streets/000: PandaSet") && text.contains("streets/001: PandaSet"), "{text}");
+    assert!(text.contains("Good to load.") && !text.contains("warning") && warned.is_empty(), "{text}\n{warned}");
+    let said = fails(folder, &["train", "streets", "--steps", "2"]);
+    assert!(said.contains("driving logs, which --set pipeline=flux4d takes"), "{said}");
+    fs::remove_file(folder.join("streets/001/lidar/poses.json")).expect("removed");
+    let output = common::program::gsburn(folder, &["check", "streets"]);
+    assert_eq!(output.status.code(), Some(1));
+}
+
+/// What is told before a run is no less than what it takes: also of few points, where the network is most of it.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_memory_of_a_network_is_foretold() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    streets(folder, 2);
+    for points in ["300", "3000"] {
+        let out = format!("run-{points}");
+        let set = format!("lift.points={points}");
+        let args = ["train", "streets", "--recipe", "flux4d/base", "--steps", "2", "--set", &set, "--out", &out];
+        succeeds(folder, &[&args[..], &["--device", "flex", "--quiet"]].concat());
+        let eval = json(&folder.join(&out).join("eval.json"));
+        let [foretold, peak] = ["predicted_memory_bytes", "peak_memory_bytes"].map(|key| {
+            let value = eval[key].as_u64().or(eval["cost"][key].as_u64());
+            value.unwrap_or_else(|| panic!("{key} in {eval}"))
+        });
+        assert!(peak <= foretold, "{points} points: {peak} bytes, {foretold} were foretold");
+    }
 }
 
 /// A network without the state of its optimiser reconstructs as the run does, and the one that ships reconstructs a log.

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use common::{config, finish, job, tiny_scene, train};
-use gs_train::run::folder::RunFolder;
+use gs_train::run::folder::{MetricsLine, RunFolder};
 use gs_train::run::lock::Lock;
 use gs_train::run::watch::{Ending, Job};
 
@@ -203,6 +203,76 @@ fn a_save_that_fails_is_tried_again() {
     fs::create_dir_all(last.folder.checkpoint(40).with_extension("part").join("x")).expect("made");
     let said = format!("{:#}", train(&last).expect_err("the last save fails"));
     assert!(said.contains("cannot write the checkpoint"), "{said}");
+    assert_eq!(said.matches("os error").count(), 1, "{said}");
+    // What fits is written all the same.
+    assert!(said.ends_with("scene.ply, eval.json, metrics.jsonl and report.html are written"), "{said}");
+    let folder = &last.folder;
+    assert!([folder.ply(), folder.eval(), folder.report()].iter().all(|path| path.is_file()));
+    assert_eq!(folder.read_eval().expect("figures").last.step, 40);
+}
+
+/// A run that is killed while its report is written is measured again when it is resumed.
+#[test]
+fn the_last_measurement_is_in_the_metrics_once() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let mut job = short(temporary.path());
+    finish(&job);
+    fs::remove_file(job.folder.report()).expect("removed");
+    job.resume = true;
+    finish(&job);
+    let lines = job.folder.read_metrics(40).expect("metrics");
+    let measured = lines.iter().filter(|line| matches!(line, MetricsLine::Eval(_))).map(MetricsLine::step);
+    assert_eq!(measured.collect::<Vec<_>>(), [40]);
+}
+
+/// Figures of the last step are the result on standard output, and not progress as well.
+#[test]
+fn the_result_is_said_once() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    tiny_scene(temporary.path());
+    let train = [&["train", "scene", "--out", "run", "--steps", "5"][..], &QUICK].concat();
+    let [said, errors] = succeeds(temporary.path(), &train);
+    let line = said.lines().find(|line| line.contains("PSNR")).expect("figures");
+    assert!(line.contains("step 5") && !errors.contains(line), "{line}\n{errors}");
+}
+
+#[test]
+fn a_data_set_that_was_moved_is_told() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let mut job = short(folder);
+    job.stop_at = Some(20);
+    train(&job).expect("stopped");
+    fs::rename(folder.join("scene"), folder.join("moved")).expect("moved");
+    let said = fails(folder, &["train", "--resume", "--out", "run"]);
+    assert!(said.contains("gsburn train NEWPLACE --resume --out run"), "{said}");
+    succeeds(folder, &["train", "moved", "--resume", "--out", "run"]);
+}
+
+/// Commands that fill a folder refuse those of others before they compute, and say who writes one.
+#[test]
+fn folders_of_results_are_our_own_and_have_one_writer() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    tiny_scene(folder);
+    let before = content(&folder.join("scene"));
+    let sweep = [&["sweep", "scene", "--over", "seed=1,2", "--set", "steps=2", "--out"][..]].concat();
+    let stability = ["stability", "sparsedyn", "--only", "reversal", "--quick", "--out"];
+    for command in [&sweep[..], &stability] {
+        let said = fails(folder, &[command, &["scene"]].concat());
+        assert!(said.contains("expected an empty folder") && said.contains("in it"), "{said}");
+        let out = folder.join("out");
+        let held = Lock::of_results(&out).expect("free");
+        let said = fails(folder, &[command, &["out"]].concat());
+        assert!(said.contains(&format!("process {} is writing", std::process::id())), "{said}");
+        drop(held);
+        assert!(!out.exists());
+    }
+    assert!(content(&folder.join("scene")) == before);
+    for _ in 0..2 {
+        succeeds(folder, &[&stability[..], &["limits"]].concat());
+    }
+    assert!(!folder.join("limits/.lock").exists());
 }
 
 #[test]

@@ -7,9 +7,12 @@ use gs_datasets::{DatasetError, FrameSource, agree, counted, printable};
 use rayon::prelude::*;
 
 use crate::draw;
+use crate::faults::sentences;
 use crate::log::{DrivingLog, LogFormat};
 use crate::options::LogOptions;
+use crate::pandaset;
 use crate::project::project;
+use crate::snippet::gaps;
 use crate::sweep::Sweep;
 
 /// Contents and mistakes of a driving log. `Display` prints it whole, one sentence a line.
@@ -80,12 +83,11 @@ pub fn check(path: &Path, options: &LogOptions, pictures: Option<&Path>) -> Driv
     report.warnings.extend(log.warnings().iter().map(|warning| printable(warning).into_owned()));
     describe_frames(&log, &mut report);
     describe_cameras(&log, &mut report);
+    describe_rig(&log, &mut report);
     describe_sweeps(&log, &mut report);
-    let broken: Vec<String> = (0..FrameSource::frames(&log).len())
-        .into_par_iter()
-        .filter_map(|index| log.decode(index).err().map(|error| error.to_string()))
-        .collect();
-    report.errors.extend(broken);
+    let broken: Vec<DatasetError> =
+        (0..FrameSource::frames(&log).len()).into_par_iter().filter_map(|index| log.decode(index).err()).collect();
+    report.errors.extend(sentences(&broken));
     if let Some(folder) = pictures
         && let Err(error) = draw_middle(&log, folder, &mut report)
     {
@@ -98,14 +100,17 @@ fn describe_frames(log: &DrivingLog, report: &mut DrivingReport) {
     let frames = log.frames();
     let span = frames.last().map_or(0.0, |last| last.time - frames[0].time);
     let way: f64 = frames.windows(2).map(|pair| pair[1].ego.w_axis.distance(pair[0].ego.w_axis)).sum();
-    let interval = match frames.len() {
-        1 => String::new(),
-        count => format!(", one every {:.0} ms", 1e3 * span / (count - 1) as f64),
-    };
+    let mut intervals: Vec<f64> = frames.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
+    intervals.sort_by(f64::total_cmp);
+    let usual = intervals.get(intervals.len() / 2);
+    let interval = usual.map_or(String::new(), |usual| format!(", one every {:.0} ms", 1e3 * usual));
     report.facts.push(format!(
         "{} over {span:.1} s{interval}; the ego vehicle drives {way:.1} m.",
         counted(frames.len(), "frame")
     ));
+    if let Some(gaps) = gaps(frames) {
+        report.warnings.push(format!("the recording has {gaps}, over which no snippet and no motion reaches"));
+    }
     if log.origin().length() > 0.0 {
         report
             .facts
@@ -141,17 +146,35 @@ fn describe_cameras(log: &DrivingLog, report: &mut DrivingReport) {
     }
 }
 
+/// The cameras of the data set's rig that a log was written or downloaded without.
+fn describe_rig(log: &DrivingLog, report: &mut DrivingReport) {
+    let is_absent = |name: &&str| !pandaset::names::has_camera(log.path(), name);
+    let absent: Vec<&str> = match log.format() {
+        LogFormat::PandaSet => pandaset::names::CAMERAS.iter().map(|(name, _)| *name).filter(is_absent).collect(),
+        _ => Vec::new(),
+    };
+    if !absent.is_empty() {
+        let (count, rig) = (counted(absent.len(), "camera"), pandaset::names::CAMERAS.len());
+        report.facts.push(format!(
+            "{count} of the rig's {rig} {} not here: {}.",
+            agree(absent.len(), "is", "are"),
+            absent.join(", ")
+        ));
+    }
+}
+
 fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
     let with: Vec<usize> = (0..log.frames().len()).filter(|frame| log.frames()[*frame].has_sweep).collect();
     let notes: Vec<Result<SweepNote, DatasetError>> =
         with.par_iter().map(|frame| log.sweep(*frame).map(|sweep| note(log, *frame, &sweep))).collect();
-    let mut good = Vec::new();
+    let (mut good, mut broken) = (Vec::new(), Vec::new());
     for note in notes {
         match note {
             Ok(note) => good.push(note),
-            Err(error) => report.errors.push(error.to_string()),
+            Err(error) => broken.push(error),
         }
     }
+    report.errors.extend(sentences(&broken));
     let points: Vec<f64> = good.iter().map(|note| note.points as f64).collect();
     let (low, high) = bounds(&points);
     let sensors = [0, 1].map(|sensor| good.iter().map(|note| note.by_sensor[sensor]).sum::<usize>());

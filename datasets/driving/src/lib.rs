@@ -28,6 +28,7 @@ mod check;
 mod description;
 mod draw;
 mod error;
+mod faults;
 mod feather;
 mod gzip;
 mod log;
@@ -43,11 +44,11 @@ mod waymo;
 pub use boxes::FLOW_INTERVAL;
 pub use check::{DrivingReport, check};
 pub use description::{Camera, Frame, Shot};
-pub use log::{DrivingLog, LogFormat};
+pub use log::{DrivingLog, LogFormat, logs_in};
 pub use options::{CameraUse, LogOptions};
 pub use project::{NEAR, colors, depth_image, project, sample};
 pub use snippet::{
-    INTERPOLATION_FRAMES, OVERLAP, PREDICTION_FRAMES, Snippet, SnippetKind, TEST_LOGS, TEST_LOGS_ARGOVERSE, runs,
+    INTERPOLATION_FRAMES, OVERLAP, PREDICTION_FRAMES, Snippet, SnippetKind, TEST_LOGS, TEST_LOGS_ARGOVERSE, gaps, runs,
     snippets, snippets_without_gaps, spaced,
 };
 pub use sweep::{Cuboid, Labels, ObjectClass, RANGE_MAX, Sweep};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::{DatasetError, FrameDescription, FrameSource, RgbImage8, Split, View, printable, read_photo};
+use gs_datasets::{DatasetError, FrameDescription, FrameSource, RgbImage8, Split, View, read_photo};
 
 use crate::argoverse;
 use crate::description::{Camera, Description, Frame, Shot};
@@ -57,6 +57,19 @@ impl LogFormat {
             None
         }
     }
+}
+
+/// The driving logs of a folder, by name.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let unread = |source| DatasetError::Io { path: folder.to_path_buf(), action: "read", source };
+    let entries = std::fs::read_dir(folder).map_err(unread)?;
+    let mut found: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(|path| LogFormat::of(path).is_some()).collect();
+    found.sort();
+    Ok(found)
 }
 
 /// A driving log. It holds descriptions and no pixel or point: less than 1 KB for each frame and camera. A sweep or image belongs to who
@@ -125,9 +138,6 @@ impl DrivingLog {
     }
 
     fn of(path: &Path, format: LogFormat, description: Description, options: &LogOptions) -> Self {
-        for warning in &description.warnings {
-            tracing::warn!("{}", printable(warning));
-        }
         let (mut views, mut places) = (Vec::new(), Vec::new());
         let mut index = vec![vec![None; description.cameras.len()]; description.frames.len()];
         for (f, (frame, shots)) in description.frames.iter().zip(&description.shots).enumerate() {

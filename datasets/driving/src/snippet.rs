@@ -2,6 +2,10 @@
 
 use std::ops::Range;
 
+use gs_datasets::{counted, some_names};
+
+use crate::description::Frame;
+
 /// Logs of PandaSet that the paper tests on; all others train.
 pub const TEST_LOGS: [&str; 10] = ["001", "011", "016", "065", "084", "090", "106", "115", "123", "158"];
 
@@ -104,6 +108,17 @@ pub fn runs(times: &[f64]) -> Vec<Range<usize>> {
     begins.iter().copied().zip(ends).map(|(begin, end)| begin..end).collect()
 }
 
+/// The gaps between the [`runs`] of the frames of a recording, in a phrase: "2 gaps (20.1 s after frame 10, ...)"; `None` without any.
+pub fn gaps(frames: &[Frame]) -> Option<String> {
+    let runs = runs(&frames.iter().map(|frame| frame.time).collect::<Vec<_>>());
+    let gap = |pair: &[Range<usize>]| {
+        let (before, after) = (&frames[pair[0].end - 1], &frames[pair[1].start]);
+        format!("{:.1} s after frame {}", after.time - before.time, before.name)
+    };
+    let found: Vec<String> = runs.windows(2).map(gap).collect();
+    (!found.is_empty()).then(|| format!("{} ({})", counted(found.len(), "gap"), some_names(&found)))
+}
+
 /// [`spaced`] snippets of each of the [`runs`] of a recording: a gap lies inside no snippet.
 pub fn snippets_without_gaps(times: &[f64], count: usize, every: usize) -> Vec<Snippet> {
     let of_run = |run: Range<usize>| {
@@ -172,5 +187,16 @@ mod tests {
         let lengths = |times: &[f64]| runs(times).iter().map(Range::len).collect::<Vec<_>>();
         assert_eq!(lengths(&uneven), [30]);
         assert_eq!((lengths(&[]), lengths(&[3.0]), lengths(&[3.0, 9.0])), (vec![], vec![1], vec![2]));
+    }
+
+    #[test]
+    fn gaps_are_named() {
+        let frame =
+            |i: usize, time: f64| Frame { name: format!("{i:02}"), time, has_sweep: true, ego: glam::DMat4::IDENTITY };
+        let frames = |later: f64| -> Vec<Frame> {
+            (0..22).map(|i| frame(i, 0.1 * i as f64 + if i >= 11 { later } else { 0.0 })).collect()
+        };
+        assert_eq!(gaps(&frames(20.0)).as_deref(), Some("1 gap (20.1 s after frame 10)"));
+        assert_eq!((gaps(&frames(0.0)), gaps(&[])), (None, None));
     }
 }

@@ -56,6 +56,17 @@ fn points_boxes_and_poses() {
 }
 
 #[test]
+fn a_log_without_lidar_says_so() {
+    let folder = copied();
+    let said = || DrivingLog::open(folder.path(), &LogOptions::default()).expect_err("no frames").to_string();
+    let lidar = folder.path().join("sensors/lidar");
+    std::fs::rename(&lidar, folder.path().join("elsewhere")).expect("moved");
+    assert!(said().contains("sensors/lidar: expected LiDAR sweeps") && said().contains("no such folder"), "{}", said());
+    std::fs::create_dir_all(&lidar).expect("made");
+    assert!(said().contains("a folder without any"), "{}", said());
+}
+
+#[test]
 fn a_portrait_camera_sees_what_is_ahead() {
     let folder = copied();
     let images = folder.path().join("sensors/cameras/ring_front_center");

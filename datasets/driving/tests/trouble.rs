@@ -69,6 +69,30 @@ fn poses_and_intrinsics_without_meaning() {
     assert!(error(folder.path()).contains("focal lengths above 0"));
 }
 
+/// Programs write NaN, which is no JSON: the entry is named, not a column of the file.
+#[test]
+fn numbers_that_are_none_are_named() {
+    for word in ["NaN", "-Infinity", "-nan(ind)"] {
+        let written = |file: &str, number: &str| {
+            let folder = made(3);
+            let path = folder.path().join(file);
+            edit(&path, |list| match list[1].is_object() {
+                true => list[1]["position"]["x"] = json!(1.5e6),
+                false => list[1] = json!(1.5e6),
+            });
+            let text = fs::read_to_string(&path).expect("read");
+            assert!(text.contains("1500000.0"), "{text}");
+            fs::write(&path, text.replace("1500000.0", number)).expect("written");
+            error(folder.path())
+        };
+        let said = written("lidar/poses.json", word);
+        assert!(said.contains("pose 1: expected a position in metres, found [NaN, "), "{word}: {said}");
+        let said = written("camera/front_camera/timestamps.json", word);
+        assert!(said.contains("entry 1: expected Unix seconds, found NaN"), "{word}: {said}");
+        assert!(written("lidar/timestamps.json", "1e308").contains("entry 1: expected Unix seconds, found 1e308"));
+    }
+}
+
 #[test]
 fn missing_sensors() {
     // Without a camera points have no colours; without a sweep the frame is one of the camera alone.
@@ -94,6 +118,46 @@ fn a_log_of_one_frame() {
     assert!(report.is_ok() && report.to_string().contains("1 frame over 0.0 s"), "{report}");
     let list = snippets(1, SnippetKind::Interpolation);
     assert_eq!((list.len(), &list[0].inputs[..], list[0].targets.len()), (1, &[0][..], 0));
+}
+
+/// A log is written or downloaded without some cameras: a fact. A folder without images is none.
+#[test]
+fn absent_cameras_are_no_warning() {
+    let folder = made(2);
+    let report = check(folder.path(), &LogOptions::default(), None);
+    assert!(report.warnings.is_empty(), "{report}");
+    assert!(report.to_string().contains("5 cameras of the rig's 6 are not here: front_left_camera, "), "{report}");
+    for name in ["left_camera", "back_camera"] {
+        fs::create_dir(folder.path().join("camera").join(name)).expect("made");
+    }
+    let report = check(folder.path(), &LogOptions::default(), None);
+    assert_eq!(report.warnings, ["2 cameras without an image: left_camera, back_camera"]);
+}
+
+#[test]
+fn a_gap_is_named() {
+    let folder = made(8);
+    edit(&folder.path().join("lidar/timestamps.json"), |times| {
+        for time in &mut times.as_array_mut().expect("a list")[5..] {
+            *time = json!(time.as_f64().expect("seconds") + 20.0);
+        }
+    });
+    let report = check(folder.path(), &LogOptions::default(), None).to_string();
+    assert!(report.contains("8 frames over 20.7 s, one every 100 ms"), "{report}");
+    assert!(report.contains("warning: the recording has 1 gap (20.1 s after frame 04)"), "{report}");
+}
+
+#[test]
+fn one_fault_of_all_sweeps_is_one_sentence() {
+    let folder = made(6);
+    for sweep in 0..6 {
+        let path = folder.path().join(format!("lidar/{sweep:02}.pkl"));
+        let whole = fs::read(&path).expect("read");
+        fs::write(&path, &whole[..whole.len() - 3]).expect("written");
+    }
+    let report = check(folder.path(), &LogOptions::default(), None);
+    assert_eq!(report.errors.len(), 1, "{report}");
+    assert!(report.errors[0].contains("(in 6 files: 00.pkl, 01.pkl, 02.pkl, ...)"), "{report}");
 }
 
 #[test]

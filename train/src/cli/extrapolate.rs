@@ -7,6 +7,10 @@ use clap::builder::ValueHint;
 
 use crate::cli::DeviceArgs;
 use crate::cli::render::finite;
+use crate::report::future::spread::FEWEST;
+
+/// Most members of an ensemble: each is integrated over all times, and the spread of a thousand is known to 3 %.
+const MEMBERS_MAX: u32 = 1000;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -72,7 +76,7 @@ pub struct ExtrapolateArgs {
     pub bodies: bool,
 
     /// Members of the ensemble; 0: no uncertainty
-    #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    #[arg(long, value_name = "K", default_value_t = 8, value_parser = members)]
     pub members: u32,
 
     /// Length of an integration step, frames [default: as trained]
@@ -88,8 +92,14 @@ pub struct ExtrapolateArgs {
     pub device: DeviceArgs,
 }
 
+/// 0, or members that can differ.
+fn members(text: &str) -> Result<u32, String> {
+    let count = text.parse().ok().filter(|count| *count == 0 || (FEWEST as u32..=MEMBERS_MAX).contains(count));
+    count.ok_or_else(|| format!("expected 0, or {FEWEST} to {MEMBERS_MAX} members"))
+}
+
 /// A finite number above 0.
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
         _ => Err("expected a number above 0".into()),

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::ValueHint;
+use gs_driving::RANGE_MAX;
 
 use crate::cli::DeviceArgs;
+use crate::cli::render::finite;
 use crate::pipelines::examples;
 
 /// Arguments of `reconstruct`.
@@ -42,7 +44,7 @@ pub struct ReconstructArgs {
     pub future: u8,
 
     /// Also render these times, seconds from the begin of the snippet (with --full of the first; each by the snippet that holds it)
-    #[arg(long, value_delimiter = ',', allow_negative_numbers = true, value_parser = finite, value_name = "T,...")]
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_parser = seconds, value_name = "T,...")]
     pub times: Vec<f64>,
 
     /// Optimise each snippet after the network, on its input images alone, by this many steps; Ctrl-C keeps what is reached
@@ -70,8 +72,12 @@ pub struct ReconstructArgs {
 #[derive(Debug, Clone, Copy)]
 pub struct Shift(pub [f64; 3]);
 
-fn finite(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "expected a finite number".to_string())
+/// Farthest time from the begin of a snippet, seconds: no log lasts an hour.
+const SECONDS_MAX: f64 = 3600.0;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected seconds from -{SECONDS_MAX} to {SECONDS_MAX}");
+    finite(text).ok().filter(|x| x.abs() <= SECONDS_MAX).ok_or_else(expected)
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
@@ -79,9 +85,11 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 fn shift(text: &str) -> Result<Shift, String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|part| finite(part.trim()).ok()).collect();
+    let near = |part: &str| finite(part.trim()).ok().filter(|x| x.abs() <= RANGE_MAX);
+    let numbers: Option<Vec<f64>> = text.split(',').map(near).collect();
     match numbers.as_deref() {
         Some(&[forward, left, up]) => Ok(Shift([forward, left, up])),
-        _ => Err("expected three numbers, as in 0,1.5,0.5".to_string()),
+        // What lies farther away no LiDAR sees.
+        _ => Err(format!("expected three numbers from -{RANGE_MAX} to {RANGE_MAX}, as in 0,1.5,0.5")),
     }
 }

@@ -1,6 +1,6 @@
 //! `gsburn sweep`: on each data set a run for every combination of some values, and their comparison.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Result;
@@ -13,10 +13,13 @@ use crate::commands::planned::{Planned, State, Sweep, say, sweeps};
 use crate::commands::{choose, command_line, describe, device, in_markdown, marked, print};
 use crate::report::comparison::{Comparison, Gathered, enough, gather, page, stacked};
 use crate::run::folder::RunFolder;
-use crate::run::interrupt;
-use crate::run::outputs;
+use crate::run::lock::Lock;
 use crate::run::resources::forget_peak_memory;
 use crate::run::watch::{Ending, Job};
+use crate::run::{interrupt, outputs, results};
+
+/// The files of a comparison.
+const FILES: [&str; 4] = ["chart.svg", "chart.md", "chart.csv", "index.html"];
 
 /// Trains the combinations that are not finished yet, data set by data set, and compares those of each.
 ///
@@ -29,7 +32,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
     let choice = args.choose.map(|_| choose::FILE);
     let several = sweeps.len() > 1;
     for sweep in &sweeps {
-        let files = ["chart.svg", "chart.md", "chart.csv", "index.html"].into_iter().chain(choice);
+        let files = FILES.into_iter().chain(choice);
         outputs::check(&files.map(|name| sweep.out.join(name)).collect::<Vec<_>>(), &[])?;
         if let (Some(_), Some(first)) = (args.choose, sweep.runs.first()) {
             choose::check_split(sweep, &first.config)?;
@@ -38,6 +41,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
     if several {
         outputs::check(&["chart.svg", "index.html"].map(|name| args.out.join(name)), &[])?;
     }
+    results::check_own(&args.out, |path| is_own(path) || several && results::check_own(path, is_own).is_ok())?;
+    let _lock = Lock::of_results(&args.out)?;
     interrupt::watch();
     let mut compared = Vec::new();
     for sweep in &sweeps {
@@ -63,6 +68,16 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
         print(format!("all: chart  {}\n     page   {}", chart.display(), index.display()));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether something in the folder of a sweep is its own: a run, begun or not, or a file of a comparison.
+fn is_own(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let is_file = FILES.contains(&name) || name == choose::FILE;
+    match path.is_dir() {
+        true => RunFolder::at(path).config().is_file() || RunFolder::vacant(path).is_ok(),
+        false => is_file && outputs::check_one(path).is_ok(),
+    }
 }
 
 /// Trains what is not finished; `false` when it was interrupted.
@@ -98,7 +113,13 @@ fn finishes(sweep: &Sweep<'_>, run: &Planned, device: &Device) -> Result<bool> {
         stop_at: None,
         quiet: sweep.args.quiet,
     };
-    Ok(matches!(run.config.pipeline.train(&job)?, Ending::Finished(_)))
+    match run.config.pipeline.train(&job)? {
+        Ending::Finished(eval) => {
+            say(sweep.args, &eval.last.line());
+            Ok(true)
+        }
+        Ending::Interrupted(_) => Ok(false),
+    }
 }
 
 /// Writes chart, tables and page of a data set, and returns its runs and their comparison.

@@ -10,7 +10,8 @@ use gs_burn::device;
 
 use crate::cli::{ConfigArgs, TrainArgs};
 use crate::commands::{device as chosen, missing, print};
-use crate::config::ConfigError;
+use crate::config::{ConfigError, brief};
+use crate::fit::budget::STEPS_MAX;
 use crate::pipelines::{Pipeline, Resolved, Sources, resolve as resolve_sources, resolve_saved};
 use crate::run::folder::{EvalFile, RunFolder, full_path};
 use crate::run::interrupt;
@@ -76,15 +77,15 @@ fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job
 
 /// The configuration with the steps that fit into `minutes`.
 fn planned(args: &TrainArgs, resolved: Resolved, dataset: &Path, minutes: f64, device: &Device) -> Result<Resolved> {
-    if !(minutes.is_finite() && minutes > 0.0) {
-        bail!("--minutes: expected a positive number, found {minutes}");
-    }
     let plan = resolved.pipeline.plan_steps(dataset, &resolved.config, minutes, device)?;
     if !args.quiet {
         let [first, last] = plan.step;
+        let most = if plan.steps == STEPS_MAX { ", the most that are planned," } else { "" };
         eprintln!(
-            "{} steps fit into {minutes} minutes: {:.1} s to begin, {first:.3} s a step with the first Gaussians, {last:.3} s with the most",
-            plan.steps, plan.start
+            "{} steps{most} fit into {} minutes: {:.1} s to begin, {first:.3} s a step with the first Gaussians, {last:.3} s with the most",
+            plan.steps,
+            brief(minutes),
+            plan.start
         );
     }
     let more: Vec<String> = shortcuts(args).into_iter().chain([format!("steps={}", plan.steps)]).collect();
@@ -111,6 +112,13 @@ fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, J
     let (config, begun_on) = folder.read_config()?;
     let resolved = resolve_saved(&config, &folder.config().display().to_string())?;
     let dataset = args.dataset.clone().unwrap_or_else(|| begun_on.clone());
+    if args.dataset.is_none() && !dataset.exists() {
+        let (gone, folder) = (dataset.display(), folder.path().display());
+        bail!(
+            "{gone}: expected the data set that the run began on, found nothing; \
+             if it was moved, continue with: gsburn train NEWPLACE --resume --out {folder}"
+        );
+    }
     // The data set may have been moved; the user sees whether it is another one.
     if full_path(&dataset) != begun_on {
         tracing::warn!("the run began on {} and goes on with {}", begun_on.display(), dataset.display());

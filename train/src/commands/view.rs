@@ -9,6 +9,7 @@ use gs_datasets::image_io::write_atomic;
 
 use crate::cli::ViewArgs;
 use crate::commands::{device, print};
+use crate::logging::one_sentence;
 use crate::pipelines::{Foreseen, of_checkpoint};
 use crate::report::viewer::{self, Camera, Packed as Page, Viewed};
 use crate::run::exchange::Packed;
@@ -65,7 +66,7 @@ impl Opened {
             Ok(Foreseen { loaded, photos, .. }) => Ok(Self { loaded, cameras: viewer::cameras(&photos) }),
             Err(error) => {
                 let opened = Self::alone(file, device)?;
-                tracing::warn!("the page has no cameras and photos: {error:#}");
+                tracing::warn!("the page has no cameras and photos: {}", one_sentence(&error));
                 Ok(opened)
             }
         }

@@ -28,14 +28,14 @@ pub enum ConfigError {
         found: String,
     },
     /// A key that does not exist.
-    #[error("{origin}: unknown key `{key}`; the nearest valid key is `{nearest}`")]
+    #[error("{origin}: unknown key `{key}`; {hint}")]
     UnknownKey {
         /// The file or argument.
         origin: String,
         /// The key as written, with its sections.
         key: String,
-        /// The valid key most like it.
-        nearest: String,
+        /// The valid key most like it, or where valid keys are found.
+        hint: String,
     },
     /// A value of the wrong type.
     #[error("{origin}: {found}")]
@@ -84,18 +84,35 @@ pub enum ConfigError {
         valid: String,
     },
     /// A recipe that does not exist.
-    #[error("--recipe {found}: there is no such recipe; the nearest is {nearest} (`gsburn recipes` lists all)")]
+    #[error("--recipe {found}: there is no such recipe{} (`gsburn recipes` lists all)",
+        nearest.as_ref().map_or(String::new(), |name| format!("; the nearest is {name}")))]
     Recipe {
         /// The name as written.
         found: String,
-        /// The name most like it.
-        nearest: String,
+        /// The name most like it, if one is like it.
+        nearest: Option<String>,
     },
 }
 
 /// `Ok` when `holds`, otherwise the sentence "`key` must be `expected`, found `found`".
 pub fn check(key: &'static str, found: impl ToString, holds: bool, expected: &'static str) -> Result<(), ConfigError> {
-    if holds { Ok(()) } else { Err(ConfigError::Range { key, expected, found: found.to_string() }) }
+    if holds {
+        return Ok(());
+    }
+    let text = found.to_string();
+    let found = text.parse::<f64>().map_or(text, brief);
+    Err(ConfigError::Range { key, expected, found })
+}
+
+/// Size from which on numbers are written with an exponent: nobody counts more zeros, and 1e308 has 308.
+const EXPONENT_FROM: f64 = 1e9;
+
+/// A number for people.
+pub fn brief(number: f64) -> String {
+    match number.is_finite() && number.abs() >= EXPONENT_FROM {
+        true => format!("{number:e}"),
+        false => number.to_string(),
+    }
 }
 
 /// Whether `x` is above 0, also as f32, in which kernels compute.

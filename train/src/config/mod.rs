@@ -11,6 +11,7 @@ mod error;
 mod init;
 mod loss;
 mod model;
+pub mod nearest;
 mod optimiser;
 mod run;
 pub mod tables;
@@ -25,7 +26,7 @@ use toml::{Table, Value};
 
 pub use data::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use density::{DensityConfig, OpacityPolicy, Strategy};
-pub use error::{ConfigError, check, not_negative, open_unit, positive};
+pub use error::{ConfigError, brief, check, not_negative, open_unit, positive};
 pub use init::InitConfig;
 pub use loss::LossConfig;
 pub use model::{ModelConfig, RenderConfig};

@@ -111,11 +111,12 @@ pub fn override_layer(text: &str) -> Result<Layer, ConfigError> {
         return Err(ConfigError::Syntax { origin, found: "no `=`; write section.key=value".into() });
     };
     let raw = raw.trim();
-    let value = format!("value = {raw}")
-        .parse::<Table>()
-        .ok()
-        .and_then(|mut table| table.remove("value"))
-        .unwrap_or_else(|| Value::String(raw.into()));
+    let parsed = format!("value = {raw}").parse::<Table>().ok().and_then(|mut table| table.remove("value"));
+    if parsed.is_none() && is_whole(raw) {
+        let found = format!("expected a whole number from {} to {}, found {raw}", i64::MIN, i64::MAX);
+        return Err(ConfigError::Type { origin, found });
+    }
+    let value = parsed.unwrap_or_else(|| Value::String(raw.into()));
     let mut names = key.trim().split('.').rev();
     let last = names.next().unwrap_or_default();
     let mut table = Table::from_iter([(last.to_string(), value)]);
@@ -123,6 +124,12 @@ pub fn override_layer(text: &str) -> Result<Layer, ConfigError> {
         table = Table::from_iter([(name.to_string(), Value::Table(table))]);
     }
     Ok(Layer { origin, table })
+}
+
+/// Whether a text is a whole number, of any size.
+fn is_whole(text: &str) -> bool {
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    !digits.is_empty() && digits.chars().all(|c| c.is_ascii_digit())
 }
 
 /// Merges `from` into `into`; values of `from` win.
@@ -176,17 +183,6 @@ pub fn flat(table: &Table) -> Vec<(String, String)> {
     all
 }
 
-/// The valid key most like `key`: by spelling as a whole, or by its last name in another section.
-pub fn nearest<'a>(key: &str, valid: &'a [String]) -> &'a str {
-    let last = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
-    let distance = |candidate: &&String| {
-        let whole = strsim::damerau_levenshtein(key, candidate);
-        let name = strsim::damerau_levenshtein(&last(key), &last(candidate)) + 1;
-        whole.min(name)
-    };
-    valid.iter().min_by_key(distance).map_or("", String::as_str)
-}
-
 /// A parser's complaint on one line.
 pub fn one_line(error: &toml::de::Error) -> String {
     error.to_string().lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
@@ -201,6 +197,13 @@ mod tests {
         assert_eq!(beside("a/b/c", "../d.toml"), "a/d");
         assert_eq!(beside("a/c", "base.toml"), "a/base");
         assert_eq!(beside("a/c", "../../../x.toml"), "x");
+    }
+
+    #[test]
+    fn whole_numbers_beyond_those_of_toml_are_no_text() {
+        let said = override_layer("seed=18446744073709551615").expect_err("too large").to_string();
+        assert!(said.ends_with("to 9223372036854775807, found 18446744073709551615"), "{said}");
+        override_layer("seed=9223372036854775807").expect("a number of TOML");
     }
 
     #[test]

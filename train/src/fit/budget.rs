@@ -5,7 +5,7 @@ use super::coarse::Coarse;
 use crate::config::{Config, Strategy};
 
 /// Most steps that a budget is turned into.
-const MOST: usize = 1_000_000;
+pub const STEPS_MAX: usize = 1_000_000;
 
 /// Cost of a step over the number of Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +49,7 @@ fn seconds(cost: &StepCost, mut count: usize, coarse: &Coarse, config: &Config, 
 pub fn steps_within(budget: f64, cost: &StepCost, count: usize, coarse: &Coarse, config: &Config) -> usize {
     let cheapest = cost.of(count.min(config.density.cap), 2);
     // No step costs less, which spares the search the long runs.
-    let most = if cheapest > 0.0 { ((budget / cheapest) as usize).min(MOST) } else { MOST };
+    let most = if cheapest > 0.0 { ((budget / cheapest) as usize).min(STEPS_MAX) } else { STEPS_MAX };
     let (mut fits, mut exceeds) = (0, most + 1);
     while exceeds - fits > 1 {
         let middle = fits + (exceeds - fits) / 2;

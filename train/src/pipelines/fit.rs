@@ -9,6 +9,7 @@ use burn::tensor::Device;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::{CheckReport, LoadOptions, Scene, counted};
+use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
@@ -29,6 +30,7 @@ use crate::report::future::{self, Known, Studio};
 use crate::report::timetable;
 use crate::report::viewer::{self, Viewed};
 use crate::run::checkpoint::{Checkpoint, Origin};
+use crate::run::ending::LastFiles;
 use crate::run::evaluate::{Evaluator, HeldOut};
 use crate::run::exchange::host::gaussians_of;
 use crate::run::fingerprint::Fingerprint;
@@ -111,7 +113,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         if config.eval.at.contains(&step) && step < config.steps {
             let held_out = HeldOut::of(&data.scene, None, &session.at()).expect("the reported split");
             let (measured, _) = evaluator.measure(session.trainer.model(), &data.scene, &held_out, &session.at(), 0);
-            run.record(step, measured)?;
+            run.record(step, measured).1?;
         }
         if run.is_save_due(step) {
             run.save_on_the_way(step, &Snapshot::of(&session.trainer));
@@ -120,7 +122,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     finish(run, job, &data, &session.into_trainer(), config, &evaluator)
 }
 
-/// Saves, measures and reports a finished training.
+/// Saves, measures and reports a finished training. Of the files that a disk is too full for, the others are written all the same.
 fn finish<M: Method>(
     mut run: Run,
     job: &Job,
@@ -130,19 +132,23 @@ fn finish<M: Method>(
     evaluator: &Evaluator,
 ) -> Result<Ending> {
     let (step, at) = (trainer.step, trainer.at(&data.cues, config));
-    run.save(step, &Snapshot::of(trainer))?;
-    write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased)
-        .map_err(|error| error.context("the finished scene could not be exported"))?;
+    let mut files = LastFiles::default();
+    files.tried("the checkpoint", run.save(step, &Snapshot::of(trainer)));
+    let ply = write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased);
+    files.tried("scene.ply", ply.map_err(|error| error.context("the finished scene could not be exported")));
     if let Some(note) = placed_note(data.scene.origin) {
         run.say(&format!("{}: {note}", job.folder.ply().display()));
     }
     let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
-    let file = run.record(step, measured)?;
-    let history = run.finish()?;
+    let (file, written) = run.record(step, measured);
+    files.tried("eval.json", written);
+    let (history, written) = run.finish();
+    files.tried("metrics.jsonl", written);
     let shown = (schedule(data, &at), Some(report_viewer(data, trainer, config, &file.name)));
-    report::write(&job.folder, &file, &history, &pictures, shown, &config.to_toml())?;
-    report_future(job, data, trainer, config)?;
+    let report = report::write(&job.folder, &file, &history, &pictures, shown, &config.to_toml());
+    files.tried("report.html", report.and_then(|()| report_future(job, data, trainer, config)));
+    files.done()?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }
@@ -192,7 +198,8 @@ fn report_future<M: Method>(
 /// # Errors
 /// A sentence naming the file, what was expected and what was found; or the reason why the method cannot learn from it.
 pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
-    let mut scene = gs_datasets::load(path, &options::<M>(config))?;
+    let loaded = gs_datasets::load(path, &options::<M>(config));
+    let mut scene = loaded.map_err(|error| driving(path, M::NAME).map_or_else(|| error.into(), Error::msg))?;
     let warnings = scene.warnings.len();
     scene.warnings.extend(leave_out_few_points(&mut scene.points));
     M::prepare(&mut scene);
@@ -204,6 +211,17 @@ pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Sce
     M::reaches(path, &scene, config).map_err(Error::msg)?;
     check_pixels(path, &scene).map_err(Error::msg)?;
     Ok(scene)
+}
+
+/// Why a driving log is no data set of this pipeline; `None` where there is none.
+fn driving(path: &Path, name: &str) -> Option<String> {
+    let is_log = LogFormat::of(path).is_some() || path.is_dir() && logs_in(path).is_ok_and(|logs| !logs.is_empty());
+    let (path, of_logs) = (path.display(), super::flux4d::NAME);
+    is_log.then(|| {
+        format!(
+            "{path}: expected photos for the pipeline {name}, found driving logs, which --set pipeline={of_logs} takes"
+        )
+    })
 }
 
 fn options<M: Method>(config: &FitConfig<M::Config>) -> LoadOptions {

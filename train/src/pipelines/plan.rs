@@ -7,7 +7,7 @@ use burn::tensor::Device;
 use gs_burn::device::is_gpu;
 use gs_datasets::Scene;
 
-use crate::config::{FitConfig, Strategy};
+use crate::config::{FitConfig, Strategy, brief};
 use crate::fit::budget::{StepCost, steps_within};
 use crate::fit::method::Method;
 use crate::fit::session::{Data, Session};
@@ -72,7 +72,8 @@ pub fn plan_steps<M: Method>(
     let steps = steps_within(60.0 * minutes - start, &line, count, &coarse, config);
     if steps == 0 {
         bail!(
-            "--minutes {minutes}: expected more: reading {} and finding the first Gaussians takes {start:.1} s, and a step {few:.2} s",
+            "--minutes {}: expected more: reading {} and finding the first Gaussians takes {start:.1} s, and a step {few:.2} s",
+            brief(minutes),
             path.display()
         );
     }

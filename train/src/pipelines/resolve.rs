@@ -5,6 +5,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::{PIPELINES, Pipeline, find, names};
+use crate::config::nearest::{beside, nearest};
 use crate::config::tables::{self, Layer};
 use crate::config::{ConfigError, DEFAULT_PIPELINE};
 
@@ -117,8 +118,12 @@ fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Resul
         return Err(ConfigError::OtherPipeline { origin, key, owner, pipeline });
     }
     let valid = tables::keys(defaults);
-    let nearest = tables::nearest(&key, &valid).to_string();
-    Err(ConfigError::UnknownKey { origin, key, nearest })
+    let hint = match (nearest(&key, &valid), beside(&key, &valid).as_slice()) {
+        (Some(nearest), _) => format!("the nearest valid key is `{nearest}`"),
+        (None, []) => "no valid key is like it; config.toml of any run has all".to_string(),
+        (None, names) => format!("the keys of its section are {}", names.join(", ")),
+    };
+    Err(ConfigError::UnknownKey { origin, key, hint })
 }
 
 /// A file that is not there, or the base of a file, may be meant for the recipe of its name: `configs/taylormode/base.toml` outside of the
@@ -143,7 +148,7 @@ fn recipe(name: &str) -> Result<Vec<Layer>, ConfigError> {
     let layers = tables::recipe_layers(name, |name| gs_recipes::find(name).map(|recipe| recipe.text))?;
     layers.ok_or_else(|| {
         let all: Vec<String> = gs_recipes::RECIPES.iter().map(|recipe| recipe.name.to_string()).collect();
-        ConfigError::Recipe { found: name.into(), nearest: tables::nearest(name, &all).to_string() }
+        ConfigError::Recipe { found: name.into(), nearest: nearest(name, &all).map(String::from) }
     })
 }
 
@@ -191,6 +196,13 @@ mod tests {
         assert!(message("cap=1").contains("`density.cap`"), "{}", message("cap=1"));
         assert!(message("model.sh_degre=1").contains("`model.sh_degree`"));
         assert!(message("stepz=1").contains("`steps`"));
+        assert!(message("optimizer.lr=1").contains("`optimiser.means_lr`"), "{}", message("optimizer.lr=1"));
+        assert!(
+            message("density.foo=1").contains("the keys of its section are absgrad, cap, "),
+            "{}",
+            message("density.foo=1")
+        );
+        assert!(message("foo=1").contains("no valid key is like it"), "{}", message("foo=1"));
     }
 
     #[test]
@@ -207,6 +219,7 @@ mod tests {
         assert!(message("steps=0").contains("at least 1"));
         assert!(message("steps").contains("no `=`"));
         assert!(message("render.near=nan").contains("positive"));
+        assert!(message("render.near=1e308").ends_with("found 1e308"), "{}", message("render.near=1e308"));
         assert!(!message("density.strategy=magic").contains('\n'));
     }
 

@@ -247,6 +247,12 @@ impl RunFolder {
         self.path.join("report.html")
     }
 
+    /// The files that lie in the folder itself.
+    pub fn single_files(&self) -> [PathBuf; 8] {
+        let [config, dataset, metrics, eval] = [self.config(), self.dataset(), self.metrics(), self.eval()];
+        [config, dataset, metrics, eval, self.ply(), self.comparison(), self.future(), self.report()]
+    }
+
     /// The folder of saved states.
     pub fn checkpoints(&self) -> PathBuf {
         self.path.join(CHECKPOINTS)

@@ -7,15 +7,18 @@
 //! | [`checkpoint`], [`fingerprint`] | saved states, and whether a run goes on with the views it began on |
 //! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
 //! | [`scene`], [`exchange`] | finished scenes in and out, and those of other programs |
-//! | [`outputs`], [`results`] | files that are never written over, and folders that appear whole |
+//! | [`outputs`], [`results`], [`listing`] | files that are never written over, and folders that appear whole |
+//! | [`ending`] | the last files of a run, each if the disk takes it |
 //! | [`progress`], [`resources`], [`memory`], [`profile`], [`interrupt`] | what a user sees while it runs |
 
 pub mod checkpoint;
+pub mod ending;
 pub mod evaluate;
 pub mod exchange;
 pub mod fingerprint;
 pub mod folder;
 pub mod interrupt;
+pub mod listing;
 pub mod lock;
 pub mod memory;
 pub mod metrics;

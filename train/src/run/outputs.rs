@@ -1,11 +1,13 @@
 //! Files that a command writes where users keep files of their own: never over one that a data set names or that this program did not
 //! make. A file of ours is known by a mark in its first bytes.
 
-use std::fs::File;
+use std::collections::BTreeSet;
+use std::fs::{self, File};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use gs_datasets::image_io::temporary_begin;
 
 /// The mark: a text chunk of a PNG, a comment of PLY, SPZ, GIF, SVG, HTML and Markdown, the generator of glTF, the last box of an MP4, an attribute of EXR, a field of JSON.
 pub const MARK: &str = "written by gsburn";
@@ -41,7 +43,48 @@ pub fn check(paths: &[PathBuf], named: &[PathBuf]) -> Result<()> {
             );
         }
     }
+    remove_left_over(paths);
     Ok(())
+}
+
+/// Removes half files beside `paths` that killed processes left there: those that an atomic write of one of them makes first.
+pub fn remove_left_over(paths: &[PathBuf]) {
+    let begin = |path: &PathBuf| {
+        temporary_begin(path).map(|begin| (path.parent().unwrap_or(Path::new("")).to_path_buf(), begin))
+    };
+    let begins: BTreeSet<(PathBuf, String)> = paths.iter().filter_map(begin).collect();
+    let folders: BTreeSet<&PathBuf> = begins.iter().map(|(folder, _)| folder).collect();
+    for folder in folders {
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        for entry in fs::read_dir(here).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let Some((begin, process)) = name.to_str().and_then(temporary) else { continue };
+            let is_one = begins.contains(&(folder.clone(), begin.to_string())) && !is_alive(process, &entry.path());
+            if is_one && let Err(error) = fs::remove_file(entry.path()) {
+                tracing::warn!("{}: cannot remove: {error}", entry.path().display());
+            }
+        }
+    }
+}
+
+/// `.NAME.PROCESS.NUMBER.tmp`: the name's begin with its dots, and the process.
+fn temporary(name: &str) -> Option<(&str, u32)> {
+    let (rest, number) = name.strip_suffix(".tmp")?.rsplit_once('.')?;
+    let (begin, process) = rest.rsplit_once('.')?;
+    number.parse::<u64>().ok()?;
+    Some((begin.strip_prefix('.')?, process.parse().ok()?))
+}
+
+/// Longest time that a file is being written where the system does not say which processes live, seconds.
+const WRITING_MAX: u64 = 3600;
+
+fn is_alive(process: u32, path: &Path) -> bool {
+    let processes = Path::new("/proc/self");
+    if processes.exists() {
+        return processes.with_file_name(process.to_string()).exists();
+    }
+    let age = fs::metadata(path).and_then(|data| data.modified()).ok().and_then(|changed| changed.elapsed().ok());
+    age.is_none_or(|age| age.as_secs() < WRITING_MAX)
 }
 
 /// [`check`] of one file.
@@ -94,8 +137,6 @@ pub fn marked_png(png: &[u8]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
     use super::*;
 
     #[test]
@@ -117,6 +158,23 @@ mod tests {
         fs::write(at("chart.svg"), marked_svg("<svg/>")).expect("written");
         check_one(&at("chart.svg")).expect("ours");
         assert!(refused(&"x".repeat(250)).contains("at most"));
+    }
+
+    #[test]
+    fn half_files_of_killed_processes_go() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let long = format!("{}.png", "x".repeat(40));
+        // No process has the number 4294967295; this one lives.
+        let dead = [".r_000.png.4294967295.0.tmp".to_string(), format!(".{}.4294967295.7.tmp", "x".repeat(32))];
+        let kept = [
+            format!(".r_000.png.{}.0.tmp", std::process::id()),
+            ".other.png.4294967295.0.tmp".into(),
+            ".r_000.png.mine.tmp".into(),
+        ];
+        dead.iter().chain(&kept).for_each(|name| fs::write(at(name), "half").expect("written"));
+        check(&[at("r_000.png"), at(&long)], &[]).expect("nothing in the way");
+        assert!(dead.iter().all(|name| !at(name).exists()) && kept.iter().all(|name| at(name).exists()));
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! A folder of results that appears whole.
+//! A folder of results that appears whole, and has one writer.
 //!
 //! Files are made in a folder inside it and moved up at the end. An interrupted command so leaves nothing that looks finished, and the
-//! same command again takes its folder as it was before.
+//! same command again takes its folder as it was before. The files of an earlier result go when another one takes their place; files of
+//! others stay.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,6 +10,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use gs_datasets::image_io::write_atomic;
 
+use super::listing::Listing;
+use super::lock::{self, Lock};
 use super::outputs::{MARK, check_one};
 
 /// Where files are until all are there.
@@ -22,6 +25,8 @@ pub struct Results {
     out: PathBuf,
     /// The file by which a finished folder is known.
     summary: &'static str,
+    /// Dropped after everything that [`Drop`] removes.
+    _lock: Lock,
 }
 
 impl Results {
@@ -29,10 +34,14 @@ impl Results {
     /// command is known; it has the mark of [`outputs`](super::outputs).
     ///
     /// # Errors
-    /// One sentence when `out` is a file or has files of somebody else, or cannot be written. Nothing was written then.
+    /// One sentence when `out` is a file, has files of somebody else, is being written by another process, or cannot be written. Nothing
+    /// was written then.
     pub fn begin(out: &Path, summary: &'static str) -> Result<Self> {
+        // First, because the files of another process look like those of somebody else.
+        let begun = Lock::of_begun(out)?;
         vacant(out, summary)?;
-        let results = Self { out: out.to_path_buf(), summary };
+        let lock = begun.map_or_else(|| Lock::of_results(out), Ok)?;
+        let results = Self { out: out.to_path_buf(), summary, _lock: lock };
         let folder = results.folder();
         if folder.exists() {
             fs::remove_dir_all(&folder).with_context(|| format!("{}: cannot remove the folder", folder.display()))?;
@@ -47,17 +56,29 @@ impl Results {
 
     /// The folder for all files, the summary included, until [`finish`](Self::finish).
     pub fn folder(&self) -> PathBuf {
-        self.out.join(UNFINISHED)
+        Self::unfinished(&self.out)
     }
 
-    /// Moves the files to their place, over those of an earlier result, the summary last.
+    /// The [`folder`](Self::folder) of results in `out`.
+    pub fn unfinished(out: &Path) -> PathBuf {
+        out.join(UNFINISHED)
+    }
+
+    /// Moves the files to their place, the summary last; the files of an earlier result are removed before.
     ///
     /// # Errors
-    /// One sentence when a file cannot be moved; what was moved stays.
+    /// One sentence when a file of somebody else is in the way, or one cannot be moved; what was moved stays.
     pub fn finish(self) -> Result<()> {
         let folder = self.folder();
-        let late = |name: &std::ffi::OsStr| name == NOTE || name == self.summary;
-        for entry in entries(&folder)?.into_iter().filter(|path| !path.file_name().is_some_and(late)) {
+        let (before, new) = (Listing::read(&self.out), Listing::of(&folder, NOTE)?);
+        new.check(&self.out, before.as_ref())?;
+        if let Some(before) = before {
+            before.remove(&self.out, self.summary)?;
+        }
+        // Before any file, so that those of a command that is killed from here on are known.
+        new.write(&self.out)?;
+        let late = |path: &PathBuf| path.file_name().is_some_and(|name| name == NOTE || name == self.summary);
+        for entry in entries(&folder)?.into_iter().filter(|path| !late(path)) {
             moved(&entry, &self.out)?;
         }
         moved(&folder.join(self.summary), &self.out)?;
@@ -72,7 +93,6 @@ impl Drop for Results {
         if entries(&folder).is_ok_and(|paths| paths == [folder.join(NOTE)]) {
             // What cannot be removed is in nobody's way: the next command takes it for its own.
             let _ = fs::remove_dir_all(&folder);
-            let _ = fs::remove_dir(&self.out);
         }
     }
 }
@@ -83,17 +103,40 @@ fn vacant(out: &Path, summary: &str) -> Result<()> {
         bail!("{}: expected a folder or nothing, found a file", out.display());
     }
     let is_ours = |path: &Path| path.is_file() && check_one(path).is_ok();
-    let has_entry = |folder: &Path| fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
     let unfinished = out.join(UNFINISHED);
-    let is_left = is_ours(&unfinished.join(NOTE)) || unfinished.is_dir() && !has_entry(&unfinished);
+    let is_left = is_ours(&unfinished.join(NOTE)) || is_empty(&unfinished);
     let is_foreign = unfinished.exists() && !is_left;
-    if is_foreign || has_entry(out) && !is_left && !is_ours(&out.join(summary)) {
+    if is_foreign || out.exists() && !is_empty(out) && !is_left && !is_ours(&out.join(summary)) {
         bail!(
             "{}: expected an empty folder, none, or an earlier result of this command; choose another --out",
             out.display()
         );
     }
     Ok(())
+}
+
+/// Whether a folder holds nothing but perhaps a lock; false where there is none.
+pub fn is_empty(folder: &Path) -> bool {
+    entries(folder).is_ok_and(|paths| paths.iter().all(|path| lock::is_lock(path)))
+}
+
+/// That a folder holds nothing but a lock and what `is_own`.
+///
+/// # Errors
+/// A sentence with a name of something else.
+pub fn check_own(folder: &Path, is_own: impl Fn(&Path) -> bool) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        bail!("{}: expected a folder or nothing, found a file", folder.display());
+    }
+    let present = if folder.is_dir() { entries(folder)? } else { Vec::new() };
+    match present.into_iter().filter(|path| !lock::is_lock(path) && !is_own(path)).min() {
+        None => Ok(()),
+        Some(path) => bail!(
+            "{}: expected an empty folder, none, or an earlier result of this command, found {:?} in it; choose another --out",
+            folder.display(),
+            path.file_name().unwrap_or_default()
+        ),
+    }
 }
 
 fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
@@ -116,6 +159,7 @@ fn moved(from: &Path, folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::listing;
 
     const SUMMARY: &str = "summary.json";
 
@@ -149,7 +193,7 @@ mod tests {
         second.finish().expect("moved");
         assert_eq!(
             (names(&out), names(&out.join("images"))),
-            (vec!["images".into(), SUMMARY.into()], vec!["b.png".into()])
+            (vec![listing::FILE.into(), "images".into(), SUMMARY.into()], vec!["b.png".into()])
         );
         // Interrupted while files were moved over an earlier result.
         let third = Results::begin(&out, SUMMARY).expect("an earlier result");
@@ -159,6 +203,37 @@ mod tests {
         std::mem::forget(third);
         Results::begin(&out, SUMMARY).expect("of this command");
         assert_eq!(fs::read_to_string(out.join("images/b.png")).expect("text"), "of the third");
+    }
+
+    #[test]
+    fn an_earlier_result_goes_and_files_of_others_stay() {
+        let temporary = tempfile::tempdir().expect("a folder");
+        let out = temporary.path().join("out");
+        let made = |name: &str| {
+            let results = Results::begin(&out, SUMMARY).expect("vacant");
+            write(results.folder().join("images").join(name), name);
+            write(results.folder().join(SUMMARY), MARK);
+            results.finish().expect("moved");
+        };
+        made("a.npy");
+        write(out.join("images/mine.txt"), "mine");
+        made("b.npy");
+        assert_eq!(names(&out.join("images")), ["b.npy", "mine.txt"]);
+    }
+
+    #[test]
+    fn one_folder_has_one_writer() {
+        let temporary = tempfile::tempdir().expect("a folder");
+        let out = temporary.path().join("out");
+        let first = Results::begin(&out, SUMMARY).expect("vacant");
+        let said = Results::begin(&out, SUMMARY).expect_err("taken").to_string();
+        assert!(said.contains(&format!("process {} is writing this folder", std::process::id())), "{said}");
+        drop(first);
+        Results::begin(&out, SUMMARY).expect("free again");
+        // A killed process leaves the file of its lock.
+        std::fs::create_dir_all(&out).expect("made");
+        write(out.join(lock::FILE), "123456789\n");
+        Results::begin(&out, SUMMARY).expect("free");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
+use gs_datasets::{agree, counted};
 use gs_formats::Splats;
 use gs_kernels::local::is_far;
 use gs_models::{DynamicScene, Shutter, Static};
@@ -16,7 +17,7 @@ use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign, render_mode};
 use super::folder::RunFolder;
 use super::metrics::median;
-use crate::config::{Config, RenderConfig};
+use crate::config::{Config, RenderConfig, brief};
 use crate::fit::density::ops::Draft;
 use crate::fit::facts::SceneFacts;
 
@@ -116,13 +117,9 @@ impl LoadedScene {
 
     /// Warns once about times outside the recording: a path is an expansion, and diverges outside the window it was fitted in.
     pub fn warn_outside(&self, times: impl IntoIterator<Item = f64>) {
-        let Some([first, last]) = self.scene.span() else { return };
-        let outside: Vec<f64> = times.into_iter().filter(|t| !(first..=last).contains(t)).collect();
-        if let Some(t) = outside.first() {
-            let count = outside.len();
-            tracing::warn!(
-                "{count} times lie outside the recording, which is from {first} to {last}: {t} is the first"
-            );
+        let Some(span) = self.scene.span() else { return };
+        if let Some(warning) = outside(&times.into_iter().collect::<Vec<_>>(), span) {
+            tracing::warn!("{warning}");
         }
     }
 
@@ -149,6 +146,15 @@ impl LoadedScene {
     }
 }
 
+/// A sentence about times outside a recording; `None` without any.
+pub fn outside(times: &[f64], [first, last]: [f64; 2]) -> Option<String> {
+    let outside = || times.iter().filter(|t| !(first..=last).contains(*t));
+    let (t, count) = (outside().next()?, outside().count());
+    let (times, lie) = (counted(count, "time"), agree(count, "lies", "lie"));
+    let [first, last, t] = [first, last, *t].map(brief);
+    Some(format!("{times} {lie} outside the recording, which is from {first} to {last}: {t} is the first"))
+}
+
 /// Checks that `scene` can be asked at `times`; `what` says where they come from.
 ///
 /// # Errors
@@ -158,6 +164,7 @@ pub fn within_reach(scene: &dyn DynamicScene, what: &str, times: impl IntoIterat
     // NaN lies in no range.
     match times.into_iter().find(|time| !(first..=last).contains(time)) {
         Some(time) => {
+            let [first, last, time] = [first, last, time].map(brief);
             bail!("{what}: expected times from {first} to {last}, as far as motion can be integrated, found {time}")
         }
         None => Ok(()),

@@ -17,6 +17,7 @@ use super::folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, Setting, Trai
 use super::interrupt;
 use super::lock::Lock;
 use super::memory::Prediction;
+use super::outputs;
 use super::profile;
 use super::progress::Progress;
 use super::resources::{Stopwatch, cpu_seconds, peak_memory};
@@ -24,6 +25,7 @@ use crate::config::{CheckpointConfig, tables};
 use crate::fit::method::Note;
 use crate::fit::schedule::due;
 use crate::fit::snapshot::Snapshot;
+use crate::logging::one_sentence;
 
 /// Name of the count of Gaussians in metrics.
 pub const GAUSSIANS: &str = "Gaussians";
@@ -206,8 +208,11 @@ impl Run {
             );
         }
         folder.prune_checkpoints(plan.checkpoint.keep);
+        outputs::remove_left_over(&folder.single_files());
         folder.write_config(&plan.origin.config, &job.dataset)?;
-        let history = if job.resume { folder.read_metrics(step)? } else { Vec::new() };
+        let mut history = if job.resume { folder.read_metrics(step)? } else { Vec::new() };
+        // A run that ended in the writing of its report is measured again at its last step.
+        history.retain(|line| !matches!(line, MetricsLine::Eval(_)) || line.step() < plan.steps);
         let progress = Progress::new(step, plan.steps, job.quiet);
         let run = Self {
             metrics: folder.open_metrics(&history)?,
@@ -319,7 +324,7 @@ impl Run {
     /// Says once that the disk takes no more.
     fn warn_of_disk(&mut self, error: &anyhow::Error) {
         if !self.disk_warned {
-            self.say(&format!("warning: {error:#}; the run goes on and tries again"));
+            self.say(&format!("warning: {}; the run goes on and tries again", one_sentence(error)));
             self.disk_warned = true;
         }
     }
@@ -338,35 +343,39 @@ impl Run {
                 }
             }
             Err(error) => {
-                self.say(&format!("warning: {error:#}; the run goes on and tries again after {RETRY_AFTER} steps"));
+                let error = one_sentence(&error);
+                self.say(&format!("warning: {error}; the run goes on and tries again after {RETRY_AFTER} steps"));
                 self.retry_at = Some(step + RETRY_AFTER);
             }
         }
     }
 
-    /// Writes a measurement into metrics.jsonl and eval.json.
+    /// Writes a measurement into metrics.jsonl and eval.json. That of the last step is shown by the command, as its result.
     ///
     /// # Errors
-    /// When the disk does not take the last one; it may take an earlier one later.
-    pub fn record(&mut self, step: usize, measured: Measured) -> Result<EvalFile> {
+    /// The second value, when the disk does not take the last one; it may take an earlier one later.
+    pub fn record(&mut self, step: usize, measured: Measured) -> (EvalFile, Result<()>) {
         let cost =
             Cost { seconds: self.clock.seconds, cpu_seconds: self.clock.cpu_seconds, peak_memory_bytes: peak_memory() };
         let evaluation = Evaluation { step, measured, cost };
-        self.say(&evaluation.line());
+        if step < self.plan.steps {
+            self.say(&evaluation.line());
+        }
         if let Some(line) = evaluation.measured.figures_line() {
             self.say(&line);
         }
         self.note(MetricsLine::Eval(Box::new(evaluation.clone())));
         let file = self.eval_file(evaluation);
         match self.job.folder.write_eval(&file) {
-            Err(error) if step < self.plan.steps => self.warn_of_disk(&error),
-            written => written?,
+            Err(error) if step < self.plan.steps => {
+                self.warn_of_disk(&error);
+                (file, Ok(()))
+            }
+            written => (file, written),
         }
-        Ok(file)
     }
 
     fn eval_file(&self, last: Evaluation) -> EvalFile {
-        // A finished run that is resumed is measured again at its last step; the newer figures replace the older.
         let mut evaluations = BTreeMap::new();
         for line in &self.history {
             if let MetricsLine::Eval(evaluation) = line {
@@ -416,12 +425,12 @@ impl Run {
     /// Ends the run after its last measurement; returns the lines of its metrics for the report.
     ///
     /// # Errors
-    /// When the disk does not take the metrics or the profile.
-    pub fn finish(mut self) -> Result<Vec<MetricsLine>> {
-        self.metrics.flush()?;
+    /// The second value, when the disk does not take the metrics or the profile.
+    pub fn finish(mut self) -> (Vec<MetricsLine>, Result<()>) {
         self.progress.finish();
-        profile::write_if_recording(&self.job.folder, &self.job.device_name)?;
-        Ok(self.history)
+        let written = self.metrics.flush();
+        let profile = profile::write_if_recording(&self.job.folder, &self.job.device_name);
+        (self.history, written.and(profile.map(drop)))
     }
 }
 

@@ -18,7 +18,9 @@ use burn::tensor::Device;
 use gs_datasets::image_io::write_atomic;
 use serde::Serialize;
 
+use crate::run::lock::Lock;
 use crate::run::outputs::{self, MARK, marked_svg};
+use crate::run::{interrupt, results};
 
 pub use findings::{Criterion, Figure, Findings, Outcome};
 pub use lab::{Interrupted, Lab};
@@ -74,6 +76,7 @@ const REPORT: &str = "stability.html";
 pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request: &Request) -> Result<Vec<Outcome>> {
     let chosen = chosen(experiments, &request.only)?;
     outputs::check(&files(&request.out, &chosen), &[])?;
+    let _lock = begun(pipeline, request)?;
     let total = chosen.iter().map(|experiment| (experiment.steps)(request.quick)).sum();
     let lab = Lab::new(request, total);
     let mut outcomes = Vec::new();
@@ -88,9 +91,26 @@ pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request:
         lab.say(&outcome.line());
         outcomes.push(outcome);
         write(pipeline, request, &outcomes)?;
+        // An experiment of arithmetic alone has no steps between which it could end.
+        if interrupt::asked() {
+            lab.leave();
+            return Err(Interrupted.into());
+        }
     }
     lab.leave();
     Ok(outcomes)
+}
+
+/// The lock of the folder, which holds an earlier result of experiments or nothing. By a list without findings it is known from here on,
+/// as the worlds in it are made long before the first finding.
+fn begun(pipeline: &str, request: &Request) -> Result<Lock> {
+    let known = request.out.join(RESULTS);
+    results::check_own(&request.out, |_| known.is_file())?;
+    let lock = Lock::of_results(&request.out)?;
+    if !known.is_file() {
+        write(pipeline, request, &[])?;
+    }
+    Ok(lock)
 }
 
 /// The named experiments, or all that need not be named.

@@ -41,7 +41,7 @@ pub(crate) fn describe(log: &Path, options: &LogOptions) -> Result<Description, 
     let track = Track::read(log)?;
     let sweeps = stamped(&log.join(LIDAR), ".feather");
     let Some((first, _)) = sweeps.first_key_value() else {
-        return Err(DatasetError::NoFrames { path: log.join(LIDAR), found: "no sweep".to_string() });
+        return Err(no_sweep(&log.join(LIDAR)));
     };
     let origin = track.at(log, *first)?.w_axis.truncate();
     let mut silent = Vec::new();
@@ -81,6 +81,17 @@ pub(crate) fn describe(log: &Path, options: &LogOptions) -> Result<Description, 
     }
     let name = log.file_name().map_or_else(|| "log".to_string(), |name| name.to_string_lossy().into_owned());
     Ok(Description { name, origin, frames, cameras: filmed.into_iter().map(|f| f.0).collect(), shots, warnings })
+}
+
+/// The frames of this layout are its sweeps.
+fn no_sweep(folder: &Path) -> DatasetError {
+    DatasetError::UnknownFormat {
+        path: folder.to_path_buf(),
+        expected:
+            "LiDAR sweeps (TIME.feather), whose times are those of the frames; a log without LiDAR cannot be used"
+                .to_string(),
+        found: if folder.is_dir() { "a folder without any" } else { "no such folder" }.to_string(),
+    }
 }
 
 fn centred(mut pose: DMat4, origin: DVec3) -> DMat4 {

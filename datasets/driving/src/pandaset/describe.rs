@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::{DatasetError, counted, photo_size, some_names};
+use gs_datasets::{DatasetError, agree, counted, photo_size, some_names};
 
 use super::{json, names};
 use crate::description::{Camera, Description, Frame, Shot};
@@ -27,15 +27,17 @@ pub(crate) fn describe(folder: &Path, options: &LogOptions) -> Result<Descriptio
     let (times, egos) = (json::timestamps(&times_file)?, json::poses(&poses_file)?);
     let sweeps: BTreeMap<usize, String> = names::pickles(&lidar).into_iter().collect();
     let mut warnings = Vec::new();
-    let mut filmed = Vec::new();
-    for (name, ego_rows) in names::CAMERAS {
-        if options.cameras.takes(name) {
-            match film(folder, name, ego_rows, options) {
-                Ok(Some(camera)) => filmed.push(camera),
-                Ok(None) => warnings.push(format!("the camera {name} has no folder or no image and is left out")),
-                Err(error) => return Err(error),
-            }
+    let (mut filmed, mut empty) = (Vec::new(), Vec::new());
+    for (name, ego_rows) in names::CAMERAS.into_iter().filter(|(name, _)| options.cameras.takes(name)) {
+        match film(folder, name, ego_rows, options)? {
+            Some(camera) => filmed.push(camera),
+            // A log that was written or downloaded with fewer cameras has no such folder.
+            None if names::has_camera(folder, name) => empty.push(name),
+            None => {}
         }
+    }
+    if !empty.is_empty() {
+        warnings.push(format!("{} without an image: {}", counted(empty.len(), "camera"), some_names(&empty)));
     }
     let mut stems = sweeps.clone();
     filmed.iter().for_each(|camera| stems.extend(camera.images.iter().map(|(index, stem)| (*index, stem.clone()))));
@@ -44,7 +46,8 @@ pub(crate) fn describe(folder: &Path, options: &LogOptions) -> Result<Descriptio
         return Err(DatasetError::NoFrames { path: folder.to_path_buf(), found });
     };
     let short = |path: &Path, count: usize, index: usize| {
-        malformed(path, "the list", format!("an entry {index} for the frame of that number"), counted(count, "entry"))
+        let found = format!("{count} {}", agree(count, "entry", "entries"));
+        malformed(path, "the list", format!("an entry {index} for the frame of that number"), found)
     };
     let last = stems.last_key_value().map_or(*first, |entry| *entry.0);
     for (path, count) in [(&times_file, times.len()), (&poses_file, egos.len())] {

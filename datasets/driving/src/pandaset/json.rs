@@ -5,13 +5,16 @@ use std::path::Path;
 use glam::{DMat4, DQuat, DVec3};
 use gs_datasets::guarded::{DESCRIPTION_MAX, read_to_string};
 use gs_datasets::{DatasetError, Intrinsics};
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer};
 
 use crate::error::malformed;
 
 /// Farthest an ego vehicle or a camera may be from the origin of its world, metres: twice the circumference of the Earth.
 const POSITION_MAX: f64 = 8.0e7;
+
+/// Latest time, Unix seconds: in the year 5138.
+const TIME_MAX: f64 = 1e11;
 
 /// How far a heading's length may be from 1. Files keep 16 digits; more is no rotation.
 const NORM_SLACK: f64 = 1e-2;
@@ -24,30 +27,59 @@ struct Pose {
 
 #[derive(Debug, Deserialize)]
 struct Position {
+    #[serde(deserialize_with = "or_nan")]
     x: f64,
+    #[serde(deserialize_with = "or_nan")]
     y: f64,
+    #[serde(deserialize_with = "or_nan")]
     z: f64,
 }
 
 #[derive(Debug, Deserialize)]
 struct Heading {
+    #[serde(deserialize_with = "or_nan")]
     w: f64,
+    #[serde(deserialize_with = "or_nan")]
     x: f64,
+    #[serde(deserialize_with = "or_nan")]
     y: f64,
+    #[serde(deserialize_with = "or_nan")]
     z: f64,
 }
 
 #[derive(Debug, Deserialize)]
 struct Pinhole {
+    #[serde(deserialize_with = "or_nan")]
     fx: f64,
+    #[serde(deserialize_with = "or_nan")]
     fy: f64,
+    #[serde(deserialize_with = "or_nan")]
     cx: f64,
+    #[serde(deserialize_with = "or_nan")]
     cy: f64,
 }
 
+/// Programs write NaN and infinities, which are no JSON. As null they are numbers that are not finite, and the error names their entry.
 fn parse<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T, DatasetError> {
     let text = read_to_string(path, DESCRIPTION_MAX)?;
-    serde_json::from_str(&text).map_err(|error| malformed(path, "the JSON", expected, error.to_string()))
+    let wrong = |error: serde_json::Error| malformed(path, "the JSON", expected, error.to_string());
+    serde_json::from_str(&text).or_else(|_| serde_json::from_str(&without_nan(&text))).map_err(wrong)
+}
+
+/// JSON with null in place of the words that Python, C and Windows write for numbers that are not finite.
+fn without_nan(text: &str) -> String {
+    const WORDS: [&str; 7] = ["-Infinity", "Infinity", "NaN", "-nan(ind)", "nan", "-inf", "inf"];
+    let parts = text.split('"').enumerate();
+    // Every second part is inside quotes. No name in these files has one.
+    let part = |(index, part): (usize, &str)| match index % 2 {
+        0 => WORDS.iter().fold(part.to_string(), |part, word| part.replace(word, "null")),
+        _ => part.to_string(),
+    };
+    parts.map(part).collect::<Vec<_>>().join("\"")
+}
+
+fn or_nan<'de, D: Deserializer<'de>>(number: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(number)?.unwrap_or(f64::NAN))
 }
 
 /// Sensor to world, one pose a frame of the whole sequence.
@@ -73,11 +105,14 @@ pub(crate) fn poses(path: &Path) -> Result<Vec<DMat4>, DatasetError> {
 
 /// Unix seconds, one a frame of the whole sequence.
 pub(crate) fn timestamps(path: &Path) -> Result<Vec<f64>, DatasetError> {
-    let list: Vec<f64> = parse(path, "a list of seconds")?;
-    match list.iter().position(|time| !time.is_finite()) {
-        Some(index) => Err(malformed(path, format!("entry {index}"), "seconds", list[index].to_string())),
-        None => Ok(list),
-    }
+    let list: Vec<Option<f64>> = parse(path, "a list of seconds")?;
+    let second = |(index, time): (usize, Option<f64>)| {
+        let time = time.unwrap_or(f64::NAN);
+        let wrong = || malformed(path, format!("entry {index}"), "Unix seconds", format!("{time:e}"));
+        // Also refuses NaN.
+        if time.abs() <= TIME_MAX { Ok(time) } else { Err(wrong()) }
+    };
+    list.into_iter().enumerate().map(second).collect()
 }
 
 /// Intrinsics at the full size of the images.

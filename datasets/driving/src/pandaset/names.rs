@@ -32,6 +32,11 @@ pub(crate) fn is_sequence(folder: &Path) -> bool {
     folder.join(LIDAR).join("timestamps.json").is_file() || folder.join(LIDAR).join("poses.json").is_file()
 }
 
+/// Whether a sequence has the folder of a camera.
+pub(crate) fn has_camera(sequence: &Path, name: &str) -> bool {
+    sequence.join(CAMERA).join(name).exists()
+}
+
 /// The pickle of a frame in a folder.
 pub(crate) fn pickle(folder: &Path, stem: &str) -> Option<PathBuf> {
     PICKLES.iter().map(|end| folder.join(format!("{stem}{end}"))).find(|path| path.exists())

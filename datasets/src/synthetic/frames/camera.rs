@@ -6,6 +6,7 @@ use std::path::Path;
 use super::BlurFromFrames;
 use crate::error::DatasetError;
 use crate::names;
+use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 use crate::split::is_held_out;
 
@@ -48,6 +49,8 @@ pub(super) fn cameras(source: &Path, frames: Vec<RawFrame>) -> Result<Vec<Static
         return Err(DatasetError::malformed(source, "cameras", expected, found));
     }
     let has_split = groups.values().flatten().any(|frame| frame.split == Some(SplitName::Test));
+    let is_mixed = |frames: &Vec<RawFrame>| frames.iter().any(|frame| frame.split != Some(SplitName::Test));
+    let by_time = has_split && groups.values().all(is_mixed);
     let count = groups.len();
     let mut cameras = Vec::new();
     for (index, ((_, id), frames)) in groups.into_iter().enumerate() {
@@ -64,7 +67,13 @@ pub(super) fn cameras(source: &Path, frames: Vec<RawFrame>) -> Result<Vec<Static
     }
     names::make_unique(cameras.iter_mut().map(|camera| &mut camera.folder));
     if cameras.iter().all(|camera| camera.is_test) {
-        let found = format!("{} held-out cameras", cameras.len());
+        let cameras = counted(cameras.len(), "camera");
+        let found = match by_time {
+            true => format!(
+                "{cameras} with later frames that are held out; a camera is for training or held out as a whole"
+            ),
+            false => format!("{cameras}, held out"),
+        };
         return Err(DatasetError::NoTrainingViews { path: source.to_path_buf(), found });
     }
     Ok(cameras)

@@ -18,6 +18,9 @@ const CANDIDATES: usize = 16;
 const FINALISTS: usize = 3;
 /// Sweeps that count in any case: one can be met by any motion.
 const COUNTED: usize = 2;
+/// Most steps of the grid of velocities to each side: those for sweeps a second apart. The grid's size grows by the square of the
+/// time between sweeps, so that twenty seconds would take gigabytes.
+const SIDE_MAX: f64 = 200.0;
 /// Score that a metre per second costs: of equal alignments the slowest is meant.
 const SPEED_COST: f64 = 0.002;
 /// Gain of the score from which on an acceleration and a turn are believed.
@@ -177,7 +180,7 @@ fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
 fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Value) -> Vec<(PlanarMotion, f64)> {
     // A step moves the points by half the reach in the sweep next in time.
     let Some(next) = near.first() else { return Vec::new() };
-    let step = (0.5 * next.plan.reach() / next.after.abs().max(1e-3)).min(SPEED_MAX);
+    let step = (0.5 * next.plan.reach() / next.after.abs().max(1e-3)).clamp(SPEED_MAX / SIDE_MAX, SPEED_MAX);
     let side = (SPEED_MAX / step) as i32;
     let mut scores = Vec::new();
     for row in -side..=side {
@@ -242,4 +245,41 @@ fn changed(motion: &PlanarMotion, parameter: usize, by: f64) -> PlanarMotion {
         _ => changed.turn = (changed.turn + by).clamp(-TURN_MAX, TURN_MAX),
     }
     changed
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::super::AlignedSweep;
+    use super::super::free_space::RangeImage;
+    use super::super::ground::Ground;
+    use super::super::plan::Extent;
+    use super::*;
+
+    /// Of sweeps a second apart or less the step is half the reach; of sweeps farther apart the grid does not grow.
+    #[test]
+    fn the_grid_is_bounded_by_the_time_between_sweeps() {
+        let points = [[10.0_f32, 0.0, 1.0], [12.0, 1.0, 1.0]];
+        let places = [[10.0, 0.0], [12.0, 1.0]];
+        let sweep = AlignedSweep { points: &points, time: 0.0, origin: [0.0; 3] };
+        let (extent, ground) = (Extent::of(places.into_iter()), Ground::of(&[&points]));
+        let shadow = Shadow::new(&RangeImage::new(&sweep, |_| true), extent, &ground);
+        let plan = Plan::new(places.into_iter(), extent, 0.4);
+        let looked_at = |after: f64| {
+            let (calls, others) = (Cell::new(0_usize), [Other { plan: &plan, shadow: &shadow, after }]);
+            let value = |_: &[[f64; 2]], _: &PlanarMotion| {
+                calls.set(calls.get() + 1);
+                0.0
+            };
+            coarse(&places, &PlanarMotion::rest([11.0, 0.5]), &others, &value);
+            calls.get() as f64
+        };
+        // A disk of radius SPEED_MAX in steps of half the reach over the time between sweeps.
+        let disk = |seconds: f64| std::f64::consts::PI * (SPEED_MAX * seconds / 0.2).powi(2);
+        for (after, seconds) in [(0.5, 0.5), (1.0, 1.0), (20.0, 1.0), (1.7e9, 1.0)] {
+            let share = looked_at(after) / disk(seconds);
+            assert!((share - 1.0).abs() < 0.02, "{after} s: {share} of the disk");
+        }
+    }
 }

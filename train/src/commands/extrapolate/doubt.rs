@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use gs_datasets::Split;
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::synthetic::movers;
@@ -14,7 +14,7 @@ use crate::commands::print;
 use crate::fit::foresight::Foresight;
 use crate::report::future::calibration::{Against, Calibration, by_images, by_true_motion};
 use crate::report::future::motion::Map;
-use crate::report::future::spread::{FEWEST, Spread, SpreadAt};
+use crate::report::future::spread::{Spread, SpreadAt};
 use crate::report::future::{ONE_TIME, Shown, motion};
 use crate::run::outputs::marked_svg;
 
@@ -45,9 +45,6 @@ impl Work<'_> {
         let count = self.args.members as usize;
         if count == 0 {
             return Ok(None);
-        }
-        if count < FEWEST {
-            bail!("--members: expected 0, or at least {FEWEST} members that can differ, found {count}");
         }
         let members = match foresight.members(count) {
             Ok(members) => members,

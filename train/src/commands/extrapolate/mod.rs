@@ -20,17 +20,20 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use glam::DVec3;
 use gs_datasets::image_io::{encode_png, write_atomic};
-use gs_datasets::{Split, counted};
+use gs_datasets::{Split, counted, printable};
 
 use crate::cli::ExtrapolateArgs;
 use crate::commands::{device, print};
+use crate::fit::foresight::Foresight;
 use crate::fit::parameters::to_host;
+use crate::logging::one_sentence;
 use crate::pipelines::{Foreseen, of_checkpoint};
 use crate::report::future::spread::moving_rows;
 use crate::report::future::strip::Picture;
 use crate::report::future::{Known, Shown, Studio, add_to_report, motion, section, trajectories};
 use crate::run::folder::RunFolder;
 use crate::run::outputs::{self, marked_png, marked_svg};
+use crate::run::results::Results;
 use crate::run::scene::{SceneFile, read_file};
 
 use figures::Figures;
@@ -45,7 +48,10 @@ const SEED: u64 = 0;
 /// Everything that the parts of the command share.
 struct Work<'a> {
     args: &'a ExtrapolateArgs,
+    /// The files while they are made.
     files: Files,
+    /// The same where they will be.
+    placed: Files,
     known: Known<'a>,
     seen: &'a Foreseen,
     /// First and last time that was seen.
@@ -64,7 +70,7 @@ struct Work<'a> {
 /// One sentence saying what was wrong with the run, the data set, the times or the disk.
 pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
-    let files = Files::new(plan::folder(args)?);
+    let out = plan::folder(args)?;
     let SceneFile::Checkpoint(checkpoint) = read_file(&args.run, &device)? else {
         bail!("{}: expected a run with a moving scene, found a PLY file, which is one moment", args.run.display());
     };
@@ -88,9 +94,14 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
     let depth = camera.c2w.inverse().transform_point3(middle).z;
     let pixel = if depth > 0.0 { depth / camera.intrinsics.fx } else { 1.0 };
     let moving = moving_rows(scene, &[span[0], span[1], 0.5 * (span[1] + args.to), args.to], MOVES * pixel);
-    let work = Work { args, files, known, seen: &seen, span, times, shots, moving, pixel };
+    let (files, placed) = (Files::new(Results::unfinished(&out)), Files::new(out.clone()));
+    let work = Work { args, files, placed, known, seen: &seen, span, times, shots, moving, pixel };
     work.check(&dataset)?;
-    work.all(foresight, &dataset)?;
+    let results = Results::begin(&out, figures::JSON)?;
+    let section = work.all(foresight, &dataset)?;
+    results.finish()?;
+    work.report(section);
+    print(format!("future {}", out.display()));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -111,10 +122,10 @@ fn middle(known: &Known, [first, end]: [f64; 2], to: f64) -> DVec3 {
 impl Work<'_> {
     /// That no file of somebody else would be written over.
     fn check(&self, dataset: &std::path::Path) -> Result<()> {
-        let frames = self.shots.iter().flat_map(|shot| (0..self.times.len()).map(|k| self.files.frame(shot, k)));
-        let animations = self.shots.iter().map(|shot| self.files.animation(shot));
-        let single = figures::NAMES.iter().map(|name| self.files.at(name));
-        let ply = self.times.iter().filter(|_| self.args.ply).map(|time| self.files.ply(&self.run_name(), *time));
+        let frames = self.shots.iter().flat_map(|shot| (0..self.times.len()).map(|k| self.placed.frame(shot, k)));
+        let animations = self.shots.iter().map(|shot| self.placed.animation(shot));
+        let single = figures::NAMES.iter().map(|name| self.placed.at(name));
+        let ply = self.times.iter().filter(|_| self.args.ply).map(|time| self.placed.ply(&self.run_name(), *time));
         let paths: Vec<PathBuf> = frames.chain(animations).chain(single).chain(ply).collect();
         let photos = self.known.photos.held_out_views().chain(&self.known.photos.train);
         let named: Vec<PathBuf> = photos.map(|view| view.image_path.clone()).chain([dataset.to_path_buf()]).collect();
@@ -125,8 +136,8 @@ impl Work<'_> {
         RunFolder::at(&self.args.run).name()
     }
 
-    /// Draws and measures everything.
-    fn all(&self, foresight: Option<&dyn crate::fit::foresight::Foresight>, dataset: &std::path::Path) -> Result<()> {
+    /// Draws and measures everything; returns the section for the report of the run.
+    fn all(&self, foresight: Option<&dyn Foresight>, dataset: &std::path::Path) -> Result<String> {
         let mut figures = Figures::new(self);
         let mut shown = Vec::new();
         self.frames()?;
@@ -163,18 +174,23 @@ impl Work<'_> {
         }
         figures.step = self.step_note()?;
         write_atomic(&self.files.at(figures::JSON), figures.json().as_bytes())?;
+        match &horizon {
+            Some(horizon) => self.known.section(horizon, &shown),
+            None => section::without_photos(&shown),
+        }
+    }
+
+    /// Puts the section into the report of the run. One that cannot be written is no reason to fail: the results are in their folder.
+    fn report(&self, section: String) {
         let folder = RunFolder::at(&self.args.run);
         // The report is about the run as it was trained.
-        if folder.report().is_file() && self.args.step.is_none() {
-            let html = match &horizon {
-                Some(horizon) => self.known.section(horizon, &shown)?,
-                None => section::without_photos(&shown)?,
-            };
-            add_to_report(&folder, &html)?;
-            print(format!("report {}", folder.report().display()));
+        if !folder.report().is_file() || self.args.step.is_some() {
+            return;
         }
-        print(format!("future {}", self.files.root().display()));
-        Ok(())
+        match add_to_report(&folder, &section) {
+            Ok(()) => print(format!("report {}", folder.report().display())),
+            Err(error) => tracing::warn!("{}; the report is left as it is", printable(&one_sentence(&error))),
+        }
     }
 
     /// PSNR over time against photos of later times, where there are any.

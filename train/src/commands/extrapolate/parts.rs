@@ -7,11 +7,15 @@ use gs_datasets::image_io::write_atomic;
 use serde::Serialize;
 
 use super::Work;
+use super::plan::Files;
 use crate::commands::print;
 use crate::fit::foresight::{Foresight, Part};
 use crate::fit::parameters::rows_of;
 use crate::run::outputs::{self, MARK};
 use crate::run::scene::write_ply;
+
+/// The list of the parts.
+const JSON: &str = "bodies/bodies.json";
 
 /// A part in bodies.json.
 #[derive(Debug, Clone, Serialize)]
@@ -55,9 +59,9 @@ impl Work<'_> {
         if !self.args.bodies {
             return Ok(figures);
         }
-        let json = self.files.at("bodies/bodies.json");
-        let paths: Vec<_> = parts.iter().map(|part| self.files.part(&part.name)).collect();
-        outputs::check(&paths.iter().cloned().chain([json.clone()]).collect::<Vec<_>>(), &[])?;
+        let paths_of = |files: &Files| -> Vec<_> { parts.iter().map(|part| files.part(&part.name)).collect() };
+        outputs::check(&[paths_of(&self.placed), vec![self.placed.at(JSON)]].concat(), &[])?;
+        let paths = paths_of(&self.files);
         let whole = self.known.scene.at(self.span[0]);
         for (part, path) in parts.iter().zip(&paths) {
             write_ply(path, &rows_of(&whole, &part.rows), origin)?;
@@ -65,7 +69,7 @@ impl Work<'_> {
         }
         let file = File { program: MARK, time: self.span[0], parts: &figures };
         let text = serde_json::to_string_pretty(&file)? + "\n";
-        write_atomic(&json, text.as_bytes())?;
+        write_atomic(&self.files.at(JSON), text.as_bytes())?;
         Ok(figures)
     }
 }

@@ -1,12 +1,13 @@
 //! What is asked of `gsburn extrapolate`, checked: times, cameras and files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use glam::{DMat4, DQuat, DVec3};
 use gs_datasets::{CameraPose, Scene, View};
 
 use crate::cli::ExtrapolateArgs;
+use crate::config::brief;
 use crate::report::future::pose_of;
 
 /// Frames at most: `--frames` allows no more.
@@ -29,13 +30,14 @@ const ROUNDING: f64 = 1e-6;
 pub fn times(args: &ExtrapolateArgs, [first, end]: [f64; 2], interval: f64, last: f64) -> Result<Vec<f64>> {
     let (from, to) = (args.from.unwrap_or(end), args.to);
     if to <= end {
-        bail!("--to: expected a time after {end}, the last that was seen, found {to}");
+        bail!("--to: expected a time after {}, the last that was seen, found {}", brief(end), brief(to));
     }
     let most = (end + RECORDINGS_MAX * (end - first).max(interval)).min(last);
     if to > most {
-        bail!("--to: expected a time up to {most}, as far as motion can be integrated, found {to}");
+        bail!("--to: expected a time up to {}, as far as motion can be integrated, found {}", brief(most), brief(to));
     }
     if !(first..to).contains(&from) {
+        let [first, to, from] = [first, to, from].map(brief);
         bail!("--from: expected a time from {first}, the first that was seen, and before {to}, found {from}");
     }
     let count = match (args.frames, args.fps) {
@@ -46,7 +48,8 @@ pub fn times(args: &ExtrapolateArgs, [first, end]: [f64; 2], interval: f64, last
     };
     if count > FRAMES_MAX {
         bail!(
-            "--to: expected at most {FRAMES_MAX} frames, found {count} from {from} to {to}; fewer are asked for with --frames"
+            "--to: expected at most {FRAMES_MAX} frames, found {} from {from} to {to}; fewer are asked for with --frames",
+            brief(count)
         );
     }
     let step = args.fps.map_or((to - from) / (count - 1.0), f64::recip);
@@ -161,11 +164,6 @@ impl Files {
     /// A file by its name.
     pub fn at(&self, name: &str) -> PathBuf {
         self.root.join(name)
-    }
-
-    /// The folder.
-    pub fn root(&self) -> &Path {
-        &self.root
     }
 
     /// A frame of a camera.

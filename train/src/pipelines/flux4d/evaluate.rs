@@ -24,6 +24,7 @@ use super::world::in_world;
 use crate::fit::figure::{Better, Figure};
 use crate::fit::method::MOVING;
 use crate::fit::parameters::to_host;
+use crate::logging::one_sentence;
 use crate::report::maps::velocity_colors;
 use crate::report::viewer::Packed;
 use crate::run::evaluate::{Comparison, Evaluator, Measured, ModelSize, ViewScores, scores_within};
@@ -98,7 +99,7 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
     for place in split.places {
         let log = &split.logs.logs[place.log];
         let inferred = library.get(place).and_then(|host| {
-            let inferred = infer(&ready, &host, log, config, device).map_err(|error| format!("{error:#}"))?;
+            let inferred = infer(&ready, &host, log, config, device).map_err(|error| one_sentence(&error))?;
             Ok((host, inferred))
         });
         match inferred {

@@ -13,6 +13,7 @@ use super::logs::{Logs, Place};
 use super::prepare::{HostSnippet, prepare};
 use super::recolour::recoloured;
 use crate::fit::random::{Purpose, stream};
+use crate::logging::one_sentence;
 
 /// Snippets that wait for the training at most.
 const AHEAD: usize = 2;
@@ -158,7 +159,7 @@ impl Library {
         let log = &self.logs.logs[place.log];
         let name = self.logs.name(place);
         let made = prepare(log, &place.snippet, &name, &self.config.own.lift, self.config.seed);
-        let made = Arc::new(made.map_err(|error| format!("{error:#}"))?);
+        let made = Arc::new(made.map_err(|error| one_sentence(&error))?);
         let mut shelf = shelf();
         if made.bytes() <= shelf.room && !shelf.kept.contains_key(&key) {
             shelf.room -= made.bytes();

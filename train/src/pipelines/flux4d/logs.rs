@@ -1,13 +1,13 @@
 //! The logs of a folder, which of them train, and their snippets.
 
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
-use gs_datasets::{counted, printable, some_names};
+use anyhow::{Result, bail};
+use gs_datasets::{agree, counted, printable, some_names};
 use gs_driving::{
-    CameraUse, DrivingLog, LogFormat, LogOptions, Snippet, TEST_LOGS, TEST_LOGS_ARGOVERSE, runs, snippets_without_gaps,
+    CameraUse, DrivingLog, LogFormat, LogOptions, Snippet, TEST_LOGS, TEST_LOGS_ARGOVERSE, logs_in, runs,
+    snippets_without_gaps,
 };
 
 use super::config::{CameraChoice, LogsConfig, SplitChoice};
@@ -79,6 +79,11 @@ impl Logs {
     fn of(described: Described, division: Division) -> Self {
         let Division { train, held_out, split } = division;
         Self { logs: described.logs, train, held_out, split }
+    }
+
+    /// Says on stderr what was left out of the logs.
+    pub fn warn(&self) {
+        self.logs.iter().for_each(warn);
     }
 
     /// The fingerprint of the frames that train: names, times and poses.
@@ -183,10 +188,15 @@ pub fn open(path: &Path, config: &LogsConfig) -> Result<DrivingLog> {
     if longest < MIN_FRAMES {
         bail!("{}: expected {MIN_FRAMES} frames without a gap in the recording, found {longest}", path.display());
     }
-    if let Some(warning) = gaps(&log) {
-        tracing::warn!("{}: {}", printable(&path.to_string_lossy()), warning);
-    }
     Ok(log)
+}
+
+/// Says on stderr what was left out of a log, and what its gaps cost.
+pub fn warn(log: &DrivingLog) {
+    let path = log.path().to_string_lossy();
+    for warning in log.warnings().iter().cloned().chain(gaps(log)) {
+        tracing::warn!("{}: {}", printable(&path), printable(&warning));
+    }
 }
 
 /// Two inputs and a target between them.
@@ -201,9 +211,9 @@ pub fn times(log: &DrivingLog) -> Vec<f64> {
 pub fn gaps(log: &DrivingLog) -> Option<String> {
     let runs = runs(&times(log));
     let short: usize = runs.iter().map(Range::len).filter(|frames| *frames < MIN_FRAMES).sum();
-    (runs.len() > 1).then(|| {
-        let gaps = counted(runs.len() - 1, "gap");
-        format!("the recording has {gaps}, over which no snippet reaches; {} are in none", counted(short, "frame"))
+    gs_driving::gaps(log.frames()).map(|gaps| {
+        let frames = format!("{} {} in none", counted(short, "frame"), agree(short, "is", "are"));
+        format!("the recording has {gaps}, over which no snippet reaches; {frames}")
     })
 }
 
@@ -230,10 +240,7 @@ fn find(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         bail!("{}: expected a driving log or a folder of driving logs, found no folder", path.display());
     }
-    let entries = fs::read_dir(path).with_context(|| format!("{}: cannot read the folder", path.display()))?;
-    let mut found: Vec<PathBuf> =
-        entries.flatten().map(|entry| entry.path()).filter(|path| LogFormat::of(path).is_some()).collect();
-    found.sort();
+    let found = logs_in(path)?;
     if found.is_empty() {
         bail!(
             "{}: expected a driving log or a folder of driving logs (PandaSet, Argoverse 2 or Waymo), found none",

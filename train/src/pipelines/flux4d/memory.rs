@@ -12,8 +12,45 @@ use crate::run::memory::Prediction;
 const BYTES_PER_GAUSSIAN: usize = 2000;
 /// Program, thread stacks and allocator.
 const PROGRAM_BYTES: usize = 60 << 20;
-/// LiDAR points of a snippet where the configuration has no limit: six sweeps of PandaSet.
-const USUAL_POINTS: usize = 1_000_000;
+/// Copies of the parameters in a training: themselves, the gradients of a step's sum and of a snippet, and Adam's two moments.
+const COPIES_IN_A_STEP: usize = 5;
+/// Copies while a checkpoint is written: parameters and moments as they were taken off the device.
+const COPIES_IN_A_SAVE: usize = 3;
+/// Copies in a reconstruction: the checkpoint's bytes, the parameters, and gradients, which the passes compute beside those they read.
+const COPIES_IN_A_PASS: usize = 3;
+/// Bytes of a LiDAR point while its sweep is read (its file and each of its columns), and while the sweeps of a snippet are brought together,
+/// measured on PandaSet with one, two and three sweeps read at once.
+const BYTES_PER_POINT_READ: usize = 160;
+const BYTES_PER_POINT_KEPT: usize = 80;
+/// A sweep without a file that can be read has this many points, as those of PandaSet.
+const USUAL_SWEEP: usize = 170_000;
+/// Logs of which a sweep is read to know how many points there are: those of a data set have a few kinds of LiDAR at most.
+const LOGS_LOOKED_AT: usize = 4;
+
+/// LiDAR points of the input sweeps of a snippet.
+#[derive(Clone, Copy)]
+struct Points {
+    sweep: usize,
+    inputs: usize,
+}
+
+impl Points {
+    /// As the first sweep of a snippet has them; those of others differ by less than a quarter.
+    fn of(log: &DrivingLog, snippet: &Snippet) -> Self {
+        let first = log.sweep(snippet.inputs[0]).map_or(USUAL_SWEEP, |sweep| sweep.len());
+        Self { sweep: first + first / 4, inputs: snippet.inputs.len() }
+    }
+
+    fn all(self) -> usize {
+        self.sweep * self.inputs
+    }
+
+    /// Bytes of all of them while a snippet is prepared, by this many threads.
+    fn bytes(self) -> usize {
+        let at_once = self.inputs.min(rayon::current_num_threads());
+        self.sweep * (at_once * BYTES_PER_POINT_READ + self.inputs * BYTES_PER_POINT_KEPT)
+    }
+}
 
 /// Rows of the first Gaussians.
 #[derive(Clone, Copy)]
@@ -24,8 +61,8 @@ struct Rows {
 
 impl Rows {
     /// At most, for logs of so many cameras.
-    fn of(lift: &LiftSection, cameras: usize) -> Self {
-        let points = if lift.points == 0 { USUAL_POINTS } else { lift.points * cameras };
+    fn of(lift: &LiftSection, cameras: usize, points: Points) -> Self {
+        let points = if lift.points == 0 { points.all() } else { lift.points * cameras };
         Self { points, far: lift.sky_points + lift.random_points }
     }
 
@@ -48,25 +85,46 @@ impl Rows {
     }
 }
 
-/// Of a training on `devices` devices.
-pub fn of_training(config: &FluxConfig, logs: &Logs, devices: usize) -> Prediction {
+/// Bytes of copies of all parameters.
+fn network(parameters: usize, copies: usize) -> (&'static str, u64) {
+    ("network", (size_of::<f32>() * parameters * copies) as u64)
+}
+
+/// Of a training of a network of so many `parameters` on `devices` devices.
+pub fn of_training(config: &FluxConfig, logs: &Logs, parameters: usize, devices: usize) -> Prediction {
     let own = &config.own;
-    let rows = |log: &DrivingLog| Rows::of(&own.lift, log.cameras().len());
+    let points = most_points(logs);
+    let rows = |log: &DrivingLog| Rows::of(&own.lift, log.cameras().len(), points);
     let bytes = |place: &Place| rows(&logs.logs[place.log]).snippet_bytes(&logs.logs[place.log], &place.snippet);
     let all: usize = logs.train.iter().map(bytes).sum();
     let largest = logs.train.iter().chain(&logs.held_out).map(bytes).max().unwrap_or(0);
     // Snippets in flight are shared with the library where it keeps them, unless each draw has colours of its own.
     let (kept, in_flight) = (all.min(own.logs.cache_mb << 20), largest * in_flight(own.learning.accumulate, devices));
     let snippets = if own.learning.recolour > 0.0 { kept + in_flight } else { (kept + in_flight).min(all + largest) };
-    let most = logs.logs.iter().map(rows).max_by_key(|rows| rows.all()).unwrap_or(Rows::of(&own.lift, 1));
+    let most = logs.logs.iter().map(rows).max_by_key(|rows| rows.all()).unwrap_or(Rows::of(&own.lift, 1, points));
     let [unet, rendering] = most.step(config);
-    Prediction { parts: vec![("snippets", snippets as u64), unet, rendering, ("program", PROGRAM_BYTES as u64)] }
+    let network = network(parameters, devices * COPIES_IN_A_STEP + COPIES_IN_A_SAVE);
+    // Each feed prepares one snippet while a step computes, and a measurement another one.
+    let sweeps = ("sweeps", ((devices + 1) * points.bytes()) as u64);
+    let program = ("program", PROGRAM_BYTES as u64);
+    Prediction { parts: vec![("snippets", snippets as u64), sweeps, network, unet, rendering, program] }
 }
 
-/// Of the reconstruction of some snippets of a log, one after the other.
-pub fn of_reconstruction(config: &FluxConfig, log: &DrivingLog, snippets: &[Snippet]) -> Prediction {
-    let rows = Rows::of(&config.own.lift, log.cameras().len());
+/// The most points of the snippets of some logs.
+fn most_points(logs: &Logs) -> Points {
+    let every = logs.train.len().div_ceil(LOGS_LOOKED_AT).max(1);
+    let some = logs.train.iter().step_by(every).map(|place| Points::of(&logs.logs[place.log], &place.snippet));
+    some.max_by_key(|points| points.all()).unwrap_or(Points { sweep: USUAL_SWEEP, inputs: 1 })
+}
+
+/// Of the reconstruction of some snippets of a log, one after the other, by a network of so many `parameters`.
+pub fn of_reconstruction(config: &FluxConfig, log: &DrivingLog, parameters: usize, snippets: &[Snippet]) -> Prediction {
+    let points = snippets.iter().max_by_key(|snippet| snippet.inputs.len()).map(|snippet| Points::of(log, snippet));
+    let points = points.unwrap_or(Points { sweep: USUAL_SWEEP, inputs: 1 });
+    let rows = Rows::of(&config.own.lift, log.cameras().len(), points);
     let largest = snippets.iter().map(|snippet| rows.snippet_bytes(log, snippet)).max().unwrap_or(0);
     let [unet, rendering] = rows.step(config);
-    Prediction { parts: vec![("snippet", largest as u64), unet, rendering, ("program", PROGRAM_BYTES as u64)] }
+    let network = network(parameters, COPIES_IN_A_PASS);
+    let (sweeps, program) = (("sweeps", points.bytes() as u64), ("program", PROGRAM_BYTES as u64));
+    Prediction { parts: vec![("snippet", largest as u64), sweeps, network, unet, rendering, program] }
 }

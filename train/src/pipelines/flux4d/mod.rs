@@ -59,6 +59,7 @@ use toml::Table;
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction, resolve_changed};
 use crate::config::{ConfigError, tables};
 use crate::fit::snapshot::Snapshot;
+use crate::logging::one_sentence;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::scene::{LoadedScene, SceneFile};
 use crate::run::watch::{Ending, Job};
@@ -91,7 +92,7 @@ impl Pipeline for Flux4d {
         let config = FluxConfig::from_table(config, "configuration")?;
         let mut report = CheckReport { path: dataset.to_path_buf(), ..CheckReport::default() };
         match Logs::open(dataset, &config.own.logs) {
-            Err(error) => report.errors.push(format!("{error:#}")),
+            Err(error) => report.errors.push(one_sentence(&error)),
             Ok(logs) => {
                 report.train = logs.train.len();
                 report.held_out = vec![(logs.split.to_string(), logs.held_out.len())];
@@ -133,6 +134,7 @@ impl Pipeline for Flux4d {
         let asked = &config.own.logs;
         let is_asked = asked.validation != trained.validation || asked.split != trained.split;
         let logs = Arc::new(Logs::open_to_measure(request.dataset, asked, &checkpoint.origin.views, is_asked)?);
+        logs.warn();
         let name = request.split.unwrap_or(logs.split);
         let places = match name {
             "train" => &logs.train,

@@ -53,7 +53,7 @@ impl Observer {
         self.run.observe(step, (report.loss, trainer.skipped), &counts, || None);
         if self.config.eval.at.contains(&step) && step < self.config.steps {
             let measurement = self.measure(trainer, 0)?;
-            self.run.record(step, measurement.measured)?;
+            self.run.record(step, measurement.measured).1?;
         }
         if self.run.is_save_due(step) {
             self.run.save_on_the_way(step, &snapshot(trainer));

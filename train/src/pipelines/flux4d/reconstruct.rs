@@ -19,12 +19,12 @@ use super::actors_file::ActorList;
 use super::degrees::{Degrees, choose_degrees};
 use super::flow::{self, FlowScores};
 use super::infer::{Ready, infer};
-use super::logs::{MIN_FRAMES, open, snippets, times};
+use super::logs::{MIN_FRAMES, open, snippets, times, warn};
 use super::memory::of_reconstruction;
 use super::polish::{Polished, polish};
 use super::prepare::{HostSnippet, HostView, prepare};
 use super::sample::{camera, photo};
-use super::saved::SavedNetwork;
+use super::saved::{SavedNetwork, parameters};
 use super::snippet_page;
 use super::summary::{Seconds, Summary, of_all};
 use super::world::in_world;
@@ -36,7 +36,7 @@ use crate::run::metrics::psnr;
 use crate::run::outputs::{MARK, marked_png};
 use crate::run::progress;
 use crate::run::results::Results;
-use crate::run::scene::write_ply;
+use crate::run::scene::{outside, write_ply};
 
 /// The file with all figures, by which a folder of an earlier reconstruction is known.
 const SUMMARY: &str = "reconstruction.json";
@@ -79,7 +79,8 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
     }
     let log = open(request.log, &saved.config.own.logs)?;
     let list = chosen(&log, saved, request)?;
-    let memory = of_reconstruction(&saved.config, &log, &list);
+    warn(&log);
+    let memory = of_reconstruction(&saved.config, &log, parameters(&saved.network), &list);
     progress::say(&format!("{}: {}; memory expected: {memory}", log.name(), counted(list.len(), "snippet")), false);
     let results = Results::begin(request.out, SUMMARY)?;
     let ready = Ready::new(&saved.network);
@@ -239,8 +240,11 @@ impl Work<'_> {
     /// The times asked for that snippet `number` of `all` shows, between and beyond the frames, from the camera of the nearest
     /// input.
     fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet, (all, number): (&[Snippet], usize)) -> Result<()> {
-        let begin = *self.begin.get_or_insert(host.window[0]);
         let frames = times(&self.log);
+        if self.begin.is_none() {
+            self.warn_outside(host.window[0], &frames, all);
+        }
+        let begin = *self.begin.get_or_insert(host.window[0]);
         for time in self.request.times {
             let seconds = begin + time;
             if owner_of_time(all, &frames, seconds) != number {
@@ -254,6 +258,16 @@ impl Work<'_> {
             self.write(&path, view, &image_bytes(image))?;
         }
         Ok(())
+    }
+
+    /// Warns of times outside of what the snippets show: a path is an expansion, and diverges outside the window it was fitted in.
+    fn warn_outside(&self, begin: f64, frames: &[f64], all: &[Snippet]) {
+        let last = all.iter().filter_map(|snippet| snippet.frames.last()).max().map_or(begin, |frame| frames[*frame]);
+        // Clocks have microseconds at most, and a difference of f64 more digits than that.
+        let seconds = (1e3 * (last - begin)).round() / 1e3;
+        if let Some(warning) = outside(self.request.times, [0.0, seconds]) {
+            tracing::warn!("--times: {warning}");
+        }
     }
 
     fn render(&mut self, scene: &FluxScene, view: &HostView, seconds: f64) -> Result<Tensor<3>> {

@@ -8,8 +8,8 @@ use anyhow::{Result, bail};
 use burn::tensor::Device;
 use glam::DMat4;
 use gs_datasets::image_io::write_atomic;
-use gs_datasets::{counted, write_npy};
-use gs_driving::{DrivingLog, FLOW_INTERVAL, LogOptions, Sweep};
+use gs_datasets::{agree, counted, printable, write_npy};
+use gs_driving::{DrivingLog, FLOW_INTERVAL, LogOptions, Sweep, gaps, runs};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use serde::Serialize;
 
@@ -69,15 +69,20 @@ struct Found {
 /// One sentence: a log of one sweep, a broken file, a full disk, a folder with other files.
 pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
     let log = DrivingLog::open(request.log, &LogOptions::default())?;
+    log.warnings().iter().for_each(|warning| tracing::warn!("{}", printable(warning)));
     let frames: Vec<usize> = (0..log.frames().len()).filter(|frame| log.frames()[*frame].has_sweep).collect();
-    if frames.len() < 2 {
-        bail!("{}: expected 2 sweeps or more, found {}", request.log.display(), frames.len());
+    let windows = windows(&frames.iter().map(|frame| log.frames()[*frame].time).collect::<Vec<_>>(), request.window);
+    let compared = windows.iter().map(|(window, new)| window.end - new).sum::<usize>();
+    warn_of_gaps(&log, frames.len() - compared);
+    if windows.is_empty() {
+        let (path, found) = (request.log.display(), frames.len());
+        bail!("{path}: expected 2 sweeps or more without a gap in the recording, found {found} in all");
     }
     let results = request.out.map(|out| Results::begin(out, SUMMARY)).transpose()?;
     let (mut scores, mut seconds, mut sweeps, mut points) = (FlowScores::default(), 0.0, 0, 0);
-    for (window, new) in windows(frames.len(), request.window) {
+    for (window, new) in windows {
         if interrupt::asked() {
-            bail!("interrupted; {sweeps} of {} sweeps are done", frames.len());
+            bail!("interrupted; {sweeps} of {compared} sweeps are done");
         }
         let loaded = frames[window].iter().map(|frame| Ok((*frame, log.sweep(*frame)?)));
         let loaded = loaded.collect::<Result<Vec<_>>>()?;
@@ -99,7 +104,7 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
         }
     }
     let method = match request.fit {
-        None => format!("bodies in windows of {} sweeps", request.window.min(frames.len())),
+        None => format!("bodies in windows of {} sweeps", request.window.min(compared)),
         Some(iterations) => {
             format!("a fit of each pair of sweeps, {FIT_POINTS} points, at most {iterations} iterations")
         }
@@ -123,14 +128,32 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
     Ok(lines(&summary, request.out))
 }
 
-/// Windows over all sweeps, and the first sweep that is new in each. The last window ends with the log, so it is not short.
-fn windows(sweeps: usize, length: usize) -> Vec<(Range<usize>, usize)> {
-    let length = length.clamp(2, sweeps.max(2));
-    let window = |new: usize| {
-        let first = new.min(sweeps.saturating_sub(length));
-        (first..(first + length).min(sweeps), new)
+/// Says where no motion is looked for: over the gaps of a recording, and in sweeps without another one beside them.
+fn warn_of_gaps(log: &DrivingLog, alone: usize) {
+    if let Some(gaps) = gaps(log.frames()) {
+        tracing::warn!("the recording has {gaps}, over which no motion is looked for");
+    }
+    if alone > 0 {
+        let (sweeps, have) = (counted(alone, "sweep"), agree(alone, "has", "have"));
+        tracing::warn!(
+            "{sweeps} {have} no other without a gap before or after and {} left out",
+            agree(alone, "is", "are")
+        );
+    }
+}
+
+/// Windows over the sweeps of a recording, whose times (seconds) ascend, and the first sweep that is new in each. None reaches over a gap,
+/// and a sweep between two gaps is in none. The last window of a run ends with it, so it is not short.
+fn windows(times: &[f64], length: usize) -> Vec<(Range<usize>, usize)> {
+    let of_run = |run: Range<usize>| {
+        let length = length.clamp(2, run.len());
+        let window = move |new: usize| {
+            let first = new.min(run.end - length);
+            (first..first + length, new)
+        };
+        (run.start..run.end).step_by(length).map(window)
     };
-    (0..sweeps).step_by(length).map(window).collect()
+    runs(times).into_iter().filter(|run| run.len() >= 2).flat_map(of_run).collect()
 }
 
 fn by_bodies(log: &DrivingLog, loaded: Vec<(usize, Sweep)>) -> Vec<Found> {
@@ -150,7 +173,7 @@ fn by_bodies(log: &DrivingLog, loaded: Vec<(usize, Sweep)>) -> Vec<Found> {
     loaded.into_iter().zip(flows).map(|((frame, sweep), flow)| Found { frame, sweep, flow }).collect()
 }
 
-/// The last sweep of a log is fitted to the one before, backwards.
+/// The last sweep of a window is fitted to the one before, backwards.
 fn by_fit(log: &DrivingLog, loaded: Vec<(usize, Sweep)>, iterations: usize, device: &Device) -> Result<Vec<Found>> {
     let config = FastNsfConfig { iterations, points: Some(FIT_POINTS), ..FastNsfConfig::default() };
     let mut flows = Vec::new();
@@ -199,17 +222,40 @@ fn lines(summary: &Summary, out: Option<&Path>) -> Vec<String> {
 mod tests {
     use super::windows;
 
+    /// A recording of 10 sweeps a second that is interrupted for 20 s before sweep `gap`.
+    fn times(sweeps: usize, gap: usize) -> Vec<f64> {
+        (0..sweeps).map(|i| 0.1 * i as f64 + if i >= gap { 20.0 } else { 0.0 }).collect()
+    }
+
+    fn done(times: &[f64], length: usize) -> Vec<usize> {
+        let mut done = Vec::new();
+        for (window, new) in windows(times, length) {
+            assert!(window.len() >= 2 && window.end <= times.len() && window.contains(&new));
+            assert!(times[window.end - 1] - times[window.start] < 10.0, "{window:?} reaches over the gap");
+            done.extend(window.filter(|sweep| *sweep >= new));
+        }
+        done
+    }
+
     #[test]
     fn windows_hold_every_sweep_once() {
         for sweeps in 2..30 {
             for length in 2..9 {
-                let mut done = Vec::new();
-                for (window, new) in windows(sweeps, length) {
-                    assert!(window.len() >= 2.min(sweeps) && window.end <= sweeps && window.contains(&new));
-                    done.extend(window.filter(|sweep| *sweep >= new));
-                }
-                assert_eq!(done, (0..sweeps).collect::<Vec<_>>(), "{sweeps} sweeps in windows of {length}");
+                let all: Vec<usize> = (0..sweeps).collect();
+                assert_eq!(done(&times(sweeps, sweeps), length), all, "{sweeps} sweeps in windows of {length}");
             }
         }
+    }
+
+    #[test]
+    fn no_window_reaches_over_a_gap() {
+        for length in 2..9 {
+            for gap in 2..20 {
+                assert_eq!(done(&times(22, gap), length), (0..22).collect::<Vec<_>>(), "a gap before {gap}");
+            }
+            // A first sweep alone has nothing to be compared with.
+            assert_eq!(done(&times(22, 1), length), (1..22).collect::<Vec<_>>());
+        }
+        assert!(windows(&[5.0], 6).is_empty() && windows(&[], 6).is_empty());
     }
 }

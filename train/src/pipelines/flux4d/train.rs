@@ -18,8 +18,9 @@ use super::trainer::Trainer;
 use crate::report;
 use crate::report::viewer::section;
 use crate::run::checkpoint::Origin;
+use crate::run::ending::LastFiles;
 use crate::run::folder::{Setting, full_path};
-use crate::run::memory::megabytes;
+use crate::run::memory::{Prediction, megabytes};
 use crate::run::progress;
 use crate::run::scene::{placed_note, write_ply};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
@@ -36,14 +37,16 @@ pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
     let held = watch::enter(job)?;
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let logs = Arc::new(Logs::open(&job.dataset, &config.own.logs)?);
-    let plan = plan(job, config, &logs);
+    logs.warn();
+    let mut plan = plan(job, config, &logs);
     let trainer = begun(job, config, &plan)?;
+    plan.prediction = memory::of_training(config, &logs, parameters(trainer.network()), job.devices());
     let run = Run::begin(job, plan, trainer.step, held)?;
     introduce(&run, &logs, &trainer);
     let observer = Observer::new(run, logs, config.clone(), job.device.clone());
     let (trainer, observer) = advance(trainer, observer, job)?;
-    observer.run.save(trainer.step, &snapshot(&trainer))?;
     if trainer.step < config.steps {
+        observer.run.save(trainer.step, &snapshot(&trainer))?;
         return observer.run.leave(trainer.step);
     }
     finish(observer, job, &trainer)
@@ -77,18 +80,28 @@ fn check_devices(job: &Job, config: &FluxConfig) -> Result<()> {
 }
 
 fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
+    let mut files = LastFiles::default();
+    files.tried("the checkpoint", observer.run.save(trainer.step, &snapshot(trainer)));
     let Measurement { measured, pictures, scene, viewer } = observer.measure(trainer, observer.config.eval.images)?;
     let Observer { mut run, config, .. } = observer;
     if let Some((gaussians, origin)) = scene {
-        write_ply(&job.folder.ply(), &gaussians, origin)
-            .map_err(|error| error.context("the first held-out snippet could not be exported"))?;
+        let ply = write_ply(&job.folder.ply(), &gaussians, origin);
+        files
+            .tried("scene.ply", ply.map_err(|error| error.context("the first held-out snippet could not be exported")));
         if let Some(note) = placed_note(origin) {
             run.say(&format!("{}: {note}", job.folder.ply().display()));
         }
     }
-    let file = run.record(trainer.step, measured)?;
-    let history = run.finish()?;
-    report::write(&job.folder, &file, &history, &pictures, (None, viewer.as_ref().map(section)), &config.to_toml())?;
+    let (file, written) = run.record(trainer.step, measured);
+    files.tried("eval.json", written);
+    let (history, written) = run.finish();
+    files.tried("metrics.jsonl", written);
+    let viewer = viewer.as_ref().map(section);
+    files.tried(
+        "report.html",
+        report::write(&job.folder, &file, &history, &pictures, (None, viewer), &config.to_toml()),
+    );
+    files.done()?;
     if let Some(peak) = file.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
     }
@@ -136,7 +149,6 @@ fn plan(job: &Job, config: &FluxConfig, logs: &Logs) -> Plan {
         setting("points", "lift.points", points.to_string(), format!("{points} points")),
         setting("degree", "unet.degree", own.unet.degree.to_string(), format!("degree {}", own.unet.degree)),
     ];
-    let facts = Vec::new();
-    let prediction = memory::of_training(config, logs, job.devices());
+    let (facts, prediction) = (Vec::new(), Prediction::default());
     Plan { steps: config.steps, checkpoint: config.checkpoint.clone(), origin, prediction, facts, settings }
 }

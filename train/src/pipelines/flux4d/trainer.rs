@@ -16,6 +16,7 @@ use super::network::FluxNetwork;
 use super::prepare::{HostSnippet, HostView};
 use super::sample::{Sample, Supervision, target};
 use crate::fit::random::{Purpose, stream};
+use crate::logging::one_sentence;
 
 /// A network in training.
 #[derive(Debug)]
@@ -135,7 +136,7 @@ pub fn contribution(
 ) -> Result<(NamedGradients, Used), Unusable> {
     let host = drawn.prepared.as_ref().map_err(Clone::clone)?;
     let mut random = stream(config.seed, Purpose::Supervision, drawn.draw as u64);
-    let sample = Sample::new(host, config, device).map_err(|error| format!("{error:#}"))?;
+    let sample = Sample::new(host, config, device).map_err(|error| one_sentence(&error))?;
     let supervision = supervised(host, &sample, (logs, &drawn.place, config), &mut random, device)?;
     let found = gradients(tracked, &sample, &supervision, config);
     let (gradients, loss) = found.map_err(|error| format!("{}: {error}", host.name))?;

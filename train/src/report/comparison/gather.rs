@@ -7,6 +7,7 @@ use anyhow::{Result, bail};
 
 use super::ComparedRun;
 use crate::config::tables::flat;
+use crate::logging::one_sentence;
 use crate::run::folder::RunFolder;
 
 /// The runs that could be read.
@@ -60,7 +61,7 @@ fn read(path: &Path) -> Result<(ComparedRun, PathBuf), String> {
         match (path.exists(), folder.eval().exists()) {
             (false, _) => "expected a run folder, found nothing".into(),
             (true, false) => "cannot read its eval.json, no figures yet".into(),
-            (true, true) => format!("{error:#}"),
+            (true, true) => one_sentence(&error),
         }
     })?;
     if eval.last.step < eval.steps {
@@ -68,7 +69,7 @@ fn read(path: &Path) -> Result<(ComparedRun, PathBuf), String> {
     }
     let (values, dataset) = match folder.read_config() {
         Ok((config, dataset)) => (flat(&config).into_iter().collect::<BTreeMap<_, _>>(), dataset),
-        Err(error) => return Err(format!("{error:#}")),
+        Err(error) => return Err(one_sentence(&error)),
     };
     Ok((ComparedRun { name: eval.name.clone(), folder, values, eval }, dataset))
 }

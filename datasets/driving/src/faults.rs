@@ -1,0 +1,101 @@
+//! One mistake of a whole log is found in every file: it is said once, with its count.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use gs_datasets::{DatasetError, counted, printable, some_names};
+
+/// Errors of one kind in one folder.
+struct Group {
+    /// The sentence of the first.
+    whole: String,
+    /// The same about the folder.
+    common: String,
+    /// Names of the files.
+    files: Vec<String>,
+}
+
+/// The errors in the order found; those of one kind in the files of one folder are one sentence, with what the first file has.
+pub(crate) fn sentences(errors: &[DatasetError]) -> Vec<String> {
+    let mut groups: Vec<Group> = Vec::new();
+    let mut places: HashMap<String, usize> = HashMap::new();
+    for error in errors {
+        let whole = error.to_string();
+        let Some(Parts { kind, common, file }) = apart(error) else {
+            groups.push(Group { whole, common: String::new(), files: Vec::new() });
+            continue;
+        };
+        let place = *places.entry(kind).or_insert(groups.len());
+        if place == groups.len() {
+            groups.push(Group { whole, common, files: Vec::new() });
+        }
+        groups[place].files.push(file);
+    }
+    groups.into_iter().map(Group::sentence).collect()
+}
+
+impl Group {
+    fn sentence(self) -> String {
+        match self.files.len() {
+            0 | 1 => self.whole,
+            count => {
+                let files = some_names(&self.files);
+                let about = format!("{} (in {}: {files})", self.common, counted(count, "file"));
+                printable(&about).into_owned()
+            }
+        }
+    }
+}
+
+/// An error without the name of its file.
+struct Parts {
+    /// Equal for errors of one kind: places in the files and what was found there may differ.
+    kind: String,
+    common: String,
+    file: String,
+}
+
+fn apart(error: &DatasetError) -> Option<Parts> {
+    let of = |path: &Path, kind: String, complaint: String| {
+        let (folder, file) = (path.parent()?.display(), path.file_name()?.to_string_lossy().into_owned());
+        Some(Parts { kind: format!("{folder}: {kind}"), common: format!("{folder}: {complaint}"), file })
+    };
+    match error {
+        DatasetError::Malformed { path, location, expected, found } => {
+            let place: String = location.chars().filter(|c| !c.is_ascii_digit()).collect();
+            let complaint = format!("{location}: expected {expected}, found {found}");
+            of(path, format!("{place}: expected {expected}"), complaint)
+        }
+        DatasetError::Io { path, action, source } => {
+            of(path, format!("cannot {action}: {:?}", source.kind()), format!("cannot {action}: {source}"))
+        }
+        DatasetError::Image { path, found } => {
+            let complaint = format!("expected readable PNG or JPEG images, found: {found}");
+            of(path, "expected an image".to_string(), complaint)
+        }
+        DatasetError::NotAFile { path, found } => {
+            of(path, format!("found {found}"), format!("expected files, found {found}"))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::malformed;
+
+    #[test]
+    fn one_fault_in_many_files_is_one_sentence() {
+        let short = |i: usize| {
+            let path = format!("log/lidar/{i:02}.pkl.gz");
+            malformed(Path::new(&path), format!("byte {}", 100 + i), "a column x", format!("{i} bytes"))
+        };
+        let other = malformed(Path::new("log/camera/a/00.jpg"), "the image", "8 x 8 pixels", "9 x 9");
+        let errors: Vec<DatasetError> = (0..300).map(short).chain([other]).collect();
+        let said = sentences(&errors);
+        let first = "log/lidar: byte 100: expected a column x, found 0 bytes (in 300 files: 00.pkl.gz, 01.pkl.gz, 02.pkl.gz, ...)";
+        assert_eq!(said, [first, "log/camera/a/00.jpg: the image: expected 8 x 8 pixels, found 9 x 9"]);
+        assert_eq!(sentences(&errors[..1]), [errors[0].to_string()]);
+    }
+}
