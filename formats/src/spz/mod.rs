@@ -25,7 +25,7 @@ const HEADER: usize = 16;
 /// Bit of the header's flags: trained with antialiasing.
 const ANTIALIASED: u8 = 1;
 /// Bits behind the point of a position where the scene fits into 2048 units.
-const FRACTIONAL_BITS: u32 = 12;
+pub const FRACTIONAL_BITS: u32 = 12;
 /// Steps of the logarithm of a scale, and its least value.
 const SCALE_STEPS: f32 = 16.0;
 const SCALE_LEAST: f32 = -10.0;

@@ -42,7 +42,10 @@ impl Packed {
     pub fn notes(&self, format: Format) -> Vec<String> {
         let mut notes: Vec<String> = super::offset_note(self.splats.offset).into_iter().collect();
         if let Some(bits) = spz::fractional_bits(&self.splats).filter(|_| format == Format::Spz) {
-            notes.push(format!("positions in steps of {} units", step_of(bits)));
+            let farthest = self.splats.means.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
+            let why = format!(", since one is {} units from the origin", rounded(f64::from(farthest)));
+            let why = if bits < spz::FRACTIONAL_BITS { why } else { String::new() };
+            notes.push(format!("positions in steps of {} units{why}", step_of(bits)));
             let count = spz::oversized(&self.splats);
             if count > 0 {
                 notes.push(format!("{} cut to the largest size of SPZ, 379 units", counted(count, "Gaussian")));
