@@ -39,7 +39,10 @@ pub fn run(args: &ViewArgs) -> Result<ExitCode> {
 
 /// The name of a scene: of its folder or its file.
 fn name_of(path: &Path) -> String {
-    full_path(path).file_stem().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
+    let path = full_path(path);
+    // A point in a folder's name begins no ending.
+    let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+    name.map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
 }
 
 /// A scene with everything that its page shows.
@@ -94,5 +97,19 @@ impl Opened {
             world: glam::DMat4::from_translation(loaded.origin),
         };
         viewed.packed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_keeps_its_whole_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [run, file] = ["v1.2-test", "scene.ply"].map(|name| folder.path().join(name));
+        std::fs::create_dir(&run).expect("made");
+        std::fs::write(&file, "").expect("written");
+        assert_eq!((name_of(&run).as_str(), name_of(&file).as_str()), ("v1.2-test", "scene"));
     }
 }

@@ -7,6 +7,7 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
+use gs_datasets::{agree, counted};
 use gs_formats::{glb, spz};
 use gs_models::{DynamicScene, Shutter, Static};
 
@@ -93,10 +94,8 @@ impl LoadedScene {
         let Some([first, last]) = self.scene.span() else { return };
         let outside: Vec<f64> = times.into_iter().filter(|t| !(first..=last).contains(t)).collect();
         if let Some(t) = outside.first() {
-            let count = outside.len();
-            tracing::warn!(
-                "{count} times lie outside the recording, which is from {first} to {last}: {t} is the first"
-            );
+            let (count, lie) = (counted(outside.len(), "time"), agree(outside.len(), "lies", "lie"));
+            tracing::warn!("{count} {lie} outside the recording, which is from {first} to {last}: {t} is the first");
         }
     }
 
