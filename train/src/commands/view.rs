@@ -100,3 +100,17 @@ impl Opened {
         viewed.packed()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_keeps_its_whole_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [run, file] = ["v1.2-test", "scene.ply"].map(|name| folder.path().join(name));
+        std::fs::create_dir(&run).expect("made");
+        std::fs::write(&file, "").expect("written");
+        assert_eq!((name_of(&run).as_str(), name_of(&file).as_str()), ("v1.2-test", "scene"));
+    }
+}

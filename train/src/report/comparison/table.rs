@@ -275,7 +275,7 @@ mod tests {
         // A name is no markup, and no formula.
         assert_eq!(table().markdown(), markdown.join("\n") + "\n| =1\\|&lt;b> | 7 | – |\n");
         assert_eq!(table().csv(), "run,N,front\n\"a,b\",3,both\nc,15,\n'=1|<b>,7,\n");
-        assert!(table().html().contains("<td>=1|&lt;b&gt;</td>"));
-        assert!(table().html().contains("<tr class=\"front\"><td>a,b</td>"));
+        assert!(table().html().contains("<td><bdi>=1|&lt;b&gt;</bdi></td>"));
+        assert!(table().html().contains("<tr class=\"front\"><td><bdi>a,b</bdi></td>"));
     }
 }
