@@ -30,9 +30,9 @@ pub(crate) fn refuse(scene: &Path, mut colors: impl Iterator<Item = Option<[f32;
         count += 1;
     }
     let [r, g, b] = color.map(f32::round);
-    let found =
-        format!("one colour, red {r}, green {g}, blue {b} of 255, in all of {}", counted(count, "training photo"));
-    let expected =
-        "something to see, and not wholly black, white or transparent photos: nothing can be learned from them";
-    Err(DatasetError::malformed(scene, "photos", expected, found))
+    let photos = counted(count, "training photo");
+    let found = format!(
+        "one colour all over {photos}, red {r}, green {g}, blue {b} (of 255): nothing can be learned from them"
+    );
+    Err(DatasetError::malformed(scene, "photos", "photos that show something", found))
 }

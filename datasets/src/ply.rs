@@ -113,7 +113,7 @@ pub(crate) fn read(path: &Path) -> Result<RawPoints, DatasetError> {
                 path,
                 format!("vertex {index}"),
                 "a finite position",
-                position.to_string(),
+                format!("{:?}", position.to_array()),
             ));
         }
         let mut rgb = NO_COLOR;

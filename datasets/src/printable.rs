@@ -40,7 +40,10 @@ pub(crate) fn number(value: f64) -> String {
 
 /// A number with this many decimals, or as a power of ten with three digits from a billion on.
 pub(crate) fn decimals(value: f64, places: usize) -> String {
-    if value.abs() < LARGE { format!("{value:.places$}") } else { format!("{value:.2e}") }
+    let text = if value.abs() < LARGE { format!("{value:.places$}") } else { format!("{value:.2e}") };
+    // A rounding error below zero is no number below zero.
+    let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
+    if is_zero { text.trim_start_matches('-').to_string() } else { text }
 }
 
 /// A position with this many decimals, likewise.

@@ -83,6 +83,9 @@ fn fill(
     report.facts.append(&mut findings.take_facts());
     report.points = points.as_ref().map_or(0, |points| points.positions.len());
     report.facts.push(geometry::describe_points(points.as_ref()));
+    if frames.is_empty() && !findings.errors.is_empty() {
+        return Ok(());
+    }
     if frames.is_empty() {
         let found = "no frame that can be used".to_string();
         return Err(DatasetError::NoFrames { path: path.to_path_buf(), found });

@@ -96,7 +96,10 @@ impl<'a> Lookup<'a> {
 
     /// The end of a sentence about the missing photos: what is there in their place.
     pub fn hint(&self) -> String {
-        self.renamed.as_ref().map_or_else(String::new, |renamed| renamed.hint(&self.missing))
+        let Some(renamed) = &self.renamed else { return String::new() };
+        // Where some photos are in place, one of the same name in another folder is another photo.
+        let is_all = self.reach == Reach::InPlace && self.missing.len() == self.total;
+        renamed.hint(&self.missing) + &if is_all { renamed.other_place(&self.missing) } else { String::new() }
     }
 
     /// Says what was found under another name and what was not found, of the photos that `file` describes. `hint` ends the sentence.

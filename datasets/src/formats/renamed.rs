@@ -74,6 +74,14 @@ impl Renamed {
         alike.then_some(Found { path, is_other_form: true })
     }
 
+    /// Another place that has the first of these names, as `images_4` for `images` has; the end of a sentence.
+    pub fn other_place(&self, missing: &[String]) -> String {
+        let place = missing.iter().find_map(|name| Some((name, self.find(name)?.path)));
+        place.map_or_else(String::new, |(name, path)| {
+            format!("; {name} is there as {}: rename its folder, or change `file_path`", self.shown(&path))
+        })
+    }
+
     /// A path for a sentence: below the folder.
     pub fn shown<'a>(&self, path: &'a Path) -> std::borrow::Cow<'a, str> {
         path.strip_prefix(&self.folder).unwrap_or(path).to_string_lossy()

@@ -144,8 +144,33 @@ fn colmap_text() {
 }
 
 #[test]
+fn colmap_of_several_models() {
+    fuzz("COLMAP of several models", SHORT);
+}
+
+#[test]
 fn llff() {
     fuzz("LLFF", SHORT);
+}
+
+#[test]
+fn llff_of_photos() {
+    fuzz("LLFF of photos", SHORT);
+}
+
+#[test]
+fn realityscan() {
+    fuzz("RealityScan", SHORT);
+}
+
+#[test]
+fn paths_of_another_machine() {
+    fuzz("paths of another machine", SHORT);
+}
+
+#[test]
+fn lenses() {
+    fuzz("lenses", SHORT);
 }
 
 #[test]

@@ -29,7 +29,16 @@ pub const SEEDS: &[Seed] = &[
         write: text_model,
         files: &["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt"],
     },
+    Seed {
+        name: "COLMAP of several models",
+        write: two_models,
+        files: &["sparse/0/images.txt", "sparse/1/images.bin", "sparse/1/cameras.bin", "sparse/2/cameras.txt"],
+    },
     Seed { name: "LLFF", write: poses_and_cameras, files: &["poses_bounds.npy"] },
+    Seed { name: "LLFF of photos", write: poses_and_photos, files: &["poses_bounds.npy"] },
+    Seed { name: "RealityScan", write: table_of_cameras, files: &["cameras.csv"] },
+    Seed { name: "paths of another machine", write: moved_here, files: &["transforms.json"] },
+    Seed { name: "lenses", write: bent_lens, files: &["transforms.json"] },
     Seed { name: "Panoptic", write: dome, files: &["train_meta.json", "test_meta.json"] },
     Seed { name: "photos", write: ring_of_cameras, files: &["images/00.png", "images/01.jpg", "masks/02.png"] },
 ];
@@ -106,6 +115,66 @@ fn binary_model() -> Folder {
 fn text_model() -> Folder {
     let folder = Folder::new();
     colmap_writer::example(&folder).write_text(&folder, "sparse/0");
+    folder
+}
+
+/// Three models, whose largest is the second; the third has no lines of observations.
+fn two_models() -> Folder {
+    let folder = Folder::new();
+    let mut model = colmap_writer::example(&folder);
+    model.write_binary(&folder, "sparse/1");
+    model.images.truncate(3);
+    model.images.iter_mut().for_each(|image| image.seen.clear());
+    model.write_text(&folder, "sparse/2");
+    model.images.truncate(2);
+    model.write_text(&folder, "sparse/0");
+    folder
+}
+
+/// Photos whose numbers have no leading zeros.
+fn poses_and_photos() -> Folder {
+    let folder = Folder::new();
+    let mut values = Vec::new();
+    for k in 0..12 {
+        folder.photo(&format!("images/{k}.png"), 8, 6);
+        let x = f64::from(k);
+        values.extend([0.0, 1.0, 0.0, x, 6.0, -1.0, 0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 1.0, 0.0, 9.5, 0.5, 20.0]);
+    }
+    let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
+    folder.write("poses_bounds.npy", npy(1, "<f8", false, "(12, 17)", &bytes));
+    folder
+}
+
+fn table_of_cameras() -> Folder {
+    let folder = Folder::new();
+    let mut table = "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n".to_string();
+    for (name, x) in [("a.png", 1), ("left/b.png", 2), ("c.jpg", 3)] {
+        folder.photo(&format!("images/{}", name.replace("jpg", "png")), 8, 6);
+        table += &format!("{name},{x},2,3,10,80,0,36,0.01,0,-0.1,0.01,0,0,0.001,0\n");
+    }
+    folder.write("cameras.csv", table);
+    folder
+}
+
+/// Absolute paths of Windows and Linux, and a name in another Unicode form.
+fn moved_here() -> Folder {
+    let (folder, mut top) = ring_scene(3);
+    folder.photo("images/m\u{e9}nage.png", 32, 24);
+    top["frames"][0]["file_path"] = json!("C:\\scan\\images\\00.png");
+    top["frames"][0]["mask_path"] = json!("");
+    top["frames"][1]["file_path"] = json!("/home/u/photos/01.png");
+    top["frames"][2]["file_path"] = json!("images/me\u{301}nage.png");
+    folder.write_json("transforms.json", &top);
+    folder
+}
+
+/// Every coefficient of a lens.
+fn bent_lens() -> Folder {
+    let (folder, mut top) = ring_scene(2);
+    for (key, value) in [("k1", -0.21), ("k2", 0.08), ("k3", -0.013), ("k4", 0.002), ("p1", 0.0013), ("p2", -0.0021)] {
+        top[key] = json!(value);
+    }
+    folder.write_json("transforms.json", &top);
     folder
 }
 

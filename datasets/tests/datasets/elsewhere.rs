@@ -1,0 +1,271 @@
+//! Photos and masks that are not where a description says: found, or named.
+
+use gs_datasets::{Holdout, LoadOptions, MaskUse, check, load};
+use serde_json::json;
+
+use crate::colmap::example;
+use crate::fixtures::{Folder, names, ring_scene};
+
+fn options() -> LoadOptions {
+    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
+}
+
+/// What `load` refuses with, or what `check` says.
+fn said(folder: &Folder, options: &LoadOptions) -> (String, String) {
+    let error = load(folder.path(), options).err().map_or_else(String::new, |error| error.to_string());
+    (error, check(folder.path(), options).to_string())
+}
+
+#[test]
+fn paths_of_another_machine_are_found_by_their_ends() {
+    for prefix in ["C:\\Users\\u\\scan\\", "/home/u/scan/", "D:/scan/", "//server/share/scan/"] {
+        let (folder, mut top) = ring_scene(3);
+        std::fs::create_dir(folder.file("images/deep")).expect("made");
+        std::fs::rename(folder.file("images/01.png"), folder.file("images/deep/01.png")).expect("moved");
+        folder.grey("masks/00.png", 32, 24, |x, _| (8 * x) as u8);
+        let there = |path: &str| {
+            json!(format!("{prefix}{}", if prefix.contains('\\') { path.replace('/', "\\") } else { path.into() }))
+        };
+        for (i, path) in ["images/00.png", "images/deep/01.png", "images/02.png"].into_iter().enumerate() {
+            top["frames"][i]["file_path"] = there(path);
+        }
+        top["frames"][0]["mask_path"] = there("masks/00.png");
+        top["train_filenames"] = json!([there("images/00.png"), there("images/deep/01.png"), there("images/02.png")]);
+        folder.write_json("transforms.json", &top);
+        let scene = load(folder.path(), &options()).expect("loads");
+        assert_eq!(names(&scene.train), ["images/00", "images/02", "images/deep/01"], "{prefix}");
+        assert!(scene.train[0].mask.is_some() && scene.train[1].mask.is_none());
+        let said = scene.warnings.join(" ");
+        assert!(said.contains("3 photos were found under another name") && said.contains("as images/00.png"), "{said}");
+        // By the last part of the name alone, if only one file has it.
+        std::fs::rename(folder.file("images/deep"), folder.file("images/deeper")).expect("moved");
+        assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+        folder.photo("images/other/01.png", 32, 24);
+        let scene = load(folder.path(), &options()).expect("loads");
+        assert_eq!(names(&scene.train), ["images/00", "images/02"]);
+        assert!(scene.warnings.join(" ").contains("more than one file"), "{:?}", scene.warnings);
+    }
+    // Two machines, one file here.
+    let (folder, mut top) = ring_scene(3);
+    top["frames"][0]["file_path"] = json!("/a/images/02.png");
+    top["frames"][1]["file_path"] = json!("/b/images/02.png");
+    folder.write_json("transforms.json", &top);
+    let (error, report) = said(&folder, &options());
+    assert!(error.contains("another pose") && report.contains("another pose"), "{error} {report}");
+}
+
+/// A frame whose own photo is missing does not take one of another list.
+#[test]
+fn relative_paths_are_not_looked_for_in_other_folders() {
+    let (folder, mut top) = ring_scene(3);
+    folder.photo("test/01.png", 32, 24);
+    std::fs::remove_file(folder.file("images/01.png")).expect("removed");
+    folder.write_json("transforms.json", &top);
+    let scene = load(folder.path(), &options()).expect("loads");
+    assert_eq!(names(&scene.train), ["images/00", "images/02"]);
+    assert!(!scene.warnings.join(" ").contains("test/01.png"), "{:?}", scene.warnings);
+    // Another extension in the same place is the photo, converted.
+    folder.photo("images/01.png", 32, 24);
+    top["frames"][1]["file_path"] = json!("images/01.heic");
+    folder.write_json("transforms.json", &top);
+    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+}
+
+#[test]
+fn photos_in_another_container_beside_the_names_are_named() {
+    let exr = b"\x76\x2f\x31\x01\x02\0\0\0";
+    let folder = Folder::new();
+    example(&folder).write_binary(&folder, "sparse/0");
+    std::fs::remove_dir_all(folder.file("images")).expect("removed");
+    for name in ["b", "left/a"] {
+        folder.write(&format!("images/{name}.exr"), exr);
+    }
+    let (error, report) = said(&folder, &options());
+    for text in [error, report] {
+        assert!(text.contains("2 of them are there as OpenEXR (b.exr): convert"), "{text}");
+    }
+    let (folder, top) = ring_scene(2);
+    for name in ["00", "01"] {
+        std::fs::remove_file(folder.file(&format!("images/{name}.png"))).expect("removed");
+        folder.write(&format!("images/{name}.exr"), exr);
+    }
+    folder.write_json("transforms.json", &top);
+    let (error, report) = said(&folder, &options());
+    for text in [error, report] {
+        assert!(text.contains("2 of them are there as OpenEXR (images/00.exr): convert"), "{text}");
+    }
+}
+
+#[test]
+fn a_folder_of_smaller_photos_is_named_with_its_key() {
+    let folder = Folder::new();
+    example(&folder).write_binary(&folder, "sparse/0");
+    std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
+    let (error, report) = said(&folder, &options());
+    for text in [error, report] {
+        assert!(text.contains("images of these names are in images_4: --set data.images=images_4"), "{text}");
+    }
+    let options = LoadOptions { images: Some("images_4".into()), ..options() };
+    assert_eq!(load(folder.path(), &options).expect("loads").train.len(), 4);
+    let (folder, top) = ring_scene(2);
+    folder.write_json("transforms.json", &top);
+    std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
+    let (error, report) = said(&folder, &options);
+    for text in [error, report] {
+        assert!(text.contains("images/00.png is there as images_4/00.png"), "{text}");
+    }
+}
+
+#[test]
+fn names_in_another_unicode_form_are_found() {
+    let folder = Folder::new();
+    let mut model = example(&folder);
+    for (i, (written, there)) in
+        [("me\u{301}nage.png", "m\u{e9}nage.png"), ("ga\u{304c}/a.png", "ga\u{304b}\u{3099}/a.png")]
+            .into_iter()
+            .enumerate()
+    {
+        std::fs::remove_file(folder.file(&format!("images/{}", model.images[i].name))).expect("removed");
+        model.images[i].name = written.to_string();
+        folder.photo(&format!("images/{there}"), 40, 30);
+    }
+    model.write_text(&folder, "sparse/0");
+    let scene = load(folder.path(), &options()).expect("loads");
+    assert_eq!(scene.train.len(), 4);
+    assert!(scene.warnings.join(" ").contains("in another Unicode form (NFC, NFD)"), "{:?}", scene.warnings);
+    // Another accent at the same place could be meant too.
+    folder.photo("images/m\u{ea}nage.png", 40, 30);
+    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+}
+
+#[test]
+fn the_layout_of_another_method_is_named() {
+    let folder = Folder::new();
+    folder.photo("cam01/frame_00001.png", 8, 6);
+    folder.write("poses_bounds_multipleview.npy", "");
+    let (error, report) = said(&folder, &options());
+    for text in [error, report] {
+        assert!(text.contains("multipleview layout of 4DGaussians") && text.contains("transforms.json"), "{text}");
+    }
+}
+
+#[test]
+fn an_empty_mask_path_is_no_mask() {
+    let (folder, mut top) = ring_scene(2);
+    top["frames"][0]["mask_path"] = json!("");
+    top["frames"][1]["mask_path"] = json!(" ");
+    folder.write_json("transforms.json", &top);
+    let scene = load(folder.path(), &options()).expect("loads");
+    assert!(scene.train.iter().all(|view| view.mask.is_none()) && scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+/// `NAME.mask.png`, as Postshot and Brush have it.
+#[test]
+fn masks_beside_photos_are_used() {
+    let (folder, mut top) = ring_scene(2);
+    folder.grey("images/00.mask.png", 32, 24, |x, _| if x < 8 { 0 } else { 255 });
+    folder.write_json("transforms.json", &top);
+    let mask = |masks| load(folder.path(), &LoadOptions { masks, ..options() }).expect("loads").train.remove(0).mask;
+    let kept = mask(MaskUse::Auto).expect("a mask");
+    assert_eq!((kept[7], kept[8]), (0, 255));
+    assert_eq!(mask(MaskUse::KeepBlack).expect("a mask")[7], 255);
+    assert_eq!((mask(MaskUse::Ignore), mask(MaskUse::Moving)), (None, None));
+    assert!(check(folder.path(), &options()).to_string().contains("1 file NAME.mask.png beside photos is a mask"));
+    // Where things move, they mark what moves.
+    for i in 0..2 {
+        top["frames"][i]["time"] = json!(i);
+    }
+    folder.write_json("transforms.json", &top);
+    let view = load(folder.path(), &options()).expect("loads").train.remove(0);
+    assert!(view.mask.is_none() && view.priors.moving.is_some());
+    let folder = Folder::new();
+    example(&folder).write_binary(&folder, "sparse/0");
+    folder.grey("images/left/a.mask.png", 40, 30, |x, _| if x < 10 { 0 } else { 255 });
+    let masked: Vec<bool> =
+        load(folder.path(), &options()).expect("loads").train.iter().map(|view| view.mask.is_some()).collect();
+    assert_eq!(masked, [false, false, true, false]);
+}
+
+#[test]
+fn masks_by_other_names_are_named() {
+    for name in [
+        "masks/00.png",
+        "mask/00.png",
+        "segmentation/images/00.png",
+        "images/masks/00.jpg",
+        "masks/00_mask.png",
+        "images/00_mask.png",
+        "masks/00.png.png",
+    ] {
+        let (folder, top) = ring_scene(2);
+        folder.write_json("transforms.json", &top);
+        folder.grey(name, 32, 24, |x, _| (8 * x) as u8);
+        let scene = load(folder.path(), &options()).expect("loads");
+        let warned: Vec<&String> =
+            scene.warnings.iter().filter(|text| text.contains("1 mask named after photos is not used")).collect();
+        assert_eq!((scene.train.len(), warned.len()), (2, 1), "{name}: {:?}", scene.warnings);
+        assert!(
+            load(folder.path(), &LoadOptions { masks: MaskUse::Ignore, ..options() })
+                .expect("loads")
+                .warnings
+                .is_empty()
+        );
+    }
+}
+
+#[test]
+fn a_photo_of_no_bytes_is_empty() {
+    let (folder, top) = ring_scene(2);
+    folder.write_json("transforms.json", &top);
+    folder.write("images/01.png", "");
+    let (error, report) = said(&folder, &options());
+    assert!(
+        error.contains("images/01.png") && error.contains("an empty file") && report.contains("an empty file"),
+        "{error}"
+    );
+}
+
+#[test]
+fn one_photo_is_told_how_to_train_it() {
+    let (folder, top) = ring_scene(1);
+    folder.write_json("transforms.json", &top);
+    let (error, report) = said(&folder, &LoadOptions::default());
+    assert!(error.contains("--set data.holdout=none") && report.contains("--set data.holdout=none"), "{error}");
+    assert_eq!(load(folder.path(), &options()).expect("the way out").train.len(), 1);
+}
+
+#[test]
+fn photos_of_one_colour_are_refused() {
+    let (folder, top) = ring_scene(4);
+    folder.write_json("transforms.json", &top);
+    for color in [[0, 0, 0, 255], [255, 255, 255, 255], [9, 200, 30, 0]] {
+        for i in 0..4 {
+            folder.rgba(&format!("images/{i:02}.png"), 32, 24, |_, _| color);
+        }
+        for options in [options(), LoadOptions::default()] {
+            let (error, report) = said(&folder, &options);
+            assert!(
+                error.contains("one colour all over") && report.contains("one colour all over"),
+                "{error} {report}"
+            );
+        }
+        // One pixel is something.
+        folder.rgba("images/02.png", 32, 24, |x, y| if (x, y) == (31, 23) { [1, 2, 3, 255] } else { color });
+        let (error, report) = said(&folder, &options());
+        assert!(error.is_empty() && report.contains("Good to load"), "{error} {report}");
+    }
+}
+
+/// Powers of ten in place of hundreds of digits.
+#[test]
+fn large_numbers_are_short() {
+    let (folder, mut top) = ring_scene(4);
+    top["frames"][0]["transform_matrix"][0][3] = json!(1e14);
+    top["frames"][1]["transform_matrix"][0][3] = json!(1e308);
+    top["frames"][2]["transform_matrix"][0][0] = json!(1e200);
+    top["frames"][3]["fl_x"] = json!(-1e300);
+    folder.write_json("transforms.json", &top);
+    let report = check(folder.path(), &options()).to_string();
+    let run = report.split(|c: char| !c.is_ascii_digit()).map(str::len).max();
+    assert!(report.contains("e14") && run.is_some_and(|run| run < 20), "{report}");
+}
