@@ -8,7 +8,7 @@ use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
 use gs_datasets::image_io::write_atomic;
-use gs_datasets::{CheckReport, LoadOptions, Scene};
+use gs_datasets::{CheckReport, LoadOptions, Scene, counted};
 use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use toml::Table;
@@ -260,13 +260,13 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
         scene.held_out.iter().map(|split| format!("{} {}", split.views.len(), split.name)).collect();
     let held_out = if held_out.is_empty() { "0 held-out".to_string() } else { held_out.join(" and ") };
     run.say(&format!(
-        "{} ({}): {} training and {held_out} views of {} x {} pixels, {} Gaussians to begin with, at most {}",
+        "{} ({}): {} training and {held_out} views of {} x {} pixels, {} to begin with, at most {}",
         job.dataset.display(),
         scene.format,
         scene.train.len(),
         size.0,
         size.1,
-        trainer.gaussians().len(),
+        counted(trainer.gaussians().len(), "Gaussian"),
         session.config.density.cap
     ));
     let near_open = session.config.render.near == 0.0;
