@@ -171,8 +171,8 @@ fn a_budget_of_minutes_becomes_a_number_of_steps() {
     let train = |minutes: &'static str| -> Vec<&str> {
         ["train", "scene", "--out", "run", "--minutes", minutes].into_iter().chain(sets).collect()
     };
-    let refused = fails(folder, &train("0"));
-    assert!(refused.contains("expected a positive number"), "{refused}");
+    let refused = fails_with(2, folder, &train("0"));
+    assert!(refused.contains("expected a number above 0"), "{refused}");
     let refused = fails(folder, &train("1e-9"));
     assert!(refused.contains("expected more") && !folder.join("run").exists(), "{refused}");
     let both: Vec<&str> = train("1").into_iter().chain(["--steps", "5"]).collect();

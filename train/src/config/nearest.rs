@@ -7,8 +7,8 @@ const WRONG_LETTERS: usize = 3;
 const BEGIN: usize = 3;
 
 /// The valid name most like `name`; `None` where none is like it. Names are words behind sections (`section.some_words`, `folder/some-words`).
-/// A name that is spelled alike in a section that is, too, comes first; then one spelled alike in another section, one of that section with a
-/// word in common, the first of a section that is spelled as a name without one, and one elsewhere with a word in common.
+/// A name that is spelled alike in a section that is, too, comes first; then one spelled alike in another section, or the first of a section
+/// that is spelled like a name without one; then one of that section with a word in common; and then one elsewhere with a word in common.
 pub fn nearest<'a>(name: &str, valid: &'a [String]) -> Option<&'a str> {
     let ranked = valid.iter().filter_map(|candidate| Some((rank(name, candidate)?, candidate)));
     // Of equals the first.
@@ -28,10 +28,13 @@ fn rank(name: &str, candidate: &str) -> Option<(usize, usize)> {
     let has_word = words(last).any(|word| words(valid).any(|other| other == word));
     match (sections, names) {
         (Some(a), Some(b)) => Some((0, a + b)),
+        // A folder that is named alone stands for the first in it, and a folder in a folder comes after it.
+        _ if section.is_empty() && names != Some(0) && unlike(last, other).is_some() => {
+            Some((1, 1 + other.matches('/').count()))
+        }
         (_, Some(b)) => Some((1, b)),
         (Some(_), _) if has_word => Some((2, 0)),
-        _ if section.is_empty() && unlike(last, other).is_some() => Some((3, unlike(last, other)?)),
-        _ if has_word && !other.is_empty() => Some((4, 0)),
+        _ if has_word && !other.is_empty() => Some((3, 0)),
         _ => None,
     }
 }
@@ -95,22 +98,22 @@ mod tests {
     #[test]
     fn recipes_are_found_by_folder_or_name() {
         let valid = all(&[
-            "flux4d/ablations/no-velocity",
-            "flux4d/base",
+            "fluxnet/ablations/no-velocity",
+            "fluxnet/base",
             "static/base",
             "static/fox",
-            "taylormode/ablations/no-taylor",
-            "taylormode/base",
-            "taylormode/paper",
+            "taylorwaves/ablations/no-taylor",
+            "taylorwaves/base",
+            "taylorwaves/paper",
         ]);
         let of = |name: &str| nearest(name, &valid);
         assert_eq!(
-            [of("static/fix"), of("fox"), of("taylormode/papr")],
-            [Some("static/fox"), Some("static/fox"), Some("taylormode/paper")]
+            [of("static/fix"), of("fox"), of("taylorwaves/papr")],
+            [Some("static/fox"), Some("static/fox"), Some("taylorwaves/paper")]
         );
         assert_eq!(
             [of("static"), of("taylor"), of("flux")],
-            [Some("static/base"), Some("taylormode/base"), Some("flux4d/base")]
+            [Some("static/base"), Some("taylorwaves/base"), Some("fluxnet/base")]
         );
         assert_eq!([of("nope"), of("x")], [None; 2]);
     }

@@ -200,7 +200,7 @@ mod tests {
         write(third.folder().join("images/b.png"), "of the third");
         moved(&third.folder().join("images"), &out).expect("moved");
         fs::remove_file(out.join(SUMMARY)).expect("removed");
-        std::mem::forget(third);
+        drop(third);
         Results::begin(&out, SUMMARY).expect("of this command");
         assert_eq!(fs::read_to_string(out.join("images/b.png")).expect("text"), "of the third");
     }

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use gs_datasets::Split;
 use gs_datasets::image_io::write_atomic;
 use gs_datasets::synthetic::movers;
+use gs_datasets::{Split, counted};
 use gs_models::DynamicScene;
 use serde::Serialize;
 
@@ -58,8 +58,8 @@ impl Work<'_> {
         let summary = spread.summary(&self.moving);
         let (Some(seen), Some(last)) = (summary.get(1), summary.last()) else { return Ok(None) };
         print(format!(
-            "spread of {count} members, median over {} moving Gaussians: {:.2} pixels at {}, {:.2} at {}",
-            self.moving.len(),
+            "spread of {count} members, median over {}: {:.2} pixels at {}, {:.2} at {}",
+            counted(self.moving.len(), "moving Gaussian"),
             seen.median / self.pixel,
             seen.time,
             last.median / self.pixel,

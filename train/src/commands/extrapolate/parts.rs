@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
+use gs_datasets::counted;
 use gs_datasets::image_io::write_atomic;
 use serde::Serialize;
 
@@ -65,7 +66,7 @@ impl Work<'_> {
         let whole = self.known.scene.at(self.span[0]);
         for (part, path) in parts.iter().zip(&paths) {
             write_ply(path, &rows_of(&whole, &part.rows), origin)?;
-            print(format!("{}: {} Gaussians, {}", part.name, part.rows.len(), part.words));
+            print(format!("{}: {}, {}", part.name, counted(part.rows.len(), "Gaussian"), part.words));
         }
         let file = File { program: MARK, time: self.span[0], parts: &figures };
         let text = serde_json::to_string_pretty(&file)? + "\n";
