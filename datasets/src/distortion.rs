@@ -39,8 +39,8 @@ impl Distortion {
         (x * g + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * g + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y)
     }
 
-    /// The determinant of the derivative of [`apply`](Self::apply) at the ideal point (x, y). From the middle on it is above 0 up to where the
-    /// model folds.
+    /// The determinant of the derivative of [`apply`](Self::apply) at the ideal point (x, y). From the middle on it is
+    /// above 0 up to where the model folds.
     pub(crate) fn determinant(&self, x: f64, y: f64) -> f64 {
         let r2 = x * x + y * y;
         let [k1, k2, k3, k4] = self.k;

@@ -1,22 +1,24 @@
-//! Lens models that are no lens's. One that folds turns back beyond some radius, and shows the inside of the photo a second time; one that
-//! stretches squeezes the photo into a spot of the ideal image. A calibration that diverged does either in the middle of the photo.
+//! Lens models that are no lens's. One that folds turns back beyond some radius, and shows the inside of the photo a
+//! second time; one that stretches squeezes the photo into a spot of the ideal image. A calibration that diverged does
+//! either in the middle of the photo.
 
 use crate::distortion::Distortion;
 use crate::frame::Intrinsics;
 
-/// Largest share of a photo that may lie beyond the fold. A tenth is what lies in the corners, beyond 0.8 of half the diagonal: few points
-/// are matched there, so that the lens of a sound photo may turn back there, and these pixels are left out. A lens that folds further in
-/// contradicts photos that show something there.
+/// Largest share of a photo that may lie beyond the fold. A tenth is what lies in the corners, beyond 0.8 of half the
+/// diagonal: few points are matched there, so that the lens of a sound photo may turn back there, and these pixels are
+/// left out. A lens that folds further in contradicts photos that show something there.
 const SHARE_MAX: f64 = 0.1;
 
-/// Directions from the principal point in which a lens with tangential distortion is looked at; without it all are alike.
+/// Directions from the principal point in which a lens with tangential distortion is looked at; without it all are
+/// alike.
 const DIRECTIONS: usize = 32;
 
 /// Steps from the principal point to the farthest corner.
 const STEPS: usize = 256;
 
-/// Farthest ideal radius that is looked at, in those of the farthest corner: a wide lens squeezes far more than its corner's radius into
-/// the photo.
+/// Farthest ideal radius that is looked at, in those of the farthest corner: a wide lens squeezes far more than its
+/// corner's radius into the photo.
 const FARTHEST: usize = 8;
 
 /// Halvings of the step that holds the fold.
@@ -25,8 +27,8 @@ const HALVINGS: usize = 20;
 /// Points along each side of the photo at which it is measured.
 const GRID: usize = 48;
 
-/// Largest magnification of the farthest corner. The strongest lenses of photos have some 1.3; at 2 three quarters of the ideal image are
-/// empty.
+/// Largest magnification of the farthest corner. The strongest lenses of photos have some 1.3; at 2 three quarters of
+/// the ideal image are empty.
 const STRETCH_MAX: f64 = 2.0;
 
 /// What is wrong with a lens.

@@ -75,9 +75,10 @@ pub(crate) const EXTRACT: &str =
 pub(crate) const POSES: &str = "COLMAP finds the poses (`colmap automatic_reconstructor --workspace_path FOLDER --image_path \
                                 FOLDER/images`), and so does `ns-process-data` of nerfstudio";
 
-/// Whether the extension is a photo's that is read.
+/// Whether a file is a photo that is read, by its name. `NAME.mask.png` is a mask beside one.
 pub(crate) fn is_photo(path: &Path) -> bool {
-    ["png", "jpg", "jpeg", "webp", "tif", "tiff"].contains(&extension(path).as_str())
+    let is_mask = path.file_stem().is_some_and(|stem| stem.as_encoded_bytes().ends_with(b".mask"));
+    !is_mask && ["png", "jpg", "jpeg", "webp", "tif", "tiff"].contains(&extension(path).as_str())
 }
 
 fn extension(path: &Path) -> String {

@@ -70,7 +70,8 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, DatasetError> {
     Ok(bytes)
 }
 
-/// The text of a regular file of at most `limit` bytes, without the byte order mark that editors of Windows put before it.
+/// The text of a regular file of at most `limit` bytes, without the byte order mark that editors of Windows put before
+/// it.
 ///
 /// # Errors
 /// As [`read`], and when the file is not in UTF-8.

@@ -149,7 +149,8 @@ impl Lens {
         let coefficients: Vec<String> = named("k", &k).into_iter().chain(divisor).chain(named("p", &p)).collect();
         let how = match fault {
             Fault::Folds { radius, share } => format!(
-                "one that folds back {} focal lengths ({} pixels) from the principal point, so that it cannot show {:.0} % of the photo",
+                "one that folds back {} focal lengths ({} pixels) from the principal point, so that it cannot show \
+                 {:.0} % of the photo",
                 decimals(radius, 4),
                 decimals(radius * intrinsics.fx, 1),
                 100.0 * share

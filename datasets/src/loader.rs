@@ -22,19 +22,19 @@ use crate::priors::summary::{self, Noted};
 use crate::scene::{Scene, Split};
 use crate::statistics::range;
 
-/// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, a folder with a
-/// COLMAP model and its images, with train_meta.json (Panoptic), or with poses_bounds.npy (LLFF, N3DV).
+/// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, a folder with
+/// a COLMAP model and its images, with train_meta.json (Panoptic), or with poses_bounds.npy (LLFF, N3DV).
 ///
-/// Lens distortion is removed (keeping focal lengths and principal point; pixels that the photo does not show are masked
-/// out), transparency is composited, images are downscaled to `options.max_width` with an area filter, and the views
-/// are split. Images that do not exist are left out with a warning. Priors and truth beside the photos are loaded at the
-/// photos' training size; one that is missing, broken or of another shape is left out with a warning.
+/// Lens distortion is removed (keeping focal lengths and principal point; pixels that the photo does not show are
+/// masked out), transparency is composited, images are downscaled to `options.max_width` with an area filter, and the
+/// views are split. Images that do not exist are left out with a warning. Priors and truth beside the photos are loaded
+/// at the photos' training size; one that is missing, broken or of another shape is left out with a warning.
 ///
 /// # Errors
 /// When a file is missing, unreadable, cut off or contradicts its format; when a pose, point or intrinsic is not finite
 /// or a pose is not rigid; when an image's proportions contradict its intrinsics; when a camera model is not a pinhole
-/// with radial and tangential distortion, or folds inside the photo; when two views with different poses share a photo; when all training
-/// photos have one colour; when no training view is left.
+/// with radial and tangential distortion, or folds inside the photo; when two views with different poses share a photo;
+/// when all training photos have one colour; when no training view is left.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let (log, mut findings) = Log::describe(path, options)?;
     let decoded: Vec<Result<(View, ViewNote), DatasetError>> =

@@ -19,15 +19,16 @@ pub(crate) fn with_slashes(written: &str) -> String {
     written.replace('\\', "/")
 }
 
-/// Whether `written` is the absolute path of another machine: Linux, macOS or Windows, and not there.
+/// Whether `written` is a path of another machine or of another place, and not there: an absolute one of Linux, macOS
+/// or Windows, or one that leaves its folder.
 pub(crate) fn is_elsewhere(root: &Path, written: &str) -> bool {
     let path = with_slashes(written);
     let is_drive = path.as_bytes().get(1..3) == Some(b":/") && path.as_bytes()[0].is_ascii_alphabetic();
-    (path.starts_with('/') || is_drive) && find_image(root, written).is_none()
+    (path.starts_with(['/', '~']) || path.starts_with("../") || is_drive) && find_image(root, written).is_none()
 }
 
-/// The path below `root` that the [absolute path of another machine](is_elsewhere) ends with: its longest end with a file. `None` for other
-/// paths, and without such a file.
+/// The path below `root` that the [path of another machine](is_elsewhere) ends with: its longest end with a file.
+/// `None` for other paths, and without such a file.
 pub(crate) fn moved_here(root: &Path, written: &str) -> Option<String> {
     if !is_elsewhere(root, written) {
         return None;

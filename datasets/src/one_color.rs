@@ -19,7 +19,8 @@ pub(crate) fn of(photo: &Photo) -> Option<[f32; 3]> {
     is_uniform.then_some(color)
 }
 
-/// Refuses a scene whose photos are all of one colour. `colors` are [of](of) the training photos.
+/// Refuses a scene whose photos are all of one colour. `colors` has an entry for each training photo, as [`of`] gives
+/// it.
 pub(crate) fn refuse(scene: &Path, mut colors: impl Iterator<Item = Option<[f32; 3]>>) -> Result<(), DatasetError> {
     let Some(Some(color)) = colors.next() else { return Ok(()) };
     let mut count = 1;

@@ -225,7 +225,8 @@ fn bad_input_is_one_sentence() {
     for frame in 0..5 {
         let mask = folder.join(format!("masked/masks/{frame}.png"));
         gs_datasets::image_io::write_png(&mask, 4, 3, &[0; 36]).expect("written");
-        gs_datasets::image_io::write_png(&folder.join(format!("masked/{frame}.png")), 4, 3, &[9; 36]).expect("written");
+        let photo: [u8; 36] = std::array::from_fn(|i| i as u8);
+        gs_datasets::image_io::write_png(&folder.join(format!("masked/{frame}.png")), 4, 3, &photo).expect("written");
     }
     let frame = |i: usize| {
         let pose = format!("[[1,0,0,{i}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]");

@@ -8,7 +8,8 @@ use crate::error::DatasetError;
 use crate::plural::counted;
 use crate::raw::RawFrame;
 
-/// Refuses frames of different poses that have one file. Those of one pose are told apart by their times, or are one frame listed twice.
+/// Refuses frames of different poses that have one file. Frames of one pose are told apart by their times, or are one
+/// frame listed twice.
 pub(crate) fn one_view_a_photo(frames: &[RawFrame], scene: &Path) -> Result<(), DatasetError> {
     let spread = spread(frames);
     let mut first: HashMap<&Path, &RawFrame> = HashMap::new();

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! R's columns are the camera's down, right and back axes in the world. Rows go with camera folders (or photos) in the
-//! [order](rows) of their names. As in N3DV, the first camera is held out; time is the index among all frame names over the
-//! last index, 0 to 1.
+//! [order](rows) of their names. As in N3DV, the first camera is held out; time is the index among all frame names over
+//! the last index, 0 to 1.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
-use crate::foreign::{CONVERT, Foreign};
+use crate::foreign::{CONVERT, Foreign, is_photo};
 use crate::guarded;
 use crate::lens::{Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
@@ -39,9 +39,6 @@ const ROW: usize = 17;
 
 /// How folders of cameras are called.
 const CAMERA_PREFIX: &str = "cam";
-
-/// Extensions of frames.
-const IMAGES: [&str; 6] = ["png", "jpg", "jpeg", "webp", "tif", "tiff"];
 
 /// Videos that would have to be taken apart first.
 const VIDEOS: [&str; 3] = ["mp4", "mov", "avi"];
@@ -90,8 +87,11 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
     }
     let rows: Vec<&[f64]> = rows.values.chunks_exact(ROW).collect();
     let positions: Vec<DVec3> = rows.iter().map(|row| DVec3::new(row[3], row[8], row[13])).collect();
-    let find = if poses.has_cameras() { camera_frames } else { still_photos };
-    let photos = find(poses, &positions, findings)?;
+    let photos = if poses.has_cameras() {
+        camera_frames(poses, &positions, findings)?
+    } else {
+        still_photos(poses, &positions, options, findings)?
+    };
     let mut frames = Vec::new();
     for (index, row) in rows.iter().enumerate() {
         let camera = camera(row, &poses.path, index);
@@ -196,22 +196,30 @@ fn foreign_photos(poses: &PoseFile) -> Option<&'static str> {
 
 fn frames_of(folder: &Path) -> Vec<PathBuf> {
     let images = |folder: &Path| -> Vec<PathBuf> {
-        entries(folder).into_iter().filter(|path| has_extension(path, &IMAGES) && guarded::is_there(path)).collect()
+        entries(folder).into_iter().filter(|path| is_photo(path) && guarded::is_there(path)).collect()
     };
     let found = images(folder);
     if found.is_empty() { images(&folder.join("images")) } else { found }
 }
 
+/// The photos of a folder, a row for each.
 fn still_photos(
     poses: &PoseFile,
     positions: &[DVec3],
+    options: &LoadOptions,
     findings: &mut Findings,
 ) -> Result<Vec<FrameFile>, DatasetError> {
     let rows = positions.len();
-    let folder = poses.folder.join("images");
-    let found: Vec<PathBuf> = entries(&folder).into_iter().filter(|path| has_extension(path, &IMAGES)).collect();
+    let folder = poses.folder.join(options.images.as_deref().unwrap_or(Path::new("images")));
+    let photos_in =
+        |folder: &Path| -> Vec<PathBuf> { entries(folder).into_iter().filter(|path| is_photo(path)).collect() };
+    let found = photos_in(&folder);
     if found.len() != rows {
-        let count = format!("{} in {}", counted(found.len(), "image"), folder.display());
+        let others = entries(&poses.folder).into_iter().filter(|other| *other != folder && other.is_dir());
+        let other = others.map(|other| (photos_in(&other).len(), file_name(&other))).find(|(count, _)| *count == rows);
+        let hint =
+            other.map_or_else(String::new, |(count, name)| format!("; {name} holds {count}: --set data.images={name}"));
+        let count = format!("{} in {}{hint}", counted(found.len(), "image"), folder.display());
         let expected = format!("folders {CAMERA_PREFIX}00 and on, or one image for each of {}", counted(rows, "pose"));
         return Err(DatasetError::malformed(&poses.path, "rows", expected, count));
     }

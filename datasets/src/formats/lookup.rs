@@ -13,8 +13,8 @@ use crate::plural::{agree, counted};
 pub(super) enum Reach {
     /// Anywhere below the folder, if only one photo can be meant: names of photos, whose folders come and go.
     Anywhere,
-    /// In the place that the name gives, with another extension: paths, whose folders count. Those of [another machine](names::is_elsewhere) are
-    /// looked for anywhere.
+    /// In the place that the name gives, with another extension: paths, whose folders count. A path of [another
+    /// machine](names::is_elsewhere) is looked for anywhere.
     InPlace,
 }
 
@@ -102,7 +102,8 @@ impl<'a> Lookup<'a> {
         renamed.hint(&self.missing) + &if is_all { renamed.other_place(&self.missing) } else { String::new() }
     }
 
-    /// Says what was found under another name and what was not found, of the photos that `file` describes. `hint` ends the sentence.
+    /// Says what was found under another name and what was not found, of the photos that `file` describes. `hint` ends
+    /// the sentence.
     pub fn warn(&self, file: &Path, hint: &str, findings: &mut Findings) {
         if !self.elsewhere.is_empty() {
             findings.warn(format!(

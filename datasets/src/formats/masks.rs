@@ -1,4 +1,5 @@
-//! Masks that no description names: `NAME.mask.png` beside a photo, as Postshot and Brush have it, is used; others are said.
+//! Masks that no description names: `NAME.mask.png` beside a photo, as Postshot and Brush have it, is used; others are
+//! said.
 
 use std::path::{Path, PathBuf};
 
@@ -60,7 +61,8 @@ fn add_beside(frames: &mut [RawFrame], options: &LoadOptions) -> Vec<String> {
     used
 }
 
-/// Warns of folders with names of masks, and of files beside photos with names of masks, that hold a file for some photo.
+/// Warns of folders with names of masks, and of files beside photos with names of masks, that hold a file for some
+/// photo.
 fn warn_of_others(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
     let root = if scene.is_dir() { scene } else { scene.parent().unwrap_or(scene) };
     let is_mask_folder = |folder: &PathBuf| {
@@ -81,8 +83,9 @@ fn warn_of_others(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
     let beside = beside.first().map(|first| (beside.len(), first.display().to_string()));
     for (count, place) in counts.chain(beside).filter(|(count, _)| *count > 0) {
         findings.warn(format!(
-            "{place}: {} named after photos {} not used: masks are read from `mask_path` in transforms.json, from masks/NAME.png beside \
-             the image folder of a COLMAP model, and from NAME.mask.png beside a photo (black: ignored)",
+            "{place}: {} named after photos {} not used: masks are read from `mask_path` in transforms.json, from \
+             masks/NAME.png beside the image folder of a COLMAP model, and from NAME.mask.png beside a photo (black: \
+             ignored)",
             counted(count, "mask"),
             agree(count, "is", "are")
         ));

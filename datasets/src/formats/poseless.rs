@@ -9,10 +9,11 @@ use crate::plural::counted;
 /// The file of poses that makes a folder one of 4DGaussians' multipleview data sets.
 const MULTIPLEVIEW: &str = "poses_bounds_multipleview.npy";
 
-/// The sentence about such a folder. Its COLMAP model lies in `sparse_`, which has an image for each camera: image1.jpg for cam01.
-const MULTIPLEVIEW_FOUND: &str = "the multipleview layout of 4DGaussians (poses_bounds_multipleview.npy, sparse_, cam01/frame_00001.jpg), which is \
-                                  not read; a transforms.json with `file_path`, `transform_matrix`, `time` and `camera_id` of each \
-                                  frame describes the same";
+/// The sentence about such a folder. Its COLMAP model lies in `sparse_`, which has an image for each camera: image1.jpg
+/// for cam01.
+const MULTIPLEVIEW_FOUND: &str = "the multipleview layout of 4DGaussians (poses_bounds_multipleview.npy, sparse_, \
+                                  cam01/frame_00001.jpg), which is not read; a transforms.json with `file_path`, \
+                                  `transform_matrix`, `time` and `camera_id` of each frame describes the same";
 
 /// What is there and what to do, if it is photos or videos.
 pub(super) fn found(path: &Path, is_folder: bool) -> Option<String> {

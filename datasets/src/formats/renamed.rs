@@ -87,7 +87,8 @@ impl Renamed {
         path.strip_prefix(&self.folder).unwrap_or(path).to_string_lossy()
     }
 
-    /// The photos of these names in containers that are not read, and names that several photos could have; the end of a sentence.
+    /// The photos of these names in containers that are not read, and names that several photos could have; the end of
+    /// a sentence.
     pub fn hint(&self, missing: &[String]) -> String {
         let of_keys = |map: &HashMap<String, (PathBuf, usize)>, name: &str| {
             keys(name).iter().find_map(|key| map.get(key)).map(|(path, count)| (path.clone(), *count))

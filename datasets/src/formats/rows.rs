@@ -1,7 +1,7 @@
 //! Which file goes with which row of an LLFF pose file. The file holds no names.
 //!
-//! LLFF's script sorts names as text: `IMG_10` stands before `IMG_2`. Other scripts go by number. Photos and cameras are numbered along a
-//! path, so that the right order has the shorter one.
+//! LLFF's script sorts names as text: `IMG_10` stands before `IMG_2`. Other scripts go by number. Photos and cameras
+//! are numbered along a path, so that the right order has the shorter one.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,12 +13,13 @@ use crate::folder::file_name;
 use crate::order::natural;
 use crate::printable::decimals;
 
-/// The path in one order is this many times shorter: that order is right. A video in a wrong order jumps between frames far apart, and its
-/// path is several times longer; cameras at random places have paths within a few tens of percent of each other in any two orders.
+/// The path in one order is this many times shorter: that order is right. A video in a wrong order jumps between frames
+/// far apart, and its path is several times longer; cameras at random places have paths within a few tens of percent of
+/// each other in any two orders.
 const SHORTER: f64 = 2.0;
 
-/// Brings files, which are sorted as text, into the order of the rows, and says which that is where it can be in doubt. `positions` are
-/// the cameras by row.
+/// Brings files, which are sorted as text, into the order of the rows, and says which that is where it can be in doubt.
+/// `positions` are the cameras by row.
 pub(super) fn in_order(
     files: Vec<PathBuf>,
     positions: &[DVec3],
@@ -40,8 +41,8 @@ pub(super) fn in_order(
     let way_out = "if that is wrong, rename the files so that they sort in the order of the rows, with leading zeros";
     if SHORTER * if_number < if_text {
         findings.warn(format!(
-            "{file}: rows go with the numbers in names ({number} before {text}), and not with the names as text as LLFF's script writes \
-             them: along the numbers the cameras' path is {} then, and {} otherwise; {way_out}",
+            "{file}: rows go with the numbers in names ({number} before {text}), and not with the names as text as \
+             LLFF's script writes them: along the numbers the cameras' path is {} then, and {} otherwise; {way_out}",
             shown(if_number),
             shown(if_text)
         ));
@@ -55,7 +56,7 @@ pub(super) fn in_order(
         shown(if_number)
     );
     if SHORTER * if_text < if_number {
-        findings.fact(format!("{begin}: {paths}."));
+        findings.fact(format!("{begin}: {paths}; {way_out}."));
     } else {
         findings.warn(format!("{begin}; {paths}, which does not tell; {way_out}"));
     }
@@ -63,7 +64,9 @@ pub(super) fn in_order(
 }
 
 fn shown(length: f64) -> String {
-    format!("{} long", decimals(length, 2))
+    // A world may be of any size.
+    let places = if length < 1.0 { 5 } else { 2 };
+    format!("{} long", decimals(length, places))
 }
 
 fn length(positions: impl Iterator<Item = DVec3>) -> f64 {

@@ -1,8 +1,8 @@
-//! Names that differ in Unicode form alone: macOS and some archives write `é` as `e` with a combining accent (NFD), others as one character
-//! (NFC).
+//! Names that differ in Unicode form alone: macOS and some archives write `é` as `e` with a combining accent (NFD),
+//! others as one character (NFC).
 //!
-//! Without the tables of Unicode, a character and a letter with marks count as alike where they stand at the same place of two names that
-//! are equal otherwise; callers take such a name only if no other one is like it.
+//! Without the tables of Unicode, a character and a letter with marks count as alike where they stand at the same place
+//! of two names that are equal otherwise; callers take such a name only if no other one is like it.
 
 /// A name with one sign for each cluster that is not ASCII: names that differ in form alone have one outline.
 pub(super) fn outline(name: &str) -> String {
@@ -29,7 +29,8 @@ fn clusters(name: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Combining accents, voicing marks of kana, and the vowels and final consonants that a decomposed Hangul syllable consists of.
+/// Combining accents, voicing marks of kana, and the vowels and final consonants that a decomposed Hangul syllable
+/// consists of.
 fn is_mark(c: char) -> bool {
     matches!(c, '\u{300}'..='\u{36f}' | '\u{3099}' | '\u{309a}' | '\u{1160}'..='\u{11ff}')
 }

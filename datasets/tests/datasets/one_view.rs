@@ -51,7 +51,8 @@ fn two_poses_of_one_file_are_refused() {
     folder.write_json("transforms.json", &top);
     assert_refused(&folder, &["1 view ", "images/01"]);
     // And in two files.
-    let test = json!({ "fl_x": 30.0, "w": 32, "h": 24, "frames": [{ "file_path": "images/00", "transform_matrix": ring(3) }] });
+    let frame = json!({ "file_path": "images/00", "transform_matrix": ring(3) });
+    let test = json!({ "fl_x": 30.0, "w": 32, "h": 24, "frames": [frame] });
     top["frames"].as_array_mut().expect("frames").remove(2);
     folder.write_json("transforms_train.json", &top);
     folder.write_json("transforms_test.json", &test);

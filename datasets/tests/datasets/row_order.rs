@@ -8,7 +8,8 @@ fn options() -> LoadOptions {
     LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
 }
 
-/// Rows of cameras that look along -z from these places: columns down, right, back and position, then height, width and focal length.
+/// Rows of cameras that look along -z from these places: columns down, right, back and position, then height, width and
+/// focal length.
 fn pose_file(places: &[[f64; 3]]) -> Vec<u8> {
     let mut values = Vec::new();
     for [x, y, z] in places {
@@ -18,7 +19,8 @@ fn pose_file(places: &[[f64; 3]]) -> Vec<u8> {
     npy(1, "<f8", false, &format!("({}, 17)", places.len()), &bytes)
 }
 
-/// A video of `count` photos whose numbers have no leading zeros; the k-th stands at `at(k)`. Rows are sorted as text or by number.
+/// A video of `count` photos whose numbers have no leading zeros; the k-th stands at `at(k)`. Rows are sorted as text
+/// or by number.
 fn video(count: usize, as_text: bool, name: impl Fn(usize) -> String, at: impl Fn(usize) -> [f64; 3]) -> Folder {
     let folder = Folder::new();
     let mut order: Vec<usize> = (0..count).collect();
@@ -90,6 +92,22 @@ fn folders_of_cameras_go_likewise() {
         assert_eq!(scene.train.len(), 24);
         assert_in_place(&scene, line);
     }
+}
+
+/// LLFF's sets have `images_4` and `images_8` beside `images`, or without it.
+#[test]
+fn a_folder_of_smaller_photos_is_named_with_its_key() {
+    let folder = video(3, true, |k| format!("images_4/{k}.png"), line);
+    folder.photo("thumbnails/1.png", 8, 6);
+    let error = load(folder.path(), &options()).expect_err("no images").to_string();
+    assert!(error.contains("0 images in") && error.contains("images_4 holds 3: --set data.images=images_4"), "{error}");
+    let options = LoadOptions { images: Some("images_4".into()), ..options() };
+    for view in load(folder.path(), &options).expect("the way out").train {
+        assert_eq!(view.c2w.w_axis.truncate().to_array(), line(view.name[9..].parse().expect("a number")));
+    }
+    folder.grey("images_4/1.mask.png", 8, 6, |x, _| x as u8);
+    let scene = load(folder.path(), &options).expect("a mask is no photo");
+    assert!(scene.train[1].mask.is_some() && scene.train[0].mask.is_none());
 }
 
 /// macOS writes `._NAME` beside every file, and keeps `.DS_Store` in every folder.

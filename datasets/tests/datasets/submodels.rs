@@ -75,7 +75,8 @@ fn a_model_with_few_of_the_photos_is_warned_about() {
     );
 }
 
-/// As 3DGS's convert.py leaves a capture before it is undistorted: a model with lens distortion, and its photos in `input`.
+/// As 3DGS's convert.py leaves a capture before it is undistorted: a model with lens distortion, and its photos in
+/// `input`.
 #[test]
 fn a_distorted_model_is_read_with_its_input() {
     let folder = Folder::new();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{Camera, Image, Point, model_by_id};
+use super::model::{Camera, Image, Listed, Point, model_by_id};
 use crate::error::DatasetError;
 use crate::guarded;
 use crate::plural::{agree, counted};
@@ -107,7 +107,7 @@ fn read<T>(path: &Path, parse: impl Fn(&mut Bytes) -> Result<T, DatasetError>) -
 }
 
 /// cameras.bin
-pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, Result<Camera, DatasetError>)>, DatasetError> {
+pub(super) fn cameras(path: &Path) -> Result<Vec<Listed>, DatasetError> {
     read(path, |bytes| {
         let count = bytes.count(4 + 4 + 8 + 8 + 16, "cameras")?;
         let mut cameras = Vec::with_capacity(count);

@@ -11,8 +11,9 @@ use crate::names::some_names;
 use crate::plural::{agree, counted};
 use crate::scene::SceneFormat;
 
-/// Where models lie below a scene's folder, in a numbered folder there or in the folder itself; the last is for a path to the models and to
-/// the model itself. `distorted` is of the scripts of 3DGS, which keep the photos of this model in `input`.
+/// Where models lie below a scene's folder, in a numbered folder there or in the folder itself; the last is for a path
+/// to the models and to the model itself. `distorted` is of the scripts of 3DGS, which keep the photos of this model in
+/// `input`.
 const MODEL_FOLDERS: [&str; 6] = ["sparse", "colmap/sparse", "sparse_bin", "dense/sparse", "distorted/sparse", ""];
 
 /// Fewest bytes of an image in images.bin.

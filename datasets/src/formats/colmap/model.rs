@@ -54,6 +54,9 @@ pub(crate) struct Camera {
     pub params: Vec<f64>,
 }
 
+/// A camera by its id; an error of its own where its line does not describe it.
+pub(super) type Listed = (u32, Result<Camera, DatasetError>);
+
 /// Where an image shows a point: pixels and the point's id.
 pub(crate) type Observation = (f64, f64, u64);
 

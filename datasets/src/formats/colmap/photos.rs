@@ -18,12 +18,12 @@ use crate::plural::{agree, counted};
 /// How many images are looked for to tell which folder holds them.
 const PROBED: usize = 50;
 
-/// A model with less than this share of the photos is warned about: COLMAP leaves out a few photos of most captures, and most of them
-/// where the capture fell apart.
+/// A model with less than this share of the photos is warned about: COLMAP leaves out a few photos of most captures,
+/// and most of them where the capture fell apart.
 const FEW: f64 = 0.5;
 
-/// The folder that holds most of the images: `images` of the scene or near the model, or one of those folders itself; `input` for a model
-/// with its lens distortion.
+/// The folder that holds most of the images: `images` of the scene or near the model, or one of those folders itself;
+/// `input` for a model with its lens distortion.
 pub(super) fn folder(files: &ModelFiles, model: &Model, options: &LoadOptions) -> Result<PathBuf, DatasetError> {
     if let Some(chosen) = &options.images {
         let below = files.scene.join(chosen);
@@ -64,8 +64,8 @@ fn fullest(folders: impl Iterator<Item = PathBuf>, model: &Model) -> Option<(Pat
     best
 }
 
-/// The key that helps where photos are missing in `folder` and another folder of the scene holds more of them, as `images_4` does; the end
-/// of a sentence.
+/// The key that helps where photos are missing in `folder` and another folder of the scene holds more of them, as
+/// `images_4` does; the end of a sentence.
 pub(super) fn other_folder(files: &ModelFiles, model: &Model, folder: &Path) -> String {
     let here = fullest(std::iter::once(folder.to_path_buf()), model).map_or(0, |(_, count)| count);
     let below = entries(&files.scene).into_iter().filter(|other| other != folder);
@@ -82,8 +82,7 @@ pub(super) fn other_folder(files: &ModelFiles, model: &Model, folder: &Path) -> 
 pub(super) fn say_unregistered(files: &ModelFiles, folder: &Path, used: &HashSet<&Path>, findings: &mut Findings) {
     // Below a scene's own folder lie other images than its photos.
     let is_own = *folder != files.scene && *folder != files.folder;
-    let is_mask = |path: &PathBuf| file_name(path).contains(".mask.");
-    let photos: Vec<PathBuf> = photos_below(folder, is_own).into_iter().filter(|path| !is_mask(path)).collect();
+    let photos: Vec<PathBuf> = photos_below(folder, is_own);
     let others: Vec<String> =
         photos.iter().filter(|path| !used.contains(path.as_path())).map(|path| file_name(path)).collect();
     if others.is_empty() || used.is_empty() {

@@ -5,7 +5,7 @@ use std::str::{FromStr, SplitAsciiWhitespace};
 
 use glam::DVec3;
 
-use super::model::{Camera, Image, Point, model_by_name};
+use super::model::{Camera, Image, Listed, Point, model_by_name};
 use crate::error::DatasetError;
 use crate::guarded;
 
@@ -61,8 +61,8 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.trim_start().starts_with('#'))
 }
 
-/// cameras.txt: `ID MODEL WIDTH HEIGHT PARAMS...`. A camera that its line does not describe is an error of its own.
-pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, Result<Camera, DatasetError>)>, DatasetError> {
+/// cameras.txt: `ID MODEL WIDTH HEIGHT PARAMS...`
+pub(super) fn cameras(path: &Path) -> Result<Vec<Listed>, DatasetError> {
     let text = read(path)?;
     let mut cameras = Vec::new();
     for (number, text) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
@@ -114,8 +114,8 @@ pub(super) fn images(path: &Path, keep_observations: bool) -> Result<Vec<Image>,
     Ok(images)
 }
 
-/// Whether a line is an image's own: observations come in threes, and ten words (an id, seven numbers, a camera and a name) do not. Of a
-/// name with spaces the words tell: the tenth is no number, or the twelfth is no point.
+/// Whether a line is an image's own: observations come in threes, and ten words (an id, seven numbers, a camera and a
+/// name) do not. Of a name with spaces the words tell: the tenth is no number, or the twelfth is no point.
 fn is_image(line: &str) -> bool {
     let words: Vec<&str> = line.split_ascii_whitespace().take(12).collect();
     let is_float = |word: &&str| word.parse::<f64>().is_ok() || is_nan(word);

@@ -30,8 +30,8 @@ enum MaskRule {
     Unused,
 }
 
-/// Finds the files of each frame. Frames without an image are dropped with a warning; its end, about what is there in place of missing
-/// images, comes back too.
+/// Finds the files of each frame. Frames without an image are dropped with a warning; its end, about what is there in
+/// place of missing images, comes back too.
 pub(super) fn images(
     mut entries: Vec<Entry>,
     top: &Map<String, Value>,
@@ -125,7 +125,8 @@ pub(super) fn images(
     Ok((found, hint))
 }
 
-/// Brings the paths of an entry that were written on another machine below `root`. The path of the photo as it was written and as it is here.
+/// Brings the paths of an entry that were written on another machine below `root`. The path of the photo as it was
+/// written and as it is here.
 fn move_here(entry: &mut Entry, root: &Path) -> Option<(String, String)> {
     let sides = entry.sides.iter_mut().map(|(_, path)| path);
     for path in entry.mask_path.iter_mut().chain(sides) {
