@@ -56,7 +56,7 @@ fn far_scenes_keep_their_digits() {
     let said = trained_at(folder, PLACE);
     assert!(said.contains("scene.ply: positions are relative to (450"), "{said}");
     let checked = succeeds(folder, &["check", "scene"]);
-    assert!(checked.contains("units from its world's origin") && checked.contains("relative to (450"), "{checked}");
+    assert!(checked.contains("units from its world's origin") && checked.contains("relative to [450"), "{checked}");
     let header = String::from_utf8_lossy(&fs::read(folder.join("run/scene.ply")).expect("read")[..300]).into_owned();
     let comment = header.lines().find_map(|line| line.strip_prefix("comment SplatOffset: ")).expect("a comment");
     let offset: Vec<f64> = comment.split(' ').map(|word| word.parse().expect("a number")).collect();

@@ -179,14 +179,15 @@ fn one_camera_and_points_that_no_photo_shows_are_told() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     world(folder);
-    let far = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
-               property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n0 0 900 255 0 0\n1 0 900 0 255 0\n";
+    let header = "ply\nformat ascii 1.0\nelement vertex 120\nproperty float x\nproperty float y\nproperty float z\n\
+                  property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+    let far = format!("{header}{}", (0..120).map(|i| format!("{i} 0 900 255 0 0\n")).collect::<String>());
     fs::write(folder.join("world/points3d.ply"), far).expect("written");
     edit_frames(folder, |frame| {
         frame.as_object_mut().expect("a frame").retain(|key, _| !key.starts_with("depth") && !key.starts_with("conf"));
     });
     let said = trains(folder, "behind", "6", &[]);
-    assert!(said.contains("no photo of the first frame shows any of the data set's 2 points"), "{said}");
+    assert!(said.contains("no photo of the first frame shows any of the data set's 120 points"), "{said}");
     edit(folder, |json| {
         let frames = json["frames"].as_array_mut().expect("frames");
         let first = frames.first().map(|frame| frame["camera_id"].clone());

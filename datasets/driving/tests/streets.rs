@@ -33,7 +33,7 @@ fn a_street_comes_back_in_both_layouts() {
     for compressed in [true, false] {
         let (_folder, log) = made(&StreetOptions { compressed, ..small() });
         assert_eq!((log.frames().len(), log.cameras().len(), log.origin()), (3, 2, DVec3::ZERO));
-        assert!(log.warnings().len() == 4, "four cameras are left out: {:?}", log.warnings());
+        assert!(log.warnings().is_empty(), "a log may have two cameras: {:?}", log.warnings());
         for frame in 0..3 {
             let sweep = log.sweep(frame).expect("a sweep");
             assert!(sweep.len() > 2000 && sweep.left_out == 0, "{} points", sweep.len());

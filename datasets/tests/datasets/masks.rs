@@ -84,7 +84,7 @@ fn masks_that_ignore_nearly_everything_raise_suspicion() {
     let (_, warnings) = mask_of(&folder, MaskUse::Auto, None);
     assert!(warnings.is_empty(), "{warnings:?}");
     let (_, warnings) = mask_of(&folder, MaskUse::KeepBlack, None);
-    assert!(warnings[0].contains("75 %") && warnings[0].contains("white = object"), "{warnings:?}");
+    assert!(warnings[0].contains("75 %") && warnings[0].contains("data.masks=keep-white"), "{warnings:?}");
 }
 
 #[test]

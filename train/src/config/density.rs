@@ -147,7 +147,7 @@ impl DensityConfig {
     /// The count after the refinement of `step` of a run of `steps` that begins it with `count`, under `mcmc`.
     pub fn grown(&self, count: usize, step: usize, steps: usize) -> usize {
         // A few Gaussians would never become more.
-        let least = if self.growth > 0.0 { count as f64 + 1.0 } else { 0.0 };
+        let least = if self.growth > 0.0 && count > 0 { count as f64 + 1.0 } else { 0.0 };
         let most = (count as f64 * (1.0 + self.growth)).round().max(least);
         let wanted = match self.follows_run() {
             true => {

@@ -4,8 +4,10 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gs_datasets::printable;
 
-use super::STYLE;
 use crate::run::outputs::MARK;
+
+/// The look of all pages.
+const STYLE: &str = include_str!("style.css");
 
 /// Most pixels of a page for one of a picture. A picture of 64 pixels that fills a page looks broken rather than small.
 pub const MAGNIFICATION: usize = 4;

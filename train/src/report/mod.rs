@@ -26,7 +26,7 @@ use crate::run::folder::{EvalFile, MetricsLine, RunFolder, TrainLine};
 use crate::run::profile::Profile;
 
 use charts::{Chart, Series};
-pub use page::{COMPARISON, FUTURE, STYLE, section_page, with_section};
+pub use page::{COMPARISON, FUTURE, section_page, with_section};
 use pictures::SideBySide;
 
 /// Largest section kept beside a report, bytes: a row of a table takes some 500 bytes, and a page with a million measurements is read by

@@ -18,9 +18,6 @@ use crate::run::memory::megabytes;
 use crate::run::metrics::shown_psnr;
 use crate::run::profile::Profile;
 
-/// The look of all pages.
-pub const STYLE: &str = include_str!("style.css");
-
 /// Markers around a section that a later command puts into the page.
 type Place = [&'static str; 2];
 

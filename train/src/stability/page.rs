@@ -2,21 +2,15 @@
 
 use std::fmt::Write as _;
 
-use crate::report::html::escaped;
-use crate::run::outputs::MARK;
+use crate::report::html::{self, escaped};
 use crate::stability::Outcome;
-
-const STYLE: &str = include_str!("../report/style.css");
 
 /// The whole page: a table of all bounds, then each experiment with its figures.
 pub(super) fn html(pipeline: &str, outcomes: &[Outcome], quick: bool) -> String {
     let criteria = || outcomes.iter().flat_map(|outcome| &outcome.criteria);
     let missed = criteria().filter(|criterion| !criterion.passed).count();
     let mut page = format!(
-        "<!doctype html>\n<!-- {MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>Stability · gsburn</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>Where {pipeline} fails</h1>\n<p>{} experiments, \
-         {} bounds, {missed} of them missed.{}</p>\n</header>\n",
+        "<header>\n<h1>Where {pipeline} fails</h1>\n<p>{} experiments, {} bounds, {missed} of them missed.{}</p>\n</header>\n",
         outcomes.len(),
         criteria().count(),
         if quick { " A quick look: fewer variants and steps than a measurement takes." } else { "" }
@@ -42,7 +36,7 @@ pub(super) fn html(pipeline: &str, outcomes: &[Outcome], quick: bool) -> String 
     for outcome in outcomes {
         section(&mut page, outcome);
     }
-    page + "</main>\n</body>\n</html>\n"
+    html::page("Stability", "", &page)
 }
 
 fn section(page: &mut String, outcome: &Outcome) {
