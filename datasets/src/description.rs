@@ -130,10 +130,14 @@ fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawF
     frames
 }
 
+/// A whole number of units near the cameras' middle where that is far from the world's origin, in units and in the cameras' own distances;
+/// otherwise the origin.
 fn origin(frames: &[RawFrame], options: &LoadOptions) -> DVec3 {
+    /// At ten times the cameras' reach an f32 has three bits fewer for them than at the origin.
+    const REACHES: f64 = 10.0;
     let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
-    match mean(&without_strays(&centres)) {
-        Some(mean) if options.recentre && mean.length() > RECENTRE_DISTANCE => mean,
-        _ => DVec3::ZERO,
-    }
+    let centres = without_strays(&centres);
+    let Some(mean) = mean(&centres).filter(|_| options.recentre) else { return DVec3::ZERO };
+    let reach = centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max);
+    if mean.length() > RECENTRE_DISTANCE.max(REACHES * reach) { mean.round() } else { DVec3::ZERO }
 }

@@ -15,14 +15,16 @@ pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>
     let low = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
     let high = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
     let left = 255.0 * (high - low);
-    if ranges.is_empty() || levels.is_some() || left >= FEW {
+    if ranges.is_empty() || levels.is_some() || left >= FEW || high <= low {
         return None;
     }
-    // Rounded outwards, so that no pixel is cut.
-    let (low, high) = ((low * 1e4).floor() / 1e4, ((high * 1e4).ceil() / 1e4).min(1.0));
+    // A hundredth of the range, rounded outwards, so that no pixel is cut.
+    let places = (2.0 - (high - low).log10()).ceil() as usize;
+    let unit = 10.0_f64.powi(places as i32);
+    let (low, high) = ((low * unit).floor() / unit, ((high * unit).ceil() / unit).min(1.0));
     Some(format!(
-        "{}: {} of more than 8 bits {} levels from {low:.4} to {high:.4} of the full range, which leaves {} of 256; \
-         data.levels=[{low:.4}, {high:.4}] spreads them over all",
+        "{}: {} of more than 8 bits {} levels from {low:.places$} to {high:.places$} of the full range, which leaves {} of 256; \
+         data.levels=[{low:.places$}, {high:.places$}] spreads them over all",
         scene.display(),
         counted(ranges.len(), "photo"),
         agree(ranges.len(), "has", "have"),

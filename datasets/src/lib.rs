@@ -85,7 +85,8 @@ pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
 pub use names::some_names;
 pub use options::{
-    DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, SparseViews, SplitUse,
+    DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, RowOrder, SparseViews,
+    SplitUse,
 };
 pub use photo::{ExrChannels, decode_photo, downscaled_size, photo_size, read_exr, read_photo};
 pub use plural::{agree, counted};

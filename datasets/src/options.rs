@@ -88,6 +88,17 @@ impl PriorUse {
     pub const NONE: Self = Self { depth: false, masks: false, sharp: false };
 }
 
+/// The order of an LLFF set's files that goes with the rows of its poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowOrder {
+    /// Names as text, as LLFF's script writes them, or by number where the cameras' path says so.
+    Auto,
+    /// Names as text: `IMG_10` before `IMG_2`.
+    Text,
+    /// By the numbers in names: `IMG_2` before `IMG_10`.
+    Number,
+}
+
 /// Meaning of the numbers in depth files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthKind {
@@ -137,6 +148,8 @@ pub struct LoadOptions {
     /// The levels that become black and white, as shares of a photo's full range, 0 to 1. A 16-bit photo is stretched before it
     /// is rounded to 8 bits. `None` (the default): 0 and 1.
     pub levels: Option<[f64; 2]>,
+    /// Which file goes with which row of an LLFF set. Default [`RowOrder::Auto`].
+    pub row_order: RowOrder,
     /// Whether later frames are held out on purpose, so that their times are no mistake. Default no.
     pub predicts: bool,
 }
@@ -168,6 +181,7 @@ impl Default for LoadOptions {
             poses: None,
             points_scale: 1.0,
             levels: None,
+            row_order: RowOrder::Auto,
             predicts: false,
         }
     }

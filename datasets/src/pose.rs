@@ -40,6 +40,12 @@ pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Ri
         return Err(wrong("finite numbers", format!("{value} in row {}, column {}", index / 4, index % 4)));
     }
     let last = DVec4::from_array(rows[3]);
+    if rows[..3].iter().all(|row| row[3] == 0.0) && rows[3][3] == 1.0 && last.truncate() != DVec3::ZERO {
+        return Err(wrong(
+            "a last row of 0 0 0 1",
+            "a last column of 0 0 0 1: a transposed (column-major) matrix".into(),
+        ));
+    }
     if (last - DVec4::W).abs().max_element() > 1e-6 {
         return Err(wrong("a last row of 0 0 0 1", format!("{:?}", last.to_array())));
     }

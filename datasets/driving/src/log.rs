@@ -59,15 +59,23 @@ impl LogFormat {
     }
 }
 
-/// The driving logs of a folder, by name.
+/// The driving logs of a folder, or of the folders in it where it holds none itself, by name.
 ///
 /// # Errors
 /// When the folder cannot be read.
 pub fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let unread = |source| DatasetError::Io { path: folder.to_path_buf(), action: "read", source };
-    let entries = std::fs::read_dir(folder).map_err(unread)?;
-    let mut found: Vec<PathBuf> =
-        entries.flatten().map(|entry| entry.path()).filter(|path| LogFormat::of(path).is_some()).collect();
+    let entries: Vec<PathBuf> =
+        std::fs::read_dir(folder).map_err(unread)?.flatten().map(|entry| entry.path()).collect();
+    let logs = |paths: &[PathBuf]| -> Vec<PathBuf> {
+        paths.iter().filter(|path| LogFormat::of(path).is_some()).cloned().collect()
+    };
+    let mut found = logs(&entries);
+    if found.is_empty() {
+        // Splits, as `val` of Argoverse 2.
+        let inner = entries.iter().filter_map(|path| std::fs::read_dir(path).ok()).flatten().flatten();
+        found = logs(&inner.map(|entry| entry.path()).collect::<Vec<_>>());
+    }
     found.sort();
     Ok(found)
 }

@@ -88,6 +88,6 @@ pub use options::{CueOptions, HullOptions, MaskOptions, ObjectOptions, OptionErr
 pub use pinhole::Pinhole;
 pub use plane_sweep::{plane_sweep, plane_sweep_around};
 pub use pose_evidence::PointEvidence;
-pub use poses::{Camera, Evidence, PoseJudgement, PosePairs, PoseVerdict, judge_poses, pose_pairs};
+pub use poses::{Camera, Evidence, PointsFault, PoseJudgement, PosePairs, PoseVerdict, judge_poses, pose_pairs};
 pub use tracks::{ImageScale, Track, tracks};
 pub use trajectory::{Kink, Trajectory};

@@ -8,6 +8,7 @@ use gs_datasets::{PointCloud, View, nearest_to_axes};
 
 use crate::grey::Grey;
 use crate::matches::{Corners, WIDTH};
+use crate::median::median;
 use crate::pinhole::Pinhole;
 use crate::pixels::{color, counts};
 
@@ -173,6 +174,20 @@ impl Points {
         let step = points.len().div_ceil(POINTS);
         let positions = points.positions.iter().step_by(step).map(|p| Vec3::from(*p).as_dvec3() + origin).collect();
         Some(Self { positions, colors: points.colors.iter().step_by(step).copied().collect() })
+    }
+
+    /// The median distance of the points from the cameras' middle, in median distances of the cameras from it; 0 of cameras at one place.
+    pub fn distance(&self, poses: &[DMat4]) -> f64 {
+        let centres: Vec<DVec3> = poses.iter().map(|pose| pose.w_axis.truncate()).collect();
+        let middle = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
+        let far = |positions: &[DVec3]| {
+            let mut distances: Vec<f64> = positions.iter().map(|position| position.distance(middle)).collect();
+            median(&mut distances, f64::total_cmp)
+        };
+        match (far(&self.positions), far(&centres)) {
+            (Some(points), Some(cameras)) if cameras > 0.0 => points / cameras,
+            _ => 0.0,
+        }
     }
 
     /// The points, multiplied by `scale`, as poses (camera to world, OpenCV axes, in the file's world) show them.

@@ -29,6 +29,12 @@ const OUTLINES: (f64, f64) = (0.5, 0.8);
 /// points, shadows and gloss take from it: sound sets have 0.5 to 0.95.
 const COLORS: (f64, f64) = (0.45, 0.3);
 
+/// Correlation below which points' colours are not those of the photos: sound sets have 0.49 and more.
+const COLORS_DIFFER: f64 = 0.3;
+
+/// Distance of points in distances between cameras at which they are of another world: far scenery of a short walk ends before.
+const DISTANT: f64 = 1000.0;
+
 /// Shares of points in view: fewer than the first are as good as none; an explanation shows at least the second.
 const SEEN: (f64, f64) = (0.05, 0.5);
 
@@ -76,14 +82,23 @@ pub enum PoseVerdict {
     Untold,
     /// In this convention they would agree.
     Convention(PoseConvention, Evidence),
-    /// Points would agree if they were multiplied by this factor.
-    PointsScale(f64, Evidence),
-    /// No view has points before it.
-    PointsUnseen,
     /// Photos agree with each other and not with the poses in any convention.
     Disagrees,
     /// All cameras look away from where their axes meet; in this convention they look there.
     LooksAway(PoseConvention),
+}
+
+/// What is wrong with points beside poses that nothing speaks against.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PointsFault {
+    /// They would agree with the photos if they were multiplied by this factor.
+    Scale(f64, Evidence),
+    /// No view has them before it.
+    Unseen,
+    /// They lie this many times as far away as the cameras lie from each other.
+    Distant(f64),
+    /// Their colours are not those of the photos where they are seen.
+    Colors,
 }
 
 /// What photos and points say about poses.
@@ -95,8 +110,10 @@ pub struct PoseJudgement {
     pub given: Evidence,
     /// Matched patches, and the pairs of views that they are of.
     pub matched: (usize, usize),
-    /// The judgement.
+    /// The judgement of the poses.
     pub verdict: PoseVerdict,
+    /// The judgement of the points; `None` where nothing is wrong with them.
+    pub points: Option<PointsFault>,
 }
 
 /// Pairs of different poses for [`judge_poses`]: of one moment if any moment has three views, otherwise of all.
@@ -162,7 +179,11 @@ pub fn judge_poses(
     };
     let given = data.evidence(read, 1.0);
     let matched = data.matches.as_ref().map_or((0, 0), |matches| (matches.count(), matches.pairs()));
-    PoseJudgement { read, given, matched, verdict: data.verdict(given) }
+    let verdict = data.verdict(given);
+    // Beside wrong poses nothing can be said of points.
+    let sound = matches!(verdict, PoseVerdict::Agrees | PoseVerdict::Untold);
+    let points = if sound { data.points_fault(given) } else { None };
+    PoseJudgement { read, given, matched, verdict, points }
 }
 
 /// Everything that poses are judged by.
@@ -195,27 +216,35 @@ impl Data<'_> {
     }
 
     fn verdict(&self, given: Evidence) -> PoseVerdict {
-        let photos_agree = given.matches.is_some_and(|share| share >= AGREES);
-        if !photos_agree
-            && !given.points_agree()
-            && let Some(better) = self.other_convention(given)
-        {
-            return better;
-        }
-        if !given.points_agree()
-            && let Some(scaled) = self.other_unit(given)
-        {
-            return scaled;
-        }
-        if given.points.is_some_and(|points| points.seen < SEEN.0) {
-            return PoseVerdict::PointsUnseen;
-        }
         let is_sure = self.matches.as_ref().is_some_and(|found| found.count() >= SURE.0 && found.pairs() >= SURE.1);
         let outlines_agree = given.outlines.is_some_and(|share| share >= OUTLINES.1);
         match given.matches {
-            _ if photos_agree || given.points_agree() || outlines_agree => PoseVerdict::Agrees,
-            Some(_) if is_sure => PoseVerdict::Disagrees,
-            _ => self.looks_away().map_or(PoseVerdict::Untold, PoseVerdict::LooksAway),
+            Some(share) if share >= AGREES => PoseVerdict::Agrees,
+            // Colours of points correlate a little in any order of photos of one place, so sure matches come before them.
+            Some(_) if is_sure => self.other_convention(given).unwrap_or(PoseVerdict::Disagrees),
+            _ if given.points_agree() => PoseVerdict::Agrees,
+            _ => match self.other_convention(given) {
+                Some(better) => better,
+                None if outlines_agree => PoseVerdict::Agrees,
+                None => self.looks_away().map_or(PoseVerdict::Untold, PoseVerdict::LooksAway),
+            },
+        }
+    }
+
+    fn points_fault(&self, given: Evidence) -> Option<PointsFault> {
+        let seen = given.points?.seen;
+        if given.points_agree() {
+            return None;
+        }
+        if let Some(scaled) = self.other_unit(given) {
+            return Some(scaled);
+        }
+        let distance = self.points.as_ref().map_or(0.0, |points| points.distance(&self.poses(self.read)));
+        match given.agreement() {
+            _ if distance > DISTANT => Some(PointsFault::Distant(distance)),
+            _ if seen < SEEN.0 => Some(PointsFault::Unseen),
+            Some(r) if r < COLORS_DIFFER => Some(PointsFault::Colors),
+            _ => None,
         }
     }
 
@@ -234,11 +263,11 @@ impl Data<'_> {
     }
 
     /// The unit that the points' colours speak for.
-    fn other_unit(&self, given: Evidence) -> Option<PoseVerdict> {
+    fn other_unit(&self, given: Evidence) -> Option<PointsFault> {
         let scaled = UNITS.into_iter().map(|scale| (scale, self.evidence(self.read, scale)));
         let explains = scaled.filter(|(_, found)| found.points_beat(given));
         let best = explains.max_by(|a, b| a.1.weight().total_cmp(&b.1.weight()));
-        best.map(|(scale, found)| PoseVerdict::PointsScale(scale, found))
+        best.map(|(scale, found)| PointsFault::Scale(scale, found))
     }
 
     /// The convention with its camera looking the other way, where all cameras have behind them what their axes meet in.
@@ -305,46 +334,68 @@ impl Evidence {
 }
 
 impl PoseJudgement {
-    /// The evidence for the poses as they were read, a sentence; `None` where there is none.
-    pub fn fact(&self) -> Option<String> {
-        let described = self.given.described()?;
+    /// The evidence for the poses as they were read, a sentence.
+    pub fn fact(&self) -> String {
+        let read = self.read;
+        let Some(described) = self.given.described() else {
+            return format!(
+                "Poses, read as {read}, could not be judged: photos share too few corners, and there are neither points nor outlines."
+            );
+        };
         let (matches, pairs) = self.matched;
         let of = if matches > 0 {
             format!(" ({} in {} of photos)", counted(matches, "corner"), counted(pairs, "pair"))
         } else {
             String::new()
         };
-        Some(format!("Poses against photos, read as {}: {described}{of}.", self.read))
+        let untold = if self.verdict == PoseVerdict::Untold { "; that is too little to judge by" } else { "" };
+        format!("Poses against photos, read as {read}: {described}{of}{untold}.")
     }
 
-    /// The fault, if there is one, and the way out.
+    /// The fault of poses or points, if there is one, and the way out.
     pub fn warning(&self) -> Option<String> {
         let given = self.given.described().unwrap_or_default();
         let read = self.read;
+        let points = self.points.map(|fault| fault.sentence(&given));
         Some(match self.verdict {
-            PoseVerdict::Agrees | PoseVerdict::Untold => return None,
+            PoseVerdict::Agrees | PoseVerdict::Untold => return points,
             PoseVerdict::Convention(other, found) => format!(
-                "the poses seem to be of another convention: read as {read}, {given}; read as {other}, {}; data.poses={other} reads \
-                 them so",
+                "the poses seem to be of another convention: read as {read}, {given}; read as {other}, {}; \
+                 data.poses={other} reads them so",
                 found.described().unwrap_or_default()
-            ),
-            PoseVerdict::PointsScale(scale, found) => format!(
-                "the points seem to be in another unit than the poses: as they are, {given}; multiplied by {scale:.4}, {}; \
-                 data.points_scale={scale:.4} does that",
-                found.described().unwrap_or_default()
-            ),
-            PoseVerdict::PointsUnseen => format!(
-                "hardly any point lies before a camera and inside its photo ({given}), and no usual convention or unit explains \
-                 that; are points and poses of one world? data.poses and data.points_scale say how they are meant"
             ),
             PoseVerdict::Disagrees => format!(
-                "photos agree with each other and not with their poses ({given}), and no usual convention explains that; do the \
-                 poses belong to these photos, in this order?"
+                "photos agree with each other and not with their poses ({given}), and no usual convention explains \
+                 that; do the poses belong to these photos, in this order?"
             ),
             PoseVerdict::LooksAway(other) => format!(
                 "all cameras look away from where their axes meet: right for photos taken outward from one place; \
-                 otherwise data.poses={other} turns them round"
+                 otherwise data.poses={other} turns them round, or another value of data.poses is right"
             ),
         })
+    }
+}
+
+impl PointsFault {
+    fn sentence(self, given: &str) -> String {
+        match self {
+            Self::Scale(scale, found) => format!(
+                "the points seem to be in another unit than the poses: as they are, {given}; multiplied by {scale:.4}, \
+                 {}; data.points_scale={scale:.4} does that",
+                found.described().unwrap_or_default()
+            ),
+            Self::Unseen => format!(
+                "hardly any point lies before a camera and inside its photo ({given}), and no usual convention or unit \
+                 explains that; are points and poses of one world? data.poses and data.points_scale say how they are meant"
+            ),
+            Self::Distant(times) => format!(
+                "the points lie {times:.0} times as far from the cameras as these from each other; are points and poses \
+                 of one world, with one origin?"
+            ),
+            Self::Colors => format!(
+                "the points do not have the colours that photos show where they lie ({given}): they are of another world \
+                 than the poses, or random; a set without its point file begins where photos agree"
+            ),
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! A photo serves one view: two poses of one file are a mistake, and nothing says which of them is right.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::cameras::{same_pose, spread};
 use crate::error::DatasetError;
@@ -12,10 +12,12 @@ use crate::raw::RawFrame;
 /// frame listed twice.
 pub(crate) fn one_view_a_photo(frames: &[RawFrame], scene: &Path) -> Result<(), DatasetError> {
     let spread = spread(frames);
-    let mut first: HashMap<&Path, &RawFrame> = HashMap::new();
+    // One file may be written in several ways, and links lead to one.
+    let file = |frame: &RawFrame| frame.image_path.canonicalize().unwrap_or_else(|_| frame.image_path.clone());
+    let mut first: HashMap<PathBuf, &RawFrame> = HashMap::new();
     let mut pairs = Vec::new();
     for frame in frames {
-        let earlier = *first.entry(&frame.image_path).or_insert(frame);
+        let earlier = *first.entry(file(frame)).or_insert(frame);
         if !same_pose(earlier, frame, spread) {
             pairs.push((earlier, frame));
         }

@@ -88,7 +88,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
     let rows: Vec<&[f64]> = rows.values.chunks_exact(ROW).collect();
     let positions: Vec<DVec3> = rows.iter().map(|row| DVec3::new(row[3], row[8], row[13])).collect();
     let photos = if poses.has_cameras() {
-        camera_frames(poses, &positions, findings)?
+        camera_frames(poses, &positions, options, findings)?
     } else {
         still_photos(poses, &positions, options, findings)?
     };
@@ -146,10 +146,11 @@ struct FrameFile {
 fn camera_frames(
     poses: &PoseFile,
     positions: &[DVec3],
+    options: &LoadOptions,
     findings: &mut Findings,
 ) -> Result<Vec<FrameFile>, DatasetError> {
     let rows = positions.len();
-    let cameras = rows::in_order(poses.cameras.clone(), positions, &poses.path, findings);
+    let cameras = rows::in_order(poses.cameras.clone(), positions, &poses.path, options.row_order, findings);
     let found: Vec<Vec<PathBuf>> = cameras.iter().map(|folder| frames_of(folder)).collect();
     if found.iter().all(Vec::is_empty) {
         let what = if poses.has_videos { VIDEOS_ONLY } else { foreign_photos(poses).unwrap_or("empty folders") };
@@ -224,7 +225,7 @@ fn still_photos(
         return Err(DatasetError::malformed(&poses.path, "rows", expected, count));
     }
     let photo = |(row, path)| FrameFile { path, row, time: None, camera: None, split: None };
-    let found = rows::in_order(found, positions, &poses.path, findings);
+    let found = rows::in_order(found, positions, &poses.path, options.row_order, findings);
     Ok(found.into_iter().enumerate().map(photo).collect())
 }
 

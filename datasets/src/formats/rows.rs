@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use crate::findings::Findings;
 use crate::folder::file_name;
+use crate::options::RowOrder;
 use crate::order::natural;
 use crate::printable::decimals;
 
@@ -24,6 +25,7 @@ pub(super) fn in_order(
     files: Vec<PathBuf>,
     positions: &[DVec3],
     pose_file: &Path,
+    order: RowOrder,
     findings: &mut Findings,
 ) -> Vec<PathBuf> {
     let mut by_number = files.clone();
@@ -32,19 +34,25 @@ pub(super) fn in_order(
     else {
         return files;
     };
+    match order {
+        RowOrder::Auto => {}
+        RowOrder::Text => return files,
+        RowOrder::Number => return by_number,
+    }
     let row: HashMap<&Path, usize> = files.iter().enumerate().map(|(row, file)| (file.as_path(), row)).collect();
     // Both along the numbers, in which the photos were taken.
     let if_text = length(by_number.iter().map(|file| positions[row[file.as_path()]]));
     let if_number = length(positions.iter().copied());
     let (text, number) = (file_name(&files[at]), file_name(&by_number[at]));
     let file = pose_file.display();
-    let way_out = "if that is wrong, rename the files so that they sort in the order of the rows, with leading zeros";
+    let way_out = |other: &str| format!("data.row_order={other} reads them the other way");
     if SHORTER * if_number < if_text {
         findings.warn(format!(
             "{file}: rows go with the numbers in names ({number} before {text}), and not with the names as text as \
-             LLFF's script writes them: along the numbers the cameras' path is {} then, and {} otherwise; {way_out}",
+             LLFF's script writes them: along the numbers the cameras' path is {} then, and {} otherwise; {}",
             shown(if_number),
-            shown(if_text)
+            shown(if_text),
+            way_out("text")
         ));
         return by_number;
     }
@@ -55,6 +63,7 @@ pub(super) fn in_order(
         shown(if_text),
         shown(if_number)
     );
+    let way_out = way_out("number");
     if SHORTER * if_text < if_number {
         findings.fact(format!("{begin}: {paths}; {way_out}."));
     } else {

@@ -76,10 +76,10 @@ fn deep_photos_of_few_levels_are_told_and_stretched() {
     let scene = load(folder.path(), &all()).expect("loaded");
     assert!(levels_of(&scene) <= 3, "{}", levels_of(&scene));
     let told = |warnings: &[String]| {
-        let key = "data.levels=[0.0442, 0.0504]";
+        let key = "data.levels=[0.04425, 0.05036]";
         let one: Vec<&String> = warnings.iter().filter(|sentence| sentence.contains(key)).collect();
         assert_eq!(one.len(), 1, "{warnings:?}");
-        assert!(one[0].contains("3 photos of more than 8 bits have levels from 0.0442 to 0.0504"), "{}", one[0]);
+        assert!(one[0].contains("3 photos of more than 8 bits have levels from 0.04425 to 0.05036"), "{}", one[0]);
     };
     told(&scene.warnings);
     told(&check(folder.path(), &all()).warnings);
@@ -116,4 +116,47 @@ fn a_stray_camera_sets_no_scale() {
         "{:?}",
         scene.warnings
     );
+}
+
+/// A scene in millimetres is as large as it is far away, and stays in its file's world; one in map coordinates is moved by whole units.
+#[test]
+fn only_a_scene_far_away_for_its_size_is_moved() {
+    let moved = |scale: f64, by: [f64; 3]| {
+        let (folder, mut top) = ring_scene(6);
+        for frame in top["frames"].as_array_mut().expect("frames") {
+            for row in 0..3 {
+                let value = frame["transform_matrix"][row][3].as_f64().expect("a number");
+                frame["transform_matrix"][row][3] = json!(scale * value + by[row]);
+            }
+        }
+        folder.write_json("transforms.json", &top);
+        load(folder.path(), &all()).expect("loaded").origin
+    };
+    assert_eq!(moved(1000.0, [0.0, 0.0, 2500.0]), glam::DVec3::ZERO);
+    let origin = moved(1.0, [450_123.4, 5_200_456.7, 315.2]);
+    assert!(origin.distance(glam::DVec3::new(450_123.4, 5_200_456.7, 315.2)) < 3.0, "{origin}");
+    assert_eq!(origin, origin.round());
+}
+
+#[test]
+fn one_photo_written_in_two_ways_serves_one_view() {
+    let (folder, mut top) = ring_scene(4);
+    top["frames"][2]["file_path"] = json!("./images/../images/01.png");
+    folder.write_json("transforms.json", &top);
+    let error = load(folder.path(), &all()).expect_err("two poses of one photo").to_string();
+    assert!(error.contains("1 view whose photo has another pose already"), "{error}");
+}
+
+#[test]
+fn transposed_matrices_are_one_error() {
+    let (folder, mut top) = ring_scene(4);
+    for frame in top["frames"].as_array_mut().expect("frames") {
+        let matrix = frame["transform_matrix"].clone();
+        frame["transform_matrix"] =
+            json!([0, 1, 2, 3].map(|row| [0, 1, 2, 3].map(|column| matrix[column][row].clone())));
+    }
+    folder.write_json("transforms.json", &top);
+    let errors = check(folder.path(), &all()).errors;
+    assert_eq!(errors.len(), 1, "{errors:?}");
+    assert!(errors[0].contains("transposed (column-major)") && errors[0].contains("4 times"), "{}", errors[0]);
 }

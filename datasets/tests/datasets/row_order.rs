@@ -1,6 +1,6 @@
 //! Which photo goes with which row of an LLFF pose file.
 
-use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
+use gs_datasets::{Holdout, LoadOptions, RowOrder, Scene, check, load};
 
 use crate::fixtures::{Folder, npy};
 
@@ -65,7 +65,10 @@ fn rows_go_by_number_where_the_path_is_short_then() {
     let scene = load(folder.path(), &options()).expect("loads");
     assert_in_place(&scene, line);
     let said = scene.warnings.join(" ");
-    assert!(said.contains("rows go with the numbers") && said.contains("rename the files"), "{said}");
+    assert!(
+        said.contains("rows go with the numbers") && said.contains("data.row_order=text reads them the other way"),
+        "{said}"
+    );
     assert!(said.contains("2.90 long then, and 7.60"), "{said}");
 }
 
@@ -76,7 +79,17 @@ fn rows_go_with_names_as_text_where_paths_do_not_tell() {
     let folder = video(12, true, still, zigzag);
     let scene = load(folder.path(), &options()).expect("loads");
     assert_in_place(&scene, zigzag);
-    assert!(scene.warnings.iter().any(|text| text.contains("does not tell; if that is wrong")), "{:?}", scene.warnings);
+    assert!(
+        scene.warnings.iter().any(|text| text.contains("does not tell; data.row_order=number")),
+        "{:?}",
+        scene.warnings
+    );
+    // The user says it, without a word more.
+    let folder = video(12, false, still, zigzag);
+    let by_number = LoadOptions { row_order: RowOrder::Number, ..options() };
+    let scene = load(folder.path(), &by_number).expect("loads");
+    assert_in_place(&scene, zigzag);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     // With leading zeros there is no doubt and no word.
     let folder = video(12, true, |k| format!("images/IMG_{k:02}.png"), zigzag);
     let scene = load(folder.path(), &options()).expect("loads");

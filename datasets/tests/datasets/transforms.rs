@@ -22,6 +22,7 @@ const ALL: LoadOptions = LoadOptions {
     poses: None,
     points_scale: 1.0,
     levels: None,
+    row_order: gs_datasets::RowOrder::Auto,
     predicts: false,
 };
 

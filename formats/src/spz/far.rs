@@ -40,7 +40,11 @@ pub fn far(splats: &Splats) -> Option<Far> {
     let distances = distances(splats);
     let reach = quantile(distances.clone(), NEAR)?;
     let is_far = |row: &u32| distances[*row as usize] > FAR_TIMES * reach;
-    let rows: Vec<u32> = (0..splats.len() as u32).filter(is_far).collect();
+    let mut rows: Vec<u32> = (0..splats.len() as u32).filter(is_far).collect();
+    // The step is that of all others, or one that is fine enough; of the far ones those stay that it can hold.
+    let finest = bits_of(largest(splats, Some(&rows)))?;
+    let enough = (0..=finest).find(|bits| 0.5_f64.powi(*bits as i32) <= step).unwrap_or(finest);
+    rows.retain(|row| splats.means[*row as usize].iter().any(|x| bits_of(f64::from(x.abs())) < Some(enough)));
     let distance = rows.iter().map(|row| distances[*row as usize]).fold(f64::INFINITY, f64::min);
     let gains = bits_of(largest(splats, Some(&rows))) > bits;
     gains.then_some(Far { rows, distance, reach })

@@ -116,6 +116,11 @@ fn far_gaussians_are_named() {
         let kept: Vec<u32> = (0..400).filter(|row| !found.rows.contains(row)).collect();
         assert_eq!((fractional_bits(&splats.select(&kept)), far(&splats.select(&kept))), (Some(12), None));
     }
+    // Those that the finer step holds stay, however far from the others they are.
+    let mut layered = random(400, 0, 3);
+    (0..10).for_each(|row| layered.means[row] = [900.0 + row as f32, 0.0, 0.0]);
+    layered.means[300] = [1e5, 0.0, 0.0];
+    assert_eq!(far(&layered).map(|far| far.rows), Some(vec![300]));
     // Large Gaussians do not see the coarser step.
     let mut sky = random(400, 0, 3);
     sky.log_scales = vec![[0.0; 3]; 400];

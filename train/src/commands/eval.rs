@@ -96,14 +96,14 @@ fn table(measured: &Measured) -> String {
     let optional = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.4}"));
     let row = |name: &str, scores: &Scores| {
         let (ms_ssim, lpips) = (optional(scores.ms_ssim), optional(scores.lpips));
-        format!("{name:width$}  {:7.2}  {:7.4}  {ms_ssim:>7}  {lpips:>7}\n", scores.psnr, scores.ssim)
+        format!("{name:width$}  {:>7}  {:7.4}  {ms_ssim:>7}  {lpips:>7}\n", psnr_cell(scores.psnr), scores.ssim)
     };
     let mut text = format!("{:width$}  PSNR dB     SSIM  MS-SSIM    LPIPS\n", "view");
     for view in &quality.views {
         text += &row(&view.name, &view.scores);
     }
     text += &row("mean", &quality.mean);
-    text += &format!("{:width$}  {:7.2}\n", "mean error", quality.psnr_of_mean_error);
+    text += &format!("{:width$}  {:>7}\n", "mean error", psnr_cell(quality.psnr_of_mean_error));
     for (name, scores) in &quality.regions {
         text += &row(&format!("{name} parts"), scores);
     }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PoseConvention, PriorUse, SparseViews};
+use gs_datasets::{DepthKind, Holdout, LoadOptions, MaskUse, PoseConvention, PriorUse, RowOrder, SparseViews};
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, check};
@@ -65,6 +65,18 @@ pub enum DepthChoice {
     InverseDepth,
 }
 
+/// The order of an LLFF set's files that goes with the rows of its poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RowChoice {
+    /// Names as text, or by number where the cameras' path is then half as long or less.
+    Auto,
+    /// Names as text: "IMG_10" before "IMG_2".
+    Text,
+    /// By the numbers in names.
+    Number,
+}
+
 /// The colour behind the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected \"auto\" or three numbers from 0 to 1")]
@@ -118,13 +130,15 @@ pub struct DataConfig {
     pub validation_cameras: usize,
     /// Share of the recording that is seen, for data sets without a list of future frames; later frames are held out. 1: all of it.
     pub seen: f64,
-    /// Image folder of a COLMAP model if it is not a usual one; empty: found automatically.
+    /// Image folder of a COLMAP model, an LLFF or a RealityScan set if it is not a usual one; empty: found automatically.
     pub images: String,
     /// The convention of the poses: "auto" is the format's own; `c2w-` (camera to world) or `w2c-`, then `opencv`, `opengl` or the directions of
     /// the camera's three axes, as in `c2w-right-down-forward`.
     pub poses: String,
     /// Factor on the coordinates of the points to start from, for points in another unit than the poses.
     pub points_scale: f64,
+    /// The order of the files of an LLFF set.
+    pub row_order: RowChoice,
     /// The levels that become black and white, as shares of the photos' full range, for photos that use little of it.
     pub levels: [f64; 2],
     /// Colour behind the scene and behind transparent pixels.
@@ -156,6 +170,7 @@ impl Default for DataConfig {
             images: String::new(),
             poses: AUTO.into(),
             points_scale: 1.0,
+            row_order: RowChoice::Auto,
             levels: FULL_RANGE,
             background: Background::Found(Auto::Auto),
             masks: MaskChoice::Auto,
@@ -205,6 +220,11 @@ impl DataConfig {
             },
             poses: self.poses.parse().ok(),
             points_scale: self.points_scale,
+            row_order: match self.row_order {
+                RowChoice::Auto => RowOrder::Auto,
+                RowChoice::Text => RowOrder::Text,
+                RowChoice::Number => RowOrder::Number,
+            },
             levels: (self.levels != FULL_RANGE).then_some(self.levels),
             ..LoadOptions::default()
         }

@@ -346,7 +346,7 @@ impl<M: Method> Pipeline for Fit<M> {
         if report.is_ok()
             && let Ok(judgement) = judge_dataset(dataset, &options::<M>(&config))
         {
-            report.facts.extend(judgement.fact());
+            report.facts.push(judgement.fact());
             report.warnings.extend(judgement.warning());
         }
         Ok(report)

@@ -15,7 +15,7 @@ use crate::fit::figure::FigureTable;
 use crate::run::evaluate::{Evaluation, ViewScores};
 use crate::run::folder::EvalFile;
 use crate::run::memory::megabytes;
-use crate::run::metrics::shown_psnr;
+use crate::run::metrics::{psnr_cell, shown_psnr};
 use crate::run::profile::Profile;
 
 /// Markers around a section that a later command puts into the page.
@@ -159,7 +159,7 @@ fn progress(evaluations: &[Evaluation]) -> Table {
     let row = |row: &Evaluation| {
         vec![
             row.step.to_string(),
-            format!("{:.2}", row.mean().psnr),
+            psnr_cell(row.mean().psnr),
             format!("{:.4}", row.mean().ssim),
             optional(row.mean().ms_ssim),
             optional(row.mean().lpips),
@@ -206,9 +206,8 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
 fn views(last: &Evaluation) -> Table {
     let mut views: Vec<_> = last.measured.quality.views.iter().collect();
     views.sort_by(|a, b| a.scores.psnr.total_cmp(&b.scores.psnr));
-    let row = |view: &&ViewScores| {
-        vec![view.name.clone(), format!("{:.2}", view.scores.psnr), format!("{:.4}", view.scores.ssim)]
-    };
+    let row =
+        |view: &&ViewScores| vec![view.name.clone(), psnr_cell(view.scores.psnr), format!("{:.4}", view.scores.ssim)];
     Table::of(["view", "PSNR, dB", "SSIM"].map(String::from).to_vec(), views.iter().map(row).collect())
 }
 

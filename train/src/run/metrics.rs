@@ -48,6 +48,11 @@ pub fn shown_psnr(psnr: f64) -> String {
     if is_of_equal_images(psnr) { format!("{PSNR_MAX} dB or more") } else { format!("{psnr:.2} dB") }
 }
 
+/// [`shown_psnr`] for a table of dB.
+pub fn psnr_cell(psnr: f64) -> String {
+    if is_of_equal_images(psnr) { format!(">= {PSNR_MAX}") } else { format!("{psnr:.2}") }
+}
+
 /// The mean squared error of a PSNR in dB.
 pub fn mse_of_psnr(psnr: f64) -> f64 {
     10.0_f64.powf(-0.1 * psnr)

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use glam::{DMat4, DVec3};
 use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, PointCloud, PoseConvention, Scene, View, load};
-use gs_multiview::{Camera, PoseJudgement, PoseVerdict, judge_poses, pose_pairs};
+use gs_multiview::{Camera, PointsFault, PoseJudgement, PoseVerdict, judge_poses, pose_pairs};
 
 use crate::fixture::written;
 
@@ -79,11 +79,12 @@ fn another_unit_is_named() {
     let mut points = scene.points.clone().expect("points");
     points.positions.iter_mut().for_each(|position| *position = position.map(|x| 1000.0 * x));
     let judgement = judged(&scene.train, Some(&points));
-    let PoseVerdict::PointsScale(scale, _) = judgement.verdict else { panic!("{judgement:?}") };
+    let Some(PointsFault::Scale(scale, _)) = judgement.points else { panic!("{judgement:?}") };
     assert_eq!(scale, 1e-3);
     assert!(judgement.warning().is_some_and(|text| text.contains("data.points_scale=0.0010 ")));
 }
 
+/// Photos of one place have like colours in any order, so that points alone would pass.
 #[test]
 fn photos_in_another_order_are_told() {
     let scene = still_world();
@@ -91,17 +92,36 @@ fn photos_in_another_order_are_told() {
     let mut views = scene.train.clone();
     let count = views.len();
     views.iter_mut().enumerate().for_each(|(i, view)| view.c2w = poses[(5 * i + 2) % count]);
-    let judgement = judged(&views, None);
-    assert_eq!(judgement.verdict, PoseVerdict::Disagrees, "{judgement:?}");
+    for points in [scene.points.as_ref(), None] {
+        let judgement = judged(&views, points);
+        assert_eq!(judgement.verdict, PoseVerdict::Disagrees, "{judgement:?}");
+    }
 }
 
 #[test]
 fn points_of_another_world_are_told() {
     let scene = still_world();
-    let positions = (0..200).map(|i| [1e4 + i as f32, 2e4, -3e4]).collect();
-    let points = PointCloud { positions, colors: vec![[128; 3]; 200] };
-    let judgement = judged(&scene.train, Some(&points));
-    assert_eq!(judgement.verdict, PoseVerdict::PointsUnseen, "{judgement:?}");
+    let moved = |change: &dyn Fn([f32; 3]) -> [f32; 3]| {
+        let mut points = scene.points.clone().expect("points");
+        points.positions.iter_mut().for_each(|position| *position = change(*position));
+        judged(&scene.train, Some(&points))
+    };
+    // Far away, one direction has all of them in view.
+    for (x, y, z) in [(1e4, 2e4, -3e4), (5e5, 5e6, 300.0)] {
+        let judgement = moved(&|[a, b, c]| [a + x, b + y, c + z]);
+        assert!(matches!(judgement.points, Some(PointsFault::Distant(_))), "{judgement:?}");
+        assert!(judgement.warning().is_some_and(|text| text.contains("of one world")), "{judgement:?}");
+    }
+    let turned = moved(&|[x, y, z]| [x, -z, y]);
+    let shuffled = {
+        let mut points = scene.points.clone().expect("points");
+        points.colors.rotate_left(37);
+        judged(&scene.train, Some(&points))
+    };
+    for judgement in [turned, shuffled] {
+        assert_eq!(judgement.verdict, PoseVerdict::Agrees, "{judgement:?}");
+        assert!(matches!(judgement.points, Some(PointsFault::Colors | PointsFault::Unseen)), "{judgement:?}");
+    }
 }
 
 /// Grey photos of nothing say nothing, whatever the poses.

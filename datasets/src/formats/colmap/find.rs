@@ -11,7 +11,7 @@ use crate::names::some_names;
 use crate::plural::{agree, counted};
 use crate::scene::SceneFormat;
 
-/// Where models lie below a scene's folder, in a numbered folder there or in the folder itself; the last is for a path
+/// Where models lie below a scene's folder, in a folder there or in the folder itself; the last is for a path
 /// to the models and to the model itself. `distorted` is of the scripts of 3DGS, which keep the photos of this model in
 /// `input`.
 const MODEL_FOLDERS: [&str; 6] = ["sparse", "colmap/sparse", "sparse_bin", "dense/sparse", "distorted/sparse", ""];
@@ -79,18 +79,20 @@ impl ModelFiles {
     }
 }
 
-/// The model at or below `path`. Of several in numbered folders the one with the most images, and of these the first.
+/// The model at or below `path`. Of several the one with the most images, and of these the first.
 pub(crate) fn find(path: &Path) -> Option<ModelFiles> {
     MODEL_FOLDERS.iter().find_map(|below| {
         let base = if below.is_empty() { path.to_path_buf() } else { path.join(below) };
-        numbered(path, &base).or_else(|| ModelFiles::of(path, base))
+        largest(path, &base)
     })
 }
 
-fn numbered(scene: &Path, base: &Path) -> Option<ModelFiles> {
+/// The largest model in a folder and right below it. Below the folder of a scene only numbered folders are models of one capture.
+fn largest(scene: &Path, base: &Path) -> Option<ModelFiles> {
     let is_number = |folder: &PathBuf| file_name(folder).bytes().all(|byte| byte.is_ascii_digit());
-    let folders = entries(base).into_iter().filter(is_number);
+    let folders = entries(base).into_iter().filter(|folder| base != scene || is_number(folder));
     let mut models: Vec<ModelFiles> = folders.filter_map(|folder| ModelFiles::of(scene, folder)).collect();
+    models.extend(ModelFiles::of(scene, base.to_path_buf()));
     if models.len() < 2 {
         return models.pop();
     }
