@@ -51,8 +51,8 @@ impl CameraAxis {
     }
 }
 
-/// The meaning of the pose matrices in a file. As text: `c2w-opencv`, `c2w-opengl`, `w2c-opencv`, `w2c-opengl`, or three axes in place of
-/// the last word, `c2w-down-right-back`.
+/// The meaning of the pose matrices in a file. As text: `c2w-opencv`, `c2w-opengl`, `w2c-opencv`, `w2c-opengl`, or
+/// three axes in place of the last word, `c2w-down-right-back`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PoseConvention {
     /// Whether a matrix leads from the world to the camera; otherwise from the camera to the world.

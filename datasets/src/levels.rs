@@ -8,8 +8,8 @@ use crate::plural::{agree, counted};
 /// Levels of 255 that photos have at the least: with a quarter of the range, two of eight bits are lost.
 const FEW: f64 = 64.0;
 
-/// A warning about photos of more than 8 bits of which few levels are left at 8, with the key that spreads them; `levels` is that key's
-/// value.
+/// A warning about photos of more than 8 bits of which few levels are left at 8, with the key that spreads them;
+/// `levels` is that key's value.
 pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>) -> Option<String> {
     let ranges: Vec<[f64; 2]> = notes.iter().filter_map(|note| note.range).collect();
     let low = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);

@@ -68,6 +68,7 @@ mod pinhole;
 mod pixels;
 mod plane_sweep;
 mod pose_evidence;
+mod pose_sentences;
 mod poses;
 mod regions;
 mod shadow;

@@ -1,7 +1,7 @@
 //! Patches of one photo that are found again in another, without knowledge of the cameras.
 //!
-//! Corners of both photos are compared with each other. A match is mutual, clear, and supported: matches near it moved alike, which
-//! those by chance do not.
+//! Corners of both photos are compared with each other. A match is mutual, clear, and supported: matches near it moved
+//! alike, which those by chance do not.
 
 use glam::DVec2;
 
@@ -32,7 +32,8 @@ const CORRELATION: (f64, f64) = (0.8, 0.05);
 /// Reach within which matches should move alike, and how much their displacements may differ, shares of the width.
 const NEARBY: (f64, f64) = (0.15, 0.04);
 
-/// Fewest neighbours that must move alike: of 100 matches by chance, 9 lie within reach and one in 150 of these moves alike.
+/// Fewest neighbours that must move alike: of 100 matches by chance, 9 lie within reach and one in 150 of these moves
+/// alike.
 const SUPPORT: usize = 3;
 
 /// Corners of a photo with their patches.

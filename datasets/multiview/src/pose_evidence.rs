@@ -1,5 +1,5 @@
-//! Agreement of poses with photos: matched patches lie on each other's epipolar lines, points project onto their colours, and rays
-//! through the middles of an object's outlines meet.
+//! Agreement of poses with photos: matched patches lie on each other's epipolar lines, points project onto their
+//! colours, and rays through the middles of an object's outlines meet.
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use rayon::prelude::*;
@@ -12,7 +12,8 @@ use crate::median::median;
 use crate::pinhole::Pinhole;
 use crate::pixels::{color, counts};
 
-/// Largest distance of a match from its epipolar line, pixels of a photo of [`WIDTH`]: corners are whole pixels, and poses may be some off.
+/// Largest distance of a match from its epipolar line, pixels of a photo of [`WIDTH`]: corners are whole pixels, and
+/// poses may be some off.
 const TOLERANCE: f64 = 2.5;
 
 /// Fewest supported matches of a pair whose share means something.
@@ -33,10 +34,12 @@ const COLORED: f64 = 4.0;
 /// Shares of a photo that an object's outline has at the least and at the most.
 const OUTLINE: [f64; 2] = [0.002, 0.6];
 
-/// Largest angle between the ray through an outline's middle and where all rays meet, radians: an object looks different from each side.
+/// Largest angle between the ray through an outline's middle and where all rays meet, radians: an object looks
+/// different from each side.
 const MIDDLE: f64 = 0.1;
 
-/// Least determinant of rays that meet, see [`nearest_to_axes`], and the least share of the median distance at which a camera stands.
+/// Least determinant of rays that meet, see [`nearest_to_axes`], and the least share of the median distance at which a
+/// camera stands.
 const MEETING: (f64, f64) = (0.005, 0.1);
 
 /// Supported matches of one pair of views.
@@ -79,7 +82,8 @@ impl Matches {
         self.0.iter().map(|pair| pair.rays.len()).sum()
     }
 
-    /// The share of a pair's matches that poses (camera to world, OpenCV axes) explain, in the mean of all pairs, 0 to 1.
+    /// The share of a pair's matches that poses (camera to world, OpenCV axes) explain, in the mean of all pairs, 0 to
+    /// 1.
     pub fn explained(&self, poses: &[DMat4]) -> f64 {
         let share = |pair: &PairMatches| {
             let [a, b] = pair.views.map(|view| poses[view]);
@@ -91,7 +95,8 @@ impl Matches {
     }
 }
 
-/// Whether two rays meet before both cameras, up to an angle. `second_to_first` leads from the second camera's axes to the first's.
+/// Whether two rays meet before both cameras, up to an angle. `second_to_first` leads from the second camera's axes to
+/// the first's.
 fn fits(second_to_first: DMat4, [a, b]: [DVec3; 2], tolerance: f64) -> bool {
     let (b, apart) = (DMat3::from_mat4(second_to_first) * b, second_to_first.w_axis.truncate());
     let across = a.cross(b);
@@ -156,8 +161,8 @@ fn middle_ray(view: &View) -> Option<DVec3> {
 pub struct PointEvidence {
     /// Share of the points that at least one view has before it and inside, 0 to 1.
     pub seen: f64,
-    /// Correlation of the points' colours with the pixels that they project to, -1 to 1; `None` where few are seen or all have one
-    /// colour.
+    /// Correlation of the points' colours with the pixels that they project to, -1 to 1; `None` where few are seen or
+    /// all have one colour.
     pub agreement: Option<f64>,
 }
 
@@ -176,7 +181,8 @@ impl Points {
         Some(Self { positions, colors: points.colors.iter().step_by(step).copied().collect() })
     }
 
-    /// The median distance of the points from the cameras' middle, in median distances of the cameras from it; 0 of cameras at one place.
+    /// The median distance of the points from the cameras' middle, in median distances of the cameras from it; 0 of
+    /// cameras at one place.
     pub fn distance(&self, poses: &[DMat4]) -> f64 {
         let centres: Vec<DVec3> = poses.iter().map(|pose| pose.w_axis.truncate()).collect();
         let middle = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
@@ -209,7 +215,8 @@ impl Points {
     }
 }
 
-/// The correlation of paired colours, each channel about its mean; `None` of few pairs, or where the first of all are alike.
+/// The correlation of paired colours, each channel about its mean; `None` of few pairs, or where the first of all are
+/// alike.
 fn correlation(pairs: &[([u8; 3], [u8; 3])]) -> Option<f64> {
     let count = pairs.len() as f64;
     let (mut product, mut left, mut right) = (0.0, 0.0, 0.0);

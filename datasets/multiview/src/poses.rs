@@ -1,11 +1,11 @@
 //! Whether poses agree with what photos and points say, and in which other convention they would.
 //!
-//! Nothing in a file tells whether its matrices lead to the world or from it, or where its camera looks. The data do: patches that two
-//! photos share lie on each other's epipolar lines, and coloured points project onto their colours.
+//! Nothing in a file tells whether its matrices lead to the world or from it, or where its camera looks. The data do:
+//! patches that two photos share lie on each other's epipolar lines, and coloured points project onto their colours.
 
 use glam::{DMat4, DVec3};
 
-use gs_datasets::{PointCloud, PoseConvention, View, counted, nearest_to_axes};
+use gs_datasets::{PointCloud, PoseConvention, View, nearest_to_axes};
 
 use crate::pose_evidence::{Matches, Outlines, PointEvidence, Points};
 
@@ -15,8 +15,8 @@ const PAIRS: [usize; 2] = [8, 8];
 /// Least share of explained matches at which poses agree with photos: the rest is chance, lens and motion.
 const AGREES: f64 = 0.5;
 
-/// Least lead of another convention over the one that was read. Sound sets have a share of 0.95 and more; a wrong convention explains
-/// up to 0.45 by chance where cameras moved along a line.
+/// Least lead of another convention over the one that was read. Sound sets have a share of 0.95 and more; a wrong
+/// convention explains up to 0.45 by chance where cameras moved along a line.
 const LEAD: f64 = 0.35;
 
 /// Fewest matches and pairs by which poses are called wrong though no other convention explains them.
@@ -25,14 +25,15 @@ const SURE: (usize, usize) = (100, 4);
 /// Shares of outlines whose middles meet: fewer than the first disagree, the second and more agree.
 const OUTLINES: (f64, f64) = (0.5, 0.8);
 
-/// Least correlation of points' colours with photos at which they agree, and its least lead over that of the poses as they were read. Hidden
-/// points, shadows and gloss take from it: sound sets have 0.5 to 0.95.
+/// Least correlation of points' colours with photos at which they agree, and its least lead over that of the poses as
+/// they were read. Hidden points, shadows and gloss take from it: sound sets have 0.5 to 0.95.
 const COLORS: (f64, f64) = (0.45, 0.3);
 
 /// Correlation below which points' colours are not those of the photos: sound sets have 0.49 and more.
 const COLORS_DIFFER: f64 = 0.3;
 
-/// Distance of points in distances between cameras at which they are of another world: far scenery of a short walk ends before.
+/// Distance of points in distances between cameras at which they are of another world: far scenery of a short walk ends
+/// before.
 const DISTANT: f64 = 1000.0;
 
 /// Shares of points in view: fewer than the first are as good as none; an explanation shows at least the second.
@@ -41,7 +42,8 @@ const SEEN: (f64, f64) = (0.05, 0.5);
 /// Factors between units that are confused: millimetres, centimetres, inches, feet and metres.
 const UNITS: [f64; 10] = [1e-3, 1e3, 1e-2, 1e2, 0.1, 10.0, 0.0254, 1.0 / 0.0254, 0.3048, 1.0 / 0.3048];
 
-/// Least determinant of axes that meet, see [`nearest_to_axes`], and the largest angle of an axis from where they do, radians.
+/// Least determinant of axes that meet, see [`nearest_to_axes`], and the largest angle of an axis from where they do,
+/// radians.
 const MEETING: (f64, f64) = (0.005, 0.5);
 
 /// A camera as far as pairs are chosen by it.
@@ -65,11 +67,13 @@ pub struct PosePairs {
 /// Agreement of poses in one convention.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
-    /// Share of matched patches that lie on each other's epipolar lines before both cameras, 0 to 1; `None` where few were found.
+    /// Share of matched patches that lie on each other's epipolar lines before both cameras, 0 to 1; `None` where few
+    /// were found.
     pub matches: Option<f64>,
     /// Points; `None` without any.
     pub points: Option<PointEvidence>,
-    /// Share of the object's outlines whose middles meet before all cameras, 0 to 1; `None` where photos have no transparent background.
+    /// Share of the object's outlines whose middles meet before all cameras, 0 to 1; `None` where photos have no
+    /// transparent background.
     pub outlines: Option<f64>,
 }
 
@@ -88,7 +92,7 @@ pub enum PoseVerdict {
     LooksAway(PoseConvention),
 }
 
-/// What is wrong with points beside poses that nothing speaks against.
+/// A fault of points beside poses that nothing speaks against.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PointsFault {
     /// They would agree with the photos if they were multiplied by this factor.
@@ -101,7 +105,7 @@ pub enum PointsFault {
     Colors,
 }
 
-/// What photos and points say about poses.
+/// The judgement of poses by photos and points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseJudgement {
     /// The convention as which poses were read.
@@ -160,8 +164,8 @@ fn evenly<T>(list: Vec<T>, count: usize) -> Vec<T> {
     list.into_iter().enumerate().filter(|(i, _)| length <= count || i % step == 0).map(|(_, value)| value).collect()
 }
 
-/// Judges the poses of `views` by the photos of `pairs` of them and by `points`. `origin` was subtracted from positions; `read` is the
-/// convention as which the poses were read.
+/// Judges the poses of `views` by the photos of `pairs` of them and by `points`. `origin` was subtracted from
+/// positions; `read` is the convention as which the poses were read.
 pub fn judge_poses(
     views: &[&View],
     pairs: &[[usize; 2]],
@@ -220,7 +224,8 @@ impl Data<'_> {
         let outlines_agree = given.outlines.is_some_and(|share| share >= OUTLINES.1);
         match given.matches {
             Some(share) if share >= AGREES => PoseVerdict::Agrees,
-            // Colours of points correlate a little in any order of photos of one place, so sure matches come before them.
+            // Colours of points correlate a little in any order of photos of one place, so sure matches come before
+            // them.
             Some(_) if is_sure => self.other_convention(given).unwrap_or(PoseVerdict::Disagrees),
             _ if given.points_agree() => PoseVerdict::Agrees,
             _ => match self.other_convention(given) {
@@ -270,7 +275,8 @@ impl Data<'_> {
         best.map(|(scale, found)| PointsFault::Scale(scale, found))
     }
 
-    /// The convention with its camera looking the other way, where all cameras have behind them what their axes meet in.
+    /// The convention with its camera looking the other way, where all cameras have behind them what their axes meet
+    /// in.
     fn looks_away(&self) -> Option<PoseConvention> {
         let poses = self.poses(self.read);
         let meeting = nearest_to_axes(&poses, MEETING.0).filter(|_| poses.len() >= 3)?;
@@ -317,85 +323,5 @@ impl Evidence {
 
     fn weight(self) -> f64 {
         self.matches.unwrap_or(0.0) + self.agreement().unwrap_or(0.0).max(0.0) + self.outlines.unwrap_or(0.0)
-    }
-
-    /// The evidence in words; `None` where there is none.
-    fn described(self) -> Option<String> {
-        let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-        let matches = self.matches.map(|share| format!("{} of the matched corners fit", percent(share)));
-        let points = self.points.map(|points| {
-            let colors = points.agreement.map_or_else(String::new, |r| format!(", colours correlate by {r:.2}"));
-            format!("{} of the points are in view{colors}", percent(points.seen))
-        });
-        let outlines = self.outlines.map(|share| format!("{} of the outlines meet", percent(share)));
-        let parts: Vec<String> = matches.into_iter().chain(points).chain(outlines).collect();
-        (!parts.is_empty()).then(|| parts.join(", "))
-    }
-}
-
-impl PoseJudgement {
-    /// The evidence for the poses as they were read, a sentence.
-    pub fn fact(&self) -> String {
-        let read = self.read;
-        let Some(described) = self.given.described() else {
-            return format!(
-                "Poses, read as {read}, could not be judged: photos share too few corners, and there are neither points nor outlines."
-            );
-        };
-        let (matches, pairs) = self.matched;
-        let of = if matches > 0 {
-            format!(" ({} in {} of photos)", counted(matches, "corner"), counted(pairs, "pair"))
-        } else {
-            String::new()
-        };
-        let untold = if self.verdict == PoseVerdict::Untold { "; that is too little to judge by" } else { "" };
-        format!("Poses against photos, read as {read}: {described}{of}{untold}.")
-    }
-
-    /// The fault of poses or points, if there is one, and the way out.
-    pub fn warning(&self) -> Option<String> {
-        let given = self.given.described().unwrap_or_default();
-        let read = self.read;
-        let points = self.points.map(|fault| fault.sentence(&given));
-        Some(match self.verdict {
-            PoseVerdict::Agrees | PoseVerdict::Untold => return points,
-            PoseVerdict::Convention(other, found) => format!(
-                "the poses seem to be of another convention: read as {read}, {given}; read as {other}, {}; \
-                 data.poses={other} reads them so",
-                found.described().unwrap_or_default()
-            ),
-            PoseVerdict::Disagrees => format!(
-                "photos agree with each other and not with their poses ({given}), and no usual convention explains \
-                 that; do the poses belong to these photos, in this order?"
-            ),
-            PoseVerdict::LooksAway(other) => format!(
-                "all cameras look away from where their axes meet: right for photos taken outward from one place; \
-                 otherwise data.poses={other} turns them round, or another value of data.poses is right"
-            ),
-        })
-    }
-}
-
-impl PointsFault {
-    fn sentence(self, given: &str) -> String {
-        match self {
-            Self::Scale(scale, found) => format!(
-                "the points seem to be in another unit than the poses: as they are, {given}; multiplied by {scale:.4}, \
-                 {}; data.points_scale={scale:.4} does that",
-                found.described().unwrap_or_default()
-            ),
-            Self::Unseen => format!(
-                "hardly any point lies before a camera and inside its photo ({given}), and no usual convention or unit \
-                 explains that; are points and poses of one world? data.poses and data.points_scale say how they are meant"
-            ),
-            Self::Distant(times) => format!(
-                "the points lie {times:.0} times as far from the cameras as these from each other; are points and poses \
-                 of one world, with one origin?"
-            ),
-            Self::Colors => format!(
-                "the points do not have the colours that photos show where they lie ({given}): they are of another world \
-                 than the poses, or random; a set without its point file begins where photos agree"
-            ),
-        }
     }
 }

@@ -14,6 +14,7 @@ use crate::config::tables;
 use crate::pipelines::{EvalRequest, Evaluated, find, of_checkpoint, resolve_changed};
 use crate::report::pictures::SideBySide;
 use crate::run::evaluate::{Measured, Scores, described_split};
+use crate::run::metrics::psnr_cell;
 use crate::run::outputs::{self, MARK, check_one, marked_png};
 use crate::run::resources::peak_memory;
 use crate::run::scene::{SceneFile, read_file};
