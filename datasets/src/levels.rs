@@ -8,6 +8,9 @@ use crate::plural::{agree, counted};
 /// Levels of 255 that photos have at the least: with a quarter of the range, two of eight bits are lost.
 const FEW: f64 = 64.0;
 
+/// Half a level of 16 bits: photos of one level hold nothing that a stretch would show.
+const ONE_LEVEL: f64 = 0.5 / 65535.0;
+
 /// A warning about photos of more than 8 bits of which few levels are left at 8, with the key that spreads them;
 /// `levels` is that key's value.
 pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>) -> Option<String> {
@@ -15,7 +18,7 @@ pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>
     let low = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
     let high = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
     let left = 255.0 * (high - low);
-    if ranges.is_empty() || levels.is_some() || left >= FEW || high <= low {
+    if ranges.is_empty() || levels.is_some() || left >= FEW || high - low < ONE_LEVEL {
         return None;
     }
     // A hundredth of the range, rounded outwards, so that no pixel is cut.
