@@ -343,8 +343,9 @@ fn a_folder_of_logs_is_checked_log_by_log() {
     assert_eq!(output.status.code(), Some(1));
 }
 
-/// What is told before a run is no less than what it takes: also of few points, where the network is most of it.
-#[cfg(target_os = "linux")]
+/// The memory told before a run is no less than it takes, also of few points, where the network is most of it. The program with wgpu is
+/// larger, and is not the one that is measured here.
+#[cfg(all(target_os = "linux", not(feature = "wgpu")))]
 #[test]
 fn the_memory_of_a_network_is_foretold() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -11,9 +11,6 @@ const SIDE: f64 = 50.0;
 /// Places between two points of a line at which it may be covered.
 const BETWEEN: usize = 8;
 
-/// Cost of a covered dot in covered places of a line: a line goes on beside the legend, a dot is gone.
-const DOT_COST: usize = 100;
-
 /// A corner of a chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Corner {
@@ -35,7 +32,7 @@ impl Corner {
     }
 }
 
-/// What a legend may cover, in shares of the plot from the left and from below.
+/// Dots and lines that a legend may cover, in shares of the plot from the left and from below.
 #[derive(Debug)]
 pub(super) struct Occupied {
     /// Width and height of the legend.
@@ -70,14 +67,15 @@ impl Occupied {
         corners.into_iter().min_by_key(|corner| self.cost(*corner)).unwrap_or(first)
     }
 
-    fn cost(&self, corner: Corner) -> usize {
+    /// Covered dots, then covered places of lines: a line goes on beside the legend, a dot is gone.
+    fn cost(&self, corner: Corner) -> (usize, usize) {
         let [width, height] = self.size;
         let is_covered = |[x, y]: &&[f64; 2]| {
             let right = matches!(corner, Corner::LowerRight | Corner::UpperRight);
             let top = matches!(corner, Corner::UpperLeft | Corner::UpperRight);
             (if right { *x > 1.0 - width } else { *x < width }) && (if top { *y > 1.0 - height } else { *y < height })
         };
-        DOT_COST * self.dots.iter().filter(is_covered).count() + self.places.iter().filter(is_covered).count()
+        (self.dots.iter().filter(is_covered).count(), self.places.iter().filter(is_covered).count())
     }
 }
 
@@ -100,6 +98,14 @@ mod tests {
             occupied.dots.push(dot);
             assert_eq!(occupied.freest(Corner::LowerRight), expected, "{dot:?}");
         }
+        // However many points a line has, a dot counts more.
+        let mut dense = Occupied::new(["training photo", "moving parts"].into_iter(), [560, 220]);
+        let line: Vec<[f64; 2]> = (0..200).map(|i| [0.05 + 0.9 * i as f64 / 199.0, 0.9]).collect();
+        dense.add_line(&line);
+        dense.dots.push([0.95, 0.1]);
+        assert_eq!(dense.freest(Corner::LowerRight), Corner::LowerLeft);
+        dense.dots.push([0.1, 0.1]);
+        assert_eq!(dense.freest(Corner::LowerRight), Corner::UpperLeft);
         // A line alone moves the legend as well, and events keep their corner among equals.
         let mut occupied = Occupied::new(["loss"].into_iter(), [560, 220]);
         assert_eq!(occupied.freest(Corner::UpperLeft), Corner::UpperLeft);
