@@ -242,7 +242,7 @@ pub fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// At most [`COURSE_MAX`] of the points of a curve, evenly spread, the newest among them.
+/// At most `COURSE_MAX` of the points of a curve, evenly spread, the newest among them.
 pub fn course(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let every = points.len().div_ceil(COURSE_MAX).max(1);
     let mut kept: Vec<(f64, f64)> = points.iter().rev().step_by(every).copied().collect();

@@ -40,7 +40,7 @@ pub fn with_section(report: &str, place: Place, section: &str) -> Option<String>
     Some([before, place[0], section, place[1], after].concat())
 }
 
-/// A section as a page of its own, from which [`section_of`] takes it for the next report.
+/// A section as a page of its own, from which `section_of` takes it for the next report.
 pub fn section_page(name: &str, place: Place, section: &str) -> String {
     let heading = format!("<h1>{}</h1>\n", html::name(name));
     html::page(name, "", &[&heading, place[0], section, place[1]].concat())

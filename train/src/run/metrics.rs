@@ -18,7 +18,7 @@ pub use ms_ssim::ms_ssim;
 /// The PSNR of equal images, dB: an error of a thousandth of a step of 8 bits has it too.
 const PSNR_MAX: f64 = 100.0;
 
-/// Peak signal-to-noise ratio in dB, peak 1; [`PSNR_MAX`] for equal images.
+/// Peak signal-to-noise ratio in dB, peak 1; `PSNR_MAX` for equal images.
 pub fn psnr(image: Tensor<3>, truth: Tensor<3>) -> f64 {
     let difference = image - truth;
     let mse: f32 = (difference.clone() * difference).mean().into_scalar();
@@ -33,7 +33,7 @@ pub fn psnr_masked(image: Tensor<3>, truth: Tensor<3>, mask: Tensor<3>) -> f64 {
     psnr_of_mse(f64::from(squares) / (3.0 * f64::from(pixels).max(1.0)))
 }
 
-/// PSNR in dB of a mean squared error; at most [`PSNR_MAX`].
+/// PSNR in dB of a mean squared error; at most `PSNR_MAX`.
 pub fn psnr_of_mse(mse: f64) -> f64 {
     -10.0 * mse.max(mse_of_psnr(PSNR_MAX)).log10()
 }
