@@ -130,8 +130,8 @@ fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawF
     frames
 }
 
-/// A whole number of units near the cameras' middle where that is far from the world's origin, in units and in the cameras' own distances;
-/// otherwise the origin.
+/// A whole number of units near the cameras' middle where that is far from the world's origin, in units and in the
+/// cameras' own distances; otherwise the origin.
 fn origin(frames: &[RawFrame], options: &LoadOptions) -> DVec3 {
     /// At ten times the cameras' reach an f32 has three bits fewer for them than at the origin.
     const REACHES: f64 = 10.0;

@@ -31,7 +31,7 @@ const GRID: usize = 48;
 /// the ideal image are empty.
 const STRETCH_MAX: f64 = 2.0;
 
-/// What is wrong with a lens.
+/// A fault of a lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Fault {
     /// More of the photo lies beyond a fold than corners.

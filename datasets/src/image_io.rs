@@ -112,8 +112,8 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
     })
 }
 
-/// The begin of a file's name with which the names of its half files begin, behind a dot. All of the name and the rest may be longer than
-/// a name can be.
+/// The begin of a file's name with which the names of its half files begin, behind a dot. All of the name and the rest
+/// may be longer than a name can be.
 pub fn temporary_begin(path: &Path) -> Option<String> {
     const KEPT: usize = 32;
     path.file_name().map(|name| name.to_string_lossy().chars().take(KEPT).collect())

@@ -145,8 +145,8 @@ pub struct LoadOptions {
     pub poses: Option<PoseConvention>,
     /// Factor on the coordinates of the points to start from, for points in another unit than the poses. Default 1.
     pub points_scale: f64,
-    /// The levels that become black and white, as shares of a photo's full range, 0 to 1. A 16-bit photo is stretched before it
-    /// is rounded to 8 bits. `None` (the default): 0 and 1.
+    /// The levels that become black and white, as shares of a photo's full range, 0 to 1. A 16-bit photo is stretched
+    /// before it is rounded to 8 bits. `None` (the default): 0 and 1.
     pub levels: Option<[f64; 2]>,
     /// Which file goes with which row of an LLFF set. Default [`RowOrder::Auto`].
     pub row_order: RowOrder,

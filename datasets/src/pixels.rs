@@ -195,7 +195,8 @@ pub(crate) fn open_whole(path: &Path, behind: Behind) -> Result<Opened, DatasetE
 /// Share of the pixels left out at either end of a range: hot and dead pixels of a sensor.
 const OUTSIDE: f64 = 1e-3;
 
-/// The levels that the pixels of a photo of more than 8 bits have, as shares of its full range; `None` of a photo of 8 bits.
+/// The levels that the pixels of a photo of more than 8 bits have, as shares of its full range; `None` of a photo of 8
+/// bits.
 pub(crate) fn deep_range(image: &DynamicImage) -> Option<[f64; 2]> {
     if image.color().bytes_per_pixel() == image.color().channel_count() {
         return None;

@@ -122,8 +122,9 @@ impl Scene {
     }
 
     /// The scene's size as 3D Gaussian Splatting measures it: 1.1 times the largest distance of a training camera from
-    /// the mean of all training cameras, scene units. Learning rates and density thresholds are relative to it. A camera ten times farther
-    /// out than three quarters of them is a mistake and does not count. 0 when there is one camera only.
+    /// the mean of all training cameras, scene units. Learning rates and density thresholds are relative to it. A
+    /// camera ten times farther out than three quarters of them is a mistake and does not count. 0 when there is one
+    /// camera only.
     pub fn extent(&self) -> f64 {
         let centres: Vec<DVec3> = self.train.iter().map(|view| view.c2w.w_axis.truncate()).collect();
         let centres = without_strays(&centres);

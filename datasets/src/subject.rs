@@ -39,12 +39,12 @@ pub fn subject(poses: &[DMat4]) -> Option<DVec3> {
     poses.iter().all(sees).then_some(subject)
 }
 
-/// A camera this many times farther from the cameras' middle than three quarters of them are is a stray. A rig of a close group and a few
-/// far cameras may have a factor of 5.
+/// A camera this many times farther from the cameras' middle than three quarters of them are is a stray. A rig of a
+/// close group and a few far cameras may have a factor of 5.
 pub(crate) const STRAY: f64 = 10.0;
 
-/// Whether each camera stands so far from all others that its pose is a mistake rather than a part of the rig: rates, near planes and
-/// thresholds go by the others.
+/// Whether each camera stands so far from all others that its pose is a mistake rather than a part of the rig: rates,
+/// near planes and thresholds go by the others.
 pub(crate) fn strays(positions: &[DVec3]) -> Vec<bool> {
     let along = |axis: fn(&DVec3) -> f64| median(positions.iter().map(axis).collect()).unwrap_or(0.0);
     // By axis, since a mean goes where the stray is.

@@ -150,8 +150,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
 
-    /// Steps, at most a million, by a budget of time, reading and evaluation at the end apart: processor time on a CPU, the clock on a GPU. A few steps are
-    /// measured first; the plan is saved in config.toml
+    /// Steps, at most a million, by a budget of time, reading and evaluation at the end apart: processor time on a CPU,
+    /// the clock on a GPU. A few steps are measured first; the plan is saved in config.toml
     #[arg(long, value_name = "M", value_parser = extrapolate::positive, conflicts_with_all = ["steps", "resume"])]
     pub minutes: Option<f64>,
 

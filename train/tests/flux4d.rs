@@ -304,7 +304,8 @@ fn arrays_in(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A clock that jumps by 20 s is a gap, on both sides of which motion is looked for; a first time of 0 leaves one sweep without another.
+/// A clock that jumps by 20 s is a gap, on both sides of which motion is looked for; a first time of 0 leaves one sweep
+/// without another.
 #[test]
 fn the_flow_of_a_log_with_a_gap_stays_on_its_sides() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -343,8 +344,8 @@ fn a_folder_of_logs_is_checked_log_by_log() {
     assert_eq!(output.status.code(), Some(1));
 }
 
-/// The memory told before a run is no less than it takes, also of few points, where the network is most of it. The program with wgpu is
-/// larger, and is not the one that is measured here.
+/// The memory told before a run is no less than it takes, also of few points, where the network is most of it. The
+/// program with wgpu is larger, and is not the one that is measured here.
 #[cfg(all(target_os = "linux", not(feature = "wgpu")))]
 #[test]
 fn the_memory_of_a_network_is_foretold() {

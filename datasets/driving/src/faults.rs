@@ -15,7 +15,8 @@ struct Group {
     files: Vec<String>,
 }
 
-/// The errors in the order found; those of one kind in the files of one folder are one sentence, with what the first file has.
+/// The errors in the order found; those of one kind in the files of one folder are one sentence, with what the first
+/// file has.
 pub(crate) fn sentences(errors: &[DatasetError]) -> Vec<String> {
     let mut groups: Vec<Group> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();

@@ -108,7 +108,8 @@ pub fn runs(times: &[f64]) -> Vec<Range<usize>> {
     begins.iter().copied().zip(ends).map(|(begin, end)| begin..end).collect()
 }
 
-/// The gaps between the [`runs`] of the frames of a recording, in a phrase: "2 gaps (20.1 s after frame 10, ...)"; `None` without any.
+/// The gaps between the [`runs`] of the frames of a recording, in a phrase: "2 gaps (20.1 s after frame 10, ...)";
+/// `None` without any.
 pub fn gaps(frames: &[Frame]) -> Option<String> {
     let runs = runs(&frames.iter().map(|frame| frame.time).collect::<Vec<_>>());
     let gap = |pair: &[Range<usize>]| {

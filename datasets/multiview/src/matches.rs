@@ -8,7 +8,7 @@ use glam::DVec2;
 use gs_datasets::View;
 
 use crate::grey::Grey;
-use crate::patch::Patch;
+use crate::patch::{Patch, TEXTURE};
 use crate::pixels::counts;
 
 /// Photos are reduced to about this width: patches then span enough to be distinctive.
@@ -22,9 +22,6 @@ const CORNERS: usize = 400;
 
 /// Distance of a patch's pixels: 7 x 7 then span 13, more than noise and less than an object.
 const SPACING: f64 = 2.0;
-
-/// Smallest standard deviation of a patch, 0 to 1. Below it the correlation is of noise.
-const TEXTURE: f64 = 0.02;
 
 /// Smallest correlation of a match, and its lead over any other corner.
 const CORRELATION: (f64, f64) = (0.8, 0.05);

@@ -20,6 +20,9 @@ const ROW: usize = SIDE + 1;
 /// Largest departure from a distance of one pixel at which a [`Patch`] takes one pixel: its corners are then off by a third of a pixel.
 const UNIT: f64 = 0.1;
 
+/// Smallest standard deviation of a patch, 0 to 1. Below it the correlation is of noise.
+pub(crate) const TEXTURE: f64 = 0.02;
+
 /// The pixels of a reduced grey photo, 0 to 1.
 pub(crate) struct Pixels {
     /// Pixels in a row.

@@ -16,7 +16,7 @@ use gs_datasets::{PointCloud, View};
 
 use crate::depth_range::DepthRange;
 use crate::grey::Grey;
-use crate::patch::{Patch, Pixels};
+use crate::patch::{Patch, Pixels, TEXTURE};
 
 /// Photos are reduced to about this width where nothing is known of their depths, so that patches span enough of the scene to be
 /// distinctive over many depths.
@@ -48,9 +48,6 @@ const CORRELATION: (f64, f64) = (0.8, 0.1);
 
 /// Steps within which correlations belong to one peak.
 const APART: usize = 4;
-
-/// Smallest standard deviation of a patch, 0 to 1. Below it the correlation is of noise.
-const TEXTURE: f64 = 0.02;
 
 /// Rays tried for each point asked for.
 const TRIES: usize = 6;

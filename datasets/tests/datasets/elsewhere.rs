@@ -10,7 +10,7 @@ fn options() -> LoadOptions {
     LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
 }
 
-/// What `load` refuses with, or what `check` says.
+/// The error of `load`, or the report of `check`.
 fn said(folder: &Folder, options: &LoadOptions) -> (String, String) {
     let error = load(folder.path(), options).err().map_or_else(String::new, |error| error.to_string());
     (error, check(folder.path(), options).to_string())

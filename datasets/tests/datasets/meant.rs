@@ -1,4 +1,5 @@
-//! Data read as the user says that they are meant: pose conventions, units of points, levels of deep photos; outliers that set no scale.
+//! Data read as the user says that they are meant: pose conventions, units of points, levels of deep photos; outliers
+//! that set no scale.
 
 use gs_datasets::{Holdout, LoadOptions, PoseConvention, check, load};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -118,7 +119,8 @@ fn a_stray_camera_sets_no_scale() {
     );
 }
 
-/// A scene in millimetres is as large as it is far away, and stays in its file's world; one in map coordinates is moved by whole units.
+/// A scene in millimetres is as large as it is far away, and stays in its file's world; one in map coordinates is moved
+/// by whole units.
 #[test]
 fn only_a_scene_far_away_for_its_size_is_moved() {
     let moved = |scale: f64, by: [f64; 3]| {

@@ -46,7 +46,7 @@ impl Place {
         self.linear == DMat3::IDENTITY
     }
 
-    /// What is to be added to [`positions`](Self::positions) of Gaussians with an `offset`.
+    /// The vector to be added to [`positions`](Self::positions) of Gaussians with an `offset`.
     pub fn shift(&self, offset: [f64; 3]) -> DVec3 {
         self.linear * DVec3::from_array(offset) + self.translation
     }

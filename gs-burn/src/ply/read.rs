@@ -20,7 +20,7 @@ use crate::{Gaussians, ShCoefficients};
 pub struct PlyScene {
     /// The Gaussians, with positions relative to `offset`.
     pub gaussians: Gaussians,
-    /// What is to be added to every position: zero unless the scene is far from its world's origin. By the file's
+    /// The vector to be added to every position: zero unless the scene is far from its world's origin. By the file's
     /// comment, or else the middle of the Gaussians.
     pub offset: [f64; 3],
     /// How they are to be drawn, where the file says so.

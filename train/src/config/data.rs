@@ -130,10 +130,11 @@ pub struct DataConfig {
     pub validation_cameras: usize,
     /// Share of the recording that is seen, for data sets without a list of future frames; later frames are held out. 1: all of it.
     pub seen: f64,
-    /// Image folder of a COLMAP model, an LLFF or a RealityScan set if it is not a usual one; empty: found automatically.
+    /// Image folder of a COLMAP model, an LLFF or a RealityScan set if it is not a usual one; empty: found
+    /// automatically.
     pub images: String,
-    /// The convention of the poses: "auto" is the format's own; `c2w-` (camera to world) or `w2c-`, then `opencv`, `opengl` or the directions of
-    /// the camera's three axes, as in `c2w-right-down-forward`.
+    /// The convention of the poses: "auto" is the format's own; `c2w-` (camera to world) or `w2c-`, then `opencv`,
+    /// `opengl` or the directions of the camera's three axes, as in `c2w-right-down-forward`.
     pub poses: String,
     /// Factor on the coordinates of the points to start from, for points in another unit than the poses.
     pub points_scale: f64,

@@ -6,9 +6,10 @@ const WRONG_LETTERS: usize = 3;
 /// Shortest begin of a name that stands for it.
 const BEGIN: usize = 3;
 
-/// The valid name most like `name`; `None` where none is like it. Names are words behind sections (`section.some_words`, `folder/some-words`).
-/// A name that is spelled alike in a section that is, too, comes first; then one spelled alike in another section, or the first of a section
-/// that is spelled like a name without one; then one of that section with a word in common; and then one elsewhere with a word in common.
+/// The valid name most like `name`; `None` where none is like it. Names are words behind sections
+/// (`section.some_words`, `folder/some-words`). A name that is spelled alike in a section that is, too, comes first;
+/// then one spelled alike in another section, or the first of a section that is spelled like a name without one; then
+/// one of that section with a word in common; and then one elsewhere with a word in common.
 pub fn nearest<'a>(name: &str, valid: &'a [String]) -> Option<&'a str> {
     let ranked = valid.iter().filter_map(|candidate| Some((rank(name, candidate)?, candidate)));
     // Of equals the first.

@@ -24,7 +24,8 @@ pub fn check_pixels(dataset: &Path, scene: &Scene) -> Result<(), String> {
     Err(no_pixels(dataset))
 }
 
-/// Fewest points to start from. A set with fewer is one whose reconstruction failed, and starts as a set without points does.
+/// Fewest points to start from. A set with fewer is one whose reconstruction failed, and starts as a set without points
+/// does.
 const FEWEST_POINTS: usize = 100;
 
 /// A warning about so few points that they are left out.

@@ -122,7 +122,8 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
     finish(run, job, &data, &session.into_trainer(), config, &evaluator)
 }
 
-/// Saves, measures and reports a finished training. Of the files that a disk is too full for, the others are written all the same.
+/// Saves, measures and reports a finished training. Of the files that a disk is too full for, the others are written
+/// all the same.
 fn finish<M: Method>(
     mut run: Run,
     job: &Job,

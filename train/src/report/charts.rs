@@ -195,7 +195,8 @@ impl Chart {
                 occupied.add_line(&points);
             }
         }
-        // Curves of a training end near their best, schedules begin with the first frame: these corners are mostly free.
+        // Curves of a training end near their best, schedules begin with the first frame: these corners are mostly
+        // free.
         let has_events = self.series.iter().any(|series| series.style == Style::Events);
         occupied.freest(if has_events { Corner::UpperLeft } else { Corner::LowerRight })
     }

@@ -12,7 +12,8 @@ const STYLE: &str = include_str!("style.css");
 /// Most pixels of a page for one of a picture. A picture of 64 pixels that fills a page looks broken rather than small.
 pub const MAGNIFICATION: usize = 4;
 
-/// Width of the text of a page, pixels, as style.css has it. A picture that may be magnified without reaching it shows its pixels.
+/// Width of the text of a page, pixels, as style.css has it. A picture that may be magnified without reaching it shows
+/// its pixels.
 const PAGE_WIDTH: usize = 1400;
 
 /// Text with HTML's special characters escaped.

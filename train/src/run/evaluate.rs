@@ -484,8 +484,8 @@ pub fn described_split(split: &str, count: usize) -> String {
     }
 }
 
-/// PSNR and SSIM over the pixels at which `inside`, `[H, W, 1]`, is 1; `None` without such a pixel. The windows of SSIM see the pixels around
-/// these too. MS-SSIM and LPIPS look at neighbourhoods that are larger than a region.
+/// PSNR and SSIM over the pixels at which `inside`, `[H, W, 1]`, is 1; `None` without such a pixel. The windows of SSIM
+/// see the pixels around these too. MS-SSIM and LPIPS look at neighbourhoods that are larger than a region.
 pub fn scores_within(image: Tensor<3>, truth: Tensor<3>, inside: Tensor<3>) -> Option<Scores> {
     let ssim = ssim_masked(image.clone(), truth.clone(), inside.clone())?;
     Some(Scores { psnr: psnr_masked(image, truth, inside), ssim, ms_ssim: None, lpips: None })

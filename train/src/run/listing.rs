@@ -60,7 +60,8 @@ impl Listing {
         Ok(Self { program: MARK.into(), files })
     }
 
-    /// The list of an earlier result; `None` where there is none of this program that names files inside the folder alone.
+    /// The list of an earlier result; `None` where there is none of this program that names files inside the folder
+    /// alone.
     pub fn read(folder: &Path) -> Option<Self> {
         let text = guarded::read_to_string(&folder.join(FILE), LISTING_MAX).ok()?;
         let listing: Self = serde_json::from_str(&text).ok()?;
@@ -77,8 +78,8 @@ impl Listing {
         Ok(write_atomic(&folder.join(FILE), (text + "\n").as_bytes())?)
     }
 
-    /// That in `folder` no file of somebody else is in the way of these, where it holds an earlier result with a list. Before there were
-    /// lists, a result's files without a mark cannot be told from others.
+    /// That in `folder` no file of somebody else is in the way of these, where it holds an earlier result with a list.
+    /// Before there were lists, a result's files without a mark cannot be told from others.
     ///
     /// # Errors
     /// A sentence with the first such file.
@@ -97,8 +98,8 @@ impl Listing {
         }
     }
 
-    /// Removes the files from `folder` that are still as they were written, the one called `first` before all others, and the folders that
-    /// are empty then.
+    /// Removes the files from `folder` that are still as they were written, the one called `first` before all others,
+    /// and the folders that are empty then.
     ///
     /// # Errors
     /// When one cannot be removed.

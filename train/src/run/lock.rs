@@ -50,8 +50,8 @@ impl Lock {
         Ok(Self { file: locked(folder)?, passing: None })
     }
 
-    /// Takes the lock of a folder of results, which is made where it does not exist. The file is removed with the lock, and a folder that was
-    /// made and is empty again too.
+    /// Takes the lock of a folder of results, which is made where it does not exist. The file is removed with the lock,
+    /// and a folder that was made and is empty again too.
     ///
     /// # Errors
     /// As [`take`](Self::take), and when the folder cannot be made.
@@ -112,7 +112,8 @@ fn locked_once(folder: &Path, path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// Whether an open file is still the one at a path: the process that had the lock before may have removed it in between.
+/// Whether an open file is still the one at a path: the process that had the lock before may have removed it in
+/// between.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

@@ -38,7 +38,8 @@ pub fn psnr_of_mse(mse: f64) -> f64 {
     -10.0 * mse.max(mse_of_psnr(PSNR_MAX)).log10()
 }
 
-/// Whether a PSNR says that images are equal, which no training of photos reaches: they hold nothing to be learned, such as one colour.
+/// Whether a PSNR says that images are equal, which no training of photos reaches: they hold nothing to be learned,
+/// such as one colour.
 pub fn is_of_equal_images(psnr: f64) -> bool {
     psnr >= PSNR_MAX - 0.005
 }
@@ -70,8 +71,8 @@ pub fn ssim(image: Tensor<3>, truth: Tensor<3>) -> f64 {
     f64::from(both.narrow(0, 1, 1).into_scalar::<f32>())
 }
 
-/// The mean of structural similarity over the pixels at which `counts`, `[H, W, 1]`, is 1; from -1 to 1, and `None` without such a pixel.
-/// Windows reach beyond these pixels.
+/// The mean of structural similarity over the pixels at which `counts`, `[H, W, 1]`, is 1; from -1 to 1, and `None`
+/// without such a pixel. Windows reach beyond these pixels.
 pub fn ssim_masked(image: Tensor<3>, truth: Tensor<3>, counts: Tensor<3>) -> Option<f64> {
     let channels = image.dims()[2];
     let counts = Plane::channels(counts).next()?;
@@ -95,7 +96,8 @@ mod tests {
         Tensor::from_data(TensorData::new(values, [height, width, channels]), &Device::flex())
     }
 
-    /// A flat image has no structure, so that SSIM is luminance alone: in the middle of a large image, where windows see one value each,
+    /// A flat image has no structure, so that SSIM is luminance alone: in the middle of a large image, where windows
+    /// see one value each,
     /// `(2 a b + C1) / (a^2 + b^2 + C1)`; and 1 where both have the same value.
     #[test]
     fn ssim_inside_a_mask_is_the_mean_of_its_pixels() {
@@ -110,7 +112,8 @@ mod tests {
         let expected = (2.0 * 0.25 * 0.75 + 1e-4) / (0.25 * 0.25 + 0.75 * 0.75 + 1e-4);
         assert!((found - expected).abs() < 1e-12, "{found}, not {expected}");
 
-        // An error outside of the mask and its windows costs nothing; one pixel of the mask at the error's middle has what the error costs.
+        // An error outside of the mask and its windows costs nothing; one pixel of the mask at the error's middle has
+        // what the error costs.
         let spot = mask(&|y, x| (5..35).contains(&y) && (10..40).contains(&x));
         let image = flat(0.25) + spot.repeat_dim(2, 3) * 0.5;
         let far = mask(&|y, x| y > 45 && x > 50);
@@ -122,7 +125,8 @@ mod tests {
         assert_eq!(ssim_masked(flat(0.0), flat(1.0), mask(&|_, _| false)), None);
     }
 
-    /// Noise and its negative, which have no structure in common, give the lowest values; masks are from a pixel to all.
+    /// Noise and its negative, which have no structure in common, give the lowest values; masks are from a pixel to
+    /// all.
     #[test]
     fn ssim_inside_a_mask_is_between_its_bounds_and_that_of_all_pixels_is_the_kernel_s() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);

@@ -47,7 +47,8 @@ pub fn check(paths: &[PathBuf], named: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Removes half files beside `paths` that killed processes left there: those that an atomic write of one of them makes first.
+/// Removes half files beside `paths` that killed processes left there: those that an atomic write of one of them makes
+/// first.
 pub fn remove_left_over(paths: &[PathBuf]) {
     let begin = |path: &PathBuf| {
         temporary_begin(path).map(|begin| (path.parent().unwrap_or(Path::new("")).to_path_buf(), begin))

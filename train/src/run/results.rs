@@ -1,8 +1,8 @@
 //! A folder of results that appears whole, and has one writer.
 //!
-//! Files are made in a folder inside it and moved up at the end. An interrupted command so leaves nothing that looks finished, and the
-//! same command again takes its folder as it was before. The files of an earlier result go when another one takes their place; files of
-//! others stay.
+//! Files are made in a folder inside it and moved up at the end. An interrupted command so leaves nothing that looks
+//! finished, and the same command again takes its folder as it was before. The files of an earlier result go when
+//! another one takes their place; files of others stay.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,8 +34,8 @@ impl Results {
     /// command is known; it has the mark of [`outputs`](super::outputs).
     ///
     /// # Errors
-    /// One sentence when `out` is a file, has files of somebody else, is being written by another process, or cannot be written. Nothing
-    /// was written then.
+    /// One sentence when `out` is a file, has files of somebody else, is being written by another process, or cannot be
+    /// written. Nothing was written then.
     pub fn begin(out: &Path, summary: &'static str) -> Result<Self> {
         // First, because the files of another process look like those of somebody else.
         let begun = Lock::of_begun(out)?;

@@ -350,7 +350,8 @@ impl Run {
         }
     }
 
-    /// Writes a measurement into metrics.jsonl and eval.json. That of the last step is shown by the command, as its result.
+    /// Writes a measurement into metrics.jsonl and eval.json. That of the last step is shown by the command, as its
+    /// result.
     ///
     /// # Errors
     /// The second value, when the disk does not take the last one; it may take an earlier one later.

@@ -101,8 +101,8 @@ pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request:
     Ok(outcomes)
 }
 
-/// The lock of the folder, which holds an earlier result of experiments or nothing. By a list without findings it is known from here on,
-/// as the worlds in it are made long before the first finding.
+/// The lock of the folder, which holds an earlier result of experiments or nothing. By a list without findings it is
+/// known from here on, as the worlds in it are made long before the first finding.
 fn begun(pipeline: &str, request: &Request) -> Result<Lock> {
     let known = request.out.join(RESULTS);
     results::check_own(&request.out, |_| known.is_file())?;

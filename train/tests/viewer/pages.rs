@@ -124,7 +124,8 @@ impl Drop for Watched {
     }
 }
 
-/// Most looks at a state that is awaited, a fifth of a second apart: it changes within two seconds, and a busy machine is slower.
+/// Most looks at a state that is awaited, a fifth of a second apart: it changes within two seconds, and a busy machine
+/// is slower.
 const LOOKS: usize = 600;
 
 /// A damaged checkpoint, another run in the same folder, another data set, no folder.

@@ -59,7 +59,8 @@ struct Pinhole {
     cy: f64,
 }
 
-/// Programs write NaN and infinities, which are no JSON. As null they are numbers that are not finite, and the error names their entry.
+/// Programs write NaN and infinities, which are no JSON. As null they are numbers that are not finite, and the error
+/// names their entry.
 fn parse<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T, DatasetError> {
     let text = read_to_string(path, DESCRIPTION_MAX)?;
     let wrong = |error: serde_json::Error| malformed(path, "the JSON", expected, error.to_string());

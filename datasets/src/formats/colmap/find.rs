@@ -21,7 +21,7 @@ const IMAGE_BYTES: u64 = 4 + 7 * 8 + 4 + 2 + 8;
 
 /// A model's files.
 pub(crate) struct ModelFiles {
-    /// What the user gave.
+    /// The path as the user gave it.
     pub scene: PathBuf,
     /// Where cameras, images and points3D are.
     pub folder: PathBuf,
@@ -87,7 +87,8 @@ pub(crate) fn find(path: &Path) -> Option<ModelFiles> {
     })
 }
 
-/// The largest model in a folder and right below it. Below the folder of a scene only numbered folders are models of one capture.
+/// The largest model in a folder and right below it. Below the folder of a scene only numbered folders are models of
+/// one capture.
 fn largest(scene: &Path, base: &Path) -> Option<ModelFiles> {
     let is_number = |folder: &PathBuf| file_name(folder).bytes().all(|byte| byte.is_ascii_digit());
     let folders = entries(base).into_iter().filter(|folder| base != scene || is_number(folder));

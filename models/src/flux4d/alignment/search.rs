@@ -18,8 +18,8 @@ const CANDIDATES: usize = 16;
 const FINALISTS: usize = 3;
 /// Sweeps that count in any case: one can be met by any motion.
 const COUNTED: usize = 2;
-/// Most steps of the grid of velocities to each side: those for sweeps a second apart. The grid's size grows by the square of the
-/// time between sweeps, so that twenty seconds would take gigabytes.
+/// Most steps of the grid of velocities to each side: those for sweeps a second apart. The grid's size grows by the
+/// square of the time between sweeps, so that twenty seconds would take gigabytes.
 const SIDE_MAX: f64 = 200.0;
 /// Score that a metre per second costs: of equal alignments the slowest is meant.
 const SPEED_COST: f64 = 0.002;

@@ -180,7 +180,8 @@ impl Work<'_> {
         }
     }
 
-    /// Puts the section into the report of the run. One that cannot be written is no reason to fail: the results are in their folder.
+    /// Puts the section into the report of the run. One that cannot be written is no reason to fail: the results are in
+    /// their folder.
     fn report(&self, section: String) {
         let folder = RunFolder::at(&self.args.run);
         // The report is about the run as it was trained.

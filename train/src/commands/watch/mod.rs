@@ -75,7 +75,7 @@ impl Saved {
     }
 }
 
-/// What is in the run folder.
+/// The contents of the run folder.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Found {
     /// The checkpoint that is served.
@@ -93,7 +93,7 @@ struct Watcher {
     folder: RunFolder,
     data: Option<PathBuf>,
     device: Device,
-    /// What was found when the state was last written.
+    /// The contents when the state was last written.
     found: Option<Found>,
     /// Cameras, which stay as long as checkpoints are of the same run.
     cameras: Option<(Origin, Vec<Camera>)>,

@@ -12,19 +12,22 @@ use crate::run::memory::Prediction;
 const BYTES_PER_GAUSSIAN: usize = 2000;
 /// Program, thread stacks and allocator.
 const PROGRAM_BYTES: usize = 60 << 20;
-/// Copies of the parameters in a training: themselves, the gradients of a step's sum and of a snippet, and Adam's two moments.
+/// Copies of the parameters in a training: themselves, the gradients of a step's sum and of a snippet, and Adam's two
+/// moments.
 const COPIES_IN_A_STEP: usize = 5;
 /// Copies while a checkpoint is written: parameters and moments as they were taken off the device.
 const COPIES_IN_A_SAVE: usize = 3;
-/// Copies in a reconstruction: the checkpoint's bytes, the parameters, and gradients, which the passes compute beside those they read.
+/// Copies in a reconstruction: the checkpoint's bytes, the parameters, and gradients, which the passes compute beside
+/// those they read.
 const COPIES_IN_A_PASS: usize = 3;
-/// Bytes of a LiDAR point while its sweep is read (its file and each of its columns), and while the sweeps of a snippet are brought together,
-/// measured on PandaSet with one, two and three sweeps read at once.
+/// Bytes of a LiDAR point while its sweep is read (its file and each of its columns), and while the sweeps of a snippet
+/// are brought together, measured on PandaSet with one, two and three sweeps read at once.
 const BYTES_PER_POINT_READ: usize = 160;
 const BYTES_PER_POINT_KEPT: usize = 80;
 /// A sweep without a file that can be read has this many points, as those of PandaSet.
 const USUAL_SWEEP: usize = 170_000;
-/// Logs of which a sweep is read to know how many points there are: those of a data set have a few kinds of LiDAR at most.
+/// Logs of which a sweep is read to know how many points there are: those of a data set have a few kinds of LiDAR at
+/// most.
 const LOGS_LOOKED_AT: usize = 4;
 
 /// LiDAR points of the input sweeps of a snippet.

@@ -260,7 +260,8 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Warns of times outside of what the snippets show: a path is an expansion, and diverges outside the window it was fitted in.
+    /// Warns of times outside of what the snippets show: a path is an expansion, and diverges outside the window it was
+    /// fitted in.
     fn warn_outside(&self, begin: f64, frames: &[f64], all: &[Snippet]) {
         let last = all.iter().filter_map(|snippet| snippet.frames.last()).max().map_or(begin, |frame| frames[*frame]);
         // Clocks have microseconds at most, and a difference of f64 more digits than that.

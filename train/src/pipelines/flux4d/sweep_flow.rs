@@ -142,8 +142,9 @@ fn warn_of_gaps(log: &DrivingLog, alone: usize) {
     }
 }
 
-/// Windows over the sweeps of a recording, whose times (seconds) ascend, and the first sweep that is new in each. None reaches over a gap,
-/// and a sweep between two gaps is in none. The last window of a run ends with it, so it is not short.
+/// Windows over the sweeps of a recording, whose times (seconds) ascend, and the first sweep that is new in each. None
+/// reaches over a gap, and a sweep between two gaps is in none. The last window of a run ends with it, so it is not
+/// short.
 fn windows(times: &[f64], length: usize) -> Vec<(Range<usize>, usize)> {
     let of_run = |run: Range<usize>| {
         let length = length.clamp(2, run.len());

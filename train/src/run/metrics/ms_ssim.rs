@@ -15,8 +15,9 @@ const WEIGHTS: [f64; 5] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
 /// Least side of an image: at the fifth scale it is as large as the window, 11 pixels.
 const SMALLEST: usize = SSIM_WINDOW << (WEIGHTS.len() - 1);
 
-/// Multi-scale SSIM of images `[H, W, 3]` with values from 0 to 1, 0 to 1; `None` if a side is under 176 pixels, at which the fifth
-/// scale is smaller than the window. With `counts`, `[H, W, 1]`, each scale is a mean over the pixels at which that is 1.
+/// Multi-scale SSIM of images `[H, W, 3]` with values from 0 to 1, 0 to 1; `None` if a side is under 176 pixels, at
+/// which the fifth scale is smaller than the window. With `counts`, `[H, W, 1]`, each scale is a mean over the pixels
+/// at which that is 1.
 pub fn ms_ssim(image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<f64> {
     let [height, width, channels] = image.dims();
     if height.min(width) < SMALLEST {
@@ -113,8 +114,9 @@ mod tests {
         assert!((own - 0.986_589_599).abs() < 1e-7, "{own}");
     }
 
-    /// Pixels that do not count change nothing beyond the windows that reach them, however large the part of the image that they take:
-    /// errors in a quarter of the image are the result of that quarter, and not of the image with three perfect ones.
+    /// Pixels that do not count change nothing beyond the windows that reach them, however large the part of the image
+    /// that they take: errors in a quarter of the image are the result of that quarter, and not of the image with three
+    /// perfect ones.
     #[test]
     fn a_mask_is_no_dilution() {
         let (height, width) = (352, 352);

@@ -1,4 +1,5 @@
-//! Structural similarity over Gaussian windows of 11 x 11 pixels with standard deviation 1.5 (Wang et al. 2004), on the host and in doubles.
+//! Structural similarity over Gaussian windows of 11 x 11 pixels with standard deviation 1.5 (Wang et al. 2004), on the
+//! host and in doubles.
 
 use std::ops::Range;
 
@@ -9,8 +10,8 @@ use rayon::prelude::*;
 /// Pixels from a window's middle to its edge.
 const REACH: usize = SSIM_WINDOW / 2;
 
-/// Rows that are looked at at once: the work space of a thread is a few hundred rows, and the rows around a band that are averaged twice
-/// are a twelfth.
+/// Rows that are looked at at once: the work space of a thread is a few hundred rows, and the rows around a band that
+/// are averaged twice are a twelfth.
 const BAND: usize = 128;
 
 /// The pixels beyond the border of an image.
