@@ -1,9 +1,10 @@
-//! Readers for posed photo sets, and small synthetic worlds.
+//! Readers for posed photo sets.
 //!
 //! [`load`] turns a folder into a [`Scene`]: photos undistorted and resized, cameras in one convention (OpenCV axes,
 //! camera to world), points to start from, and named splits into training and held-out views. [`Log`] describes the same folders and
 //! decodes a view when it is asked for; [`LogCache`] keeps decoded views under a bound in bytes. [`check`] reports contents and
-//! mistakes of a folder, [`load_cameras`] reads a camera path, and [`synthetic`] writes scenes with known ground truth.
+//! mistakes of a folder, [`load_cameras`] reads a camera path, and [`blur_from_frames`] averages the frames of multi-view video
+//! to a blurred set with its truth. The crate `gs-worlds` writes synthetic scenes.
 //!
 //! Read are the transforms.json family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors
 //! and truth), COLMAP models (text and binary), Panoptic sets, LLFF poses with frames of several cameras, tables of RealityScan, and
@@ -26,6 +27,7 @@
 //! # }
 //! ```
 
+mod blur_from_frames;
 pub mod camera_path;
 mod check;
 mod consistency;
@@ -51,6 +53,7 @@ mod loader;
 mod log;
 mod log_cache;
 mod mask;
+mod movers;
 mod names;
 mod one_color;
 mod options;
@@ -71,9 +74,9 @@ mod side_files;
 mod split;
 mod statistics;
 mod subject;
-pub mod synthetic;
 mod undistort;
 
+pub use blur_from_frames::{BlurFromFrames, BlurSummary, blur_from_frames};
 pub use check::{CheckReport, check};
 pub use consistency::frame_interval;
 pub use convention::{CameraAxis, PoseConvention};
@@ -83,6 +86,7 @@ pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage
 pub use loader::{load, load_cameras};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
+pub use movers::{Mover, movers};
 pub use names::some_names;
 pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, RowOrder, SparseViews,

@@ -5,12 +5,12 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::fit::parameters::to_host;
 use gs_train::pipelines::brightness::Brightness;
 use gs_train::pipelines::fit::read_model;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
+use gs_worlds::{DemoOptions, demo_scene};
 
 use common::program::succeeds;
 

@@ -6,7 +6,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Tensor;
-use gs_datasets::synthetic::deblur::{self, DeblurOptions};
 use gs_train::fit::parameters::{Group, Table, to_host};
 use gs_train::fit::snapshot::{Snapshot, restore};
 use gs_train::fit::trainer::Trainer;
@@ -15,6 +14,7 @@ use gs_train::pipelines::still::Still;
 use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::run::checkpoint::{Checkpoint, Origin, save};
 use gs_train::run::fingerprint::Fingerprint;
+use gs_worlds::deblur::{self, DeblurOptions};
 
 /// A checkpoint on disk and what it holds.
 struct Saved {

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 
 use gs_burn::ply::read_ply;
 use gs_driving::Snippet;
-use gs_driving::synthetic::{StreetOptions, write};
 use gs_train::pipelines::flux4d::config::FluxConfig;
 use gs_train::pipelines::flux4d::infer::{Ready, infer};
 use gs_train::pipelines::flux4d::logs::{self, Logs};
@@ -17,6 +16,7 @@ use gs_train::pipelines::flux4d::prepare::prepare;
 use gs_train::pipelines::{Reconstruction, of_checkpoint};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::{Ending, Job};
+use gs_worlds::driving::{StreetOptions, write};
 
 mod common;
 

@@ -14,11 +14,11 @@ mod mutate;
 use std::fs;
 use std::path::Path;
 
-use gs_datasets::synthetic::deblur::{self, DeblurOptions};
 use gs_formats::Splats;
 use gs_train::pipelines::{PIPELINES, Sources, of_checkpoint, resolve};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::exchange::{Format, Packed, read_packed};
+use gs_worlds::deblur::{self, DeblurOptions};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 

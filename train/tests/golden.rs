@@ -11,9 +11,9 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
-use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::pipelines::{Sources, resolve};
+use gs_worlds::deblur::{self, DeblurOptions, World};
+use gs_worlds::{DemoOptions, demo_scene};
 
 const SEEDS: [u64; 3] = [42, 43, 44];
 

@@ -5,7 +5,6 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_train::config::tables;
 use gs_train::fit::method::{MOVING, Method, Step};
 use gs_train::fit::session::Data;
@@ -14,6 +13,7 @@ use gs_train::pipelines::{EvalRequest, fit, of_checkpoint};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::evaluate::{HeldOut, Measured};
 use gs_train::run::scene::SceneFile;
+use gs_worlds::deblur::{self, DeblurOptions, World};
 
 use common::program::gsburn;
 

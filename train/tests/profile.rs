@@ -2,9 +2,9 @@
 
 mod common;
 
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_train::run::profile::{Profile, begin};
 use gs_train::run::watch::Job;
+use gs_worlds::deblur::{self, DeblurOptions, World};
 
 const OVERRIDES: [&str; 6] = [
     "pipeline=taylormode",

@@ -4,8 +4,8 @@ mod common;
 
 use std::path::Path;
 
-use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::run::watch::Job;
+use gs_worlds::{DemoOptions, demo_scene};
 
 /// Density changes at 20, 30, 40 and SH degrees at 13, 26, 39 fall before and after the interruptions.
 const OVERRIDES: [&str; 6] = [

@@ -5,12 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use gs_burn::glam::{DQuat, DVec3};
-use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, World, write};
 use gs_models::sparsedyn::bodies::BodyPose;
 use gs_train::pipelines::fit::read_model;
 use gs_train::pipelines::sparsedyn::Sparsedyn;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
+use gs_worlds::extrapolation::{ExtrapolationOptions, World, write};
 
 mod common;
 

@@ -9,8 +9,6 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use gs_burn::ply::write_ply;
-use gs_datasets::synthetic::deblur::{self, DeblurOptions};
-use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions};
 use gs_train::config::FitConfig;
 use gs_train::fit::method::Method;
 use gs_train::fit::session::{Data, Session};
@@ -22,6 +20,8 @@ use gs_train::pipelines::still::Still;
 use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::run::checkpoint::{Checkpoint, Origin, save};
 use gs_train::run::fingerprint::Fingerprint;
+use gs_worlds::deblur::{self, DeblurOptions};
+use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 
 /// A buffer that holds no scene: the third band is always apart.
 const TINY: Option<u64> = Some(1);
@@ -159,9 +159,9 @@ fn a_million_gaussians_train_where_a_buffer_holds_128_mib() {
 
     use gs_burn::limits::{gaussians_within, largest_buffer};
     use gs_burn::ply::read_ply;
-    use gs_datasets::synthetic::{DemoOptions, demo_scene};
     use gs_train::fit::parameters::{Group, to_host};
     use gs_train::run::resources::peak_memory;
+    use gs_worlds::{DemoOptions, demo_scene};
 
     const GAUSSIANS: usize = 1_000_000;
     const STEPS: usize = 12;

@@ -8,8 +8,8 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use gs_driving::synthetic::{StreetOptions, write};
 use gs_driving::{LogOptions, check};
+use gs_worlds::driving::{StreetOptions, write};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

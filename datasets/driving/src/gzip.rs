@@ -35,7 +35,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, DatasetError> {
 }
 
 /// A gzip stream with this content and no time in its header, so that equal contents are equal files.
-pub(crate) fn compress(content: &[u8]) -> Vec<u8> {
+pub fn compress(content: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     // Writing to memory does not fail.
     let written = encoder.write_all(content).and_then(|()| encoder.finish());

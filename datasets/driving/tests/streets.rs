@@ -4,8 +4,9 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use gs_datasets::FrameSource;
-use gs_driving::synthetic::{StreetOptions, truth_image, write};
+use gs_driving::truth_image;
 use gs_driving::{CameraUse, DrivingLog, LogOptions, check, colors, depth_image, project};
+use gs_worlds::driving::{StreetOptions, write};
 
 fn small() -> StreetOptions {
     StreetOptions {

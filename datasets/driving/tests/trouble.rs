@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use gs_driving::synthetic::{StreetOptions, write};
 use gs_driving::{DrivingLog, LogOptions, SnippetKind, check, colors, snippets};
+use gs_worlds::driving::{StreetOptions, write};
 use serde_json::{Value, json};
 
 fn made(frames: usize) -> tempfile::TempDir {

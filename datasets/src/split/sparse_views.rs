@@ -180,8 +180,8 @@ fn spread<'a>(cameras: &[(&'a str, DVec3)], wanted: usize) -> Vec<&'a str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::extrapolation::{ExtrapolationOptions, World, write};
     use crate::{LoadOptions, Scene, load};
+    use gs_worlds::extrapolation::{ExtrapolationOptions, World, write};
 
     fn loaded(world: World, sparse: SparseViews) -> Result<Scene, DatasetError> {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,7 @@
 //! Blurry sets made from the frames of multi-view video.
 
 use gs_datasets::light::{to_byte, to_linear};
-use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
+use gs_datasets::{BlurFromFrames, blur_from_frames};
 use gs_datasets::{LoadOptions, load};
 use serde_json::{Value, json};
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use exr::prelude::read_all_flat_layers_from_file;
 use gs_datasets::light::{to_encoded, to_linear};
-use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFault, PriorFaults, World, write};
 use gs_datasets::{LoadOptions, load};
+use gs_worlds::deblur::{DeblurOptions, PriorFault, PriorFaults, World, write};
 use serde_json::Value;
 
 use glam::{DMat4, DQuat, DVec3};

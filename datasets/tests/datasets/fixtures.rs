@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::synthetic::deblur::{DeblurOptions, write};
+use gs_worlds::deblur::{DeblurOptions, write};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
 use tempfile::TempDir;

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use gs_datasets::synthetic::deblur::DeblurOptions;
 use gs_datasets::{DatasetError, FrameDescription, FrameSource, LoadOptions, Log, LogCache, Split, View, check, load};
+use gs_worlds::deblur::DeblurOptions;
 use proptest::prelude::*;
 use serde_json::json;
 

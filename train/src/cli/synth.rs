@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, ValueHint};
 use clap::{Args, Subcommand};
-use gs_datasets::synthetic::deblur::{PriorFault, World};
-use gs_datasets::synthetic::extrapolation::World as Extrapolated;
+use gs_worlds::deblur::{PriorFault, World};
+use gs_worlds::extrapolation::World as Extrapolated;
 
 /// Arguments of `synth`.
 #[derive(Debug, Args)]

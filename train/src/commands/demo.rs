@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use burn::tensor::Device;
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
-use gs_datasets::synthetic::{DemoOptions, demo_scene};
+use gs_worlds::deblur::{self, DeblurOptions, World};
+use gs_worlds::{DemoOptions, demo_scene};
 
-use gs_driving::synthetic::{StreetOptions, write as street_log};
+use gs_worlds::driving::{StreetOptions, write as street_log};
 
 use crate::cli::DemoArgs;
 use crate::commands::train::{execute, next_folder};

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, PriorFaults};
-use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions, PriorErrors};
-use gs_datasets::synthetic::{BlurFromFrames, blur_from_frames};
-use gs_driving::synthetic::StreetOptions;
+use gs_datasets::{BlurFromFrames, blur_from_frames};
+use gs_worlds::deblur::{self, DeblurOptions, PriorFaults};
+use gs_worlds::driving::StreetOptions;
+use gs_worlds::extrapolation::{self, ExtrapolationOptions, PriorErrors};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
@@ -126,7 +126,7 @@ fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
             seed: args.seed.wrapping_add(u64::from(log)),
             ..options.clone()
         };
-        gs_driving::synthetic::write(&folder, &options, |done, total| {
+        gs_worlds::driving::write(&folder, &options, |done, total| {
             bar.set_length(total as u64 * u64::from(args.logs));
             bar.set_position(done as u64 + total as u64 * u64::from(log));
         })?;
@@ -196,7 +196,7 @@ fn parse_size(text: &str) -> Result<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use gs_datasets::synthetic::deblur::PriorFault;
+    use gs_worlds::deblur::PriorFault;
 
     use super::*;
 

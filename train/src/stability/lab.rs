@@ -7,10 +7,10 @@ use std::time::Instant;
 
 use anyhow::Result;
 use burn::tensor::{Device, Tensor};
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
-use gs_datasets::synthetic::extrapolation::{self, ExtrapolationOptions};
 use gs_datasets::{LoadOptions, Scene, load};
-use gs_driving::synthetic::StreetOptions;
+use gs_worlds::deblur::{self, DeblurOptions, World};
+use gs_worlds::driving::StreetOptions;
+use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::Request;
@@ -142,7 +142,7 @@ impl Lab {
             if part.is_dir() {
                 fs::remove_dir_all(&part)?;
             }
-            gs_driving::synthetic::write(&part, options, |_, _| {})?;
+            gs_worlds::driving::write(&part, options, |_, _| {})?;
             fs::rename(&part, &folder)?;
         }
         Ok(folder)

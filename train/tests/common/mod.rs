@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use gs_burn::device::{BACKENDS, DeviceKind, select};
-use gs_datasets::synthetic::{DemoOptions, demo_scene};
 use gs_train::config::FitConfig;
 use gs_train::fit::method::Method;
 use gs_train::fit::photos::Photo;
@@ -19,6 +18,7 @@ use gs_train::pipelines::still::Still;
 use gs_train::pipelines::{Pipeline, Resolved, find, fit, resolve_overrides};
 use gs_train::run::folder::{EvalFile, RunFolder};
 use gs_train::run::watch::{Ending, Job};
+use gs_worlds::{DemoOptions, demo_scene};
 use toml::Table;
 
 /// Points of the tiny scene.

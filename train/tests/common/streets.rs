@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gs_driving::synthetic::{StreetOptions, write};
 use gs_train::run::watch::Job;
+use gs_worlds::driving::{StreetOptions, write};
 
 /// Streets of one second with one small camera.
 pub fn streets(folder: &Path, logs: u64) -> PathBuf {

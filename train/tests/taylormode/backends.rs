@@ -1,7 +1,7 @@
 //! It trains the same scene on every backend.
 
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_train::run::watch::Job;
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use crate::{common, job, written};
 

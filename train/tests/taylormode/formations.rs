@@ -1,6 +1,6 @@
 //! It trains with every formation of blur, with and without priors.
 
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use gs_train::pipelines::fit::load;
 use gs_train::pipelines::taylormode::{Taylormode, cues};

@@ -12,9 +12,9 @@ mod selection;
 
 use std::path::{Path, PathBuf};
 
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_train::run::folder::EvalFile;
 use gs_train::run::watch::Job;
+use gs_worlds::deblur::{self, DeblurOptions, World};
 
 const STEPS: usize = 40;
 

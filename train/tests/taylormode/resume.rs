@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use gs_datasets::synthetic::deblur::{self, DeblurOptions, World};
 use gs_train::fit::parameters::to_host;
 use gs_train::pipelines::fit::read_model;
 use gs_train::pipelines::load_scene;
@@ -10,6 +9,7 @@ use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::pipelines::taylormode::common_motion::CommonMotion;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
+use gs_worlds::deblur::{self, DeblurOptions, World};
 
 use crate::{STEPS, common, job, tiny_world, written};
 

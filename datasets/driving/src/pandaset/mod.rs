@@ -6,7 +6,7 @@
 //! | `json.rs` | poses, time stamps and intrinsics |
 //! | `describe.rs` | frames, cameras and image files of a sequence |
 //! | `sweep.rs`, `cuboids.rs` | pickled sweeps and boxes |
-//! | `truth.rs` | exact labels of synthetic streets, beside the layout |
+//! | `truth.rs`, `truth_image.rs` | exact labels of the points and pixels of synthetic streets, beside the layout |
 
 pub(crate) mod cuboids;
 pub(crate) mod describe;
@@ -14,3 +14,4 @@ pub(crate) mod json;
 pub(crate) mod names;
 pub(crate) mod sweep;
 pub(crate) mod truth;
+pub(crate) mod truth_image;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// The cameras, and the rows at the bottom that show the ego vehicle in an image of [`EGO_ROWS_OF`] rows.
-pub(crate) const CAMERAS: [(&str, usize); 6] = [
+pub const CAMERAS: [(&str, usize); 6] = [
     ("front_camera", 0),
     ("front_left_camera", 0),
     ("front_right_camera", 0),
@@ -15,14 +15,18 @@ pub(crate) const CAMERAS: [(&str, usize); 6] = [
 /// The height of images to which the rows in [`CAMERAS`] belong.
 pub(crate) const EGO_ROWS_OF: usize = 1080;
 
-/// Folders.
-pub(crate) const LIDAR: &str = "lidar";
-pub(crate) const CAMERA: &str = "camera";
-pub(crate) const CUBOIDS: &str = "annotations/cuboids";
-pub(crate) const SEMSEG: &str = "annotations/semseg";
-/// Of synthetic streets alone.
-pub(crate) const TRUTH_POINTS: &str = "truth/points";
-pub(crate) const TRUTH_IMAGES: &str = "truth/images";
+/// The folder of sweeps.
+pub const LIDAR: &str = "lidar";
+/// The folder of images, one folder a camera.
+pub const CAMERA: &str = "camera";
+/// The folder of boxes.
+pub const CUBOIDS: &str = "annotations/cuboids";
+/// The folder of the points' classes.
+pub const SEMSEG: &str = "annotations/semseg";
+/// The folder of exact labels of points, which synthetic streets have.
+pub const TRUTH_POINTS: &str = "truth/points";
+/// The folder of exact values of pixels, which synthetic streets have.
+pub const TRUTH_IMAGES: &str = "truth/images";
 
 /// Ends of pickled files, compressed or not.
 const PICKLES: [&str; 2] = [".pkl.gz", ".pkl"];

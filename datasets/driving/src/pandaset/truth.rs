@@ -20,10 +20,10 @@ use crate::pickle::value::PickleError;
 use crate::sweep::{Labels, ObjectClass};
 
 /// Names of the columns, in the order of the file.
-pub(crate) const COLUMNS: [&str; 6] = ["flow.x", "flow.y", "flow.z", "instance", "class", "semantic"];
+pub const COLUMNS: [&str; 6] = ["flow.x", "flow.y", "flow.z", "instance", "class", "semantic"];
 
 /// The name of an object in [`Labels::tracks`], and of its cuboids.
-pub(crate) fn track(instance: u32) -> String {
+pub fn track(instance: u32) -> String {
     format!("actor-{instance:03}")
 }
 

@@ -2,9 +2,12 @@
 
 /// The values of one column.
 #[derive(Debug, Clone)]
-pub(crate) enum Column<'a> {
+pub enum Column<'a> {
+    /// Numbers.
     F64(&'a [f64]),
+    /// Whole numbers.
     I64(&'a [i64]),
+    /// Truth values.
     Bool(&'a [bool]),
     /// A missing text is NaN, as pandas writes it.
     Text(&'a [Option<String>]),
@@ -35,7 +38,7 @@ impl Column<'_> {
 const TYPES: [(&str, &str, u8); 4] = [("f8", "<", 0), ("i8", "<", 0), ("b1", "|", 0), ("O8", "|", 63)];
 
 /// The pickle of a table. Columns have equally many values.
-pub(crate) fn table(columns: &[(&str, Column<'_>)]) -> Vec<u8> {
+pub fn table(columns: &[(&str, Column<'_>)]) -> Vec<u8> {
     let rows = columns.first().map_or(0, |column| column.1.rows());
     debug_assert!(columns.iter().all(|column| column.1.rows() == rows), "columns have equally many values");
     let mut out = Writer { bytes: vec![0x80, 3] };

@@ -14,8 +14,9 @@ mod mutate;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gs_driving::synthetic::{StreetOptions, truth_image, write};
+use gs_driving::truth_image;
 use gs_driving::{LogOptions, check};
+use gs_worlds::driving::{StreetOptions, write};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 

@@ -1,8 +1,8 @@
 //! Points where photos agree lie on surfaces, and there are none where nothing can agree.
 
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, PointCloud, Scene, load};
 use gs_multiview::{plane_sweep, plane_sweep_around};
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use crate::fixture::written;
 

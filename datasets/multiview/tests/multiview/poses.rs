@@ -3,9 +3,9 @@
 use std::sync::OnceLock;
 
 use glam::{DMat4, DVec3};
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, PointCloud, PoseConvention, Scene, View, load};
 use gs_multiview::{Camera, PointsFault, PoseJudgement, PoseVerdict, judge_poses, pose_pairs};
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use crate::fixture::written;
 

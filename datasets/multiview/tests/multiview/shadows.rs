@@ -1,9 +1,9 @@
 //! What moves is found without the shadow it throws, in photos that are blurred and traced.
 
 use glam::DVec3;
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{LoadOptions, Scene, load};
 use gs_multiview::{Hull, HullOptions, MaskOptions, MaskSource, centres, hull, moving_masks};
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use crate::fixture::written;
 

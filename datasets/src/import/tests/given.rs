@@ -7,8 +7,8 @@ use super::archive::floats;
 use super::{errors, world, worst};
 use crate::image_io::write_atomic;
 use crate::import::{ImportOptions, import};
-use crate::synthetic::extrapolation::World;
 use crate::{Holdout, LoadOptions, View, load};
+use gs_worlds::extrapolation::World;
 
 /// The views as such a folder. Where nothing is, the depth is 1e10, as Infinigen writes the sky.
 fn written(folder: &Path, views: &[View]) {

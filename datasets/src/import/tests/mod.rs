@@ -12,8 +12,8 @@ use tempfile::TempDir;
 
 use self::reconstruction::{Faults, Photos, fabricate};
 use super::{Fit, ImportOptions, ImportReport, import};
-use crate::synthetic::extrapolation::{ExtrapolationOptions, World, write};
 use crate::{Holdout, LoadOptions, Scene, View, load};
+use gs_worlds::extrapolation::{ExtrapolationOptions, World, write};
 
 /// A world of eight frames on disk, and its training views of the first time with their truth.
 fn world(world: World, width: usize, height: usize, cameras: usize) -> (TempDir, Vec<View>) {

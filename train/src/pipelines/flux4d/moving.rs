@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use gs_driving::DrivingLog;
-use gs_driving::synthetic::{TruthImage, truth_image};
+use gs_driving::{TruthImage, truth_image};
 
 use super::prepare::{HostView, Posed, sweep};
 

@@ -194,7 +194,7 @@ fn supervised<'a>(
 
 #[cfg(test)]
 mod tests {
-    use gs_driving::synthetic::{StreetOptions, write};
+    use gs_worlds::driving::{StreetOptions, write};
 
     use super::*;
     use crate::pipelines::flux4d::prepare::prepare;

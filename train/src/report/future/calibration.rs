@@ -3,8 +3,8 @@
 //! Where the data set has the true motion of its bodies, the error is the distance of a Gaussian from where its body carries it. Elsewhere the
 //! spread that a pixel shows is held against the error of the rendered image, which has another unit: then only the order can be judged.
 
+use gs_datasets::Mover;
 use gs_datasets::View;
-use gs_datasets::synthetic::Mover;
 use gs_models::DynamicScene;
 use serde::Serialize;
 

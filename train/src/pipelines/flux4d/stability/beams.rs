@@ -1,7 +1,7 @@
 //! What do fewer beams cost, and other rigs? The Gaussians begin at LiDAR points, and motion is read off them.
 
 use anyhow::Result;
-use gs_driving::synthetic::StreetOptions;
+use gs_worlds::driving::StreetOptions;
 
 use super::trial::{applied, network, street};
 use crate::report::charts::{Chart, Series};

@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result};
 use burn::tensor::{Tensor, TensorData};
-use gs_driving::synthetic::{TruthImage, truth_image};
 use gs_driving::{INTERPOLATION_FRAMES, Snippet};
+use gs_driving::{TruthImage, truth_image};
 
 use super::trial::{network, street};
 use crate::pipelines::flux4d::evaluate::color;

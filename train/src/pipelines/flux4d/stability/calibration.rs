@@ -1,7 +1,7 @@
 //! What do wrong camera poses and wrong times cost? Colours are read off images at projected points.
 
 use anyhow::Result;
-use gs_driving::synthetic::StreetOptions;
+use gs_worlds::driving::StreetOptions;
 
 use super::trial::{Outcome, applied, network, street};
 use crate::report::charts::{Chart, Series};

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use gs_driving::Snippet;
-use gs_driving::synthetic::StreetOptions;
+use gs_worlds::driving::StreetOptions;
 
 use super::trial::{applied, network, street};
 use crate::pipelines::flux4d::evaluate::color;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use gs_datasets::image_io::write_atomic;
-use gs_driving::synthetic::StreetOptions;
+use gs_worlds::driving::StreetOptions;
 
 use super::trial::{Outcome, applied, network, street};
 use crate::stability::{Criterion, Experiment, Findings, Lab};

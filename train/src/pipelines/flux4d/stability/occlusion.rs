@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use gs_driving::Snippet;
-use gs_driving::synthetic::{Encounter, StreetOptions};
+use gs_worlds::driving::{Encounter, StreetOptions};
 
 use super::trial::{network, streets};
 use crate::pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use gs_driving::synthetic::StreetOptions;
+use gs_worlds::driving::StreetOptions;
 
 use crate::pipelines::flux4d::config::FluxConfig;
 use crate::pipelines::flux4d::evaluate::{Split, measure};

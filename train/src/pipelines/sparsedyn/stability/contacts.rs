@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use gs_datasets::View;
-use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, World};
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, SAME_TIME, STEPS, STEPS_QUICK, Score, Trial, mean, over_time, scores, small, steps, time};
 use crate::report::charts::{Chart, Series};

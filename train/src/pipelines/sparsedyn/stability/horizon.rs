@@ -3,7 +3,7 @@
 use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::View;
-use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, World};
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Score, Trial, means, over_time, positions, scores, small, steps, time};
 use crate::report::charts::{Chart, Series};

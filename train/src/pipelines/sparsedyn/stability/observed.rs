@@ -1,7 +1,7 @@
 //! How much of a motion must be seen? Runs that see less of it predict the same later photos.
 
 use anyhow::Result;
-use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, World};
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, mean, means, scores, small, steps};
 use crate::report::charts::{Chart, Series};

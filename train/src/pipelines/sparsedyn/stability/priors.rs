@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::extrapolation::World;
+use gs_worlds::extrapolation::World;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

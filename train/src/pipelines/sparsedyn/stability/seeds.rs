@@ -1,7 +1,7 @@
 //! How far do runs spread that differ by the seed alone? Differences within the spread say nothing.
 
 use anyhow::Result;
-use gs_datasets::synthetic::extrapolation::World;
+use gs_worlds::extrapolation::World;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
 use crate::report::charts::{Chart, Series};

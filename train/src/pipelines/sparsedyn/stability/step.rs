@@ -3,8 +3,8 @@
 
 use anyhow::Result;
 use glam::DVec3;
-use gs_datasets::synthetic::extrapolation::World;
 use gs_models::sparsedyn::RolloutOptions;
+use gs_worlds::extrapolation::World;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, positions, scores, small, steps};
 use crate::pipelines::sparsedyn::Sparsedyn;

@@ -1,8 +1,8 @@
 //! Runs of the experiments: a small world filmed once, cut into what is seen and what is to be predicted, the recipe, and scores by time.
 
 use anyhow::Result;
-use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, PriorErrors, World};
 use gs_datasets::{Scene, Split, View};
+use gs_worlds::extrapolation::{ExtrapolationOptions, PriorErrors, World};
 
 use crate::fit::method::{MOVING, Method};
 use crate::fit::session::Data;

@@ -1,7 +1,7 @@
 //! How many Gaussians and colours do few cameras determine? More of either fit the photos that are seen and not those that are held out.
 
 use anyhow::Result;
-use gs_datasets::synthetic::extrapolation::{ExtrapolationOptions, World};
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, STEPS_QUICK, Trial, means, scores, small};
 use crate::report::charts::{Chart, Series};

@@ -4,8 +4,8 @@
 use anyhow::Result;
 use gs_burn::render;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_models::DynamicScene;
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::Trial;
 use crate::fit::parameters::to_host;

@@ -2,9 +2,9 @@
 //! and some pixels are outliers.
 
 use anyhow::Result;
-use gs_datasets::synthetic::deblur::World;
 use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
+use gs_worlds::deblur::World;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

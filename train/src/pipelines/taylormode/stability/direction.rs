@@ -4,9 +4,9 @@
 use anyhow::Result;
 use burn::module::Param;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFaults, World};
 use gs_models::taylormode::TaylorMotion;
 use gs_multiview::Trajectory;
+use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
 
 use super::Trial;
 use super::surface::on_surface;

@@ -4,8 +4,8 @@ use anyhow::Result;
 use burn::module::Param;
 use burn::tensor::Tensor;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::deblur::World;
 use gs_models::taylormode::{Kinks, TaylorScene};
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use super::surface::on_surface;

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::deblur::World;
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use crate::report::charts::{Chart, Series};

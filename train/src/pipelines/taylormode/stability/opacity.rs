@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use gs_burn::render;
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
 use gs_datasets::{Scene, View};
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::trial::{SHARED, Trial};
 use crate::fit::method::Method;

@@ -5,9 +5,9 @@ use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::render;
 use gs_datasets::View;
-use gs_datasets::synthetic::deblur::World;
 use gs_models::DynamicScene;
 use gs_models::taylormode::{Samples, TaylorScene};
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use crate::fit::parameters::to_host;

@@ -2,8 +2,8 @@
 //! and on a data set of the user.
 
 use anyhow::Result;
-use gs_datasets::synthetic::deblur::{DeblurOptions, PriorFaults, World};
 use gs_datasets::{Priors, Scene};
+use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
 
 use super::Trial;
 use crate::fit::method::Method;

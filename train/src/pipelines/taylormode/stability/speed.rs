@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::deblur::{DeblurOptions, World};
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::Trial;
 use crate::report::charts::{Chart, Series};

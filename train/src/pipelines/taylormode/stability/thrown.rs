@@ -4,7 +4,7 @@
 use anyhow::Result;
 use burn::tensor::Tensor;
 use gs_datasets::Scene;
-use gs_datasets::synthetic::deblur::World;
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use crate::pipelines::taylormode::Config;

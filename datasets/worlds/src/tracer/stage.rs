@@ -15,11 +15,11 @@ use super::texture::Texture;
 const LAMP_RAYS: usize = 16;
 
 /// The lamp's positions are dealt to this many rays in turn: the rays of a pixel together see the whole lamp.
-pub(in crate::synthetic) const LAMP_SHARES: usize = 4;
+pub(crate) const LAMP_SHARES: usize = 4;
 
 /// A set of the lamp's positions, one bit each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::synthetic) struct Lit(u32);
+pub(crate) struct Lit(u32);
 
 impl Lit {
     /// The whole lamp.
@@ -47,7 +47,7 @@ const LIFT: f64 = 1e-4;
 
 /// A wall or floor, seen from the side its normal points to; `normal . position = offset`.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Plane {
+pub(crate) struct Plane {
     pub normal: DVec3,
     pub offset: f64,
     /// Nothing is there farther from the origin, metres.
@@ -58,14 +58,14 @@ pub(in crate::synthetic) struct Plane {
 /// An object's pose, and the lamp as the object sees it: shadow rays are then tested in its coordinates without being
 /// turned one by one.
 #[derive(Debug, Clone)]
-pub(in crate::synthetic) struct Placed {
+pub(crate) struct Placed {
     pub pose: Pose,
     lamp: [DVec3; LAMP_RAYS],
 }
 
 /// A moving object.
 #[derive(Debug, Clone)]
-pub(in crate::synthetic) struct MovingObject {
+pub(crate) struct MovingObject {
     pub name: &'static str,
     pub solid: Solid,
     pub motion: Motion,
@@ -73,7 +73,7 @@ pub(in crate::synthetic) struct MovingObject {
 
 /// A round lamp.
 #[derive(Debug, Clone)]
-pub(in crate::synthetic) struct Lamp {
+pub(crate) struct Lamp {
     pub centre: DVec3,
     pub radius: f64,
     positions: [DVec3; LAMP_RAYS],
@@ -86,7 +86,7 @@ fn sky(direction: DVec3) -> DVec3 {
 
 /// Everything there is. The camera stands inside the planes, which throw no shadows.
 #[derive(Debug, Clone)]
-pub(in crate::synthetic) struct Stage {
+pub(crate) struct Stage {
     pub planes: Vec<Plane>,
     pub still: Vec<(Placed, Solid)>,
     pub objects: Vec<MovingObject>,
@@ -99,7 +99,7 @@ pub(in crate::synthetic) struct Stage {
 
 /// The surface point that a ray meets without moving objects.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct StaticPoint {
+pub(crate) struct StaticPoint {
     /// Infinite when the ray meets nothing but the sky.
     pub t: f64,
     pub position: DVec3,
@@ -114,7 +114,7 @@ pub(in crate::synthetic) struct StaticPoint {
 
 /// The surface point that a ray meets at an instant.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct RaySample {
+pub(crate) struct RaySample {
     /// Linear light.
     pub color: DVec3,
     /// The moving object that is met and where, if one is.

@@ -6,7 +6,7 @@ use super::super::shapes::Ray;
 
 /// One camera.
 #[derive(Debug, Clone)]
-pub(in crate::synthetic) struct Camera {
+pub(crate) struct Camera {
     /// "cam00" and on: training cameras first, in the order of the rig.
     pub id: String,
     pub is_test: bool,
@@ -40,7 +40,7 @@ impl Camera {
 }
 
 /// Camera to world (OpenGL axes) of a level camera at `eye`; `back` (length 1) points away from the subject and is not upright.
-pub(in crate::synthetic) fn looking_at(eye: DVec3, back: DVec3) -> DMat4 {
+pub(crate) fn looking_at(eye: DVec3, back: DVec3) -> DMat4 {
     let right = DVec3::Z.cross(back).normalize();
     let up = back.cross(right);
     DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0))
@@ -48,12 +48,12 @@ pub(in crate::synthetic) fn looking_at(eye: DVec3, back: DVec3) -> DMat4 {
 
 /// The places of the `held_out` cameras in a row of `count`: evenly spread, each between two training cameras as long as
 /// `held_out` is at most `(count - 1) / 2`.
-pub(in crate::synthetic) fn held_out_places(count: usize, held_out: usize) -> Vec<usize> {
+pub(crate) fn held_out_places(count: usize, held_out: usize) -> Vec<usize> {
     (1..=held_out).map(|i| (i * count + held_out / 2) / (held_out + 1)).collect()
 }
 
 /// Sorts training cameras before held-out ones and names all of them.
-pub(in crate::synthetic) fn name(cameras: &mut [Camera]) {
+pub(crate) fn name(cameras: &mut [Camera]) {
     // A stable sort: training cameras keep their order and come first.
     cameras.sort_by_key(|camera| camera.is_test);
     for (index, camera) in cameras.iter_mut().enumerate() {

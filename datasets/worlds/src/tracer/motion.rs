@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 
 /// The pose of an object: object coordinates to world.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Pose {
+pub(crate) struct Pose {
     pub rotation: DQuat,
     /// Metres.
     pub position: DVec3,
@@ -15,7 +15,7 @@ pub(in crate::synthetic) struct Pose {
 
 /// How an object moves.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Twist {
+pub(crate) struct Twist {
     /// Velocity of the object's origin, metres per unit of time.
     pub velocity: DVec3,
     /// World axes, radians per unit of time.
@@ -31,7 +31,7 @@ impl Twist {
 
 /// The path of an object's origin over `s`, time since [`Motion::zero`].
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) enum Path {
+pub(crate) enum Path {
     /// `centre + swing sin(rate s)`: nearly straight through the middle, and in view at any speed.
     Sway { centre: DVec3, swing: DVec3, rate: f64 },
     /// Along a level circle at the angle `start + rate s + acceleration s^2 / 2`.
@@ -47,7 +47,7 @@ pub(in crate::synthetic) enum Path {
 
 /// The angle of a turn around a fixed axis over `s`, radians.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) enum Turn {
+pub(crate) enum Turn {
     /// `rate s + acceleration s^2 / 2`.
     Steady { rate: f64, acceleration: f64 },
     /// `amplitude cos(rate s + phase)`: a pendulum, by the law of small angles.
@@ -70,7 +70,7 @@ impl Turn {
 /// A ball on a floor: free flight, and a short contact in which an even force turns its velocity round. A contact of no
 /// duration would have no velocity at its instant.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Bounce {
+pub(crate) struct Bounce {
     /// How far it falls, metres.
     pub height: f64,
     /// How long it falls.
@@ -131,7 +131,7 @@ impl Path {
 
 /// A path and a turn around a fixed axis, both over `s = speed (t - zero)`.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Motion {
+pub(crate) struct Motion {
     pub path: Path,
     /// World axis, length 1.
     pub axis: DVec3,

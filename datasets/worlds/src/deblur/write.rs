@@ -14,8 +14,8 @@ use super::super::tracer::truth::movers;
 use super::rig::{ANGLE_X, Rig, cameras};
 use super::shutter::{ExposurePoses, Shot, photograph};
 use super::{DeblurOptions, points, priors, worlds};
-use crate::error::DatasetError;
-use crate::image_io::{write_atomic, write_exr, write_png};
+use gs_datasets::DatasetError;
+use gs_datasets::image_io::{write_atomic, write_exr, write_png};
 
 /// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 16 frames of 640 x 480
 /// fit; of larger sets the still part is traced again for every few frames.

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 /// A pattern in three colours (linear light, 0 to 1).
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Texture {
+pub(crate) struct Texture {
     pub pattern: Pattern,
     /// Side of the largest cells, metres.
     pub size: f64,
@@ -19,7 +19,7 @@ pub(in crate::synthetic) struct Texture {
 
 /// How a texture's colours are laid out.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) enum Pattern {
+pub(crate) enum Pattern {
     /// Cubes of random colours with dark joints.
     Mosaic,
     /// Boards along x with grain, for floors.
@@ -123,7 +123,7 @@ impl Texture {
 const BUMPS: f64 = 3.5;
 
 /// The relief of a bumpy sphere in the direction of `position`: -1 in pits to 1 on bumps.
-pub(in crate::synthetic) fn bumps(position: DVec3) -> f64 {
+pub(crate) fn bumps(position: DVec3) -> f64 {
     // Parabolas in place of sines, and a cast in place of a rounding: marching evaluates this more than anything else.
     let wave = |u: f64| {
         let u = u - 2.0 * f64::from((0.5 * u + 64.5) as i32 - 64);

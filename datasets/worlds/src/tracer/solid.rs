@@ -8,7 +8,7 @@ use super::texture::{Texture, bumps};
 
 /// A form around its own origin, metres.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) enum Form {
+pub(crate) enum Form {
     Sphere {
         radius: f64,
     },
@@ -29,7 +29,7 @@ pub(in crate::synthetic) enum Form {
 
 /// One painted form, placed and turned in its object.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Part {
+pub(crate) struct Part {
     pub form: Form,
     pub position: DVec3,
     pub turn: DQuat,
@@ -38,7 +38,7 @@ pub(in crate::synthetic) struct Part {
 
 /// Parts that move together.
 #[derive(Debug, Clone)]
-pub(in crate::synthetic) struct Solid {
+pub(crate) struct Solid {
     pub parts: Vec<Part>,
     /// Radius of the sphere around the object's origin that contains all parts, metres.
     pub radius: f64,
@@ -46,7 +46,7 @@ pub(in crate::synthetic) struct Solid {
 
 /// The intersection of a ray with an object.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::synthetic) struct Hit {
+pub(crate) struct Hit {
     pub t: f64,
     /// Outward, world.
     pub normal: DVec3,

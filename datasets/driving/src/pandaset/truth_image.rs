@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use gs_datasets::image_io::encode_exr;
 use gs_datasets::{DatasetError, ExrChannels, read_exr};
 
-use crate::pandaset::names::TRUTH_IMAGES;
+use super::names::TRUTH_IMAGES;
 
 /// Names of the channels: camera z, the three of flow, the object.
 const CHANNELS: [&str; 5] = ["Z", "VX", "VY", "VZ", "ID"];
@@ -26,12 +26,12 @@ pub struct TruthImage {
 }
 
 /// The file of a frame (by its name) and a camera.
-pub(super) fn file(log: &Path, camera: &str, frame: &str) -> PathBuf {
+pub fn truth_image_file(log: &Path, camera: &str, frame: &str) -> PathBuf {
     log.join(TRUTH_IMAGES).join(camera).join(format!("{frame}.exr"))
 }
 
 /// The bytes of a truth image; all lists have one value a pixel.
-pub(super) fn encode(
+pub fn encode_truth_image(
     path: &Path,
     size: (usize, usize),
     depth: &[f32],
@@ -48,7 +48,7 @@ pub(super) fn encode(
 /// # Errors
 /// When the file is broken.
 pub fn truth_image(log: &Path, camera: &str, frame: &str) -> Result<Option<TruthImage>, DatasetError> {
-    let path = file(log, camera, frame);
+    let path = truth_image_file(log, camera, frame);
     if !path.exists() {
         return Ok(None);
     }

@@ -19,9 +19,10 @@ use super::lidar::{self, gaussian};
 use super::options::StreetOptions;
 use super::rig::Rig;
 use super::street::Street;
-use super::{files, records, truth};
-use crate::gzip;
-use crate::pandaset::names::{CAMERA, CAMERAS, CUBOIDS, LIDAR, SEMSEG, TRUTH_POINTS};
+use super::{files, records};
+use gs_driving::layout::{
+    CAMERA, CAMERAS, CUBOIDS, LIDAR, SEMSEG, TRUTH_POINTS, compress, encode_truth_image, truth_image_file,
+};
 
 /// Quality of JPEG files, of 100: no visible blocks at this size.
 const QUALITY: u8 = 95;
@@ -81,7 +82,7 @@ fn write_json(path: &Path, value: &Value) -> Result<(), DatasetError> {
 
 fn write_pickle(folder: &Path, frame: usize, content: &[u8], compressed: bool) -> Result<(), DatasetError> {
     match compressed {
-        true => write_atomic(&folder.join(format!("{frame:02}.pkl.gz")), &gzip::compress(content)),
+        true => write_atomic(&folder.join(format!("{frame:02}.pkl.gz")), &compress(content)),
         false => write_atomic(&folder.join(format!("{frame:02}.pkl")), content),
     }
 }
@@ -117,9 +118,9 @@ fn write_image(dir: &Path, rig: &Rig<'_>, frame: usize, camera: usize) -> Result
         .map_err(|error| DatasetError::Image { path: path.clone(), found: error.to_string() })?;
     write_atomic(&path, &bytes)?;
     if options.truth_images {
-        let path = truth::file(dir, name, &stem);
+        let path = truth_image_file(dir, name, &stem);
         let flow = world_flow(rig, &picture);
-        write_atomic(&path, &truth::encode(&path, (width, height), &picture.depth, &flow, &picture.instance)?)?;
+        write_atomic(&path, &encode_truth_image(&path, (width, height), &picture.depth, &flow, &picture.instance)?)?;
     }
     Ok(())
 }

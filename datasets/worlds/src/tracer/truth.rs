@@ -7,7 +7,7 @@ use super::stage::{MovingObject, Stage};
 
 /// The pose (metres), velocity (metres per unit of time) and angular velocity (radians per unit of time, world axes) of every moving
 /// object at each of `times`: the truth for motion models.
-pub(in crate::synthetic) fn movers(stage: &Stage, times: impl Iterator<Item = f64> + Clone) -> Value {
+pub(crate) fn movers(stage: &Stage, times: impl Iterator<Item = f64> + Clone) -> Value {
     let list = |object: &MovingObject| {
         let poses: Vec<Value> = times
             .clone()

@@ -1,7 +1,7 @@
 //! Colours of surfaces: the share of light that is reflected, linear, 0 to 1.
 
+use crate::tracer::texture::noise;
 use glam::{DVec2, DVec3};
-use gs_datasets::synthetic::noise;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 

@@ -16,8 +16,8 @@ use super::points::Points;
 use super::priors::prior;
 use super::rig::{angle_x, cameras};
 use super::{ExtrapolationOptions, scene};
-use crate::error::DatasetError;
-use crate::image_io::{write_atomic, write_exr, write_png};
+use gs_datasets::DatasetError;
+use gs_datasets::image_io::{write_atomic, write_exr, write_png};
 
 /// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 60 frames of 280 x 280 fit; of larger
 /// sets the still part is traced again for every few frames.

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::super::random::gaussian;
 use super::super::tracer::camera::Camera;
 use super::super::tracer::stage::{Lit, Stage};
-use crate::light::to_byte;
+use gs_datasets::light::to_byte;
 
 /// Standard deviation of the points' positions, metres.
 const NOISE: f64 = 0.01;

@@ -12,8 +12,8 @@ use serde_json::json;
 use super::random::gaussian;
 use super::shapes::Ray;
 use super::world::World;
-use crate::error::DatasetError;
-use crate::image_io::{write_atomic, write_png};
+use gs_datasets::DatasetError;
+use gs_datasets::image_io::{write_atomic, write_png};
 
 /// Horizontal angle of view, radians.
 const ANGLE_X: f64 = 0.85;
@@ -213,7 +213,7 @@ mod tests {
     use super::super::shapes::Shape;
     use super::super::world::RED_SPHERE;
     use super::*;
-    use crate::{LoadOptions, View, load};
+    use gs_datasets::{LoadOptions, View, load};
 
     #[test]
     fn same_options_same_bytes_other_seed_other_cameras() {

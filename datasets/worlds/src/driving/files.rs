@@ -5,8 +5,7 @@ use glam::{DMat4, DVec3};
 use super::lidar::Return;
 use super::records::{middle, placed};
 use super::rig::Rig;
-use crate::pandaset::truth::{COLUMNS, track};
-use crate::pickle::write::{Column, table};
+use gs_driving::layout::{Column, TRUTH_COLUMNS as COLUMNS, table, track};
 
 /// Boxes are written for vehicles and people up to this distance from the ego vehicle, metres.
 const BOX_RANGE: f64 = 120.0;

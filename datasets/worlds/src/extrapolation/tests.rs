@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::priors::prior;
 use super::*;
-use crate::{LoadOptions, Scene, Split, View, load};
+use gs_datasets::{LoadOptions, Scene, Split, View, load};
 
 fn small(world: World) -> ExtrapolationOptions {
     ExtrapolationOptions {
@@ -209,7 +209,7 @@ fn points_are_the_priors_of_all_training_cameras() {
     let stage = scene::stage(base.world, &mut ChaCha8Rng::seed_from_u64(0));
     let pose = stage.objects[0].motion.pose(0.0);
     let radius = stage.objects[0].solid.radius;
-    let off = |points: &crate::PointCloud| {
+    let off = |points: &gs_datasets::PointCloud| {
         let near = points.positions.iter().map(|p| DVec3::from(p.map(f64::from)).distance(pose.position) - radius);
         let near: Vec<f64> = near.filter(|off| off.abs() < 0.2).collect();
         (near.iter().map(|off| off.abs()).sum::<f64>() / near.len() as f64, near.len())

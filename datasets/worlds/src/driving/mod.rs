@@ -22,7 +22,7 @@
 //! | `truth/images/CAMERA/NN.exr` | channels `Z` (camera z in metres, 0 for sky), `VX`, `VY`, `VZ` (flow in metres in the next 0.1 s, world), `ID` (object) |
 //! | `truth/actors.json` | every vehicle and person: number, track, label, size, and position, heading and speed at each frame |
 //!
-//! A point's flow is from its own time on, and a pixel's from the time of its image. [`truth_image`] reads a file of the second kind.
+//! A point's flow is from its own time on, and a pixel's from the time of its image. [`gs_driving::truth_image`] reads a file of the second kind.
 
 mod body;
 mod files;
@@ -37,9 +37,7 @@ mod rig;
 mod shape;
 mod street;
 mod traffic;
-mod truth;
 mod write;
 
 pub use options::{Encounter, StreetOptions};
-pub use truth::{TruthImage, truth_image};
 pub use write::write;

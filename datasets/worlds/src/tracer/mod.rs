@@ -7,7 +7,7 @@
 //! | `camera.rs` | pinhole cameras |
 //! | `truth.rs` | poses and velocities of moving objects as JSON |
 //!
-//! Light is added up in linear light with the curve of [`light`](crate::light).
+//! Light is added up in linear light with the curve of [`gs_datasets::light`].
 
 pub(super) mod camera;
 pub(super) mod motion;

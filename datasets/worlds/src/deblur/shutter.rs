@@ -13,7 +13,7 @@ use super::super::shapes::Ray;
 use super::super::tracer::camera::Camera;
 use super::super::tracer::motion::Twist;
 use super::super::tracer::stage::{Lit, Placed, Stage, StaticPoint};
-use crate::light::to_byte;
+use gs_datasets::light::to_byte;
 
 /// Rays along each side of a pixel.
 const SIDE: usize = 4;

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::rig::Rig;
 use super::street::Thing;
-use crate::pandaset::truth::track;
+use gs_driving::layout::track;
 
 /// A pose as PandaSet writes it.
 pub(super) fn pose(matrix: &DMat4) -> Value {

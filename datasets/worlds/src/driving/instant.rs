@@ -6,7 +6,7 @@ use super::body::Part;
 use super::paint::{Ground, Paint};
 use super::shape::{Ray, SKIN};
 use super::street::{Street, Thing};
-use gs_datasets::synthetic::noise;
+use crate::tracer::texture::noise;
 
 /// Where the ground ends, metres from the ray's origin: the rest is haze.
 const FAR: f64 = 260.0;

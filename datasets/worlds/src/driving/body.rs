@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::paint::Paint;
 use super::shape::{Ray, Shape};
-use crate::sweep::ObjectClass;
+use gs_driving::ObjectClass;
 
 /// A painted form.
 #[derive(Debug, Clone, Copy)]
