@@ -1,137 +1,86 @@
 //! `[density]`: adding, relocating and removing Gaussians.
 
-use serde::{Deserialize, Serialize};
+use super::ranges::{NOT_NEGATIVE, OPEN_UNIT, Only, POSITIVE, SHARE};
+use crate::{choice, section};
 
-use super::error::{ConfigError, check, not_negative, open_unit, positive};
-
-/// How opacities are lowered, so that Gaussians that no photo needs fall below the pruning threshold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum OpacityPolicy {
-    /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps after.
-    Reset,
-    /// By a small share at each refinement (Brush).
-    Decay,
-    /// Never.
-    None,
+choice! {
+    /// How opacities are lowered, so that Gaussians that no photo needs fall below the pruning threshold.
+    pub enum OpacityPolicy {
+        /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps after.
+        Reset,
+        /// By a small share at each refinement (Brush).
+        Decay,
+        /// Never.
+        None,
+    }
 }
 
-/// The density control.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Strategy {
-    /// Relocation under a budget (3DGS-MCMC): the count grows to the cap and stays there.
-    Mcmc,
-    /// Classic adaptive control (3DGS): the count follows screen gradients, never above the cap.
-    Default,
-    /// The initial Gaussians are kept.
-    None,
+choice! {
+    /// The density control.
+    pub enum Strategy {
+        /// Relocation under a budget (3DGS-MCMC): the count grows to the cap and stays there.
+        Mcmc,
+        /// Classic adaptive control (3DGS): the count follows screen gradients, never above the cap.
+        Default,
+        /// The initial Gaussians are kept.
+        None,
+    }
 }
 
 /// Refinements of a run whose growth follows its length, at the least.
 const REFINEMENTS: usize = 20;
 
-/// Options of both kinds of density control; steps count from 1.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct DensityConfig {
-    /// The density control.
-    pub strategy: Strategy,
-    /// Most Gaussians. Each takes about 1.2 kB at SH degree 3; a run prints the memory it expects first.
-    pub cap: usize,
-    /// First step at which the count changes. A short run starts after a tenth of its steps at the latest.
-    pub start: usize,
-    /// Steps from one refinement to the next; fewer in a short run whose growth follows `full`, so that it refines twenty times.
-    pub every: usize,
-    /// Share of the run after which the count is fixed, so that the last Gaussians added still converge.
-    pub stop: f64,
-    /// Largest summed contribution of the Gaussians pruned when the count becomes fixed, as a share of the sum over all Gaussians
-    /// and training photos, 0 to 1. 0: none is pruned.
-    pub prune_share: f64,
-    /// Opacity below which a Gaussian is dead.
-    pub min_opacity: f64,
-    /// `mcmc`: growth per refinement, a share of the count; the largest one where growth follows `full`.
-    pub growth: f64,
-    /// `mcmc`: share of the run after which the count has reached the cap, by equal shares of growth; 0: by `growth` alone. Earlier: steps
-    /// cost more from then on. Later: the last Gaussians have little time to converge.
-    pub full: f64,
-    /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means; 0: none. Few
-    /// photos need less: no photo contradicts a Gaussian that has drifted away.
-    pub noise: f64,
-    /// `mcmc`: root mean square distance of a Gaussian and its copies from its former mean, along its longest axis, in standard deviations. They
-    /// shrink there so that together they are as wide as before. 0: they coincide, as in the paper, and part slowly.
-    pub separation: f64,
-    /// `default`: mean screen gradient above which a Gaussian is cloned or split, in half image widths.
-    pub gradient: f64,
-    /// `default`: sum the magnitudes of the gradient over pixels (AbsGS) instead of the gradient; needs a threshold about four
-    /// times as high.
-    pub absgrad: bool,
-    /// `default`: scale above which a Gaussian is split instead of cloned, in scene extents.
-    pub split_size: f64,
-    /// `default`: scale above which a Gaussian is removed, once opacities have been lowered, in scene extents.
-    pub prune_size: f64,
-    /// `default`: how opacities are lowered.
-    pub opacity_policy: OpacityPolicy,
-    /// `default`: steps from one opacity reset to the next.
-    pub reset_every: usize,
-    /// `default`: share of the opacity lost at each refinement under the decay policy.
-    pub decay: f64,
-}
-
-impl Default for DensityConfig {
-    fn default() -> Self {
-        Self {
-            strategy: Strategy::Mcmc,
-            cap: 100_000,
-            start: 500,
-            every: 100,
-            stop: 0.8,
-            prune_share: 0.0,
-            min_opacity: 0.005,
-            growth: 0.2,
-            full: 0.45,
-            noise: 5e5,
-            separation: 0.7,
-            gradient: 2e-4,
-            absgrad: false,
-            split_size: 0.01,
-            prune_size: 0.1,
-            opacity_policy: OpacityPolicy::Reset,
-            reset_every: 3000,
-            decay: 0.004,
-        }
+section! {
+    /// Options of both kinds of density control; steps count from 1.
+    pub struct DensityConfig {
+        /// The density control.
+        strategy: Strategy = Strategy::Mcmc;
+        /// Most Gaussians. Each takes about 1.2 kB at SH degree 3; a run prints the memory it expects first.
+        cap: usize = 100_000, in Only("from 1 to 2^30", |cap| (1..=1 << 30).contains(cap));
+        /// First step at which the count changes. A short run starts after a tenth of its steps at the latest.
+        start: usize = 500, in 1..;
+        /// Steps from one refinement to the next; fewer in a short run whose growth follows `full`, so that it refines
+        /// twenty times.
+        every: usize = 100, in 1..;
+        /// Share of the run after which the count is fixed, so that the last Gaussians added still converge.
+        stop: f64 = 0.8, in SHARE;
+        /// Largest summed contribution of the Gaussians pruned when the count becomes fixed, as a share of the sum over
+        /// all Gaussians and training photos, 0 to 1. 0: none is pruned.
+        prune_share: f64 = 0.0, in 0.0..1.0;
+        /// Opacity below which a Gaussian is dead.
+        min_opacity: f64 = 0.005, in OPEN_UNIT;
+        /// `mcmc`: growth per refinement, a share of the count; the largest one where growth follows `full`.
+        growth: f64 = 0.2, in NOT_NEGATIVE;
+        /// `mcmc`: share of the run after which the count has reached the cap, by equal shares of growth; 0: by
+        /// `growth` alone. Earlier: steps cost more from then on. Later: the last Gaussians have little time to
+        /// converge.
+        full: f64 = 0.45, in SHARE;
+        /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means;
+        /// 0: none. Few photos need less: no photo contradicts a Gaussian that has drifted away.
+        noise: f64 = 5e5, in NOT_NEGATIVE;
+        /// `mcmc`: root mean square distance of a Gaussian and its copies from its former mean, along its longest axis,
+        /// in standard deviations. They shrink there so that together they are as wide as before. 0: they coincide, as
+        /// in the paper, and part slowly.
+        separation: f64 = 0.7, in 0.0..0.95;
+        /// `default`: mean screen gradient above which a Gaussian is cloned or split, in half image widths.
+        gradient: f64 = 2e-4, in POSITIVE;
+        /// `default`: sum the magnitudes of the gradient over pixels (AbsGS) instead of the gradient; needs a threshold
+        /// about four times as high.
+        absgrad: bool = false;
+        /// `default`: scale above which a Gaussian is split instead of cloned, in scene extents.
+        split_size: f64 = 0.01, in POSITIVE;
+        /// `default`: scale above which a Gaussian is removed, once opacities have been lowered, in scene extents.
+        prune_size: f64 = 0.1, in POSITIVE;
+        /// `default`: how opacities are lowered.
+        opacity_policy: OpacityPolicy = OpacityPolicy::Reset;
+        /// `default`: steps from one opacity reset to the next.
+        reset_every: usize = 3000, in 1..;
+        /// `default`: share of the opacity lost at each refinement under the decay policy.
+        decay: f64 = 0.004, in 0.0..1.0;
     }
 }
 
 impl DensityConfig {
-    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        check("density.cap", self.cap, (1..=1 << 30).contains(&self.cap), "from 1 to 2^30")?;
-        check("density.start", self.start, self.start >= 1, "at least 1")?;
-        check("density.every", self.every, self.every >= 1, "at least 1")?;
-        check("density.stop", self.stop, (0.0..=1.0).contains(&self.stop), "from 0 to 1")?;
-        check(
-            "density.prune_share",
-            self.prune_share,
-            (0.0..1.0).contains(&self.prune_share),
-            "at least 0 and below 1",
-        )?;
-        check("density.min_opacity", self.min_opacity, open_unit(self.min_opacity), "between 0 and 1, both excluded")?;
-        check("density.growth", self.growth, not_negative(self.growth), "0 or more")?;
-        check("density.full", self.full, (0.0..=1.0).contains(&self.full), "from 0 to 1")?;
-        check("density.noise", self.noise, not_negative(self.noise), "0 or more")?;
-        check(
-            "density.separation",
-            self.separation,
-            (0.0..0.95).contains(&self.separation),
-            "at least 0 and below 0.95",
-        )?;
-        check("density.gradient", self.gradient, positive(self.gradient), "positive")?;
-        check("density.split_size", self.split_size, positive(self.split_size), "positive")?;
-        check("density.prune_size", self.prune_size, positive(self.prune_size), "positive")?;
-        check("density.reset_every", self.reset_every, self.reset_every >= 1, "at least 1")?;
-        check("density.decay", self.decay, (0.0..1.0).contains(&self.decay), "at least 0 and below 1")
-    }
-
     /// Steps from one refinement to the next in a run of `steps`.
     pub fn interval(&self, steps: usize) -> usize {
         match self.follows_run() {
@@ -173,7 +122,8 @@ impl DensityConfig {
         self.strategy != Strategy::None && step == self.first_fixed(steps)
     }
 
-    /// Whether the count has become fixed by `step` of a run of `steps`; never without density control, to which nothing comes to an end.
+    /// Whether the count has become fixed by `step` of a run of `steps`; never without density control, to which
+    /// nothing comes to an end.
     pub fn rests_by(&self, step: usize, steps: usize) -> bool {
         self.strategy != Strategy::None && step >= self.first_fixed(steps)
     }

@@ -49,9 +49,9 @@ pub enum ConfigError {
     #[error("configuration: `{key}` must be {expected}, found {found}")]
     Range {
         /// The key with its sections.
-        key: &'static str,
+        key: String,
         /// The range, as a phrase.
-        expected: &'static str,
+        expected: String,
         /// The value.
         found: String,
     },
@@ -95,13 +95,13 @@ pub enum ConfigError {
 }
 
 /// `Ok` when `holds`, otherwise the sentence "`key` must be `expected`, found `found`".
-pub fn check(key: &'static str, found: impl ToString, holds: bool, expected: &'static str) -> Result<(), ConfigError> {
+pub fn check(key: &str, found: impl ToString, holds: bool, expected: &str) -> Result<(), ConfigError> {
     if holds {
         return Ok(());
     }
     let text = found.to_string();
     let found = text.parse::<f64>().map_or(text, brief);
-    Err(ConfigError::Range { key, expected, found })
+    Err(ConfigError::Range { key: key.into(), expected: expected.into(), found })
 }
 
 /// Size from which on numbers are written with an exponent: nobody counts more zeros, and 1e308 has 308.
@@ -113,19 +113,4 @@ pub fn brief(number: f64) -> String {
         true => format!("{number:e}"),
         false => number.to_string(),
     }
-}
-
-/// Whether `x` is above 0, also as f32, in which kernels compute.
-pub fn positive(x: f64) -> bool {
-    not_negative(x) && x as f32 > 0.0
-}
-
-/// Whether `x` is 0 or more, and finite as f32.
-pub fn not_negative(x: f64) -> bool {
-    x >= 0.0 && (x as f32).is_finite()
-}
-
-/// Whether `x` is between 0 and 1, both excluded.
-pub fn open_unit(x: f64) -> bool {
-    x > 0.0 && x < 1.0
 }

@@ -41,7 +41,8 @@ pub fn file_layers(path: &Path) -> Result<Vec<Layer>, ConfigError> {
     Ok(layers)
 }
 
-/// A recipe and the recipes it is based on, the outermost base first; `find` gives the text of a recipe by name (`folder/name`).
+/// A recipe and the recipes it is based on, the outermost base first; `find` gives the text of a recipe by name
+/// (`folder/name`).
 ///
 /// # Errors
 /// As [`file_layers`]; the result is `None` if `find` does not know the name.
@@ -100,8 +101,8 @@ pub fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
         .map_err(|error: toml::de::Error| ConfigError::Syntax { origin: origin.into(), found: one_line(&error) })
 }
 
-/// `density.cap=5000` gives `{ density = { cap = 5000 } }`. A value that is not TOML is a string, so that `density.strategy=mcmc`
-/// needs no quotes.
+/// `density.cap=5000` gives `{ density = { cap = 5000 } }`. A value that is not TOML is a string, so that
+/// `density.strategy=mcmc` needs no quotes.
 ///
 /// # Errors
 /// Without `=`.

@@ -1,51 +1,41 @@
 //! `brightness`: 3D Gaussian Splatting with a learned brightness for each photo, for cameras with automatic exposure.
 //!
-//! The rendering of photo `i` is multiplied by `exp(g_i - mean(g))`. The mean is subtracted because a brighter scene under darker
-//! photos looks the same. This is also the example of docs/extend.md: a pipeline in one file and one line.
+//! The rendering of photo `i` is multiplied by `exp(g_i - mean(g))`. The mean is subtracted because a brighter scene
+//! under darker photos looks the same. This is also the example of docs/extend.md: a pipeline in one file and one line.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
 use gs_burn::{Extras, Gaussians, NamedGradients, render_with};
 use gs_datasets::{Scene, View};
-use serde::{Deserialize, Serialize};
 
-use crate::config::{Config, ConfigError, FitConfig, Section, check, not_negative};
+use crate::config::{Config, FitConfig, NOT_NEGATIVE, Section};
 use crate::fit::figure::{Figure, Figures};
 use crate::fit::initialise::InitialGaussians;
 use crate::fit::losses::photometric;
 use crate::fit::method::{Drawn, Forward, Method, Step, begin_static};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::{Extra, Photo};
+use crate::section;
 
-/// `[brightness]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct BrightnessConfig {
-    /// Learning rate of the logarithm of each photo's brightness. Larger: it follows the noise of single steps. Smaller: it
-    /// converges late.
-    pub lr: f64,
-}
-
-impl Default for BrightnessConfig {
-    fn default() -> Self {
-        Self { lr: 5e-3 }
+section! {
+    /// `[brightness]`.
+    pub struct BrightnessConfig {
+        /// Learning rate of the logarithm of each photo's brightness. Larger: it follows the noise of single steps.
+        /// Smaller: it converges late.
+        lr: f64 = 5e-3, in NOT_NEGATIVE;
     }
 }
 
-/// The sections that the pipeline adds.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Sections {
-    /// Options of the learned brightness.
-    pub brightness: BrightnessConfig,
-}
-
-impl Section for Sections {
-    fn validate(&self, _shared: &Config) -> Result<(), ConfigError> {
-        check("brightness.lr", self.brightness.lr, not_negative(self.brightness.lr), "0 or more")
+section! {
+    /// The sections that the pipeline adds.
+    pub struct Sections {
+        /// Options of the learned brightness.
+        brightness: BrightnessConfig;
     }
 }
+
+impl Section for Sections {}
 
 /// Index of a training photo.
 #[derive(Debug, Clone, Copy)]

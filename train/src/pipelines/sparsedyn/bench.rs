@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::{Camera, Gaussians, RenderOptions, render};
-use gs_models::sparsedyn::{Ask, Rollout, State};
+use gs_models::sparsedyn::{Rollout, State};
 
 use super::Sparsedyn;
 use super::clock::Clock;
-use super::config::DynamicsConfig;
+use super::config::{AskChoice, DynamicsConfig};
 use super::model::Frame;
 use super::motion::Moved;
 use crate::config::LossConfig;
@@ -29,7 +29,7 @@ const STAGES: [&str; 5] = ["rollout", "render", "loss", "backward", "rollout, ba
 /// ways for each of its steps and 1000 Gaussians.
 pub fn rollout_table(gaussians: &Gaussians, camera: &Camera, repeat: u32, print: impl Fn(String)) {
     let target = render(gaussians, camera, &RenderOptions::default()).color * 0.5 + 0.25;
-    let dynamics = DynamicsConfig { ask: Ask::Step, ..DynamicsConfig::default() };
+    let dynamics = DynamicsConfig { ask: AskChoice::Step, ..DynamicsConfig::default() };
     print(format!("field of {} layers of {} asked at every step; ms", dynamics.layers, dynamics.width));
     let heads: String = STAGES.iter().map(|stage| format!(" {stage:>18}")).collect();
     print(format!("{:>7} {:>6}{heads} {:>18}", "moving", "steps", "a step of 1000"));

@@ -97,8 +97,12 @@ impl Frame {
 impl Sparsedyn {
     /// A module in which nothing moves yet.
     pub fn new(frame: Frame, dynamics: &DynamicsConfig, seed: u64, device: &Device) -> Self {
-        let options =
-            RolloutOptions { ask: dynamics.ask, integrator: dynamics.integrator, step: frame.step, start: frame.start };
+        let options = RolloutOptions {
+            ask: dynamics.ask.into(),
+            integrator: dynamics.integrator.into(),
+            step: frame.step,
+            start: frame.start,
+        };
         let (centre, length) = (frame.centre, frame.length);
         let field = DynamicsFieldConfig::new(centre, length)
             .with_bands(dynamics.bands)

@@ -38,7 +38,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     let mut found = Findings::default();
     for weight in weights {
         let mut config = saved.config.clone();
-        config.steps = lab.either(STEPS, STEPS_QUICK);
+        config.shared.steps = lab.either(STEPS, STEPS_QUICK);
         config.own.lift.velocity = VelocityChoice::Zero;
         config.own.refinement.passes = 1;
         config.own.supervision.velocity = *weight;
