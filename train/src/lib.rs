@@ -40,9 +40,10 @@
 //!     resume: false,
 //!     stop_at: None,
 //!     quiet: false,
+//!     schedule_svg: None,
 //! })?;
-//! if let Ending::Finished(figures) = ending {
-//!     println!("{:.2} dB", figures.last.mean().psnr);
+//! if let Ending::Finished(outcome) = ending {
+//!     println!("{:.2} dB", outcome.eval.last.mean().psnr);
 //! }
 //! # Ok(())
 //! # }
@@ -57,4 +58,5 @@ pub mod logging;
 pub mod pipelines;
 pub mod report;
 pub mod run;
+pub mod sentence;
 pub mod stability;

@@ -11,6 +11,7 @@ use gs_burn::limits::is_limit;
 use gs_datasets::printable;
 use gs_train::cli::{Cli, Command};
 use gs_train::run::resources;
+use gs_train::sentence::one_sentence;
 use gs_train::{commands, logging};
 
 fn main() -> ExitCode {
@@ -20,7 +21,7 @@ fn main() -> ExitCode {
     let done = within_limits(|| call(&cli.command));
     let done = done.and_then(|code| commands::all_printed().map(|()| code));
     done.unwrap_or_else(|error| {
-        eprintln!("error: {}", printable(&logging::one_sentence(&error)));
+        eprintln!("error: {}", printable(&one_sentence(&error)));
         ExitCode::FAILURE
     })
 }

@@ -71,6 +71,7 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
         shift: [0.0; 3],
         rest_speed: Some(0.0),
         edit: None,
+        page: gs_train::report::viewer::page_of,
         device: &device,
     };
     let pipeline = of_checkpoint(&checkpoint).expect("of this program");

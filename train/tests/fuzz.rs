@@ -65,7 +65,7 @@ fn configurations(cases: u32) {
     fuzz(cases, &seeds, |bytes| {
         fs::write(&file, bytes).expect("written");
         let resolved = resolve(Sources { file: Some(&file), ..Sources::default() });
-        resolved.err().map(|error| gs_train::logging::one_sentence(&error.into()))
+        resolved.err().map(|error| gs_train::sentence::one_sentence(&error.into()))
     });
 }
 
@@ -110,7 +110,7 @@ fn checkpoints(cases: u32) {
             checkpoint.whole()?;
             Ok(())
         };
-        read().err().map(|error| gs_train::logging::one_sentence(&error))
+        read().err().map(|error| gs_train::sentence::one_sentence(&error))
     });
 }
 
@@ -173,7 +173,7 @@ fn scenes(cases: u32) {
                     packed.expect("an ending that is read").splats.check().expect("finite numbers");
                     None
                 }
-                Err(error) => Some(gs_train::logging::one_sentence(&error)),
+                Err(error) => Some(gs_train::sentence::one_sentence(&error)),
             }
         });
     }

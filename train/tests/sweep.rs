@@ -8,6 +8,7 @@ use std::path::Path;
 use gs_train::pipelines::resolve_overrides;
 use gs_train::report::comparison::gather;
 use gs_train::run::folder::{MetricsLine, RunFolder};
+use gs_train::run::outcome::Contents;
 use gs_train::run::watch::{Ending, Job};
 
 use common::program::{gsburn, says};
@@ -133,6 +134,7 @@ fn a_chart_names_what_it_leaves_out() {
     let folder_a = RunFolder::at(folder.join("a"));
     let (config, _) = folder_a.read_config().expect("a run");
     let eval = folder_a.read_eval().expect("figures");
-    gs_train::report::write(&folder_a, &eval, &[], &[], (None, None), &config.to_string()).expect("written");
+    let contents = Contents { config: config.to_string(), ..Contents::default() };
+    gs_train::report::write(&folder_a, &eval, &contents).expect("written");
     assert!(fs::read_to_string(folder_a.report()).expect("read").contains("gsburn chart a b c"));
 }

@@ -14,6 +14,7 @@ use crate::cli::DemoArgs;
 use crate::commands::train::{execute, next_folder};
 use crate::commands::{device, print};
 use crate::pipelines::{DEMO_RECIPES, Reconstruction, Sources, of_checkpoint, resolve, shipped};
+use crate::report::{schedule_svg, viewer};
 use crate::run::folder::RunFolder;
 use crate::run::watch::Job;
 
@@ -57,6 +58,7 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
         resume: false,
         stop_at: None,
         quiet: args.quiet,
+        schedule_svg: Some(schedule_svg),
     };
     execute(resolved.pipeline, &job)
 }
@@ -95,6 +97,7 @@ fn driving(args: &DemoArgs, device: &Device) -> Result<ExitCode> {
         shift: [0.0; 3],
         rest_speed: None,
         edit: None,
+        page: viewer::page_of,
         device,
     };
     let network = shipped()?;

@@ -7,6 +7,7 @@ use anyhow::{Result, bail};
 use crate::cli::ReconstructArgs;
 use crate::commands::{device, print};
 use crate::pipelines::{Reconstruction, of_checkpoint, shipped};
+use crate::report::viewer;
 use crate::run::interrupt;
 use crate::run::scene::{SceneFile, read_file};
 
@@ -37,6 +38,7 @@ pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
         shift: args.shift.0,
         rest_speed: args.rest_speed,
         edit: args.edit.as_deref(),
+        page: viewer::page_of,
         device: &device,
     };
     interrupt::watch();

@@ -10,7 +10,9 @@ use gs_datasets::printable;
 
 use crate::cli::SweepArgs;
 use crate::commands::planned::{Planned, State, Sweep, say, sweeps};
+use crate::commands::train::train_and_report;
 use crate::commands::{choose, command_line, describe, device, in_markdown, marked, print};
+use crate::report;
 use crate::report::comparison::{Comparison, Gathered, enough, gather, page, stacked};
 use crate::run::folder::RunFolder;
 use crate::run::lock::Lock;
@@ -112,8 +114,9 @@ fn finishes(sweep: &Sweep<'_>, run: &Planned, device: &Device) -> Result<bool> {
         resume: run.state == State::Begun,
         stop_at: None,
         quiet: sweep.args.quiet,
+        schedule_svg: Some(report::schedule_svg),
     };
-    match run.config.pipeline.train(&job)? {
+    match train_and_report(run.config.pipeline, &job)? {
         Ending::Finished(eval) => {
             say(sweep.args, &eval.last.line());
             Ok(true)

@@ -13,6 +13,7 @@ use crate::commands::{device as chosen, missing, print};
 use crate::config::{ConfigError, brief};
 use crate::fit::budget::STEPS_MAX;
 use crate::pipelines::{Pipeline, Resolved, Sources, resolve as resolve_sources, resolve_saved};
+use crate::report;
 use crate::run::folder::{EvalFile, RunFolder, full_path};
 use crate::run::interrupt;
 use crate::run::profile::{self, Profile};
@@ -46,7 +47,7 @@ pub fn run(args: &TrainArgs) -> Result<ExitCode> {
 /// Trains until the run ends or Ctrl-C is pressed, and prints the outcome.
 pub(super) fn execute(pipeline: &dyn Pipeline, job: &Job) -> Result<ExitCode> {
     interrupt::watch();
-    match pipeline.train(job)? {
+    match train_and_report(pipeline, job)? {
         Ending::Finished(eval) => {
             print(verdict(&eval, &job.folder));
             Ok(ExitCode::SUCCESS)
@@ -56,6 +57,17 @@ pub(super) fn execute(pipeline: &dyn Pipeline, job: &Job) -> Result<ExitCode> {
             eprintln!("stopped and saved after step {step}; continue with: gsburn train --resume --out {folder}");
             Ok(ExitCode::from(interrupt::exit_code()))
         }
+    }
+}
+
+/// Trains and draws the report.
+///
+/// # Errors
+/// One sentence: bad data, a damaged checkpoint, a full disk.
+pub fn train_and_report(pipeline: &dyn Pipeline, job: &Job) -> Result<Ending<EvalFile>> {
+    match pipeline.train(job)? {
+        Ending::Finished(outcome) => report::finish(&job.folder, outcome).map(Ending::Finished),
+        Ending::Interrupted(step) => Ok(Ending::Interrupted(step)),
     }
 }
 
@@ -137,6 +149,7 @@ fn job(dataset: PathBuf, resolved: Resolved, folder: RunFolder, device: Device, 
         resume: args.resume,
         stop_at: None,
         quiet: args.quiet,
+        schedule_svg: Some(report::schedule_svg),
     }
 }
 

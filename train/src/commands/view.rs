@@ -9,14 +9,15 @@ use gs_datasets::image_io::write_atomic;
 
 use crate::cli::ViewArgs;
 use crate::commands::{device, print};
-use crate::logging::one_sentence;
 use crate::pipelines::{Foreseen, of_checkpoint};
-use crate::report::viewer::{self, Camera, Packed as Page, Viewed};
+use crate::report::viewer::{self, Packed as Page};
 use crate::run::exchange::Packed;
 use crate::run::folder::full_path;
 use crate::run::memory::megabytes;
 use crate::run::outputs;
+use crate::run::presentation::{self, Camera, Presentation};
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
+use crate::sentence::one_sentence;
 
 /// Name of the page in a run folder.
 const PAGE: &str = "view.html";
@@ -63,7 +64,7 @@ impl Opened {
         let SceneFile::Checkpoint(checkpoint) = file else { return Self::alone(file, device) };
         let dataset = data.unwrap_or(&checkpoint.origin.dataset);
         match of_checkpoint(checkpoint)?.foresee(checkpoint, dataset, device) {
-            Ok(Foreseen { loaded, photos, .. }) => Ok(Self { loaded, cameras: viewer::cameras(&photos) }),
+            Ok(Foreseen { loaded, photos, .. }) => Ok(Self { loaded, cameras: presentation::cameras(&photos) }),
             Err(error) => {
                 let opened = Self::alone(file, device)?;
                 tracing::warn!("the page has no cameras and photos: {}", one_sentence(&error));
@@ -87,9 +88,8 @@ impl Opened {
     /// The scene for its page.
     pub fn packed(self, name: &str) -> Page {
         let Self { loaded, cameras } = self;
-        let viewed = Viewed {
+        let presentation = Presentation {
             name: name.into(),
-            scene: &*loaded.scene,
             options: loaded.render_options(loaded.gaussians.sh_degree()),
             middle: loaded.middle,
             cameras,
@@ -97,7 +97,7 @@ impl Opened {
             shutter: loaded.shutter,
             world: glam::DMat4::from_translation(loaded.origin),
         };
-        viewed.packed()
+        viewer::packed(&*loaded.scene, &presentation)
     }
 }
 

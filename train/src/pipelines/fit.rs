@@ -7,7 +7,6 @@ use std::path::Path;
 use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
-use gs_datasets::image_io::write_atomic;
 use gs_datasets::{CheckReport, LoadOptions, Scene, counted};
 use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
@@ -24,19 +23,16 @@ use crate::fit::preflight::{
 use crate::fit::session::{Data, Session, Stepped};
 use crate::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
 use crate::fit::trainer::{Model, Trainer};
-use crate::report;
-use crate::report::charts::Chart;
-use crate::report::future::{self, Known, Studio};
-use crate::report::timetable;
-use crate::report::viewer::{self, Viewed};
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::ending::LastFiles;
 use crate::run::evaluate::{Evaluator, HeldOut};
 use crate::run::exchange::host::gaussians_of;
 use crate::run::fingerprint::Fingerprint;
 use crate::run::folder::{Setting, full_path};
-use crate::run::memory::{Prediction, megabytes};
+use crate::run::memory::Prediction;
 use crate::run::metrics::{psnr, psnr_masked};
+use crate::run::outcome::{Contents, Outcome, ScenePhotos};
+use crate::run::presentation::{self, Presentation, PresentedScene};
 use crate::run::progress;
 use crate::run::resources::Stopwatch;
 use crate::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
@@ -73,8 +69,8 @@ fn check_capacity(config: &Config, device: &Device) -> Result<()> {
 
 /// Trains a scene: begin or resume, step until done while the run observes, measure, save, report.
 fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
-    if let Some(eval) = watch::finished(job, &config.to_toml()) {
-        return Ok(Ending::Finished(Box::new(eval)));
+    if let Some(outcome) = watch::finished(job, &config.to_toml()) {
+        return Ok(Ending::Finished(outcome));
     }
     let held = watch::enter(job)?;
     check_capacity(config, &job.device)?;
@@ -95,10 +91,8 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         run.count_time(watch);
     }
     introduce(&run, &session, job);
-    if let Some(chart) = schedule(&data, &session.at()) {
-        let path = job.folder.plots().join(format!("{}.svg", timetable::NAME));
-        write_atomic(&path, chart.svg().as_bytes())?;
-        run.say(&format!("schedule plotted in {}", path.display()));
+    if let Some(schedule) = M::timetable(&data.scene, &session.at()) {
+        run.plot(&schedule)?;
     }
     let evaluator = Evaluator::new(&config.eval, &job.device);
 
@@ -119,22 +113,23 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
             run.save_on_the_way(step, &Snapshot::of(&session.trainer));
         }
     }
-    finish(run, job, &data, &session.into_trainer(), config, &evaluator)
+    let trainer = session.into_trainer();
+    finish(run, job, data, trainer, config, &evaluator)
 }
 
-/// Saves, measures and reports a finished training. Of the files that a disk is too full for, the others are written
+/// Saves and measures a finished training. Of the files that a disk is too full for, the others are written
 /// all the same.
 fn finish<M: Method>(
     mut run: Run,
     job: &Job,
-    data: &Data<M>,
-    trainer: &Trainer<M>,
+    data: Data<M>,
+    trainer: Trainer<M>,
     config: &FitConfig<M::Config>,
     evaluator: &Evaluator,
 ) -> Result<Ending> {
     let (step, at) = (trainer.step, trainer.at(&data.cues, config));
     let mut files = LastFiles::default();
-    files.tried("the checkpoint", run.save(step, &Snapshot::of(trainer)));
+    files.tried("the checkpoint", run.save(step, &Snapshot::of(&trainer)));
     let ply = write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased);
     files.tried("scene.ply", ply.map_err(|error| error.context("the finished scene could not be exported")));
     if let Some(note) = placed_note(data.scene.origin) {
@@ -142,56 +137,38 @@ fn finish<M: Method>(
     }
     let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
-    let (file, written) = run.record(step, measured);
+    let (eval, written) = run.record(step, measured);
     files.tried("eval.json", written);
     let (history, written) = run.finish();
     files.tried("metrics.jsonl", written);
-    let shown = (schedule(data, &at), Some(report_viewer(data, trainer, config, &file.name)));
-    let report = report::write(&job.folder, &file, &history, &pictures, shown, &config.to_toml());
-    files.tried("report.html", report.and_then(|()| report_future(job, data, trainer, config)));
-    files.done()?;
-    if let Some(peak) = file.last.cost.peak_memory_bytes {
-        tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
-    }
-    Ok(Ending::Finished(Box::new(file)))
-}
-
-/// The chart of the schedule, if the method has one.
-fn schedule<M: Method>(data: &Data<M>, at: &Step<M>) -> Option<Chart> {
-    M::timetable(&data.scene, at).as_ref().map(timetable::chart)
+    let schedule = M::timetable(&data.scene, &at);
+    let scene = presented(&data, &trainer, config, &eval.name);
+    let (facts, render, device) = (trainer.facts, config.render.clone(), job.device.clone());
+    let photos = Some(ScenePhotos { photos: data.scene, facts, render, device });
+    let contents =
+        Contents { config: config.to_toml(), history, pictures, schedule, scene: Some(scene), photos, files };
+    Ok(Ending::Finished(Outcome { eval, report: Some(Box::new(contents)) }))
 }
 
 /// The scene with its cameras, for the report.
-fn report_viewer<M: Method>(data: &Data<M>, trainer: &Trainer<M>, config: &FitConfig<M::Config>, name: &str) -> String {
+fn presented<M: Method>(
+    data: &Data<M>,
+    trainer: &Trainer<M>,
+    config: &FitConfig<M::Config>,
+    name: &str,
+) -> PresentedScene {
     let gaussians = trainer.gaussians();
     let scene = trainer.method().scene(gaussians.clone());
-    let viewed = Viewed {
+    let presentation = Presentation {
         name: name.into(),
-        scene: &*scene,
         options: trainer.facts.render_options(&config.render, gaussians.sh_degree()),
         middle: trainer.method().middle(),
-        cameras: viewer::cameras(&data.scene),
+        cameras: presentation::cameras(&data.scene),
         distance: trainer.facts.subject_distance,
         shutter: shutter(&*scene, &config.to_table()),
         world: glam::DMat4::from_translation(data.scene.origin),
     };
-    viewer::section(&viewed.packed())
-}
-
-/// Adds the future to the report, where cameras that are held out saw one.
-fn report_future<M: Method>(
-    job: &Job,
-    data: &Data<M>,
-    trainer: &Trainer<M>,
-    config: &FitConfig<M::Config>,
-) -> Result<()> {
-    let scene = trainer.method().scene(trainer.gaussians().clone());
-    let studio = Studio { facts: trainer.facts, render: config.render.clone(), device: job.device.clone() };
-    let known = Known { studio: &studio, scene: &*scene, photos: &data.scene };
-    match known.horizon(None) {
-        Some(horizon) => future::add_to_report(&job.folder, &known.section(&horizon, &[])?),
-        None => Ok(()),
-    }
+    PresentedScene { scene, presentation }
 }
 
 /// Reads the data set at `path` for training and measuring.

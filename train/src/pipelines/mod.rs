@@ -19,6 +19,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use gs_datasets::{CheckReport, Scene};
+use gs_models::DynamicScene;
 use toml::Table;
 
 use crate::config::ConfigError;
@@ -26,6 +27,7 @@ use crate::fit::foresight::Foresight;
 use crate::fit::snapshot::Snapshot;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::evaluate::{Comparison, Measured};
+use crate::run::presentation::Presentation;
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
 use crate::stability::Experiment;
@@ -188,6 +190,8 @@ pub struct Reconstruction<'a> {
     pub rest_speed: Option<f64>,
     /// A script of edits.
     pub edit: Option<&'a Path>,
+    /// Draws the page of a snippet as HTML.
+    pub page: fn(&dyn DynamicScene, &Presentation) -> String,
     /// The compute device.
     pub device: &'a Device,
 }

@@ -1,4 +1,4 @@
-//! Depth and velocity in colour, and animated GIFs.
+//! Depth and other numbers in colour, and animated GIFs.
 
 use std::path::Path;
 
@@ -10,9 +10,6 @@ use crate::run::outputs::MARK;
 /// Share of the seen pixels at each end of the depth range that the colours do not spread over: a few wrong pixels must not
 /// flatten the rest.
 const DEPTH_TAILS: f64 = 0.02;
-
-/// Share of pixels whose speed may exceed the brightest colour.
-const SPEED_TAIL: f64 = 0.005;
 
 /// Alpha below which a pixel shows nothing: it is drawn black or grey.
 pub const ALPHA_SEEN: f32 = 0.5;
@@ -58,31 +55,6 @@ fn viridis(share: f32) -> [u8; 3] {
     [0, 1, 2].map(|c| (VIRIDIS[below][c] * (1.0 - part) + VIRIDIS[below + 1][c] * part + 0.5) as u8)
 }
 
-/// Velocities `[H * W * 3]` in colour: mid grey is at rest; red, green and blue are the world's axes, brighter along them and
-/// darker against them.
-pub fn velocity_colors(velocity: &[f32]) -> Vec<u8> {
-    vector_colors(velocity, full_speed(velocity))
-}
-
-/// [`velocity_colors`] of any vectors, of which the brightest colours have the length `full`.
-pub fn vector_colors(vectors: &[f32], full: f32) -> Vec<u8> {
-    let rows = vectors.as_chunks::<3>().0;
-    rows.iter().flat_map(|v| v.map(|x| (127.5 + 127.5 * (x / full).clamp(-1.0, 1.0)) as u8)).collect()
-}
-
-/// The length of the brightest colour in a map of vectors `[H * W * 3]`: few are longer.
-pub fn full_speed(vectors: &[f32]) -> f32 {
-    let lengths = vectors.as_chunks::<3>().0.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt());
-    full_scale(lengths.collect())
-}
-
-/// The value of the brightest colour in a map: few are larger.
-pub fn full_scale(mut values: Vec<f32>) -> f32 {
-    values.sort_by(f32::total_cmp);
-    let index = ((1.0 - SPEED_TAIL) * values.len() as f64) as usize;
-    values.get(index).or(values.last()).copied().unwrap_or(1.0).max(1e-12)
-}
-
 /// Values `[H * W]` in colour, violet at 0 and yellow at `full`; mid grey where alpha is low.
 pub fn scalar_colors(values: &[f32], alpha: &[f32], full: f32) -> Vec<u8> {
     let color = |(value, alpha): (&f32, &f32)| match *alpha >= ALPHA_SEEN && value.is_finite() {
@@ -119,14 +91,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_order_depth_and_direction() {
+    fn colours_order_depth() {
         let depth: Vec<f32> = (1..=100).map(|i| i as f32).collect();
         let colors = depth_colors(&depth, &[1.0; 100]);
         let brightness = |i: usize| colors[3 * i..][..3].iter().map(|c| u32::from(*c)).sum::<u32>();
         assert!(brightness(1) > brightness(50) && brightness(50) > brightness(99));
         assert_eq!(depth_colors(&[1.0, f32::NAN, -1.0], &[0.0, 1.0, 1.0]), [0; 9]);
-        assert_eq!(velocity_colors(&[0.0; 3]), [127; 3]);
-        assert_eq!(velocity_colors(&[1.0, 0.0, 0.0]), [255, 127, 127]);
-        assert_eq!(velocity_colors(&[0.0, 0.0, -1.0]), [127, 127, 0]);
     }
 }

@@ -21,11 +21,16 @@ use anyhow::Result;
 use gs_datasets::guarded;
 use gs_datasets::image_io::{write_atomic, write_png};
 
-use crate::run::evaluate::Comparison;
+use crate::fit::timetable::Timetable;
 use crate::run::folder::{EvalFile, MetricsLine, RunFolder, TrainLine};
+use crate::run::memory::megabytes;
+use crate::run::outcome::{Contents, Outcome, ScenePhotos};
+use crate::run::presentation::PresentedScene;
 use crate::run::profile::Profile;
+use crate::run::watch::SCHEDULE;
 
 use charts::{Chart, Series};
+use future::{Known, Studio};
 pub use page::{COMPARISON, FUTURE, section_page, with_section};
 use pictures::SideBySide;
 
@@ -33,32 +38,61 @@ use pictures::SideBySide;
 /// nobody.
 const SECTION_MAX: u64 = 64 << 20;
 
-/// Writes renders/, plots/ and report.html of a run. `schedule` is the chart of its schedule and `viewer` the section with its scene, if it
-/// has them.
+/// Draws the report of a finished training and ends its run; returns its figures.
+///
+/// # Errors
+/// When one of the last files of the run could not be written; the others are.
+pub fn finish(folder: &RunFolder, outcome: Outcome) -> Result<EvalFile> {
+    let Outcome { eval, report } = outcome;
+    let Some(mut contents) = report else { return Ok(eval) };
+    let mut files = std::mem::take(&mut contents.files);
+    files.tried("report.html", write(folder, &eval, &contents).and_then(|()| add_future(folder, &contents)));
+    files.done()?;
+    if let Some(peak) = eval.last.cost.peak_memory_bytes {
+        tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(eval.predicted_memory_bytes));
+    }
+    Ok(eval)
+}
+
+/// The chart of a schedule as SVG.
+pub fn schedule_svg(schedule: &Timetable) -> String {
+    timetable::chart(schedule).svg()
+}
+
+/// Adds the future to the report, where cameras that are held out saw one.
+fn add_future(folder: &RunFolder, contents: &Contents) -> Result<()> {
+    let (Some(presented), Some(photos)) = (&contents.scene, &contents.photos) else { return Ok(()) };
+    let ScenePhotos { photos, facts, render, device } = photos;
+    let studio = Studio { facts: *facts, render: render.clone(), device: device.clone() };
+    let known = Known { studio: &studio, scene: &*presented.scene, photos };
+    match known.horizon(None) {
+        Some(horizon) => future::add_to_report(folder, &known.section(&horizon, &[])?),
+        None => Ok(()),
+    }
+}
+
+/// Writes renders/, plots/ and report.html of a run.
 ///
 /// # Errors
 /// When a file cannot be written; files written before are kept.
-pub fn write(
-    folder: &RunFolder,
-    eval: &EvalFile,
-    history: &[MetricsLine],
-    comparisons: &[Comparison],
-    (schedule, viewer): (Option<Chart>, Option<String>),
-    config: &str,
-) -> Result<()> {
-    let pictures: Vec<SideBySide> = comparisons.iter().map(SideBySide::new).collect();
+pub fn write(folder: &RunFolder, eval: &EvalFile, contents: &Contents) -> Result<()> {
+    let pictures: Vec<SideBySide> = contents.pictures.iter().map(SideBySide::new).collect();
     for picture in &pictures {
         let path = folder.renders().join(format!("{}.png", picture.name));
         write_png(&path, picture.width, picture.height, &picture.pixels)?;
     }
     let mut plots = Vec::new();
-    let schedule = schedule.map(|chart| (timetable::NAME.to_string(), chart));
-    for (name, chart) in curves(history).into_iter().chain(schedule) {
+    let schedule = contents.schedule.as_ref().map(|schedule| (SCHEDULE.to_string(), timetable::chart(schedule)));
+    for (name, chart) in curves(&contents.history).into_iter().chain(schedule) {
         let svg = chart.svg();
         write_atomic(&folder.plots().join(format!("{name}.svg")), svg.as_bytes())?;
         plots.push(svg);
     }
-    let page = page::whole(eval, &plots, &pictures, (viewer, Profile::read(folder).as_ref()), config)?;
+    let scene = contents
+        .scene
+        .as_ref()
+        .map(|PresentedScene { scene, presentation }| viewer::section(&viewer::packed(&**scene, presentation)));
+    let page = page::whole(eval, &plots, &pictures, (scene, Profile::read(folder).as_ref()), &contents.config)?;
     // Sections that later commands put into an earlier report are kept.
     let kept = [(folder.comparison(), COMPARISON), (folder.future(), FUTURE)];
     let page = kept.into_iter().fold(page, |page, (path, place)| {

@@ -1,9 +1,8 @@
 //! Side-by-side pictures: photo, rendering, error.
 
-use burn::tensor::Tensor;
-
 use crate::fit::parameters::to_host;
 use crate::run::evaluate::Comparison;
+use crate::run::pixels::{image_bytes, to_bytes};
 
 /// Mean absolute error that is drawn in the brightest colour.
 pub const ERROR_FULL_SCALE: f32 = 0.25;
@@ -66,15 +65,6 @@ impl SideBySide {
     }
 }
 
-/// An image `[H, W, C]` from 0 to 1 as 8 bits, rounded to nearest.
-pub fn image_bytes(image: Tensor<3>) -> Vec<u8> {
-    to_bytes(&to_host(image))
-}
-
-fn to_bytes(values: &[f32]) -> Vec<u8> {
-    values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
-}
-
 fn heat_of(truth: &[f32], image: &[f32]) -> [u8; 3] {
     let error = truth.iter().zip(image).map(|(a, b)| (a - b).abs()).sum::<f32>() / 3.0;
     let place = (error / ERROR_FULL_SCALE).clamp(0.0, 1.0) * (HEAT.len() - 1) as f32;
@@ -91,10 +81,5 @@ mod tests {
     fn heat_goes_from_dark_to_light() {
         assert_eq!(heat_of(&[0.5; 3], &[0.5; 3]), [0, 0, 4]);
         assert_eq!(heat_of(&[0.0; 3], &[1.0; 3]), [252, 255, 164]);
-    }
-
-    #[test]
-    fn bytes_round_to_nearest() {
-        assert_eq!(to_bytes(&[-1.0, 0.0, 0.5, 1.0, 2.0, 1.0 / 255.0]), [0, 0, 128, 255, 255, 1]);
     }
 }

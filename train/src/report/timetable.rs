@@ -3,9 +3,6 @@
 use super::charts::{Chart, Series};
 use crate::fit::timetable::Timetable;
 
-/// Name of the chart's file among the plots of a run.
-pub const NAME: &str = "schedule";
-
 /// The curves of a schedule, and a vertical line at each event.
 pub fn chart(timetable: &Timetable) -> Chart {
     let values = timetable.curves.iter().flat_map(|curve| &curve.points).map(|(_, value)| *value);

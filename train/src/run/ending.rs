@@ -2,7 +2,7 @@
 
 use anyhow::{Result, anyhow};
 
-use crate::logging::one_sentence;
+use crate::sentence::one_sentence;
 
 /// What became of the last files of a run.
 #[derive(Debug, Default)]

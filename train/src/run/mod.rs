@@ -8,7 +8,8 @@
 //! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
 //! | [`scene`], [`exchange`] | finished scenes in and out, and those of other programs |
 //! | [`outputs`], [`results`], [`listing`] | files that are never written over, and folders that appear whole |
-//! | [`ending`] | the last files of a run, each if the disk takes it |
+//! | [`ending`], [`outcome`] | the last files of a run, each if the disk takes it; the contents of its report |
+//! | [`presentation`], [`pixels`] | how a scene is shown; images as bytes |
 //! | [`progress`], [`resources`], [`memory`], [`profile`], [`interrupt`] | what a user sees while it runs |
 
 pub mod checkpoint;
@@ -22,7 +23,10 @@ pub mod listing;
 pub mod lock;
 pub mod memory;
 pub mod metrics;
+pub mod outcome;
 pub mod outputs;
+pub mod pixels;
+pub mod presentation;
 pub mod profile;
 pub mod progress;
 pub mod resources;

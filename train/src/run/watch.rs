@@ -8,6 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use gs_datasets::guarded;
+use gs_datasets::image_io::write_atomic;
 use toml::Table;
 
 use super::checkpoint::{self, Checkpoint, CheckpointError, Origin};
@@ -17,6 +18,7 @@ use super::folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, Setting, Trai
 use super::interrupt;
 use super::lock::Lock;
 use super::memory::Prediction;
+use super::outcome::Outcome;
 use super::outputs;
 use super::profile;
 use super::progress::Progress;
@@ -25,10 +27,14 @@ use crate::config::{CheckpointConfig, tables};
 use crate::fit::method::Note;
 use crate::fit::schedule::due;
 use crate::fit::snapshot::Snapshot;
-use crate::logging::one_sentence;
+use crate::fit::timetable::Timetable;
+use crate::sentence::one_sentence;
 
 /// Name of the count of Gaussians in metrics.
 pub const GAUSSIANS: &str = "Gaussians";
+
+/// Name of the chart of the schedule among the plots of a run.
+pub const SCHEDULE: &str = "schedule";
 
 /// Steps from one line of metrics to the next.
 const METRICS_EVERY: usize = 10;
@@ -57,6 +63,8 @@ pub struct Job {
     pub stop_at: Option<usize>,
     /// Show nothing on the terminal.
     pub quiet: bool,
+    /// Draws the schedule of the training as SVG, before its first step.
+    pub schedule_svg: Option<fn(&Timetable) -> String>,
 }
 
 impl Job {
@@ -68,9 +76,9 @@ impl Job {
 
 /// The end of a run.
 #[derive(Debug)]
-pub enum Ending {
+pub enum Ending<T = Outcome> {
     /// All steps were taken.
-    Finished(Box<EvalFile>),
+    Finished(T),
     /// Stopped on request, with the state saved after this step.
     Interrupted(usize),
 }
@@ -149,7 +157,7 @@ pub fn saved(job: &Job, config: &str) -> Result<Option<Checkpoint>> {
 }
 
 /// The figures of a run that is to be continued and has nothing left to do; `None` for any other.
-pub fn finished(job: &Job, config: &str) -> Option<EvalFile> {
+pub fn finished(job: &Job, config: &str) -> Option<Outcome> {
     let folder = &job.folder;
     let newest = folder.saved().pop().filter(|_| job.resume)?;
     let saved = guarded::read_to_string(&folder.config(), tables::FILE_MAX).ok()?;
@@ -161,7 +169,7 @@ pub fn finished(job: &Job, config: &str) -> Option<EvalFile> {
     if is_done && !job.quiet {
         eprintln!("{}: the run is finished; nothing is written", folder.path().display());
     }
-    is_done.then_some(eval)
+    is_done.then_some(Outcome { eval, report: None })
 }
 
 /// That the paths of a run can be written down, and the lock of a folder that a run is to go on in.
@@ -374,6 +382,18 @@ impl Run {
             }
             written => (file, written),
         }
+    }
+
+    /// Draws the schedule into the run folder.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn plot(&self, schedule: &Timetable) -> Result<()> {
+        let Some(svg) = self.job.schedule_svg else { return Ok(()) };
+        let path = self.job.folder.plots().join(format!("{SCHEDULE}.svg"));
+        write_atomic(&path, svg(schedule).as_bytes())?;
+        self.say(&format!("schedule plotted in {}", path.display()));
+        Ok(())
     }
 
     fn eval_file(&self, last: Evaluation) -> EvalFile {

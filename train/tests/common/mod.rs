@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use gs_burn::device::{BACKENDS, DeviceKind, select};
+use gs_train::commands::train::train_and_report;
 use gs_train::config::FitConfig;
 use gs_train::fit::method::Method;
 use gs_train::fit::photos::Photo;
@@ -124,18 +125,19 @@ pub fn job(dataset: &Path, folder: &Path, config: &Table) -> Job {
         resume: false,
         stop_at: None,
         quiet: true,
+        schedule_svg: Some(gs_train::report::schedule_svg),
     }
 }
 
 /// Runs.
-pub fn train(job: &Job) -> anyhow::Result<Ending> {
-    pipeline(&job.config).train(job)
+pub fn train(job: &Job) -> anyhow::Result<Ending<EvalFile>> {
+    train_and_report(pipeline(&job.config), job)
 }
 
 /// Runs to the end.
 pub fn finish(job: &Job) -> EvalFile {
     match train(job).expect("the run succeeds") {
-        Ending::Finished(eval) => *eval,
+        Ending::Finished(eval) => eval,
         Ending::Interrupted(step) => panic!("interrupted after step {step}"),
     }
 }

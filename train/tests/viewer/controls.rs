@@ -4,7 +4,8 @@ use glam::DVec3;
 use gs_burn::{Camera, Intrinsics, render};
 use gs_datasets::load_cameras;
 use gs_models::{DynamicScene, Shutter};
-use gs_train::report::viewer::{self, Viewed};
+use gs_train::report::viewer;
+use gs_train::run::presentation::Presentation;
 use serde_json::Value;
 
 use crate::browser::{agrees, bytes, decoded, dom, with_script};
@@ -62,7 +63,7 @@ fn near(a: DVec3, b: DVec3) -> bool {
 #[test]
 fn fingers_mouse_and_keys_do_what_the_page_says() {
     let scene = taylor();
-    let mut viewed = viewed(&scene, "controls");
+    let mut viewed = viewed("controls");
     // Key frames have their principal point in the middle, and one focal length.
     let focal = SIZE[0] as f64;
     viewed.cameras[0].k = [focal, focal, 0.5 * SIZE[0] as f64, 0.5 * SIZE[1] as f64];
@@ -74,7 +75,7 @@ fn fingers_mouse_and_keys_do_what_the_page_says() {
     let shift = DVec3::new(100.0, -20.0, 3.0);
     let world = glam::DMat4::from_translation(shift);
     let shutter = Some(Shutter { exposure: 0.2, linear: true });
-    let packed = Viewed { shutter, world, ..viewed }.packed();
+    let packed = viewer::packed(&scene, &Presentation { shutter, world, ..viewed });
 
     let folder = tempfile::tempdir().expect("a folder");
     let page = folder.path().join("page.html");

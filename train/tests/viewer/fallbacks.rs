@@ -1,7 +1,8 @@
 //! Browsers that lack something.
 
 use gs_models::Shutter;
-use gs_train::report::viewer::{self, Viewed};
+use gs_train::report::viewer;
+use gs_train::run::presentation::Presentation;
 
 use crate::browser::{agrees, dom, pictures, with_script};
 use crate::motion::{exposed, taylor};
@@ -18,7 +19,7 @@ const NO_WEBGL: &str = "HTMLCanvasElement.prototype.getContext = () => null;";
 fn without_half_floats_ten_bits_agree() {
     let scene = taylor();
     let shutter = Shutter { exposure: 0.2, linear: true };
-    let packed = Viewed { shutter: Some(shutter), ..viewed(&scene, "ten bits") }.packed();
+    let packed = viewer::packed(&scene, &Presentation { shutter: Some(shutter), ..viewed("ten bits") });
     let folder = tempfile::tempdir().expect("a folder");
     let page = folder.path().join("page.html");
     std::fs::write(&page, with_script(&viewer::page("ten bits", &packed), NO_HALF_FLOATS)).expect("written");
@@ -35,9 +36,9 @@ fn without_half_floats_ten_bits_agree() {
 #[test]
 fn without_webgl_there_are_pictures_and_a_sentence() {
     let scene = taylor();
-    let mut viewed = viewed(&scene, "flat");
+    let mut viewed = viewed("flat");
     viewed.cameras[0].photo = Some(PHOTO.into());
-    let packed = viewed.packed();
+    let packed = viewer::packed(&scene, &viewed);
     let folder = tempfile::tempdir().expect("a folder");
     let page = folder.path().join("page.html");
     let report = format!("<!doctype html>\n<main>{}</main>", viewer::section(&packed));

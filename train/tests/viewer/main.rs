@@ -14,7 +14,8 @@ mod pages;
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, render};
 use gs_models::{DynamicScene, Static};
-use gs_train::report::viewer::{self, Viewed};
+use gs_train::report::viewer;
+use gs_train::run::presentation::{self, Presentation};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -79,9 +80,9 @@ fn options() -> RenderOptions {
     RenderOptions { background: [0.1, 0.2, 0.3], ..RenderOptions::default() }
 }
 
-fn viewed<'a>(scene: &'a dyn DynamicScene, name: &str) -> Viewed<'a> {
+fn viewed(name: &str) -> Presentation {
     let Intrinsics { fx, fy, cx, cy } = INTRINSICS;
-    let camera = viewer::Camera {
+    let camera = presentation::Camera {
         name: name.into(),
         split: "held out".into(),
         time: None,
@@ -92,7 +93,7 @@ fn viewed<'a>(scene: &'a dyn DynamicScene, name: &str) -> Viewed<'a> {
     };
     let (middle, distance) = (0.0, Some(3.0));
     let (cameras, world) = (vec![camera], glam::DMat4::IDENTITY);
-    Viewed { name: name.into(), scene, options: options(), middle, cameras, distance, shutter: None, world }
+    Presentation { name: name.into(), options: options(), middle, cameras, distance, shutter: None, world }
 }
 
 #[test]
@@ -100,10 +101,10 @@ fn colours_of_every_degree_agree() {
     let folder = tempfile::tempdir().expect("a folder");
     for degree in 0..=3 {
         let scene = Static::new(cloud(300, degree, degree as u64));
-        let mut viewed = viewed(&scene, "cloud");
+        let mut viewed = viewed("cloud");
         viewed.options.antialiased = degree == 2;
         let page = folder.path().join("page.html");
-        std::fs::write(&page, viewer::page("cloud", &viewed.packed())).expect("written");
+        std::fs::write(&page, viewer::page("cloud", &viewer::packed(&scene, &viewed))).expect("written");
         let Some(drawn) = pictures(&page, "0@0") else { return };
         let truth = bytes(render(&scene.gaussians, &camera(), &viewed.options).color);
         agrees(&format!("SH {degree}"), &drawn[0], &truth);

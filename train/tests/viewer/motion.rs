@@ -8,7 +8,8 @@ use gs_models::flux4d::{FluxScene, PolynomialMotion};
 use gs_models::light::Mixing;
 use gs_models::taylormode::{Contact, Kinks, MotionFrame, RemainderFrame, TaylorScene, TimeWindow};
 use gs_models::{DynamicScene, Shutter};
-use gs_train::report::viewer::{self, Packed, Viewed};
+use gs_train::report::viewer::{self, Packed};
+use gs_train::run::presentation::Presentation;
 
 use crate::browser::{agrees, bytes, pictures};
 use crate::common::device;
@@ -18,7 +19,7 @@ use crate::{Draw, bytes_of, camera, cloud, options, viewed};
 fn compare_through_time(what: &str, scene: &dyn DynamicScene) {
     let [first, last] = scene.span().expect("it moves");
     let times = [first, 0.5 * (first + last), last, first + 0.3719 * (last - first)];
-    compare_at(what, scene, &viewed(scene, what).packed(), times);
+    compare_at(what, scene, &viewer::packed(scene, &viewed(what)), times);
 }
 
 /// Compares the page of a scene that moves between the first of some times and the third.
@@ -75,7 +76,7 @@ fn velocities_and_exposures_agree() {
     let folder = tempfile::tempdir().expect("a folder");
     let page = folder.path().join("page.html");
     let shutter = Shutter { exposure: 0.2, linear: true };
-    let packed = Viewed { shutter: Some(shutter), ..viewed(&scene, "blur") }.packed();
+    let packed = viewer::packed(&scene, &Presentation { shutter: Some(shutter), ..viewed("blur") });
     std::fs::write(&page, viewer::page("blur", &packed)).expect("written");
     let Some(drawn) = pictures(&page, "0@0.3@exposure,0@0.3@velocity") else { return };
     agrees("exposure", &drawn[0], &exposed(&scene, 0.3, shutter));
@@ -139,7 +140,7 @@ impl DynamicScene for Circles {
 #[test]
 fn key_frames_agree() {
     let scene = Circles(cloud(200, 1, 13));
-    let json: serde_json::Value = serde_json::from_str(&viewed(&scene, "circles").packed().json).expect("JSON");
+    let json: serde_json::Value = serde_json::from_str(&viewer::packed(&scene, &viewed("circles")).json).expect("JSON");
     assert!(json["clock"]["knots"].as_u64() >= Some(17), "{}", json["clock"]);
     assert_eq!(json["moving"], 100);
     compare_through_time("key frames", &scene);
@@ -190,9 +191,9 @@ fn photos_before_and_after_the_recording_are_reached() {
 
 /// The page of a scene with a photo at a time, whose slider goes over the times `shown`.
 fn seen_at(scene: &dyn DynamicScene, time: f64, shown: [f64; 2], seen: [f64; 2]) -> Packed {
-    let mut viewed = viewed(scene, "future");
+    let mut viewed = viewed("future");
     viewed.cameras[0].time = Some(time);
-    let packed = viewed.packed();
+    let packed = viewer::packed(scene, &viewed);
     let json: serde_json::Value = serde_json::from_str(&packed.json).expect("JSON");
     assert_eq!([&json["span"], &json["seen"]], [&serde_json::json!(shown), &serde_json::json!(seen)]);
     packed

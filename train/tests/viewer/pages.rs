@@ -19,7 +19,7 @@ use crate::{cloud, viewed};
 fn names_stay_text() {
     let hostile = "</script><img src=x onerror=\"document.title='injected'\">";
     let scene = Static::new(cloud(20, 0, 1));
-    let packed = viewed(&scene, hostile).packed();
+    let packed = viewer::packed(&scene, &viewed(hostile));
     assert!(!packed.json.contains('<'));
     let page = viewer::page(hostile, &packed);
     assert!(
@@ -40,12 +40,12 @@ fn a_small_picture_stays_small() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = Static::new(cloud(20, 0, 1));
     for (size, shown) in [([32, 24], "max-width: 128px"), ([1600, 1200], "max-width: 6400px")] {
-        let mut viewed = viewed(&scene, "small");
+        let mut viewed = viewed("small");
         let factor = size[0] as f64 / viewed.cameras[0].size[0] as f64;
         viewed.cameras[0].size = size;
         viewed.cameras[0].k.iter_mut().for_each(|pixels| *pixels *= factor);
         let path = folder.path().join("page.html");
-        std::fs::write(&path, viewer::page("small", &viewed.packed())).expect("written");
+        std::fs::write(&path, viewer::page("small", &viewer::packed(&scene, &viewed))).expect("written");
         let Some(dom) = dom(&path, "picture=0@0") else { return };
         let stage = dom.split("class=\"stage\"").nth(1).and_then(|rest| rest.split('>').next()).expect("a stage");
         assert!(stage.contains(shown), "{stage}");
@@ -56,7 +56,7 @@ fn a_small_picture_stays_small() {
 #[test]
 fn many_gaussians_lose_their_harmonics_and_the_page_says_so() {
     let scene = Static::new(cloud(viewer::WITH_SH_MAX + 1, 1, 2));
-    let Packed { json, .. } = viewed(&scene, "many").packed();
+    let Packed { json, .. } = viewer::packed(&scene, &viewed("many"));
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!((json["degree"].as_u64(), json["trained_degree"].as_u64()), (Some(0), Some(1)));
     assert!(json["notes"][0].as_str().is_some_and(|note| note.contains("300000")), "{}", json["notes"]);

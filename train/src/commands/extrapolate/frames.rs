@@ -12,8 +12,8 @@ use crate::fit::foresight::Foresight;
 use crate::fit::parameters::to_host;
 use crate::pipelines::Foreseen;
 use crate::report::maps::write_gif;
-use crate::report::pictures::image_bytes;
 use crate::run::outputs::marked_png;
+use crate::run::pixels::image_bytes;
 use crate::run::scene::write_ply;
 
 /// Times at which Gaussians are held at once.

@@ -26,7 +26,6 @@ use crate::cli::ExtrapolateArgs;
 use crate::commands::{device, print};
 use crate::fit::foresight::Foresight;
 use crate::fit::parameters::to_host;
-use crate::logging::one_sentence;
 use crate::pipelines::{Foreseen, of_checkpoint};
 use crate::report::future::spread::moving_rows;
 use crate::report::future::strip::Picture;
@@ -35,6 +34,7 @@ use crate::run::folder::RunFolder;
 use crate::run::outputs::{self, marked_png, marked_svg};
 use crate::run::results::Results;
 use crate::run::scene::{SceneFile, read_file};
+use crate::sentence::one_sentence;
 
 use figures::Figures;
 use plan::{Files, Shot};

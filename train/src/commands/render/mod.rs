@@ -18,8 +18,8 @@ use crate::fit::parameters::to_host;
 use crate::fit::photos::intrinsics;
 use crate::pipelines::load_scene;
 use crate::report::maps::{self, write_gif};
-use crate::report::pictures::image_bytes;
 use crate::run::outputs::{self, MARK, marked_png};
+use crate::run::pixels::{image_bytes, velocity_colors};
 use crate::run::scene::LoadedScene;
 
 use film::Film;
@@ -188,7 +188,7 @@ fn write_maps(stem: &Path, pose: &CameraPose, rendering: &Rendering) -> Result<(
     let depth = to_host(rendering.expected_depth().expect("depth was asked for"));
     write_png(&appended(stem, "_depth_color.png"), width, height, &maps::depth_colors(&depth, &alpha))?;
     if let Some(velocity) = &rendering.features {
-        let colors = maps::velocity_colors(&to_host(velocity.clone()));
+        let colors = velocity_colors(&to_host(velocity.clone()));
         write_png(&appended(stem, "_velocity.png"), width, height, &colors)?;
     }
     Ok(())

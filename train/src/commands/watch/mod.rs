@@ -16,9 +16,10 @@ use crate::cli::WatchArgs;
 use crate::commands::view::Opened;
 use crate::commands::{device, print};
 use crate::report::curves;
-use crate::report::viewer::{self, Camera, Packed};
+use crate::report::viewer::{self, Packed};
 use crate::run::checkpoint::{Checkpoint, Origin};
 use crate::run::folder::{MetricsLine, RunFolder};
+use crate::run::presentation::Camera;
 use crate::run::scene::SceneFile;
 
 /// How often the run folder is looked at.

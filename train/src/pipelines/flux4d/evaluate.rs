@@ -24,11 +24,11 @@ use super::world::in_world;
 use crate::fit::figure::{Better, Figure};
 use crate::fit::method::MOVING;
 use crate::fit::parameters::to_host;
-use crate::logging::one_sentence;
-use crate::report::maps::velocity_colors;
-use crate::report::viewer::Packed;
 use crate::run::evaluate::{Comparison, Evaluator, Measured, ModelSize, ViewScores, scores_within};
 use crate::run::metrics::{psnr, psnr_masked};
+use crate::run::pixels::velocity_colors;
+use crate::run::presentation::PresentedScene;
+use crate::sentence::one_sentence;
 use gs_models::flux4d::scene::REST_SPEED;
 
 /// A measured network.
@@ -40,7 +40,7 @@ pub struct Measurement {
     /// The first snippet at its middle time, with its origin in the world.
     pub scene: Option<(gs_burn::Gaussians, glam::DVec3)>,
     /// The first snippet for the viewer.
-    pub viewer: Option<Packed>,
+    pub viewed: Option<PresentedScene>,
 }
 
 /// The snippets to measure.
@@ -69,7 +69,7 @@ struct Sums {
     moving_share: Vec<f64>,
     skipped: usize,
     scene: Option<(gs_burn::Gaussians, glam::DVec3)>,
-    viewer: Option<Packed>,
+    viewed: Option<PresentedScene>,
 }
 
 /// PSNR of other Gaussians on the same views, dB.
@@ -178,10 +178,13 @@ fn snippet(
     sums.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
     sums.gaussians.push(scene.gaussians.len());
     let middle = 0.5 * (host.window[0] + host.window[1]);
-    if kept > 0 {
-        sums.viewer.get_or_insert_with(|| snippet_page::packed(&scene, host, log));
-    }
     sums.scene.get_or_insert_with(|| in_world(&scene.at(middle), &host.to_world, log.origin()));
+    if kept > 0 {
+        sums.viewed.get_or_insert_with(|| {
+            let presentation = snippet_page::presentation(host, log);
+            PresentedScene { scene: Box::new(scene), presentation }
+        });
+    }
     Ok(())
 }
 
@@ -217,7 +220,7 @@ fn finish(sums: Sums, evaluator: &Evaluator, name: &str, network: &FluxNetwork) 
     let size = ModelSize { gaussians, bytes: 4 * 14 * gaussians };
     let tables = sums.flow.table().into_iter().collect();
     let measured = Measured { split: name.into(), quality, size, figures, tables };
-    Measurement { measured, pictures: sums.pictures, scene: sums.scene, viewer: sums.viewer }
+    Measurement { measured, pictures: sums.pictures, scene: sums.scene, viewed: sums.viewed }
 }
 
 fn mean(values: &[f64]) -> Option<f64> {

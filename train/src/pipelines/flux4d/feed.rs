@@ -13,7 +13,7 @@ use super::logs::{Logs, Place};
 use super::prepare::{HostSnippet, prepare};
 use super::recolour::recoloured;
 use crate::fit::random::{Purpose, stream};
-use crate::logging::one_sentence;
+use crate::sentence::one_sentence;
 
 /// Snippets that wait for the training at most.
 const AHEAD: usize = 2;

@@ -15,23 +15,22 @@ use super::network::FluxNetwork;
 use super::observer::Observer;
 use super::saved::{parameters, restore, snapshot};
 use super::trainer::Trainer;
-use crate::report;
-use crate::report::viewer::section;
 use crate::run::checkpoint::Origin;
 use crate::run::ending::LastFiles;
 use crate::run::folder::{Setting, full_path};
-use crate::run::memory::{Prediction, megabytes};
+use crate::run::memory::Prediction;
+use crate::run::outcome::{Contents, Outcome};
 use crate::run::progress;
 use crate::run::scene::{placed_note, write_ply};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
 
-/// Trains a network: begin or resume, take steps while the run observes, save, measure, report.
+/// Trains a network: begin or resume, take steps while the run observes, save, measure.
 ///
 /// # Errors
 /// One sentence: bad data, a damaged checkpoint, a full disk.
 pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
-    if let Some(eval) = watch::finished(job, &config.to_toml()) {
-        return Ok(Ending::Finished(Box::new(eval)));
+    if let Some(outcome) = watch::finished(job, &config.to_toml()) {
+        return Ok(Ending::Finished(outcome));
     }
     check_devices(job, config)?;
     let held = watch::enter(job)?;
@@ -82,7 +81,7 @@ fn check_devices(job: &Job, config: &FluxConfig) -> Result<()> {
 fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
     let mut files = LastFiles::default();
     files.tried("the checkpoint", observer.run.save(trainer.step, &snapshot(trainer)));
-    let Measurement { measured, pictures, scene, viewer } = observer.measure(trainer, observer.config.eval.images)?;
+    let Measurement { measured, pictures, scene, viewed } = observer.measure(trainer, observer.config.eval.images)?;
     let Observer { mut run, config, .. } = observer;
     if let Some((gaussians, origin)) = scene {
         let ply = write_ply(&job.folder.ply(), &gaussians, origin);
@@ -92,20 +91,13 @@ fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
             run.say(&format!("{}: {note}", job.folder.ply().display()));
         }
     }
-    let (file, written) = run.record(trainer.step, measured);
+    let (eval, written) = run.record(trainer.step, measured);
     files.tried("eval.json", written);
     let (history, written) = run.finish();
     files.tried("metrics.jsonl", written);
-    let viewer = viewer.as_ref().map(section);
-    files.tried(
-        "report.html",
-        report::write(&job.folder, &file, &history, &pictures, (None, viewer), &config.to_toml()),
-    );
-    files.done()?;
-    if let Some(peak) = file.last.cost.peak_memory_bytes {
-        tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(file.predicted_memory_bytes));
-    }
-    Ok(Ending::Finished(Box::new(file)))
+    let (config, schedule, photos) = (config.to_toml(), None, None);
+    let contents = Contents { config, history, pictures, schedule, scene: viewed, photos, files };
+    Ok(Ending::Finished(Outcome { eval, report: Some(Box::new(contents)) }))
 }
 
 /// The saved training, or one before its first step.

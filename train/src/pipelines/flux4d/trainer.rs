@@ -16,7 +16,7 @@ use super::network::FluxNetwork;
 use super::prepare::{HostSnippet, HostView};
 use super::sample::{Sample, Supervision, target};
 use crate::fit::random::{Purpose, stream};
-use crate::logging::one_sentence;
+use crate::sentence::one_sentence;
 
 /// A network in training.
 #[derive(Debug)]

@@ -7,8 +7,8 @@ use anyhow::{Result, bail};
 
 use super::ComparedRun;
 use crate::config::tables::flat;
-use crate::logging::one_sentence;
 use crate::run::folder::RunFolder;
+use crate::sentence::one_sentence;
 
 /// The runs that could be read.
 #[derive(Debug)]

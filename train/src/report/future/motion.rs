@@ -11,7 +11,8 @@ use super::strip::Picture;
 use super::studio::{Studio, enlarged};
 use super::trajectories::SIDE;
 use crate::fit::parameters::{from_host, to_host};
-use crate::report::maps::{ALPHA_SEEN, full_scale, full_speed, scalar_colors, vector_colors};
+use crate::report::maps::{ALPHA_SEEN, scalar_colors};
+use crate::run::pixels::{full_scale, full_speed, vector_colors};
 
 /// Half the time between two orientations of a difference, as a share of the seen time: rotations of f32 then give an angular velocity to
 /// some 1e-4 radians per seen time, and motion over that time is even.

@@ -3,7 +3,7 @@
 use gs_datasets::View;
 
 use super::studio::{Known, pose_of};
-use crate::report::pictures::image_bytes;
+use crate::run::pixels::image_bytes;
 
 /// Columns at most: as many frames as a page shows side by side.
 const COLUMNS: usize = 6;

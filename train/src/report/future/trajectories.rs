@@ -10,7 +10,7 @@ use super::strip::Picture;
 use super::studio::{Studio, enlarged};
 use crate::fit::parameters::to_host;
 use crate::fit::random::{Purpose, stream};
-use crate::report::pictures::image_bytes;
+use crate::run::pixels::image_bytes;
 
 /// Paths that are drawn at most and at least, as far as so many move.
 const PATHS: [usize; 2] = [300, 24];

@@ -8,8 +8,6 @@ mod block;
 mod motion;
 mod page;
 mod scene;
-mod views;
 
-pub use page::{live_page, page, section};
-pub use scene::{GAUSSIANS_MAX, Packed, Viewed, WITH_SH_MAX};
-pub use views::{Camera, camera, cameras};
+pub use page::{live_page, page, page_of, section};
+pub use scene::{GAUSSIANS_MAX, Packed, WITH_SH_MAX, packed};

@@ -1,9 +1,11 @@
 //! The viewer's HTML: a section of a report, a page of its own, a page that follows a training.
 
 use gs_kernels::constants::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN};
+use gs_models::DynamicScene;
 
-use super::scene::Packed;
+use super::scene::{Packed, packed};
 use crate::report::html::{self, MAGNIFICATION};
+use crate::run::presentation::Presentation;
 
 const CONTROLS: &str = include_str!("viewer.html");
 const SCRIPT: &str = include_str!("viewer.js");
@@ -27,6 +29,11 @@ pub fn section(scene: &Packed) -> String {
 /// The viewer of a scene as a page of its own.
 pub fn page(name: &str, scene: &Packed) -> String {
     whole(name, &body("page", Some(scene)))
+}
+
+/// The page of a scene.
+pub fn page_of(scene: &dyn DynamicScene, presentation: &Presentation) -> String {
+    page(&presentation.name, &packed(scene, presentation))
 }
 
 /// The viewer without a scene: the function `follow` of `script` fetches it from the server that sends the page, again and again.

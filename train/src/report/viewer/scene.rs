@@ -1,15 +1,15 @@
 //! A scene as a page holds it: JSON with cameras and options, and the block with its numbers.
 
 use glam::{DMat4, DVec3};
-use gs_burn::{Gaussians, RenderOptions};
+use gs_burn::Gaussians;
 use gs_datasets::{agree, counted};
 use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 
 use super::block::{Array, Block};
 use super::motion::{Clock, Motion, unit_quats};
-use super::views::Camera;
 use crate::fit::parameters::to_host;
+use crate::run::presentation::{Camera, Presentation};
 
 /// Up to so many Gaussians a page has everything; beyond, colour is the same from all sides (SH 0).
 pub const WITH_SH_MAX: usize = 300_000;
@@ -51,26 +51,6 @@ const FASTEST: f64 = 0.005;
 const FREE_SIZE: [usize; 2] = [800, 600];
 const FREE_FOCAL: f64 = 1.0;
 
-/// A scene with everything that is shown beside it.
-pub struct Viewed<'a> {
-    /// Its name.
-    pub name: String,
-    /// The scene.
-    pub scene: &'a dyn DynamicScene,
-    /// How it is rendered.
-    pub options: RenderOptions,
-    /// The time to begin with.
-    pub middle: f64,
-    /// Its cameras; may be empty.
-    pub cameras: Vec<Camera>,
-    /// Distance of the subject from its cameras, scene units.
-    pub distance: Option<f64>,
-    /// How an exposure is formed, if the scene has a blur model.
-    pub shutter: Option<Shutter>,
-    /// From the scene's world to that of its data set, for key frames.
-    pub world: DMat4,
-}
-
 /// The page's JSON.
 #[derive(Debug, Serialize)]
 pub struct Described {
@@ -107,13 +87,25 @@ pub struct Packed {
     pub block: String,
 }
 
-impl Viewed<'_> {
-    /// The scene as JSON and block.
-    pub fn packed(&self) -> Packed {
+/// A scene as JSON and block.
+pub fn packed(scene: &dyn DynamicScene, presentation: &Presentation) -> Packed {
+    Shown { scene, presentation }.packed()
+}
+
+/// A scene with its presentation.
+#[derive(Clone, Copy)]
+struct Shown<'a> {
+    scene: &'a dyn DynamicScene,
+    presentation: &'a Presentation,
+}
+
+impl Shown<'_> {
+    fn packed(self) -> Packed {
+        let Presentation { name, options, middle: time, cameras, distance, shutter, world } = self.presentation;
         let span = self.shown_span();
-        let exposure = self.shutter.map_or(0.0, |shutter| shutter.exposure);
+        let exposure = shutter.map_or(0.0, |shutter| shutter.exposure);
         let mut motion = span.and_then(|span| Motion::of(self.scene, span, exposure));
-        let gaussians = motion.as_ref().map_or_else(|| self.scene.at(self.middle), |motion| motion.base.clone());
+        let gaussians = motion.as_ref().map_or_else(|| self.scene.at(*time), |motion| motion.base.clone());
         let mut numbers = Numbers::of(&gaussians);
         let total = numbers.len();
         let mut notes = Vec::new();
@@ -125,7 +117,7 @@ impl Viewed<'_> {
             let are = agree(left, "is", "are");
             notes.push(format!("the least visible {} {are} left out of this page", counted(left, "Gaussian")));
         }
-        let trained_degree = self.options.sh_degree.min(numbers.degree);
+        let trained_degree = options.sh_degree.min(numbers.degree);
         let degree = if numbers.len() > WITH_SH_MAX { 0 } else { trained_degree };
         if degree < trained_degree {
             notes.push(format!("more than {WITH_SH_MAX} Gaussians: colours are the same from all sides in this page"));
@@ -137,12 +129,12 @@ impl Viewed<'_> {
             write_motion(motion, &mut block, numbers.step());
         }
         let middle = numbers.middle();
-        let (cameras, distance) = match self.cameras.is_empty() {
+        let (cameras, distance) = match cameras.is_empty() {
             true => free_camera(middle, numbers.radius(middle)),
-            false => (self.cameras.clone(), self.distance.unwrap_or_else(|| self.guessed_distance(middle))),
+            false => (cameras.clone(), distance.unwrap_or_else(|| self.guessed_distance(middle))),
         };
         let described = Described {
-            name: self.name.clone(),
+            name: name.clone(),
             count: numbers.len(),
             total,
             degree,
@@ -151,17 +143,17 @@ impl Viewed<'_> {
             arrays: block.arrays.clone(),
             span: motion.as_ref().and(span),
             seen: motion.as_ref().and(self.scene.span()),
-            middle: self.middle,
+            middle: *time,
             full_speed: motion.as_ref().map_or(0.0, |_| self.full_speed()),
             clock: motion.as_ref().map(|motion| motion.clock),
-            shutter: self.shutter.filter(|_| motion.is_some()),
-            background: self.options.background,
-            near: self.options.near,
-            far: self.options.far,
-            eps2d: self.options.eps2d,
-            antialiased: self.options.antialiased,
+            shutter: shutter.filter(|_| motion.is_some()),
+            background: options.background,
+            near: options.near,
+            far: options.far,
+            eps2d: options.eps2d,
+            antialiased: options.antialiased,
             up: up(&cameras),
-            world: self.world.to_cols_array(),
+            world: world.to_cols_array(),
             cameras,
             distance,
             notes,
@@ -175,20 +167,25 @@ impl Viewed<'_> {
     fn shown_span(&self) -> Option<[f64; 2]> {
         let [first, last] = self.scene.span()?;
         let [earliest, latest] = self.scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let times = self.cameras.iter().filter_map(|camera| camera.time).map(|time| time.max(earliest).min(latest));
+        let times = self
+            .presentation
+            .cameras
+            .iter()
+            .filter_map(|camera| camera.time)
+            .map(|time| time.max(earliest).min(latest));
         Some(times.fold([first, last], |[first, last], time| [first.min(time), last.max(time)]))
     }
 
     /// The distance of the scene's middle before the first camera, at least a little.
     fn guessed_distance(&self, middle: [f32; 3]) -> f64 {
-        let c2w = DMat4::from_cols_array(&self.cameras[0].c2w);
+        let c2w = DMat4::from_cols_array(&self.presentation.cameras[0].c2w);
         let along = (DVec3::from_array(middle.map(f64::from)) - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
-        along.max(10.0 * self.options.near)
+        along.max(10.0 * self.presentation.options.near)
     }
 
     /// The speed of the brightest colour, scene units per unit of time.
     fn full_speed(&self) -> f64 {
-        let span = self.scene.span().unwrap_or([self.middle; 2]);
+        let span = self.scene.span().unwrap_or([self.presentation.middle; 2]);
         let times = [span[0], 0.5 * (span[0] + span[1]), span[1]];
         let mut speeds: Vec<f32> = Vec::new();
         for t in times {

@@ -1,8 +1,11 @@
-//! The cameras of a page and their photos.
+//! How a scene is shown: its renderer, its times, and cameras with their photos.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use glam::DMat4;
+use gs_burn::RenderOptions;
 use gs_datasets::{Scene, View};
+use gs_models::{DynamicScene, Shutter};
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::FilterType;
 use image::{ExtendedColorType, ImageEncoder, RgbImage};
@@ -17,7 +20,34 @@ const PHOTO_SIDE: u32 = 640;
 /// Quality of embedded photos, 1 to 100: no block shows beside a rendering.
 const PHOTO_QUALITY: u8 = 90;
 
-/// A camera, as the page's JSON has it.
+/// How a scene is shown.
+#[derive(Debug, Clone)]
+pub struct Presentation {
+    /// The name of the scene.
+    pub name: String,
+    /// The options of its renderer.
+    pub options: RenderOptions,
+    /// The time to begin with.
+    pub middle: f64,
+    /// Its cameras; may be empty.
+    pub cameras: Vec<Camera>,
+    /// Distance of the subject from its cameras, scene units.
+    pub distance: Option<f64>,
+    /// How an exposure is formed, if the scene has a blur model.
+    pub shutter: Option<Shutter>,
+    /// From the scene's world to that of its data set, for key frames.
+    pub world: DMat4,
+}
+
+/// A scene, and how it is shown.
+pub struct PresentedScene {
+    /// The scene.
+    pub scene: Box<dyn DynamicScene>,
+    /// How it is shown.
+    pub presentation: Presentation,
+}
+
+/// A camera, as the JSON of a page has it.
 #[derive(Debug, Clone, Serialize)]
 pub struct Camera {
     /// Name of the view.
