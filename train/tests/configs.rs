@@ -1,11 +1,10 @@
-//! The recipes: all valid, the files of the repository, and the written-out defaults are the defaults.
+//! The recipes: all valid, the files of the repository, and a base recipe is its pipeline alone.
 
 mod common;
 
 use std::path::{Path, PathBuf};
 
 use gs_train::config::{Config, NoSection, tables};
-use gs_train::pipelines::taylormode::Sections;
 use gs_train::pipelines::{PIPELINES, Resolved, Sources, resolve, resolve_overrides};
 use toml::Table;
 
@@ -20,12 +19,6 @@ fn of_file(name: &str) -> Resolved {
 
 fn of_recipe(name: &str) -> Resolved {
     resolve(Sources { recipe: Some(name), ..Sources::default() }).unwrap_or_else(|error| panic!("{error}"))
-}
-
-/// The keys that a file itself has, sorted.
-fn keys_of_file(name: &str) -> Vec<String> {
-    let text = std::fs::read_to_string(file(name)).expect("read");
-    sorted(&text.parse().expect("TOML"))
 }
 
 fn sorted(table: &Table) -> Vec<String> {
@@ -65,20 +58,12 @@ fn a_pipeline_alone_is_its_base_recipe() {
     assert_eq!(resolve_overrides(&[]).expect("valid").pipeline.name(), "static");
 }
 
+/// The static base is the code's defaults, and a pipeline without sections adds no key.
 #[test]
-fn the_static_base_names_every_key() {
+fn the_static_base_is_the_defaults() {
     let defaults = Table::try_from(Config::default()).expect("a table");
     assert_eq!(of_file("static/base.toml").config, defaults);
-    assert_eq!(keys_of_file("static/base.toml"), sorted(&defaults));
     assert_eq!(Table::try_from(NoSection::default()).expect("a table").len(), 0);
-}
-
-#[test]
-fn the_base_of_moving_scenes_names_every_key_of_theirs() {
-    let own = Table::try_from(Sections::default()).expect("a table");
-    let written = keys_of_file("taylormode/base.toml");
-    let is_own = |key: &&String| own.contains_key(key.split('.').next().unwrap_or_default());
-    assert_eq!(written.iter().filter(is_own).cloned().collect::<Vec<_>>(), sorted(&own));
 }
 
 /// `gsburn demo` trains by recipes that are compiled in.

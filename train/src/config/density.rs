@@ -67,16 +67,10 @@ section! {
         /// `default`: sum the magnitudes of the gradient over pixels (AbsGS) instead of the gradient; needs a threshold
         /// about four times as high.
         absgrad: bool = false;
-        /// `default`: scale above which a Gaussian is split instead of cloned, in scene extents.
-        split_size: f64 = 0.01, in POSITIVE;
-        /// `default`: scale above which a Gaussian is removed, once opacities have been lowered, in scene extents.
-        prune_size: f64 = 0.1, in POSITIVE;
         /// `default`: how opacities are lowered.
         opacity_policy: OpacityPolicy = OpacityPolicy::Reset;
         /// `default`: steps from one opacity reset to the next.
         reset_every: usize = 3000, in 1..;
-        /// `default`: share of the opacity lost at each refinement under the decay policy.
-        decay: f64 = 0.004, in 0.0..1.0;
     }
 }
 

@@ -55,6 +55,18 @@ pub enum ConfigError {
         /// The value.
         found: String,
     },
+    /// A former key with another value than the constant that took its place.
+    #[error("{origin}: `{key}` is no key any more, its value is {value} throughout; found {found}")]
+    Retired {
+        /// The file or argument.
+        origin: String,
+        /// The key as written, with its sections.
+        key: String,
+        /// The constant.
+        value: f64,
+        /// The value.
+        found: String,
+    },
     /// `base` files that form a cycle.
     #[error("{origin}: more than {MAX_BASES} `base` files are stacked here; is there a circle?")]
     Circle {

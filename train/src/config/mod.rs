@@ -16,6 +16,7 @@ mod model;
 pub mod nearest;
 mod optimiser;
 mod ranges;
+mod retired;
 mod run;
 pub mod tables;
 
@@ -37,6 +38,7 @@ pub use loss::LossConfig;
 pub use model::{ModelConfig, RenderConfig};
 pub use optimiser::OptimiserConfig;
 pub use ranges::{NOT_NEGATIVE, OPEN_UNIT, Only, POSITIVE, Range, SHARE, not_negative, positive};
+pub use retired::without_retired;
 pub use run::{CheckpointConfig, EvalConfig};
 
 /// The pipeline of a configuration that does not name one.

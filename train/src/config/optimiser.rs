@@ -22,8 +22,6 @@ section! {
         opacity_lr: f64 = 5e-2, in NOT_NEGATIVE;
         /// Rate of the base colour (SH degree 0).
         sh_lr: f64 = 2.5e-3, in NOT_NEGATIVE;
-        /// Rate of the view-dependent colour (SH degrees 1 to 3); 3DGS takes a twentieth of `sh_lr`.
-        sh_rest_lr: f64 = 1.25e-4;
         /// Largest factor on all these rates in a shorter run, 1 to 3: the root of 30,000 over its steps, up to this.
         /// 1: none. Higher: after some hundred steps the scene falls apart (4 lost 2 dB on photos without points).
         /// Lower: a short run ends half way.
@@ -31,12 +29,5 @@ section! {
         /// Steps over which the rate of the means falls to its last value, where the run has no more of them: a shorter
         /// run ends on the way there. 0: it falls within every run.
         decay_steps: usize = 3000;
-        /// Decay of the first moment.
-        beta1: f64 = 0.9, in 0.0..1.0;
-        /// Decay of the second moment.
-        beta2: f64 = 0.999, in 0.0..1.0;
-        /// Added to the root of the second moment. Gradients of a mean over a million values are tiny, so 3DGS uses
-        /// 1e-15.
-        eps: f64 = 1e-15, in POSITIVE;
     }
 }

@@ -355,6 +355,9 @@ fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
     falling * rate_factor(config.short_run_factor, steps)
 }
 
+/// The rate of the view-dependent colour (SH degrees 1 to 3) is this many times below the base colour's, as in 3DGS.
+const REST_SLOWER: f64 = 20.0;
+
 /// The rate of each group of the Gaussians at a step, by path; `extent` in scene units.
 fn gaussian_rates(
     config: &OptimiserConfig,
@@ -362,16 +365,16 @@ fn gaussian_rates(
     steps: usize,
     extent: f64,
 ) -> impl Fn(&str) -> Option<AdamRate> {
-    let rate = |lr| AdamRate { lr, beta1: config.beta1, beta2: config.beta2, eps: config.eps, first_columns: None };
+    let sh_rest_lr = config.sh_lr / REST_SLOWER;
     let factor = rate_factor(config.short_run_factor, steps);
     let rates = Group::POSSIBLE.map(|group| match group {
-        Group::Means => rate(means_lr(config, step, steps) * extent),
-        Group::Quats => rate(factor * config.quats_lr),
-        Group::LogScales => rate(factor * config.scales_lr),
-        Group::Opacity => rate(factor * config.opacity_lr),
+        Group::Means => AdamRate::new(means_lr(config, step, steps) * extent),
+        Group::Quats => AdamRate::new(factor * config.quats_lr),
+        Group::LogScales => AdamRate::new(factor * config.scales_lr),
+        Group::Opacity => AdamRate::new(factor * config.opacity_lr),
         // The base colour, the first three columns, has a rate of its own.
-        Group::Sh => AdamRate { first_columns: Some((3, factor * config.sh_lr)), ..rate(factor * config.sh_rest_lr) },
-        Group::ShThird => rate(factor * config.sh_rest_lr),
+        Group::Sh => AdamRate { first_columns: Some((3, factor * config.sh_lr)), ..AdamRate::new(factor * sh_rest_lr) },
+        Group::ShThird => AdamRate::new(factor * sh_rest_lr),
     });
     move |path| Group::POSSIBLE.into_iter().find(|group| group.path() == path).map(|group| rates[group as usize])
 }

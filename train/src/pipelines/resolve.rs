@@ -7,7 +7,7 @@ use toml::{Table, Value};
 use super::{PIPELINES, Pipeline, find, names};
 use crate::config::nearest::{beside, nearest};
 use crate::config::tables::{self, Layer};
-use crate::config::{ConfigError, DEFAULT_PIPELINE};
+use crate::config::{ConfigError, DEFAULT_PIPELINE, without_retired};
 
 /// A pipeline and its whole configuration.
 #[derive(Clone)]
@@ -83,6 +83,8 @@ fn stack(layers: &[Layer], main: &str) -> Result<Resolved, ConfigError> {
     let defaults = pipeline.defaults();
     let mut config = defaults.clone();
     for layer in layers {
+        let layer =
+            &Layer { table: without_retired(layer.table.clone(), &layer.origin)?, origin: layer.origin.clone() };
         check_keys(layer, pipeline, &defaults)?;
         // The layer is also tried on its own, so that a type error names the layer that has it.
         let mut alone = defaults.clone();
@@ -229,6 +231,12 @@ mod tests {
         let again = resolve_saved(&tables::parse(&config.text, "text").expect("TOML"), "text").expect("valid");
         assert_eq!(again.text, config.text);
         assert!(!config.text.contains("[blur]"), "keys of another pipeline:\n{}", config.text);
+    }
+
+    #[test]
+    fn former_keys_open_with_the_value_that_they_had() {
+        assert_eq!(of(&["optimiser.beta1=0.9"]).expect("the constant").text, of(&[]).expect("valid").text);
+        assert!(message("optimiser.beta1=0.8").contains("`optimiser.beta1` is no key any more"));
     }
 
     #[test]

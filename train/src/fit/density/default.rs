@@ -17,6 +17,15 @@ use gs_burn::adam::Adam;
 /// The scales of a split Gaussian's parts are divided by this factor (3DGS: phi).
 const SPLIT_SHRINK: f64 = 1.6;
 
+/// Scale above which a Gaussian is split instead of cloned, in scene extents (3DGS).
+const SPLIT_SIZE: f64 = 0.01;
+
+/// Scale above which a Gaussian is removed, once opacities have been lowered, in scene extents (3DGS).
+const PRUNE_SIZE: f64 = 0.1;
+
+/// Share of the opacity lost at each refinement under the decay policy (Brush).
+const DECAY: f64 = 0.004;
+
 /// Opacities are lowered to at most this many times the opacity of a dead Gaussian (3DGS: 0.01 for 0.005).
 const RESET_TO: f64 = 2.0;
 
@@ -62,10 +71,10 @@ impl Adaptive {
         let mut chosen = self.above_threshold(config.gradient);
         // If the budget does not allow all, the highest gradients come first.
         chosen.truncate(config.cap.saturating_sub(before));
-        let split = split_or_clone(&mut draft, gaussians, chosen.iter().map(|(row, _)| *row), config, context);
+        let split = split_or_clone(&mut draft, gaussians, chosen.iter().map(|(row, _)| *row), context);
 
         let opacities_were_lowered = config.opacity_policy != OpacityPolicy::Reset || context.step > config.reset_every;
-        let largest = if opacities_were_lowered { config.prune_size * context.extent } else { f64::INFINITY };
+        let largest = if opacities_were_lowered { PRUNE_SIZE * context.extent } else { f64::INFINITY };
         let grown = draft.len();
         let was_split = |row: usize| split.get(row).is_some_and(|split| *split);
         // A comparison with NaN is false, so a Gaussian that is not finite is removed too.
@@ -75,7 +84,7 @@ impl Adaptive {
             // No gradient could restore a scene without Gaussians.
             tracing::warn!(
                 step = context.step,
-                "density.min_opacity and density.prune_size would leave no Gaussian: none is removed"
+                "density.min_opacity and the largest scale would leave no Gaussian: none is removed"
             );
         }
         draft.retain(|draft, row| !was_split(row) && (!some_stay || counts(draft, row)));
@@ -101,14 +110,13 @@ fn split_or_clone(
     draft: &mut Draft,
     gaussians: &Gaussians,
     rows: impl Iterator<Item = usize>,
-    config: &DensityConfig,
     context: &StepContext,
 ) -> Vec<bool> {
     let mut rng = stream(context.seed, Purpose::Density, context.step as u64);
     let quats = gaussians.read(Group::Quats);
     let mut split = vec![false; draft.len()];
     for row in rows {
-        if draft.size(row) <= config.split_size * context.extent {
+        if draft.size(row) <= SPLIT_SIZE * context.extent {
             draft.duplicate(row);
             continue;
         }
@@ -135,7 +143,7 @@ pub fn lower_opacities(gaussians: &mut Gaussians, adam: &mut Adam, config: &Dens
             adam.forget(Group::Opacity.path());
             Box::new(|opacity| opacity.min(RESET_TO * config.min_opacity))
         }
-        OpacityPolicy::Decay if due(context.step, config.every) => Box::new(|opacity| opacity * (1.0 - config.decay)),
+        OpacityPolicy::Decay if due(context.step, config.every) => Box::new(|opacity| opacity * (1.0 - DECAY)),
         _ => return,
     };
     let logits = gaussians.read(Group::Opacity);

@@ -8,7 +8,7 @@ use gs_models::flux4d::{Feedback, LossConfig, RefinementConfig};
 use toml::Table;
 
 use super::NAME;
-use crate::config::{CheckpointConfig, ConfigError, Declared, EvalConfig, NOT_NEGATIVE, Only, POSITIVE, SHARE, halves};
+use crate::config::{CheckpointConfig, ConfigError, Declared, EvalConfig, NOT_NEGATIVE, Only, POSITIVE, halves};
 use crate::{choice, section};
 
 section! {
@@ -35,8 +35,6 @@ section! {
     /// Moving objects of a reconstruction: clusters of the Gaussians that move (Algorithm 3).
     #[derive(Copy)]
     pub struct ActorsSection {
-        /// Slowest speed of an actor's Gaussians, metres per second.
-        speed: f64 = ActorConfig::default().speed, in NOT_NEGATIVE;
         // Of 20,000 points, merged in voxels, a car at 20 m has some 30, up to 0.6 m apart: the paper's 0.4 m and 10
         // points, which `flux4d/paper` has, are of unmerged ones and break it into pieces.
         /// Radius of the clustering, metres.
@@ -49,7 +47,7 @@ section! {
 impl ActorsSection {
     /// As the clustering takes it.
     pub fn config(self) -> ActorConfig {
-        ActorConfig { speed: self.speed, eps: self.radius, min_points: self.fewest }
+        ActorConfig { eps: self.radius, min_points: self.fewest, ..ActorConfig::default() }
     }
 }
 
@@ -146,8 +144,6 @@ section! {
         sky_points: usize = 2000, in ..=POINTS_MAX;
         /// Random points in a ball around the scene.
         random_points: usize = 0, in ..=POINTS_MAX;
-        /// Largest scale of a Gaussian that is not sky, metres.
-        scale_max: f64 = 1.0, in 0.01..=1e6;
         /// First orientations.
         rotations: RotationChoice = RotationChoice::Identity;
         /// First velocities.
@@ -209,8 +205,6 @@ section! {
         input_views: usize = 2, in 1..;
         /// Images between the inputs of a step, and after them where snippets have a future; 0: the inputs alone.
         target_views: usize = 2;
-        /// Share of 1 - SSIM in the photometric loss; the rest is L1.
-        dssim: f64 = LossConfig::default().dssim, in SHARE;
         /// Weight of the LiDAR's depth, one over metres; 0: none.
         depth: f64 = LossConfig::default().depth, in NOT_NEGATIVE;
         /// Weight of the mean speed ("as static as possible"), windows per metre; 0: none. Where velocities begin at
@@ -298,8 +292,8 @@ impl FluxConfig {
 
     /// The weights of the loss.
     pub fn loss(&self) -> LossConfig {
-        let SupervisionConfig { dssim, depth, velocity, reweight_clip, .. } = self.own.supervision;
-        LossConfig { dssim, depth, velocity, reweight_clip }
+        let SupervisionConfig { depth, velocity, reweight_clip, .. } = self.own.supervision;
+        LossConfig { depth, velocity, reweight_clip, ..LossConfig::default() }
     }
 
     /// The settings of the refinement.

@@ -196,7 +196,7 @@ fn lift_config(config: &LiftSection, seed: u64) -> LiftConfig {
         box_length: BoxLength::LongestEdge,
         ..FarConfig::default()
     };
-    LiftConfig { seed, rotations, scale_max: config.scale_max, sky_scale_max: None, far }
+    LiftConfig { seed, rotations, far, ..LiftConfig::default() }
 }
 
 struct Reader<'a> {

@@ -36,7 +36,7 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
         false => gaussians_at(&points, at.facts.extent, &config.init, config.density.cap, config.seed),
         true => initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed),
     };
-    let rows = may_move(&initial.means, &cues.evidence, config.method.moving.cameras);
+    let rows = may_move(&initial.means, &cues.evidence);
     let (centre, spread) = extent_of(&initial.means, &rows);
     // A small object that moves far is learned in steps of its way, not of its size.
     let length = spread.max(swept(&cues.evidence, centre.into()));

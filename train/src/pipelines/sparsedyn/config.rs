@@ -154,11 +154,6 @@ section! {
     pub struct MovingConfig {
         /// Whether Gaussians without evidence of motion stay static; otherwise all may move.
         select: bool = true;
-        /// Change of a pixel over the frames of a static camera above which something moves there, 0 to 1 of the
-        /// brightest.
-        change: f64 = 0.06, in SHARE;
-        /// Share of the cameras in whose image a Gaussian lies that must see a change there.
-        cameras: f64 = 0.5, in SHARE;
         /// Largest movement of a body over the seen frames, pixels of the training view that shows it largest, at which
         /// it is found to rest when bodies are looked for the last time; its Gaussians are static from then on.
         still_pixels: f64 = 2.0, in NOT_NEGATIVE;
@@ -201,12 +196,6 @@ section! {
         regrow: f64 = 0.92, in SHARE;
         /// Largest distance of a Gaussian's path from its body's motion, pixels of the nearest training view.
         tolerance_pixels: f64 = 2.0, in POSITIVE;
-        /// Share of a Gaussian's distance from where it began that is added to the tolerance.
-        tolerance_share: f64 = 0.08, in NOT_NEGATIVE;
-        /// Most bodies.
-        most: usize = 12, in 1..=1000;
-        /// Smallest share of a body among the Gaussians that move and have no body yet.
-        share: f64 = 0.02, in SHARE;
         /// Frames from one knot of the free motion to the next.
         knot_frames: f64 = 4.0, in 1.0..;
         /// Uncertainty of a body's pose, pixels: smaller misfits do not ask for a richer law.
@@ -214,8 +203,6 @@ section! {
         /// Learning rate of the laws' numbers when bodies are found, and again when laws are chosen, in body units
         /// (objects' size, radians, per unit of time).
         lr: f64 = 4e-3, in POSITIVE;
-        /// Learning rate at the last step; exponential in between.
-        lr_final: f64 = 2e-5, in POSITIVE;
     }
     also check_times;
 }

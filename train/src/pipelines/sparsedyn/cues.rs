@@ -62,7 +62,7 @@ impl Cues {
         let depths = depths_of(&scene.train, first);
         let source = Source::of(scene, first, !depths.is_empty());
         let evidence = match config.method.moving.select {
-            true => changing_pixels(&scene.train, config.method.moving.change),
+            true => changing_pixels(&scene.train),
             false => Vec::new(),
         };
         let method = &config.method;

@@ -24,6 +24,17 @@ use crate::fit::parameters::to_host;
 /// Times at which paths are compared with a rigid motion.
 const PATH_TIMES: usize = 12;
 
+/// Share of a Gaussian's distance from where it began that is added to the tolerance: the
+/// error of a path grows with its length.
+const TOLERANCE_SHARE: f64 = 0.08;
+
+/// Most bodies. What moves beyond them is left to the field.
+const MOST: usize = 12;
+
+/// Smallest share of a body among the Gaussians that move and have no body yet. Smaller groups are left to the
+/// field.
+const SHARE_LEAST: f64 = 0.02;
+
 /// Fewest Gaussians of a body: fewer do not determine a rotation in the noise of their positions.
 const FEWEST: usize = 12;
 
@@ -160,10 +171,10 @@ fn examined(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], free: &[us
     let pixel = pixel_size(views, middle(&all[0], &weights));
     let options = SegmentOptions {
         tolerance: config.tolerance_pixels * pixel,
-        relative: config.tolerance_share,
-        most: config.most.saturating_sub(model.frame.bodies.len()),
+        relative: TOLERANCE_SHARE,
+        most: MOST.saturating_sub(model.frame.bodies.len()),
         fewest: FEWEST,
-        share: config.share,
+        share: SHARE_LEAST,
     };
     let labels = segment(&sampled, &weights, &options);
     let still = at.config.method.moving.still_pixels * pixel;
@@ -212,7 +223,7 @@ impl Sparsedyn {
     /// Decides anew which Gaussians may move, by where they are now: the warm-up has shifted, added and removed some.
     fn examine_evidence(&mut self, gaussians: &Gaussians, at: &Step) {
         let means: Vec<[f32; 3]> = to_host(gaussians.means.val()).as_chunks().0.to_vec();
-        self.frame.rows = may_move(&means, &at.cues.evidence, at.config.method.moving.cameras);
+        self.frame.rows = may_move(&means, &at.cues.evidence);
         self.frame.labels = vec![-1; self.frame.rows.len()];
     }
 

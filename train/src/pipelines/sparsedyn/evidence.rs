@@ -24,9 +24,16 @@ pub struct CameraEvidence {
     pub changes: Vec<bool>,
 }
 
+/// Least range of a colour channel over the frames of a static camera at which something moves there, 0 to 1: the noise of
+/// photos stays below it.
+const CHANGE: f64 = 0.06;
+
+/// Share of the cameras that show a Gaussian which must see a change there: another body may hide it from some.
+const CAMERAS: f64 = 0.5;
+
 /// The changing pixels of each static camera among `views`; empty if a camera has no second photo, or if too few cameras stand still for
-/// the evidence to mean anything. `change` is the least range of a colour channel, 0 to 1.
-pub fn changing_pixels(views: &[View], change: f64) -> Vec<CameraEvidence> {
+/// the evidence to mean anything.
+pub fn changing_pixels(views: &[View]) -> Vec<CameraEvidence> {
     let mut cameras: Vec<Vec<&View>> = Vec::new();
     for view in views {
         match cameras.iter_mut().find(|photos| is_one_camera(photos[0], view)) {
@@ -37,7 +44,7 @@ pub fn changing_pixels(views: &[View], change: f64) -> Vec<CameraEvidence> {
     if cameras.iter().any(|photos| photos.len() < 2) {
         return Vec::new();
     }
-    cameras.iter().map(|photos| evidence_of(photos, change)).collect()
+    cameras.iter().map(|photos| evidence_of(photos)).collect()
 }
 
 fn is_one_camera(a: &View, b: &View) -> bool {
@@ -47,7 +54,7 @@ fn is_one_camera(a: &View, b: &View) -> bool {
     near && (a.width, a.height) == (b.width, b.height) && a.intrinsics == b.intrinsics
 }
 
-fn evidence_of(photos: &[&View], change: f64) -> CameraEvidence {
+fn evidence_of(photos: &[&View]) -> CameraEvidence {
     let first = photos[0];
     let (width, height) = (first.width, first.height);
     let (mut low, mut high) = (first.image.data.clone(), first.image.data.clone());
@@ -57,7 +64,7 @@ fn evidence_of(photos: &[&View], change: f64) -> CameraEvidence {
             *high = (*high).max(*value);
         }
     }
-    let least = (255.0 * change).max(1.0);
+    let least = 255.0 * CHANGE;
     let changes = |pixel: usize| (0..3).any(|c| f64::from(high[3 * pixel + c] - low[3 * pixel + c]) >= least);
     let changing: Vec<bool> = (0..width * height).map(changes).collect();
     CameraEvidence {
@@ -121,14 +128,14 @@ pub fn swept(evidence: &[CameraEvidence], centre: DVec3) -> f64 {
     sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The rows of `means` that may move, ascending: those at which at least the share `cameras` of the cameras that show them see a change. All
+/// The rows of `means` that may move, ascending: those at which at least half of the cameras that show them see a change. All
 /// rows without evidence.
-pub fn may_move(means: &[[f32; 3]], evidence: &[CameraEvidence], cameras: f64) -> Vec<u32> {
+pub fn may_move(means: &[[f32; 3]], evidence: &[CameraEvidence]) -> Vec<u32> {
     let moves = |mean: &[f32; 3]| {
         let position = glam::Vec3::from(*mean).as_dvec3();
         let seen: Vec<bool> = evidence.iter().filter_map(|camera| camera.changes_at(position)).collect();
         let changing = seen.iter().filter(|changes| **changes).count();
-        changing > 0 && changing as f64 >= cameras * seen.len() as f64
+        changing > 0 && changing as f64 >= CAMERAS * seen.len() as f64
     };
     let rows = 0..means.len() as u32;
     if evidence.is_empty() { rows.collect() } else { rows.filter(|row| moves(&means[*row as usize])).collect() }

@@ -8,6 +8,9 @@ use super::cues::warmup_steps;
 use super::{Config, Sparsedyn, Step};
 use crate::fit::schedule::exponential;
 
+/// Learning rate of the bodies' numbers at the last step, the same as the field's.
+const LR_FINAL: f64 = 2e-5;
+
 impl Sparsedyn {
     /// One Adam update of the field; none in the warm-up.
     pub(super) fn updated(self, gradients: &mut NamedGradients, adam: &mut Adam, at: &Step) -> Self {
@@ -31,7 +34,7 @@ fn body_rate(step: usize, config: &Config) -> f64 {
     let (bodies, laws) = (&config.method.bodies, laws_at(config));
     let begun = if step > laws { laws } else { bodies_at(config) };
     let steps = config.steps.saturating_sub(begun).max(1);
-    exponential(bodies.lr, bodies.lr_final, step.saturating_sub(begun).max(1), steps)
+    exponential(bodies.lr, LR_FINAL, step.saturating_sub(begun).max(1), steps)
 }
 
 /// Forgets the moments of the bodies' numbers: they belong to numbers of another meaning once bodies change.
@@ -52,7 +55,7 @@ mod tests {
         let (bodies, laws) = (&config.method.bodies, laws_at(&config));
         assert!(body_rate(laws, &config) < 0.1 * bodies.lr);
         assert!(body_rate(laws + 1, &config) > 0.99 * bodies.lr);
-        assert!((body_rate(config.steps, &config) - bodies.lr_final).abs() < 1e-12);
+        assert!((body_rate(config.steps, &config) - LR_FINAL).abs() < 1e-12);
         let rates: Vec<f64> = (laws + 1..=config.steps).map(|step| body_rate(step, &config)).collect();
         assert!(rates.windows(2).all(|pair| pair[1] < pair[0]));
     }

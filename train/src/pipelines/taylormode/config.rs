@@ -1,6 +1,5 @@
 //! The pipeline's sections of a configuration: `[motion]`, `[blur]`, `[prior]` and `[cues]`.
 
-use gs_models::sh_bands;
 use gs_models::taylormode::losses::{LAMBDA_BLUR, LAMBDA_DEPTH, LAMBDA_SMOOTH, LAMBDA_VELOCITY};
 use gs_models::taylormode::order::NOTICEABLE;
 use gs_multiview::CueOptions;
@@ -108,24 +107,14 @@ section! {
         final_share: f64 = 0.02, in POSITIVE;
         /// The use of the 3D remainder.
         remainder: RemainderChoice = RemainderChoice::Auto;
-        /// Learning rate of the remainder's network (paper: 1e-4 for all networks). All Gaussians share the network, so
-        /// a larger rate perturbs the whole object at each step.
-        remainder_lr: f64 = 1e-4, in NOT_NEGATIVE;
         /// Whether each Gaussian keeps only the order that it needs; otherwise all keep `order`.
         select: bool = true;
-        /// Share of the run after which orders are first selected.
-        select_from: f64 = 0.5, in SHARE;
         /// Steps from one selection to the next.
         select_every: usize = 100, in 1..;
         /// Largest change of a Gaussian's position in any training view, pixels, at which a lower order is accepted.
         select_pixels: f64 = NOTICEABLE, in NOT_NEGATIVE;
         /// Soft threshold of each coefficient block at each selection, pixels at the window's edge.
         shrink_pixels: f64 = 0.02, in NOT_NEGATIVE;
-        /// Largest change of a colour channel, 0 to 1, at which a lower degree of a Gaussian's view-dependent colour is
-        /// accepted.
-        select_color: f64 = sh_bands::NOTICEABLE, in NOT_NEGATIVE;
-        /// Soft threshold of each band at each selection, 0 to 1.
-        shrink_color: f64 = sh_bands::NOTICEABLE, in NOT_NEGATIVE;
     }
     also check_orders;
 }

@@ -22,6 +22,10 @@ use crate::fit::sampler::ViewOrder;
 use crate::fit::schedule::due;
 use crate::run::memory::{largest_photo, of_rendering, pixels};
 
+/// Share of the run after which orders are first selected, after the recording is used to its ends
+/// (`motion.curriculum`).
+const SELECT_FROM: f64 = 0.5;
+
 /// At most a quarter of the tiles, and of the Gaussians, moved in the scenes tried.
 const TILES_PER_MOVING_TILE: u64 = 4;
 
@@ -95,14 +99,14 @@ impl Method for Taylormode {
 
     fn simplify(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
         let (motion, steps) = (&at.config.method.motion, at.config.steps);
-        let begun = at.step as f64 >= motion.select_from * steps as f64;
+        let begun = at.step as f64 >= SELECT_FROM * steps as f64;
         if !(motion.select && begun && (due(at.step, motion.select_every) || at.step == steps)) {
             return self;
         }
         let _stage = profile::whole_stage("selection of orders");
         let (model, selected) = likelihood::select_with_check(self, gaussians, adam, views, at);
         tracing::debug!(step = at.step, moving = model.motion.len(), ?selected, "motion");
-        select::select_bands(gaussians, motion, at.step == steps);
+        select::select_bands(gaussians, at.step == steps);
         model
     }
 

@@ -122,7 +122,7 @@ fn remainder_moves(gaussians: &Gaussians, motion: &TaylorMotion) -> Vec<f64> {
 const REMAINDER_TIMES: i32 = 8;
 
 /// Shrinks the bands of view-dependent colour; at the end of a run, removes bands that are not visible.
-pub fn select_bands(gaussians: &mut Gaussians, config: &MotionConfig, is_last: bool) {
+pub fn select_bands(gaussians: &mut Gaussians, is_last: bool) {
     let sh = gaussians.sh_coefficients();
     let coefficients = sh.coefficients();
     if coefficients == 1 {
@@ -130,9 +130,9 @@ pub fn select_bands(gaussians: &mut Gaussians, config: &MotionConfig, is_last: b
     }
     let mut values: Vec<f32> = sh.to_host();
     for one in values.chunks_exact_mut(3 * coefficients) {
-        sh_bands::shrink(one, config.shrink_color);
+        sh_bands::shrink(one, sh_bands::NOTICEABLE);
         if is_last {
-            sh_bands::lower(one, config.select_color);
+            sh_bands::lower(one, sh_bands::NOTICEABLE);
         }
     }
     let (rows, apart) = (gaussians.len(), sh.third.is_some());

@@ -17,6 +17,10 @@ const WARM_UP: f64 = 100.0;
 /// Largest share of a run for this rise.
 const WARM_UP_SHARE: f64 = 0.1;
 
+/// Learning rate of the remainder's network (paper: of all networks). All Gaussians share it, so a larger rate perturbs the
+/// whole object at each step.
+const REMAINDER_LR: f64 = 1e-4;
+
 /// Path of the method in the model's tree.
 const ROOT: &str = "method";
 
@@ -52,7 +56,7 @@ impl Rates {
             rotation: motion.rotation_lr * decay,
             exposure,
             network: blur.network_lr,
-            remainder: motion.remainder_lr * decay,
+            remainder: REMAINDER_LR * decay,
         }
     }
 
