@@ -348,7 +348,7 @@ impl PriorConfig {
 }
 
 /// Heuristics of inference from the photos. Lengths in images are shares of the image width; they were chosen at 256 to 320 pixels.
-/// `gsburn stability taylormode --only sensitivity` halves and doubles each.
+/// `gs-lab experiments taylormode --only sensitivity` halves and doubles each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CuesConfig {
