@@ -247,7 +247,7 @@ const SMALL_SHARE: Only<f64> = Only("above 0, at most 0.1", |share| positive(*sh
 
 section! {
     /// Heuristics of inference from the photos. Lengths in images are shares of the image width; they were chosen at
-    /// 256 to 320 pixels. `gsburn stability taylormode --only sensitivity` halves and doubles each.
+    /// 256 to 320 pixels. `gs-lab experiments taylormode --only sensitivity` halves and doubles each.
     pub struct CuesConfig {
         /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from
         /// the subject. Smaller: floaters close to one camera explain its photos alone. Larger: a near wall is culled.
