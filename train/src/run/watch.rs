@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
-use gs_datasets::guarded;
+use gs_base::guarded;
 use toml::Table;
 
 use super::checkpoint::{self, Checkpoint, CheckpointError, Origin};

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use gs_datasets::image_io::write_atomic;
+use gs_base::{counted, write_atomic};
+use gs_datasets::Split;
 use gs_datasets::synthetic::movers;
-use gs_datasets::{Split, counted};
 use gs_models::DynamicScene;
 use serde::Serialize;
 
