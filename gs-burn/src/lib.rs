@@ -8,7 +8,8 @@
 //!
 //! ```
 //! use burn::tensor::Tensor;
-//! use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, glam::DMat4, render};
+//! use gs_base::Intrinsics;
+//! use gs_burn::{Camera, Gaussians, RenderOptions, device, glam::DMat4, render};
 //!
 //! let device = device::select("auto")?.autodiff();
 //! let gaussians = Gaussians::from_tensors(
@@ -68,7 +69,7 @@ mod slices;
 mod testing;
 
 pub use adam::{Adam, AdamRate};
-pub use camera::{Camera, Intrinsics};
+pub use camera::Camera;
 pub use exact::exact_matmul;
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, MovingSamples, render_exposure};
 pub use gaussians::Gaussians;

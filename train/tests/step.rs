@@ -3,7 +3,8 @@
 mod common;
 
 use burn::tensor::Tensor;
-use gs_burn::{Camera, Intrinsics};
+use gs_base::Intrinsics;
+use gs_burn::Camera;
 use gs_train::fit::parameters::{Group, Table};
 use gs_train::fit::trainer::Trainer;
 

@@ -3,8 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::write_atomic;
-use gs_datasets::printable;
+use gs_base::{printable, write_atomic};
 
 use crate::cli::ChartArgs;
 use crate::commands::{command_line, in_markdown, marked, print};

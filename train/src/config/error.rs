@@ -15,7 +15,7 @@ pub enum ConfigError {
         /// The file.
         path: PathBuf,
         /// What was found.
-        source: Box<gs_datasets::DatasetError>,
+        source: Box<gs_base::FileError>,
         /// The compiled-in recipe of its name, where it is missing and there is one.
         recipe: Option<String>,
     },

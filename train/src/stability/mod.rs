@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 use serde::Serialize;
 
 use crate::run::lock::Lock;

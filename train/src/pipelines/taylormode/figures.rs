@@ -1,6 +1,7 @@
 //! Figures of a moving scene beside image quality: its blurred images, velocities and exposure, and the cost of its motion.
 
 use burn::tensor::Tensor;
+use gs_base::median;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, RenderOptions, parameter_bytes, render_with};
 use gs_datasets::{Scene, View};
@@ -17,7 +18,7 @@ use crate::fit::figure::{Better, Figure, FigureTable, Figures};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::{camera, to_tensor};
 use crate::run::memory::megabytes;
-use crate::run::metrics::{median, psnr, psnr_masked};
+use crate::run::metrics::{psnr, psnr_masked};
 
 /// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty pixels of motion.
 pub const MEASURE_SAMPLES: usize = 33;

@@ -3,8 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::write_atomic;
-use gs_datasets::{guarded, printable};
+use gs_base::{guarded, printable, write_atomic};
 
 use super::Comparison;
 use crate::report::html::{self, escaped};

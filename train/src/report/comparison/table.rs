@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gs_datasets::printable;
+use gs_base::printable;
 
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::fit::figure::Prominence;

@@ -1,8 +1,8 @@
 //! A scene as a page holds it: JSON with cameras and options, and the block with its numbers.
 
 use glam::{DMat4, DVec3};
+use gs_base::{agree, counted};
 use gs_burn::Gaussians;
-use gs_datasets::{agree, counted};
 use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 

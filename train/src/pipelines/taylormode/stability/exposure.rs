@@ -3,6 +3,7 @@
 use anyhow::Result;
 use burn::module::Param;
 use burn::tensor::Tensor;
+use gs_base::median;
 use gs_datasets::Scene;
 use gs_models::taylormode::{Kinks, TaylorScene};
 use gs_worlds::deblur::World;
@@ -13,7 +14,6 @@ use crate::fit::photos::to_tensor;
 use crate::pipelines::taylormode::Taylormode;
 use crate::pipelines::taylormode::figures::blur_over;
 use crate::report::charts::{Chart, Series};
-use crate::run::metrics::median;
 use crate::stability::findings::largest;
 use crate::stability::lab::{Session, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};

@@ -1,12 +1,12 @@
 //! How much motion per exposure can be deblurred?
 
 use anyhow::Result;
+use gs_base::median;
 use gs_datasets::Scene;
 use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::Trial;
 use crate::report::charts::{Chart, Series};
-use crate::run::metrics::median;
 use crate::stability::findings::smallest;
 use crate::stability::lab::{moving_psnr, small};
 use crate::stability::{Criterion, Experiment, Findings, Lab};
