@@ -1,6 +1,5 @@
 //! View-dependent colour from real spherical harmonics; basis and signs are in [`gs_kernels::cpu::sh`].
 
-mod bands;
 mod reference;
 #[cfg(test)]
 mod tests;
@@ -16,7 +15,6 @@ use super::assert_same_dtype;
 use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
-pub use bands::{ShBandGradients, ShBandKernels, ShBandOps, sh_colors_of_bands, sh_colors_of_bands_reference};
 pub use reference::sh_colors_reference;
 
 /// Colours of Gaussians seen from a camera: `max(0, 1/2 + sum_k Y_k(dir) sh_k)`, `dir` the unit vector from the camera
