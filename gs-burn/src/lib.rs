@@ -62,7 +62,6 @@ pub mod ply;
 pub mod profile;
 pub mod render;
 pub mod row_map;
-pub mod sh_coefficients;
 
 mod slices;
 #[cfg(test)]
@@ -80,4 +79,3 @@ pub use named_parameters::{
 };
 pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
 pub use row_map::RowMap;
-pub use sh_coefficients::ShCoefficients;

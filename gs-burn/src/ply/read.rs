@@ -13,7 +13,7 @@ use super::source::{Records, Source};
 use super::{
     PlyError, RECORD_OPACITY, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names,
 };
-use crate::{Gaussians, ShCoefficients};
+use crate::Gaussians;
 
 /// A scene and what its file says of it.
 #[derive(Debug, Clone)]
@@ -42,7 +42,7 @@ pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, Pl
     let means = gaussians.means.val();
     let offset = Tensor::<1>::from_floats(offset.map(|x| x as f32), &means.device()).unsqueeze::<2>();
     let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|parameter| parameter.val());
-    let (opacity_logits, sh) = (gaussians.opacity_logits.val(), gaussians.sh_coefficients());
+    let (opacity_logits, sh) = (gaussians.opacity_logits.val(), gaussians.sh.val());
     Ok(Gaussians::from_tensors(means + offset, quats, log_scales, opacity_logits, sh))
 }
 
@@ -76,7 +76,7 @@ fn gaussians(means: Vec<f32>, records: Records, device: &Device) -> Gaussians {
         tensor(records.quats, [count, 4], device),
         tensor(records.log_scales, [count, 3], device),
         tensor(records.opacity_logits, [count], device),
-        ShCoefficients::upload(records.sh, count, coefficients, device),
+        tensor(records.sh, [count, coefficients, 3], device),
     )
 }
 

@@ -55,7 +55,7 @@ impl Records {
             (floats(gaussians.quats.val()), 4),
             (floats(gaussians.log_scales.val()), 3),
             (floats(gaussians.opacity_logits.val()), 1),
-            (gaussians.sh_coefficients().to_host(), 3 * (rest + 1)),
+            (floats(gaussians.sh.val()), 3 * (rest + 1)),
         ];
         Self { groups, count: gaussians.len(), rest }
     }

@@ -240,7 +240,7 @@ pub fn translated(gaussians: &Gaussians, offset: DVec3) -> Gaussians {
     let means = gaussians.means.val().inner();
     let offset = Tensor::<1>::from_floats(offset.as_vec3().to_array(), &means.device()).unsqueeze::<2>();
     let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|p| p.val().inner());
-    let (opacities, sh) = (gaussians.opacity_logits.val().inner(), gaussians.sh_coefficients().map(Tensor::inner));
+    let (opacities, sh) = (gaussians.opacity_logits.val().inner(), gaussians.sh.val().inner());
     Gaussians::from_tensors(means + offset, quats, log_scales, opacities, sh)
 }
 

@@ -194,9 +194,8 @@ impl Moving<'_> {
 /// Numbers of Gaussians by the SH degree of their colour.
 fn sh_degrees(gaussians: &Gaussians) -> Vec<usize> {
     let mut degrees = vec![0; gaussians.sh_degree() + 1];
-    let sh = gaussians.sh_coefficients();
-    let values: Vec<f32> = sh.to_host();
-    values.chunks_exact(3 * sh.coefficients()).for_each(|sh| degrees[sh_bands::degree(sh)] += 1);
+    let sh = to_host(gaussians.sh.val().flatten::<2>(1, 2));
+    sh.chunks_exact(3 * gaussians.sh.dims()[1]).for_each(|sh| degrees[sh_bands::degree(sh)] += 1);
     degrees
 }
 
@@ -218,7 +217,7 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
     let choice = &config.method.motion;
     let fixed = FixedOrder {
         gaussians: size.gaussians,
-        sh_coefficients: gaussians.sh_coefficients().coefficients(),
+        sh_coefficients: gaussians.sh.dims()[1],
         position: choice.order,
         rotation: choice.rotation_order,
     };

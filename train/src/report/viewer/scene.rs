@@ -217,7 +217,7 @@ impl Numbers {
             quats: unit_quats(gaussians),
             log_scales: to_host(gaussians.log_scales.val().inner()),
             logits: to_host(gaussians.opacity_logits.val().inner()),
-            sh: gaussians.sh_coefficients().to_host(),
+            sh: to_host(gaussians.sh.val().inner()),
             degree: gaussians.sh_degree(),
         }
     }
