@@ -95,9 +95,11 @@ impl<M: Method> Trial<M> {
 fn a_static_training_is_the_same_in_two_tensors() {
     let folder = tempfile::tempdir().expect("a folder");
     let world = common::tiny_scene(folder.path());
-    let grows = ["density.start=4", "density.every=10", "density.growth=0.2", "density.full=0", "density.cap=260"];
-    for strategy in ["density.strategy=mcmc", "density.strategy=default"] {
-        let keys = [&grows[..], &[strategy, "density.gradient=1e-5", "density.prune_share=0.01"]].concat();
+    let grows = ["density.start=4", "density.every=10", "density.cap=260", "density.prune_share=0.01"];
+    let mcmc = ["density.strategy=mcmc", "density.mcmc.growth=0.2", "density.mcmc.full=0"];
+    let classic = ["density.strategy=default", "density.default.gradient=1e-5"];
+    for strategy in [&mcmc[..], &classic] {
+        let keys = [&grows[..], strategy].concat();
         // Degree 3 begins with step 37 of 48.
         Trial::<Still>::new(&world, folder.path(), 48, &keys).is_the_same_in_two_tensors(&[20, 41]);
     }

@@ -3,7 +3,7 @@
 use gs_models::sparsedyn::{Ask, Integrator};
 
 use crate::config::{
-    Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, NOT_NEGATIVE, OpacityPolicy,
+    ClassicConfig, Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, NOT_NEGATIVE, OpacityPolicy,
     OptimiserConfig, POSITIVE, SHARE, Section, Strategy, check, full_width,
 };
 use crate::{choice, section};
@@ -288,8 +288,7 @@ pub fn defaults() -> FitConfig<Sections> {
             min_opacity: 0.1,
             // The same first frames: 26.7 dB and 739 Gaussians at 1e-3, 26.9 and 1098 at 5e-4, 26.8 and 1496 at 3e-4,
             // 26.0 and 427 without growth.
-            gradient: 5e-4,
-            opacity_policy: OpacityPolicy::None,
+            default: ClassicConfig { gradient: 5e-4, opacity_policy: OpacityPolicy::None, ..base.density.default },
             ..base.density
         },
         ..base
