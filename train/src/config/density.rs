@@ -6,7 +6,7 @@ use crate::{choice, section};
 choice! {
     /// How opacities are lowered, so that Gaussians that no photo needs fall below the pruning threshold.
     pub enum OpacityPolicy {
-        /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps after.
+        /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps.
         Reset,
         /// By a small share at each refinement (Brush).
         Decay,
@@ -18,9 +18,9 @@ choice! {
 choice! {
     /// The density control.
     pub enum Strategy {
-        /// Relocation under a budget (3DGS-MCMC): the count grows to the cap and stays there.
+        /// Relocation under a budget (3DGS-MCMC): the count grows to the cap.
         Mcmc,
-        /// Classic adaptive control (3DGS): the count follows screen gradients, never above the cap.
+        /// Classic adaptive control (3DGS): the count follows screen gradients, up to the cap.
         Default,
         /// The initial Gaussians are kept.
         None,
@@ -36,17 +36,16 @@ section! {
     pub struct DensityConfig {
         /// The density control.
         strategy: Strategy = Strategy::Mcmc;
-        /// Most Gaussians. Each takes about 1.2 kB at SH degree 3; a run prints the memory it expects first.
+        /// Most Gaussians, about 1.2 kB each at SH degree 3.
         cap: usize = 100_000, in Only("from 1 to 2^30", |cap| (1..=1 << 30).contains(cap));
-        /// First step at which the count changes. A short run starts after a tenth of its steps at the latest.
+        /// First step at which the count changes; a tenth of a short run.
         start: usize = 500, in 1..;
-        /// Steps from one refinement to the next; fewer in a short run whose growth follows `mcmc.full`, so that it refines
-        /// twenty times.
+        /// Steps from one refinement to the next; fewer in a short run under `mcmc.full`, which refines twenty times.
         every: usize = 100, in 1..;
-        /// Share of the run after which the count is fixed, so that the last Gaussians added still converge.
+        /// Share of the run after which the count is fixed, so that the last Gaussians still converge.
         stop: f64 = 0.8, in SHARE;
-        /// Largest summed contribution of the Gaussians pruned when the count becomes fixed, as a share of the sum over
-        /// all Gaussians and training photos, 0 to 1. 0: none is pruned.
+        /// Share of the summed contribution to training photos that Gaussians pruned at `stop` have together; 0: none
+        /// is pruned.
         prune_share: f64 = 0.0, in 0.0..1.0;
         /// Opacity below which a Gaussian is dead.
         min_opacity: f64 = 0.005, in OPEN_UNIT;
@@ -60,17 +59,17 @@ section! {
 section! {
     /// Options of relocation under a budget (3DGS-MCMC).
     pub struct McmcConfig {
-        /// Growth per refinement, a share of the count; the largest one where growth follows `full`.
+        /// Growth per refinement, a share of the count; the largest one under `full`.
         growth: f64 = 0.2, in NOT_NEGATIVE;
         /// Share of the run after which the count has reached the cap, by equal shares of growth; 0: by `growth` alone.
-        /// Earlier: steps cost more from then on. Later: the last Gaussians have little time to converge.
+        /// Earlier: steps cost more. Later: the last Gaussians have little time.
         full: f64 = 0.45, in SHARE;
-        /// Strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means; 0: none.
-        /// Few photos need less: no photo contradicts a Gaussian that has drifted away.
+        /// Strength of the position noise of nearly dead Gaussians, in rates of the means; 0: none. Few photos need
+        /// less: none contradicts a Gaussian that has drifted away.
         noise: f64 = 5e5, in NOT_NEGATIVE;
         /// Root mean square distance of a Gaussian and its copies from its former mean, along its longest axis, in
-        /// standard deviations. They shrink there so that together they are as wide as before. 0: they coincide, as in
-        /// the paper, and part slowly.
+        /// standard deviations; together they stay as wide as before. 0: they coincide, as in the paper, and part
+        /// slowly.
         separation: f64 = 0.7, in 0.0..0.95;
     }
 }
@@ -80,8 +79,8 @@ section! {
     pub struct ClassicConfig {
         /// Mean screen gradient above which a Gaussian is cloned or split, in half image widths.
         gradient: f64 = 2e-4, in POSITIVE;
-        /// Whether the magnitudes of the gradient over pixels are summed (AbsGS) instead of the gradient; needs a
-        /// threshold about four times as high.
+        /// Whether magnitudes of the gradient are summed over pixels (AbsGS); needs a threshold about four times as
+        /// high.
         absgrad: bool = false;
         /// How opacities are lowered.
         opacity_policy: OpacityPolicy = OpacityPolicy::Reset;
