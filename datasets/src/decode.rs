@@ -1,9 +1,10 @@
 //! From one described frame to a view: its image decoded, undistorted, masked and downscaled, with the files beside it.
 
 use glam::{DMat4, DVec3};
+use gs_base::Intrinsics;
 
 use crate::error::DatasetError;
-use crate::frame::{Intrinsics, RgbImage8, View};
+use crate::frame::{RgbImage8, View};
 use crate::lens::Resolved;
 use crate::mask::{self, Mask};
 use crate::one_color;

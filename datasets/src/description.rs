@@ -4,6 +4,8 @@
 use std::path::Path;
 
 use glam::DVec3;
+use gs_base::local::RECENTRE_DISTANCE;
+use gs_base::{agree, counted, mean};
 
 use crate::consistency;
 use crate::convention::PoseConvention;
@@ -12,12 +14,10 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::masks;
 use crate::names::{self, some_names};
-use crate::options::{LoadOptions, RECENTRE_DISTANCE};
+use crate::options::LoadOptions;
 use crate::pixels::Behind;
-use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::{PointCloud, SceneFormat};
-use crate::statistics::mean;
 use crate::subject::without_strays;
 
 /// Frames sorted by name, before they are split.

@@ -3,41 +3,17 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::printable::{printable, shown};
+use gs_base::sentence::shown;
+use gs_base::{FileError, printable};
 
 /// Any failure to read or write a data set. Its text is one sentence that names the file, what was expected there and
-/// what was found instead; underlying errors are part of the text, so nothing is lost by printing only `Display`. Names in it are
-/// [`printable`](crate::printable()).
+/// what was found instead; underlying errors are part of the text, so nothing is lost by printing only `Display`. Names
+/// in it are [`printable`](gs_base::printable()).
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum DatasetError {
-    /// A file or folder could not be opened, read or written.
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What was being done: "read", "write", ...
-        action: &'static str,
-        /// The operating system's answer.
-        source: std::io::Error,
-    },
-
-    /// There is no regular file where one was expected.
-    NotAFile {
-        /// What was to be read.
-        path: PathBuf,
-        /// What it is: "a folder", "a device", "a pipe" or "a socket".
-        found: &'static str,
-    },
-
-    /// A file is longer than any that makes sense in its place.
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// The longest that is read, with its unit.
-        limit: String,
-        /// Its length, with its unit.
-        found: String,
-    },
+    /// A file could not be read or written, or its content breaks the rules of its format.
+    File(FileError),
 
     /// The folder or file is none of the formats this crate reads.
     UnknownFormat {
@@ -46,18 +22,6 @@ pub enum DatasetError {
         /// The layouts that would have been accepted.
         expected: String,
         /// What is there.
-        found: String,
-    },
-
-    /// A file's content breaks the rules of its format.
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// Where in the file: a line, a byte offset, a key or a frame.
-        location: String,
-        /// What the format asks for.
-        expected: String,
-        /// What the file holds.
         found: String,
     },
 
@@ -154,7 +118,7 @@ impl fmt::Display for DatasetError {
 impl std::error::Error for DatasetError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
-            Self::Io { source, .. } => Some(source),
+            Self::File(error) => error.source(),
             _ => None,
         }
     }
@@ -163,16 +127,9 @@ impl std::error::Error for DatasetError {
 impl DatasetError {
     fn sentence(&self) -> String {
         match self {
-            Self::Io { path, action, source } => format!("{}: cannot {action}: {source}", shown(path)),
-            Self::NotAFile { path, found } => format!("{}: expected a file, found {found}", shown(path)),
-            Self::TooLarge { path, limit, found } => {
-                format!("{}: expected a file of at most {limit}, found {found}", shown(path))
-            }
+            Self::File(error) => error.to_string(),
             Self::UnknownFormat { path, expected, found } => {
                 format!("{}: expected {expected}, found {found}", shown(path))
-            }
-            Self::Malformed { path, location, expected, found } => {
-                format!("{}: {location}: expected {expected}, found {found}", shown(path))
             }
             Self::Pose { path, frame, expected, found } => {
                 format!("{}: pose of frame {frame:?}: expected {expected}, found {found}", shown(path))
@@ -212,25 +169,24 @@ impl DatasetError {
         }
     }
 
-    pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_path_buf(), action: "read", source }
+    /// A failed reading.
+    pub fn read(path: &Path, source: std::io::Error) -> Self {
+        FileError::read(path, source).into()
     }
 
-    pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_path_buf(), action: "write", source }
-    }
-
-    pub(crate) fn malformed(
+    /// Content of a file that breaks the rules of its format, at a `location` in it.
+    pub fn malformed(
         path: &Path,
         location: impl Into<String>,
         expected: impl Into<String>,
         found: impl Into<String>,
     ) -> Self {
-        Self::Malformed {
-            path: path.to_path_buf(),
-            location: location.into(),
-            expected: expected.into(),
-            found: found.into(),
-        }
+        FileError::malformed(path, location, expected, found).into()
+    }
+}
+
+impl From<FileError> for DatasetError {
+    fn from(error: FileError) -> Self {
+        Self::File(error)
     }
 }

@@ -1,7 +1,8 @@
 //! [`Findings`]: facts, warnings and errors, collected while a data set is read.
 
+use gs_base::printable;
+
 use crate::error::DatasetError;
-use crate::printable::printable;
 
 /// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
 #[derive(Debug, Default)]

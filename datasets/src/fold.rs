@@ -2,8 +2,9 @@
 //! second time; one that stretches squeezes the photo into a spot of the ideal image. A calibration that diverged does
 //! either in the middle of the photo.
 
+use gs_base::Intrinsics;
+
 use crate::distortion::Distortion;
-use crate::frame::Intrinsics;
 
 /// Largest share of a photo that may lie beyond the fold. A tenth is what lies in the corners, beyond 0.8 of half the
 /// diagonal: few points are matched there, so that the lens of a sound photo may turn back there, and these pixels are

@@ -1,23 +1,20 @@
 //! Writing images: atomically, so that a reader never meets half a file.
 
-use std::fs;
-use std::io::{Cursor, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::io::Cursor;
+use std::path::Path;
 
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, Vec2, WritableImage,
 };
+use gs_base::{FileError, write_atomic};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-
-use crate::error::DatasetError;
 
 /// Writes an 8-bit PNG atomically. `data` is `[height, width, channels]` with 1 (grey), 3 (RGB) or 4 (RGBA) channels,
 /// told from its length. Parent folders are made.
 ///
 /// # Errors
 /// When `data` fits none of these shapes or the file cannot be written; then `path` is as it was before.
-pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<(), DatasetError> {
+pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<(), FileError> {
     write_atomic(path, &encode_png(path, width, height, data)?)
 }
 
@@ -25,7 +22,7 @@ pub fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Resul
 ///
 /// # Errors
 /// When `data` fits none of the shapes.
-pub fn encode_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<Vec<u8>, DatasetError> {
+pub fn encode_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<Vec<u8>, FileError> {
     let pixels = width.saturating_mul(height);
     let color = match data.len() {
         _ if pixels == 0 => None,
@@ -40,7 +37,7 @@ pub fn encode_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Resu
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
         .write_image(data, w, h, color)
-        .map_err(|error| DatasetError::write(path, std::io::Error::other(error)))?;
+        .map_err(|error| FileError::write(path, std::io::Error::other(error)))?;
     Ok(bytes)
 }
 
@@ -49,7 +46,7 @@ pub fn encode_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Resu
 ///
 /// # Errors
 /// When a channel has not `width * height` values or the file cannot be written; then `path` is as it was before.
-pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[(&str, &[f32])]) -> Result<(), DatasetError> {
+pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[(&str, &[f32])]) -> Result<(), FileError> {
     write_atomic(path, &encode_exr(path, (width, height), channels, None)?)
 }
 
@@ -62,7 +59,7 @@ pub fn encode_exr(
     (width, height): (usize, usize),
     channels: &[(&str, &[f32])],
     software: Option<&str>,
-) -> Result<Vec<u8>, DatasetError> {
+) -> Result<Vec<u8>, FileError> {
     let pixels = width.saturating_mul(height);
     let mut list: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
     for (name, values) in channels {
@@ -70,7 +67,7 @@ pub fn encode_exr(
             return Err(wrong_shape(path, width, height, values.len()));
         }
         let name = exr::prelude::Text::new_or_none(name)
-            .ok_or_else(|| DatasetError::malformed(path, "channel", "a name in ASCII", format!("{name:?}")))?;
+            .ok_or_else(|| FileError::malformed(path, "channel", "a name in ASCII", format!("{name:?}")))?;
         list.push(AnyChannel::new(name, FlatSamples::F32(values.to_vec())));
     }
     if list.is_empty() {
@@ -83,52 +80,12 @@ pub fn encode_exr(
     Image::from_layer(layer)
         .write()
         .to_buffered(&mut bytes)
-        .map_err(|error| DatasetError::write(path, std::io::Error::other(error)))?;
+        .map_err(|error| FileError::write(path, std::io::Error::other(error)))?;
     Ok(bytes.into_inner())
 }
 
-/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`: whoever opens `path` finds the old
-/// file or the whole new one. Parent folders are made.
-///
-/// # Errors
-/// When the folder or file cannot be written (a full disk, for one); the temporary file is then removed.
-pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    fs::create_dir_all(folder).map_err(|error| DatasetError::write(folder, error))?;
-    let temporary = temporary_beside(path);
-    let written = fs::File::create(&temporary)
-        .and_then(|mut file| {
-            file.write_all(bytes)?;
-            file.sync_all()
-        })
-        .and_then(|()| fs::rename(&temporary, path));
-    written.map_err(|error| {
-        // The first failure is the one to report; a temporary file that cannot be removed either adds nothing to it.
-        let _ = fs::remove_file(&temporary);
-        DatasetError::write(path, error)
-    })
-}
-
-/// The begin of a file's name with which the names of its half files begin, behind a dot. All of the name and the rest
-/// may be longer than a name can be.
-pub fn temporary_begin(path: &Path) -> Option<String> {
-    const KEPT: usize = 32;
-    path.file_name().map(|name| name.to_string_lossy().chars().take(KEPT).collect())
-}
-
-/// A name beside `path` that no other thread or process uses.
-fn temporary_beside(path: &Path) -> PathBuf {
-    static COUNTER: AtomicU64 = AtomicU64::new(0);
-    let name = temporary_begin(path).unwrap_or_default();
-    let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
-    path.with_file_name(format!(".{name}.{}.{unique}.tmp", std::process::id()))
-}
-
-fn wrong_shape(path: &Path, width: usize, height: usize, found: usize) -> DatasetError {
-    DatasetError::malformed(
+fn wrong_shape(path: &Path, width: usize, height: usize, found: usize) -> FileError {
+    FileError::malformed(
         path,
         "image to write",
         format!("{width} x {height} pixels of whole channels"),

@@ -3,13 +3,13 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use gs_base::sentence::{decimals, number};
+use gs_base::{Intrinsics, counted};
+
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::fold::{self, Fault};
-use crate::frame::Intrinsics;
 use crate::names::some_names;
-use crate::plural::counted;
-use crate::printable::{decimals, number};
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.

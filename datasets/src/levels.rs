@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use gs_base::{agree, counted};
+
 use crate::decode::ViewNote;
-use crate::plural::{agree, counted};
 
 /// Levels of 255 that photos have at the least: with a quarter of the range, two of eight bits are lost.
 const FEW: f64 = 64.0;

@@ -42,7 +42,6 @@ mod folder;
 mod foreign;
 mod formats;
 mod frame;
-pub mod guarded;
 pub mod image_io;
 pub mod import;
 mod jpeg;
@@ -60,10 +59,8 @@ mod options;
 mod order;
 mod photo;
 mod pixels;
-mod plural;
 mod ply;
 mod pose;
-mod printable;
 mod priors;
 mod raw;
 mod reduce;
@@ -72,7 +69,6 @@ mod resize;
 mod scene;
 mod side_files;
 mod split;
-mod statistics;
 mod subject;
 mod undistort;
 
@@ -82,22 +78,17 @@ pub use consistency::frame_interval;
 pub use convention::{CameraAxis, PoseConvention};
 pub use distortion::Distortion;
 pub use error::DatasetError;
-pub use frame::{CameraPose, DepthPrior, DepthSpace, Intrinsics, Priors, RgbImage8, Truth, View};
+pub use frame::{CameraPose, DepthPrior, DepthSpace, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
 pub use movers::{Mover, movers};
 pub use names::some_names;
 pub use options::{
-    DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RECENTRE_DISTANCE, RowOrder, SparseViews,
-    SplitUse,
+    DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RowOrder, SparseViews, SplitUse,
 };
 pub use photo::{ExrChannels, decode_photo, downscaled_size, photo_size, read_exr, read_photo};
-pub use plural::{agree, counted};
-pub use printable::printable;
-pub use priors::npy::write_npy;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
 pub use split::{ViewKind, view_kind};
-pub use statistics::mean;
 pub use subject::{nearest_to_axes, subject, subject_distance};
 pub use undistort::Undistortion;

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use gs_base::statistics::range;
+use gs_base::{agree, counted};
 use rayon::prelude::*;
 
 use crate::camera_path;
@@ -17,10 +19,8 @@ use crate::mask;
 use crate::names::some_names;
 use crate::one_color;
 use crate::options::LoadOptions;
-use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
 use crate::scene::{Scene, Split};
-use crate::statistics::range;
 
 /// Loads a scene: a folder with transforms.json or transforms_{train,val,test}.json, such a file itself, a folder with
 /// a COLMAP model and its images, with train_meta.json (Panoptic), or with poses_bounds.npy (LLFF, N3DV).

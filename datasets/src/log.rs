@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use glam::{DMat4, DVec3};
+use gs_base::sentence::shown;
+use gs_base::{Intrinsics, counted, printable};
 use rayon::prelude::*;
 
 use crate::consistency;
@@ -15,10 +17,8 @@ use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
-use crate::frame::{Intrinsics, View};
+use crate::frame::View;
 use crate::options::LoadOptions;
-use crate::plural::counted;
-use crate::printable::{printable, shown};
 use crate::raw::RawFrame;
 use crate::scene::{PointCloud, SceneFormat, Split};
 use crate::split::{self, SplitPlan};

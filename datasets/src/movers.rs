@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
+use gs_base::guarded::{DESCRIPTION_MAX, read_to_string};
 use serde::Deserialize;
 
 use crate::error::DatasetError;
-use crate::guarded::{DESCRIPTION_MAX, read_to_string};
 
 /// Files of a data set that name its bodies.
 const DESCRIPTIONS: [&str; 2] = ["transforms_train.json", "transforms.json"];
@@ -56,11 +56,8 @@ pub fn movers(dataset: &Path, origin: DVec3) -> Result<Vec<Mover>, DatasetError>
     if !text.contains("\"movers\"") {
         return Ok(Vec::new());
     }
-    let description: Description = serde_json::from_str(&text).map_err(|error| DatasetError::Malformed {
-        path: path.clone(),
-        location: "movers".into(),
-        expected: "bodies with name, radius and poses".into(),
-        found: error.to_string(),
+    let description: Description = serde_json::from_str(&text).map_err(|error| {
+        DatasetError::malformed(&path, "movers", "bodies with name, radius and poses", error.to_string())
     })?;
     Ok(description.movers.into_iter().map(|described| described.read(origin)).collect())
 }

@@ -4,9 +4,10 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use gs_base::sentence::is_steering;
+use gs_base::{guarded, printable};
+
 use crate::error::DatasetError;
-use crate::guarded;
-use crate::printable::{is_steering, printable};
 
 /// Endings that are an image's extension rather than a part of its name.
 const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "gif"];

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use gs_base::counted;
+
 use crate::error::DatasetError;
 use crate::pixels::Photo;
-use crate::plural::counted;
 
 /// The colour (0 to 255) of a photo that has no other.
 pub(crate) fn of(photo: &Photo) -> Option<[f32; 3]> {

@@ -126,7 +126,7 @@ pub struct LoadOptions {
     pub sparse: Option<SparseViews>,
     /// The image folder of a COLMAP model, where it is not one of the usual ones; absolute, or relative to the scene.
     pub images: Option<PathBuf>,
-    /// Whether a scene far from its world's origin is moved to the origin. See [`RECENTRE_DISTANCE`]. Default yes.
+    /// Whether a scene far from its world's origin is moved to the origin. See [`RECENTRE_DISTANCE`](gs_base::local::RECENTRE_DISTANCE). Default yes.
     pub recentre: bool,
     /// How mask files are used. Default [`MaskUse::Auto`].
     pub masks: MaskUse,
@@ -160,8 +160,6 @@ impl LoadOptions {
         self.predicts || self.sparse.is_some()
     }
 }
-
-pub use gs_kernels::local::RECENTRE_DISTANCE;
 
 impl Default for LoadOptions {
     fn default() -> Self {

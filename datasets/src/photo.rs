@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use gs_base::guarded;
+
 use crate::error::DatasetError;
 use crate::frame::RgbImage8;
-use crate::guarded;
 use crate::pixels::{self, Behind};
 use crate::priors::{exr, map::Map};
 use crate::resample::resample;

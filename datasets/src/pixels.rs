@@ -3,12 +3,12 @@
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
+use gs_base::guarded;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::error::DatasetError;
 use crate::foreign::Foreign;
-use crate::guarded;
 use crate::jpeg;
 use crate::light::{to_encoded, to_linear};
 

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+use gs_base::sentence::decimals;
 
 use crate::error::DatasetError;
-use crate::printable::decimals;
 
 /// How far from orthonormal a rotation may be, as the largest entry of `R^T R - 1`: room for matrices printed with
 /// three digits, far from a sheared or squeezed one.

@@ -3,9 +3,9 @@
 use std::fmt;
 
 use glam::{DMat4, DVec3};
+use gs_base::mean;
 
 use crate::frame::View;
-pub(crate) use crate::statistics::mean;
 use crate::subject::{subject_distance, without_strays};
 
 /// The layout that a scene was described in.

@@ -1,8 +1,7 @@
 //! The subject: the point nearest to the optical axes of all cameras.
 
 use glam::{DMat3, DMat4, DVec3};
-
-use crate::statistics::median;
+use gs_base::median;
 
 /// Cameras look at one subject when the point nearest to all their axes lies within this angle of each, radians.
 const LOOKING_AT: f64 = 0.5;

@@ -4,8 +4,9 @@
 //! is inverted. Colours are interpolated between the four pixels around the observed position; ideal pixels whose observed
 //! position lies outside the photo, or where the lens model folds back on itself, have no colour and are masked out.
 
+use gs_base::Intrinsics;
+
 use crate::distortion::Distortion;
-use crate::frame::Intrinsics;
 use crate::pixels::Photo;
 
 /// Most by which [`Undistortion::filling`] enlarges the focal lengths. A lens that needs more would lose three quarters of the photo.

@@ -3,10 +3,9 @@
 //! `cargo run --release -p gs-burn --example fit_image [device]` prints the loss and writes `fit_image.ply`.
 
 use burn::tensor::{Device, Distribution, Tensor};
+use gs_base::Intrinsics;
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::{
-    Adam, AdamRate, Camera, Gaussians, Intrinsics, NamedGradients, RenderOptions, device, glam::DMat4, ply, render,
-};
+use gs_burn::{Adam, AdamRate, Camera, Gaussians, NamedGradients, RenderOptions, device, glam::DMat4, ply, render};
 
 const SIZE: usize = 128;
 const COUNT: usize = 1000;

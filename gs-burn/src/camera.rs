@@ -7,19 +7,7 @@
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use glam::{DMat4, DVec3};
-
-/// Focal lengths and principal point, pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Intrinsics {
-    /// Focal length along x.
-    pub fx: f64,
-    /// Focal length along y.
-    pub fy: f64,
-    /// Principal point from the left edge; half the width when centred.
-    pub cx: f64,
-    /// Principal point from the top edge; half the height when centred.
-    pub cy: f64,
-}
+use gs_base::Intrinsics;
 
 /// A pinhole camera: pose, intrinsics, image size.
 #[derive(Clone, Debug)]

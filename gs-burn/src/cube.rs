@@ -1,12 +1,12 @@
-//! The kernel traits of [`crate::ops`] for Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`].
-//! Everything computes in `f32`. Only the numbers of intersections and drawn tiles leave the device, where no room for them was given.
+//! The operations of [`crate::ops`] on Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`]. Everything computes in `f32`. Only the numbers of intersections and drawn tiles leave the device, where no room for them was given.
 
 mod dispatches;
 mod images;
 mod in_place;
 mod products;
-mod sh;
+mod rows;
 mod sparse_conv;
+mod splats;
 
 use burn::backend::Backend;
 use burn::backend::tensor::IntTensor;
@@ -15,19 +15,11 @@ use burn_cubecl::cubecl::client::Client;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, CubeDevice};
-use gs_kernels::config::{Activation, ProjectionConfig};
 use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
-use gs_kernels::cube::{intersect, opacity, projection, rasterize, rows_of, sum};
-use gs_kernels::rows::{PROJECTED, SCREEN};
+use gs_kernels::cube::intersect;
 
-use crate::ops::instants::{FoundInstants, InstantsKernels};
-use crate::ops::intersect::{FoundIntersections, IntersectKernels, IntersectionLists, Room};
-use crate::ops::opacity::OpacityKernels;
-use crate::ops::projection::{ProjectionGradients, ProjectionKernels};
-use crate::ops::rasterize::{RasterizeForward, RasterizeGradients, RasterizeInputs, RasterizeKernels, RasterizeSaved};
-use crate::ops::rows::{RowsKernels, columns, with_rows};
-use crate::ops::sum::SumKernels;
+use crate::ops::operation::{Computation, Kernels, Operation, Output, State, Tensors};
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
 struct Launch {
@@ -85,18 +77,20 @@ impl Launch {
         CubeTensor::new_contiguous(self.client.clone(), self.device.clone(), shape, handle, DType::F32)
     }
 
-    fn lists(&self, lists: IntersectionLists<CubeBackend>) -> intersect::Intersections {
-        let placed = lists.places.meta.shape()[0];
+    /// Tile offsets, ids of Gaussians, offsets of Gaussians, positions and places as the kernels take them.
+    fn lists(&self, lists: [CubeTensor; 5]) -> intersect::Intersections {
+        let [tile_offsets, gaussian_ids, gaussian_offsets, positions, places] = lists;
+        let placed = places.meta.shape()[0];
         let tile_offsets = match placed {
-            0 => lists.tile_offsets,
-            _ => joined::<CubeBackend>(lists.tile_offsets, lists.places),
+            0 => tile_offsets,
+            _ => joined::<CubeBackend>(tile_offsets, places),
         };
         intersect::Intersections {
             tile_offsets: self.ints(tile_offsets),
             placed,
-            gaussian_ids: self.ints(lists.gaussian_ids),
-            gaussian_offsets: self.ints(lists.gaussian_offsets),
-            positions: self.ints(lists.positions),
+            gaussian_ids: self.ints(gaussian_ids),
+            gaussian_offsets: self.ints(gaussian_offsets),
+            positions: self.ints(positions),
         }
     }
 }
@@ -111,245 +105,46 @@ fn unwrap<T>(result: Result<T, CubeError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
-impl ProjectionKernels for CubeBackend {
-    fn projection_forward(
-        means: CubeTensor,
-        quats: CubeTensor,
-        log_scales: CubeTensor,
-        viewmat: CubeTensor,
-        config: &ProjectionConfig,
-    ) -> CubeTensor {
-        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
-        let [means, quats, log_scales, viewmat] = [means, quats, log_scales, viewmat].map(|t| launch.floats(t));
-        let rows = projection::forward(&launch.client, &means, &quats, &log_scales, &viewmat, config);
-        launch.float_tensor(unwrap(rows), [count, PROJECTED])
-    }
+/// The two directions of an [`Operation`] on a GPU. Tensors may be strided.
+pub trait OnCube<const N: usize, const M: usize> {
+    /// See [`Operation::forward`].
+    fn forward(&self, inputs: [CubeTensor; N], lists: [CubeTensor; M], tracked: bool) -> Output<CubeBackend>;
 
-    fn projection_backward(
-        means: CubeTensor,
-        quats: CubeTensor,
-        log_scales: CubeTensor,
-        viewmat: CubeTensor,
-        config: &ProjectionConfig,
-        projected: CubeTensor,
-        v_projected: CubeTensor,
-        of_pose: bool,
-    ) -> ProjectionGradients<Self> {
-        let (launch, count) = (Launch::of(&means), means.meta.shape()[0]);
-        let [means, quats, log_scales, viewmat, projected, v_projected] =
-            [means, quats, log_scales, viewmat, projected, v_projected].map(|t| launch.floats(t));
-        let gradients = unwrap(projection::backward(
-            &launch.client,
-            &means,
-            &quats,
-            &log_scales,
-            &viewmat,
-            config,
-            &projected,
-            &v_projected,
-            of_pose,
-        ));
-        ProjectionGradients {
-            means: launch.float_tensor(gradients.means, [count, 3]),
-            quats: launch.float_tensor(gradients.quats, [count, 4]),
-            log_scales: launch.float_tensor(gradients.log_scales, [count, 3]),
-            viewmat: gradients.viewmat.map(|pose| launch.float_tensor(pose, [4, 4])),
-        }
-    }
+    /// See [`Operation::backward`].
+    fn backward(&self, state: State<CubeBackend, N, M>, v: CubeTensor, wanted: [bool; N]) -> [Option<CubeTensor>; N];
 }
 
-impl IntersectKernels for CubeBackend {
-    fn intersect_forward(
-        projected: CubeTensor,
-        opacities: CubeTensor,
-        features: CubeTensor,
-        width: u32,
-        height: u32,
-        room: Option<usize>,
-    ) -> FoundIntersections<Self> {
-        let (launch, channels) = (Launch::of(&projected), features.meta.shape()[1]);
-        let [projected, opacities, features] = [projected, opacities, features].map(|t| launch.floats(t));
-        let size = [width, height];
-        let found = intersect::intersect(&launch.client, &projected, &opacities, &features, size, channels, room);
-        let intersect::Found { lists, words } = unwrap(found);
-        let words = words.unwrap_or_else(|| launch.none("no number of pairs"));
-        let number_len = words.len();
-        FoundIntersections {
-            tile_offsets: launch.int_tensor(lists.tile_offsets),
-            gaussian_ids: launch.int_tensor(lists.gaussian_ids),
-            gaussian_offsets: launch.int_tensor(lists.gaussian_offsets),
-            positions: launch.int_tensor(lists.positions),
-            words: launch.float_tensor(words, [number_len]),
-        }
-    }
+/// A [`Computation`] on a GPU. Tensors may be strided.
+pub trait ComputeOnCube<const N: usize, const M: usize> {
+    /// See [`Computation::compute`].
+    fn compute(&self, inputs: [CubeTensor; N], lists: [CubeTensor; M]) -> Tensors<CubeBackend>;
 }
 
-impl InstantsKernels for CubeBackend {
-    fn instants_forward(
-        projected: CubeTensor,
-        opacities: CubeTensor,
-        features: CubeTensor,
-        size: [u32; 2],
-        scene: usize,
-        moving: CubeTensor,
-        room: Option<Room>,
-    ) -> FoundInstants<Self> {
-        let (launch, channels) = (Launch::of(&projected), features.meta.shape()[1]);
-        let [projected, opacities, features] = &[projected, opacities, features].map(|t| launch.floats(t));
-        let moving = &launch.ints(moving);
-        let rows = intersect::InstantRows { projected, opacities, features, scene, moving };
-        let found = unwrap(intersect::intersect_instants(&launch.client, rows, size, channels, room));
-        let words = match found.words {
-            Some(words) => words,
-            None => ["no number of pairs", "no number of tiles"].map(|what| launch.none(what)),
-        };
-        let [pair_words, tile_words] = words.map(|words| {
-            let len = words.len();
-            launch.float_tensor(words, [len])
-        });
-        FoundInstants {
-            tile_offsets: launch.int_tensor(found.tile_offsets),
-            gaussian_ids: launch.int_tensor(found.gaussian_ids),
-            gaussian_offsets: launch.int_tensor(found.gaussian_offsets),
-            positions: launch.int_tensor(found.positions),
-            places: launch.int_tensor(found.places),
-            shares: launch.int_tensor(found.shares),
-            pair_words,
-            tile_words,
-        }
-    }
-}
-
-impl RasterizeKernels for CubeBackend {
-    fn rasterize_forward(inputs: RasterizeInputs<Self>, save: bool) -> RasterizeForward<Self> {
-        let shape = inputs.output_shape();
-        let (launch, config) = (Launch::of(&inputs.projected), inputs.config);
-        let rendered =
-            Blended::of(&launch, inputs).with(|inputs| rasterize::forward(&launch.client, &config, inputs, save));
-        let rasterize::Rendered { output, saved } = unwrap(rendered);
-        RasterizeForward {
-            output: launch.float_tensor(output, shape),
-            saved: saved.map(|saved| {
-                let len = saved.attributes.len();
-                let rows = launch.float_tensor(saved.attributes, [len]);
-                RasterizeSaved { rows, words: launch.int_tensor(saved.pixels) }
-            }),
-        }
+impl Kernels for CubeBackend {
+    fn forward<O: Operation<N, M>, const N: usize, const M: usize>(
+        operation: &O,
+        inputs: [CubeTensor; N],
+        lists: [CubeTensor; M],
+        tracked: bool,
+    ) -> Output<Self> {
+        OnCube::forward(operation, inputs, lists, tracked)
     }
 
-    fn rasterize_backward(
-        inputs: RasterizeInputs<Self>,
-        saved: Option<RasterizeSaved<Self>>,
-        v_output: CubeTensor,
-        of_background: bool,
-    ) -> RasterizeGradients<Self> {
-        let (launch, config) = (Launch::of(&inputs.projected), inputs.config);
-        let count = inputs.projected.meta.shape()[0];
-        let saved = saved.expect("a tracked forward pass saves its state");
-        let saved = rasterize::Saved { attributes: launch.floats(saved.rows), pixels: launch.ints(saved.words) };
-        let v_output = launch.floats(v_output);
-        let bytes = dispatches::pair_bytes(&launch.device);
-        let gradients = Blended::of(&launch, inputs).with(|inputs| {
-            rasterize::backward_within(&launch.client, &config, inputs, &saved, &v_output, of_background, bytes)
-        });
-        let gradients = unwrap(gradients);
-        RasterizeGradients {
-            projected: launch.float_tensor(gradients.projected, [count, PROJECTED]),
-            opacities: launch.float_tensor(gradients.opacities, [count]),
-            features: launch.float_tensor(gradients.features, [count, config.channels]),
-            background: gradients.background.map(|sums| launch.float_tensor(sums, [config.channels])),
-            screen: launch.float_tensor(gradients.screen, [count, SCREEN]),
-        }
-    }
-}
-
-/// The inputs of a rasterization as buffers.
-struct Blended {
-    floats: [Buffer; 4],
-    lists: intersect::Intersections,
-}
-
-impl Blended {
-    fn of(launch: &Launch, inputs: RasterizeInputs<CubeBackend>) -> Self {
-        let RasterizeInputs { projected, opacities, features, background, intersections, .. } = inputs;
-        let floats = [projected, opacities, features, background].map(|tensor| launch.floats(tensor));
-        Self { floats, lists: launch.lists(intersections) }
+    fn backward<O: Operation<N, M>, const N: usize, const M: usize>(
+        operation: &O,
+        state: State<Self, N, M>,
+        v: CubeTensor,
+        wanted: [bool; N],
+    ) -> [Option<CubeTensor>; N] {
+        OnCube::backward(operation, state, v, wanted)
     }
 
-    fn with<T>(&self, task: impl FnOnce(&rasterize::Inputs) -> T) -> T {
-        let [projected, opacities, features, background] = &self.floats;
-        task(&rasterize::Inputs { projected, opacities, features, background, lists: &self.lists })
-    }
-}
-
-impl OpacityKernels for CubeBackend {
-    fn opacity_forward(logits: CubeTensor) -> CubeTensor {
-        let (launch, count) = (Launch::of(&logits), logits.meta.shape()[0]);
-        let opacities = opacity::forward(&launch.client, &launch.floats(logits));
-        launch.float_tensor(unwrap(opacities), [count])
-    }
-
-    fn opacity_backward(logits: CubeTensor, v: CubeTensor) -> CubeTensor {
-        let (launch, count) = (Launch::of(&logits), logits.meta.shape()[0]);
-        let v_logits = opacity::backward(&launch.client, &launch.floats(logits), &launch.floats(v));
-        launch.float_tensor(unwrap(v_logits), [count])
-    }
-}
-
-impl SumKernels for CubeBackend {
-    fn sum_forward(tensor: CubeTensor) -> CubeTensor {
-        let launch = Launch::of(&tensor);
-        launch.float_tensor(unwrap(sum::sum(&launch.client, &launch.floats(tensor))), [1])
-    }
-
-    fn activated_sum_forward(tensor: CubeTensor, activation: Activation, factor: f64) -> CubeTensor {
-        let launch = Launch::of(&tensor);
-        let total = sum::activated(&launch.client, &launch.floats(tensor), activation, factor as f32);
-        launch.float_tensor(unwrap(total), [1])
-    }
-
-    fn activated_sum_backward(tensor: CubeTensor, v: CubeTensor, activation: Activation, factor: f64) -> CubeTensor {
-        let (launch, shape) = (Launch::of(&tensor), tensor.meta.shape().clone());
-        let (tensor, v) = (launch.floats(tensor), launch.floats(v));
-        let gradient = sum::activated_backward(&launch.client, &tensor, &v, activation, factor as f32);
-        launch.shaped(unwrap(gradient), shape)
-    }
-
-    fn finite_mark(mark: CubeTensor, tensor: CubeTensor) -> CubeTensor {
-        let launch = Launch::of(&tensor);
-        let mark = owned(mark);
-        sum::mark_not_finite(&launch.client, &launch.floats(tensor), &launch.floats(mark.clone()));
-        mark
-    }
-
-    fn largest_of(tensor: CubeTensor) -> CubeTensor {
-        let launch = Launch::of(&tensor);
-        launch.float_tensor(unwrap(sum::largest(&launch.client, &launch.floats(tensor))), [1])
-    }
-}
-
-impl RowsKernels for CubeBackend {
-    fn take(table: CubeTensor, rows: CubeTensor) -> CubeTensor {
-        let launch = Launch::of(&table);
-        let columns = columns(table.meta.shape());
-        let shape = with_rows(table.meta.shape().clone(), rows.meta.shape()[0]);
-        let taken = rows_of::take(&launch.client, &launch.floats(table), columns, &launch.ints(rows));
-        launch.shaped(unwrap(taken), shape)
-    }
-
-    fn add(table: CubeTensor, rows: CubeTensor, more: CubeTensor) -> CubeTensor {
-        let (launch, table) = (Launch::of(&table), owned(table));
-        let columns = columns(table.meta.shape());
-        let [b_table, more] = [table.clone(), more].map(|tensor| launch.floats(tensor));
-        rows_of::add(&launch.client, &b_table, columns, &launch.ints(rows), &more);
-        table
-    }
-
-    fn put(shape: Shape, rows: CubeTensor, more: CubeTensor) -> CubeTensor {
-        let launch = Launch::of(&more);
-        let table = unwrap(rows_of::zeros(&launch.client, "rows put into zeros", shape.num_elements()));
-        rows_of::add(&launch.client, &table, columns(&shape), &launch.ints(rows), &launch.floats(more));
-        launch.shaped(table, shape)
+    fn compute<C: Computation<N, M>, const N: usize, const M: usize>(
+        computation: &C,
+        inputs: [CubeTensor; N],
+        lists: [CubeTensor; M],
+    ) -> Tensors<Self> {
+        ComputeOnCube::compute(computation, inputs, lists)
     }
 }
 

@@ -10,7 +10,7 @@ use burn::tensor::{DType, Device, Int, Tensor, assert_shape};
 use gs_kernels::config::{RasterizeConfig, tile_grid};
 use gs_kernels::constants::TILE;
 
-use crate::limits::largest_buffer;
+use crate::limits::{copies_within, largest_buffer};
 use crate::ops::channels::channels;
 use crate::ops::columns;
 use crate::ops::exposure::{AverageConfig, average_tiles};
@@ -18,8 +18,9 @@ use crate::ops::instants::{InstantIntersections, TileShares, intersect_instants}
 use crate::ops::intersect::{DeviceCount, Room};
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
+use crate::ops::sh::sh_colors;
 use crate::render::projection_config;
-use crate::{Camera, Gaussians, RenderOptions, Rendering, ShCoefficients};
+use crate::{Camera, Gaussians, RenderOptions, Rendering};
 
 /// The moving Gaussians at one instant.
 #[derive(Clone, Debug)]
@@ -167,7 +168,7 @@ pub fn render_exposure(
         &projection_config(camera, render),
     );
     let degree = render.sh_degree.min(gaussians.sh_degree());
-    let colors = table.colors(gaussians.sh_coefficients(), &viewmat, &projected, degree);
+    let colors = table.colors(gaussians.sh.val(), &viewmat, &projected, degree);
     let mut opacities = table.of_rows(gaussians.opacities());
     if render.antialiased {
         opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);
@@ -283,22 +284,21 @@ impl Table {
     }
 
     /// Colours of all rows. The coefficients of the scene, by far the most numbers of a Gaussian, are not copied; those of what moves are.
-    fn colors(&self, sh: ShCoefficients, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
-        let part = |first: usize, count: usize, sh: ShCoefficients| {
+    fn colors(&self, sh: Tensor<3>, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
+        let part = |first: usize, count: usize, sh: Tensor<3>| {
             let [means, rows] = [&self.means, projected].map(|rows| match self.further {
                 0 => rows.clone(),
                 _ => rows.clone().narrow(0, first, count),
             });
-            sh.colors(means, viewmat.clone(), rows, degree)
+            sh_colors(means, sh, viewmat.clone(), rows, degree)
         };
-        let sh = sh.up_to(degree);
         let mut parts = vec![part(0, self.scene, sh.clone())];
         // Repeated coefficients are one buffer, so a device may ask for a part of the instants at a time.
         let [moving] = self.moving.dims();
-        let instants = sh.copies_within(largest_buffer(&self.means.device()), moving);
+        let instants = copies_within(largest_buffer(&self.means.device()), moving * sh.dims()[1] * 3);
         for first in (0..self.further).step_by(instants) {
             let count = instants.min(self.further - first);
-            let own = sh.clone().map(|sh| self.repeated(sh, count));
+            let own = self.repeated(sh.clone(), count);
             parts.push(part(self.scene + first * moving, count * moving, own));
         }
         concatenated(parts)

@@ -2,10 +2,8 @@
 
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Device, Tensor, assert_shape};
-use gs_kernels::config::{SH_BELOW_THIRD, SH_THIRD};
 
 use crate::ops::opacity::opacities;
-use crate::sh_coefficients::ShCoefficients;
 
 /// `N` Gaussians with view-dependent colour.
 #[derive(Module, Debug)]
@@ -18,12 +16,8 @@ pub struct Gaussians {
     pub log_scales: Param<Tensor<2>>,
     /// Opacities before the sigmoid, `[N]`.
     pub opacity_logits: Param<Tensor<1>>,
-    /// Spherical harmonics coefficients `[N, S, 3]`, `S` = (degree + 1)^2; without the third band where that is apart. Readers of all
-    /// coefficients take [`sh_coefficients`](Self::sh_coefficients).
+    /// Spherical harmonics coefficients `[N, S, 3]`, `S` = (degree + 1)^2.
     pub sh: Param<Tensor<3>>,
-    /// The third band, the coefficients of degree 3, `[N, 7, 3]`: present only where no buffer of the device holds all sixteen (then
-    /// `sh` holds nine).
-    pub sh_third: Option<Param<Tensor<3>>>,
 }
 
 impl Gaussians {
@@ -33,15 +27,14 @@ impl Gaussians {
     /// that is already tracked, such as the output of a motion model, stays in its graph and passes its gradient on.
     ///
     /// # Panics
-    /// When shapes disagree, `S` is not 1, 4, 9 or 16, or is not 9 beside a third band.
+    /// When shapes disagree or `S` is not 1, 4, 9 or 16.
     pub fn from_tensors(
         means: Tensor<2>,
         quats: Tensor<2>,
         log_scales: Tensor<2>,
         opacity_logits: Tensor<1>,
-        sh: impl Into<ShCoefficients>,
+        sh: Tensor<3>,
     ) -> Self {
-        let ShCoefficients { sh, third } = sh.into();
         let [count, coefficients, _] = sh.dims();
         assert_shape!(means, [count, 3]);
         assert_shape!(quats, [count, 4]);
@@ -52,17 +45,12 @@ impl Gaussians {
             [1, 4, 9, 16].contains(&coefficients),
             "sh must hold 1, 4, 9 or 16 coefficients a Gaussian, it holds {coefficients}"
         );
-        if let Some(third) = &third {
-            assert_eq!(coefficients, SH_BELOW_THIRD, "sh beside a third band must hold the coefficients below it");
-            assert_shape!(third, [count, SH_THIRD, 3]);
-        }
         Self {
             means: parameter(means),
             quats: parameter(quats),
             log_scales: parameter(log_scales),
             opacity_logits: parameter(opacity_logits),
             sh: parameter(sh),
-            sh_third: third.map(parameter),
         }
     }
 
@@ -78,12 +66,7 @@ impl Gaussians {
 
     /// Stored degree of the spherical harmonics, 0 to 3.
     pub fn sh_degree(&self) -> usize {
-        self.sh_coefficients().degree()
-    }
-
-    /// All spherical harmonics coefficients.
-    pub fn sh_coefficients(&self) -> ShCoefficients {
-        ShCoefficients { sh: self.sh.val(), third: self.sh_third.as_ref().map(Param::val) }
+        self.sh.dims()[1].isqrt() - 1
     }
 
     /// Opacities `[N]`, 0 to 1; 0 where the logit is not a number, and that logit receives no gradient.

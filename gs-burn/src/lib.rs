@@ -8,7 +8,8 @@
 //!
 //! ```
 //! use burn::tensor::Tensor;
-//! use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, glam::DMat4, render};
+//! use gs_base::Intrinsics;
+//! use gs_burn::{Camera, Gaussians, RenderOptions, device, glam::DMat4, render};
 //!
 //! let device = device::select("auto")?.autodiff();
 //! let gaussians = Gaussians::from_tensors(
@@ -61,14 +62,13 @@ pub mod ply;
 pub mod profile;
 pub mod render;
 pub mod row_map;
-pub mod sh_coefficients;
 
 mod slices;
 #[cfg(test)]
 mod testing;
 
 pub use adam::{Adam, AdamRate};
-pub use camera::{Camera, Intrinsics};
+pub use camera::Camera;
 pub use exact::exact_matmul;
 pub use exposure::{ExposureOptions, ExposureRendering, MovingSample, MovingSamples, render_exposure};
 pub use gaussians::Gaussians;
@@ -79,4 +79,3 @@ pub use named_parameters::{
 };
 pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
 pub use row_map::RowMap;
-pub use sh_coefficients::ShCoefficients;

@@ -12,18 +12,16 @@
 //! of them.
 
 mod compressed;
-mod header;
-mod printable;
 mod read;
 mod source;
 #[cfg(test)]
 mod tests;
 mod write;
 
-use std::io;
 use std::path::PathBuf;
 
-use printable::shown;
+use gs_base::FileError;
+use gs_base::sentence::shown;
 pub use read::{PlyScene, read_ply, read_ply_scene};
 pub use write::{encoded_len, write_ply, write_ply_as};
 
@@ -62,22 +60,9 @@ const OFFSET: &str = "SplatOffset:";
 /// Errors of reading and writing a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum PlyError {
-    /// The file system refused.
-    #[error("{path}: {source}", path = shown(path))]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The system's message.
-        source: io::Error,
-    },
-    /// There is no regular file.
-    #[error("{path}: expected a PLY file, found {found}", path = shown(path))]
-    NotAFile {
-        /// What was to be read.
-        path: PathBuf,
-        /// What it is.
-        found: &'static str,
-    },
+    /// The file cannot be read or written, is no PLY file, or holds no Gaussians.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The header promises more Gaussians than any machine holds.
     #[error(
         "{path}: expected at most {VERTICES_MAX} vertices, found {count}", path = shown(path)
@@ -87,14 +72,6 @@ pub enum PlyError {
         path: PathBuf,
         /// Vertices the header promises.
         count: u64,
-    },
-    /// The header is not that of a PLY file with Gaussians.
-    #[error("{path}: {message}", path = shown(path))]
-    Header {
-        /// The file.
-        path: PathBuf,
-        /// The expected and the found header.
-        message: String,
     },
     /// A vertex lacks something a Gaussian needs.
     #[error("{path}: expected vertex property `{name}` of a Gaussian splatting scene, found none", path = shown(path))]

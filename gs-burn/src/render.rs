@@ -9,6 +9,7 @@ use crate::ops::columns;
 use crate::ops::intersect::{DeviceCount, intersect_within};
 use crate::ops::projection::project;
 use crate::ops::rasterize::rasterize;
+use crate::ops::sh::sh_colors;
 use crate::{Camera, Gaussians};
 
 /// Options of a rendering.
@@ -130,7 +131,7 @@ pub fn render_with(gaussians: &Gaussians, camera: &Camera, options: &RenderOptio
         &projection_config(camera, options),
     );
     let degree = options.sh_degree.min(gaussians.sh_degree());
-    let colors = gaussians.sh_coefficients().colors(means, viewmat, projected.clone(), degree);
+    let colors = sh_colors(means, gaussians.sh.val(), viewmat, projected.clone(), degree);
     let mut opacities = gaussians.opacities();
     if options.antialiased {
         opacities = opacities * columns::compensation(projected.clone()).squeeze_dim(1);

@@ -1,9 +1,10 @@
 //! Small random scenes in `f64`, and comparisons of tensors for unit tests.
 
 use burn::tensor::{DType, Device, Gradients, Tensor, TensorData};
+use gs_base::Intrinsics;
 use gs_kernels::config::ProjectionConfig;
 
-use crate::{Camera, Gaussians, Intrinsics};
+use crate::{Camera, Gaussians};
 
 /// A CPU device that records gradients.
 pub fn device() -> Device {

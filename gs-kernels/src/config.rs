@@ -68,12 +68,6 @@ pub struct ShConfig {
     pub coefficients: usize,
 }
 
-/// Coefficients per channel of the degrees 0 to 2.
-pub const SH_BELOW_THIRD: usize = 9;
-
-/// Coefficients per channel of the third degree, the third band.
-pub const SH_THIRD: usize = 7;
-
 /// The output of a rasterization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RasterizeConfig {

@@ -26,7 +26,6 @@ pub mod config;
 pub mod constants;
 pub mod cpu;
 pub mod limits;
-pub mod local;
 pub mod random;
 pub mod rows;
 

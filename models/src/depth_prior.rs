@@ -9,6 +9,7 @@
 //! [`depth_correlation_loss`] without one.
 
 use burn::tensor::Tensor;
+use gs_base::median;
 use gs_burn::ops::sum::sum;
 use gs_burn::profile;
 
@@ -84,8 +85,8 @@ pub fn align(prior: &[f32], reference: &[f32], weights: Option<&[f32]>, space: D
     let mut fit = start(&points)?;
     let (mut inliers, mut deviation) = (0.0, 0.0);
     for _ in 0..PASSES {
-        let floor = ROUNDING * median(thinned(&points).map(|p| p.y.abs()).collect());
-        let cut = (REJECT * DEVIATION * median(thinned(&points).map(|p| fit.residual(p).abs()).collect())).max(floor);
+        let floor = ROUNDING * median(thinned(&points).map(|p| p.y.abs()).collect())?;
+        let cut = (REJECT * DEVIATION * median(thinned(&points).map(|p| fit.residual(p).abs()).collect())?).max(floor);
         let good: Vec<Point> = points.iter().filter(|p| fit.residual(p).abs() <= cut).copied().collect();
         fit = least_squares(&good)?;
         inliers = good.len() as f64 / points.len() as f64;
@@ -183,8 +184,8 @@ fn start(points: &[Point]) -> Option<Line> {
     if slopes.len() < FEWEST / 2 {
         return None;
     }
-    let scale = median(slopes);
-    let shift = median(sorted.iter().map(|p| p.y - scale * p.x).collect());
+    let scale = median(slopes)?;
+    let shift = median(sorted.iter().map(|p| p.y - scale * p.x).collect())?;
     Some(Line { scale, shift })
 }
 
@@ -200,10 +201,4 @@ fn least_squares(points: &[Point]) -> Option<Line> {
 /// At most [`START_PIXELS`] of the points, evenly.
 fn thinned(points: &[Point]) -> impl Iterator<Item = &Point> {
     points.iter().step_by(points.len().div_ceil(START_PIXELS).max(1))
-}
-
-/// Median (upper of the two middle values) of a list that is not empty.
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

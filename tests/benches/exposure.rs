@@ -8,7 +8,8 @@
 mod workloads;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::{Camera, ExposureOptions, Gaussians, Intrinsics, MovingSample, render, render_exposure};
+use gs_base::Intrinsics;
+use gs_burn::{Camera, ExposureOptions, Gaussians, MovingSample, render, render_exposure};
 
 use workloads::clock::cpu_seconds;
 use workloads::generator::{self, Random};

@@ -1,8 +1,7 @@
 //! `gs_burn::ops::sh`.
 
 use burn::tensor::Tensor;
-use gs_burn::ops::sh::{sh_colors, sh_colors_of_bands, sh_colors_reference};
-use gs_kernels::config::{SH_BELOW_THIRD, SH_THIRD};
+use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
 use gs_kernels::rows::PROJECTED;
 use gs_tests::devices::{Place, doubles, reference, singles};
 use gs_tests::finite_differences::assert_derivative;
@@ -15,22 +14,6 @@ const SH: usize = 4;
 const VIEWMAT: usize = 5;
 
 type ShColors = fn(Tensor<2>, Tensor<3>, Tensor<2>, Tensor<2>, usize) -> Tensor<2>;
-
-/// Colours of degree 3 with the third band in a tensor of its own.
-fn of_bands(means: Tensor<2>, sh: Tensor<3>, viewmat: Tensor<2>, projected: Tensor<2>, degree: usize) -> Tensor<2> {
-    assert_eq!(degree, 3, "only degree 3 has a third band");
-    let (below, third) = (sh.clone().narrow(1, 0, SH_BELOW_THIRD), sh.narrow(1, SH_BELOW_THIRD, SH_THIRD));
-    sh_colors_of_bands(means, below, third, viewmat, projected)
-}
-
-/// Every way to colours, with a degree and a name.
-const WAYS: [(usize, ShColors, &str); 5] = [
-    (0, sh_colors, "in one tensor"),
-    (1, sh_colors, "in one tensor"),
-    (2, sh_colors, "in one tensor"),
-    (3, sh_colors, "in one tensor"),
-    (3, of_bands, "the third band apart"),
-];
 
 /// The groups that colours of a degree depend on: the plain colour has no direction.
 fn depends_on(degree: usize) -> &'static [usize] {
@@ -54,16 +37,16 @@ fn doubles_are_the_central_differences() {
     let scene = Scene::random(COUNT, 5);
     let rows = scene.reference_rows();
     for place in doubles() {
-        for (degree, colors, way) in WAYS {
-            let gradients = gradients(&scene, &rows, degree, place, colors);
+        for degree in 0..=3 {
+            let gradients = gradients(&scene, &rows, degree, place, sh_colors);
             for k in depends_on(degree).iter().copied() {
-                let what = format!("{} at degree {degree}, {way}, on {}", GROUPS[k], place.name);
+                let what = format!("{} at degree {degree} on {}", GROUPS[k], place.name);
                 // The last row of a viewmat is no parameter.
                 let used = if k == VIEWMAT { 12 } else { scene.groups()[k].len() };
                 assert_derivative(&what, &scene.groups()[k][..used], &gradients[k][..used], 200, |x| {
                     let mut moved = scene.clone();
                     moved.groups_mut()[k][..used].copy_from_slice(x);
-                    values(&sum(&moved.leaves(place), &rows, degree, place, colors))[0]
+                    values(&sum(&moved.leaves(place), &rows, degree, place, sh_colors))[0]
                 });
             }
         }
@@ -74,14 +57,14 @@ fn doubles_are_the_central_differences() {
 fn every_device_follows_the_reference() {
     let scene = Scene::random(COUNT, 6);
     let rows = scene.reference_rows();
-    for (degree, colors, way) in WAYS {
+    for degree in 0..=3 {
         let expected = gradients(&scene, &rows, degree, reference(), sh_colors_reference);
         for (place, bound) in
             doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, GRADIENT_F32)))
         {
-            let actual = gradients(&scene, &rows, degree, place, colors);
+            let actual = gradients(&scene, &rows, degree, place, sh_colors);
             for k in depends_on(degree).iter().copied() {
-                let what = format!("{} at degree {degree}, {way}, on {}", GROUPS[k], place.name);
+                let what = format!("{} at degree {degree} on {}", GROUPS[k], place.name);
                 assert_gradient(&what, &actual[k], &expected[k], bound);
             }
         }

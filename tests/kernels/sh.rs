@@ -1,8 +1,7 @@
 //! `gs_burn::ops::sh`.
 
 use burn::tensor::Tensor;
-use gs_burn::ops::sh::{sh_colors, sh_colors_of_bands, sh_colors_reference};
-use gs_kernels::config::{SH_BELOW_THIRD, SH_THIRD};
+use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
 use gs_kernels::constants::INVALID_FEATURE;
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
@@ -31,13 +30,6 @@ fn color_of(place: &Place, mean: [f64; 3], sh: &[f64], degree: usize) -> Vec<f64
 /// 16 coefficients of which one is 1 in all channels.
 fn only(k: usize) -> Vec<f64> {
     (0..48).map(|i| if i / 3 == k { 1.0 } else { 0.0 }).collect()
-}
-
-/// Colours of degree 3 with the third band in a tensor of its own.
-fn of_bands(means: Tensor<2>, sh: Tensor<3>, viewmat: Tensor<2>, projected: Tensor<2>, degree: usize) -> Tensor<2> {
-    assert_eq!(degree, 3, "only degree 3 has a third band");
-    let (below, third) = (sh.clone().narrow(1, 0, SH_BELOW_THIRD), sh.narrow(1, SH_BELOW_THIRD, SH_THIRD));
-    sh_colors_of_bands(means, below, third, viewmat, projected)
 }
 
 #[test]
@@ -135,14 +127,11 @@ fn every_device_follows_the_reference() {
             values(&sh_colors(means, place.leaf(&sh, [200, coefficients, 3]), viewmat, rows, degree))
         };
         let expected = colors(reference(), sh_colors_reference);
-        let ways: &[fn(_, _, _, _, _) -> Tensor<2>] = if degree == 3 { &[sh_colors, of_bands] } else { &[sh_colors] };
-        for way in ways {
-            for place in doubles() {
-                assert_near_scaled(&place.name, &colors(place, *way), &expected, FORWARD_F64);
-            }
-            for place in singles() {
-                assert_near(&place.name, &colors(place, *way), &expected, FORWARD_F32);
-            }
+        for place in doubles() {
+            assert_near_scaled(&place.name, &colors(place, sh_colors), &expected, FORWARD_F64);
+        }
+        for place in singles() {
+            assert_near(&place.name, &colors(place, sh_colors), &expected, FORWARD_F32);
         }
     }
 }

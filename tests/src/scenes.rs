@@ -1,11 +1,12 @@
 //! Tiny seeded scenes: numbers on the host, and the same numbers as tensors of a device.
 
 use burn::tensor::{Gradients, Tensor};
+use gs_base::Intrinsics;
 use gs_burn::ops::intersect::intersect;
 use gs_burn::ops::projection::{ProjectionConfig, project, project_reference};
 use gs_burn::ops::rasterize::{RasterizeConfig, rasterize, rasterize_reference};
 use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, exact_matmul};
+use gs_burn::{Camera, Gaussians, RenderOptions, exact_matmul};
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 
 use crate::cutoff::undecided_pixels;

@@ -7,8 +7,8 @@ use std::process::ExitCode;
 
 use anyhow::{Result, anyhow};
 use clap::Parser;
+use gs_base::printable;
 use gs_burn::limits::is_limit;
-use gs_datasets::printable;
 use gs_train::cli::{Cli, Command};
 use gs_train::run::resources;
 use gs_train::sentence::one_sentence;

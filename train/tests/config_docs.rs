@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use gs_train::config::tables::keys;
+use gs_train::config::tables::flat;
 use gs_train::config::{Config, Declared, Key};
 use gs_train::pipelines::{PIPELINES, brightness, flux4d, sparsedyn, taylormode};
 use toml::{Table, Value};
@@ -30,8 +30,7 @@ fn the_page_is_what_the_code_says() {
 fn every_key_is_on_the_page() {
     let page = page();
     for pipeline in &PIPELINES {
-        let defaults = pipeline.defaults();
-        for key in keys(&defaults).iter().filter(|key| !defaults.get(key.as_str()).is_some_and(Value::is_table)) {
+        for (key, _) in flat(&pipeline.defaults()) {
             assert!(page.contains(&format!("| `{key}` |")), "{key} of {}", pipeline.name());
         }
     }
@@ -59,19 +58,26 @@ fn page() -> String {
     page.push_str("\n## All runs\n\n");
     let values: Vec<Key> = Config::keys().into_iter().filter(|key| key.keys.is_empty()).collect();
     rows(&mut page, &values, "", &defaults);
-    for section in sections() {
-        let own: Vec<(&str, Table)> = defaults
-            .iter()
-            .filter_map(|(name, table)| Some((*name, table.get(section.name)?.as_table()?.clone())))
-            .collect();
-        write!(page, "\n## `[{}]`\n\n{}", section.name, section.about).expect("a string");
-        if own.len() < defaults.len() {
-            write!(page, " Pipeline: {}.", list(own.iter().map(|(name, _)| *name))).expect("a string");
-        }
-        page.push_str("\n\n");
-        rows(&mut page, &section.keys, &format!("{}.", section.name), &own);
+    for key in sections() {
+        section(&mut page, &key, key.name, &defaults, defaults.len());
     }
     page
+}
+
+/// A section called `path`, and those in it; `defaults` are the tables around it.
+fn section(page: &mut String, key: &Key, path: &str, defaults: &[(&str, Table)], pipelines: usize) {
+    let own: Vec<(&str, Table)> =
+        defaults.iter().filter_map(|(name, table)| Some((*name, table.get(key.name)?.as_table()?.clone()))).collect();
+    write!(page, "\n## `[{path}]`\n\n{}", key.about).expect("a string");
+    if own.len() < pipelines {
+        write!(page, " Pipeline: {}.", list(own.iter().map(|(name, _)| *name))).expect("a string");
+    }
+    page.push_str("\n\n");
+    let (sections, values): (Vec<Key>, Vec<Key>) = key.keys.iter().cloned().partition(|key| !key.keys.is_empty());
+    rows(page, &values, &format!("{path}."), &own);
+    for inner in sections {
+        section(page, &inner, &format!("{path}.{}", inner.name), &own, pipelines);
+    }
 }
 
 /// The table of some keys; `defaults` are the values of the pipelines that have them.

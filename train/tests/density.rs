@@ -8,7 +8,7 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 use gs_burn::adam::{Adam, Moments};
 use gs_burn::{Gaussians, NamedGradients};
-use gs_train::config::DensityConfig;
+use gs_train::config::{DensityConfig, McmcConfig};
 use gs_train::fit::density::ops::{Draft, logit};
 use gs_train::fit::density::{Control, StepContext, mcmc, prune};
 use gs_train::fit::parameters::{Group, Table, from_host, gaussians, to_host};
@@ -88,10 +88,14 @@ fn with_opacities(opacities: &[f64]) -> (Gaussians, Adam) {
     (gaussians, adam)
 }
 
+fn with(mcmc: McmcConfig) -> DensityConfig {
+    DensityConfig { mcmc, ..DensityConfig::default() }
+}
+
 #[test]
 fn the_dead_move_onto_the_living_and_the_image_stays() {
     let (mut gaussians, mut adam) = with_opacities(&[0.001, 0.9, 0.002, 0.003]);
-    let config = DensityConfig { growth: 0.0, separation: 0.0, ..DensityConfig::default() };
+    let config = with(McmcConfig { growth: 0.0, separation: 0.0, ..McmcConfig::default() });
     let changes = mcmc::refine(&mut gaussians, &mut adam, &config, &context()).changes;
     assert_eq!((changes.moved, changes.added, gaussians.len()), (3, 0, 4));
     let transmittance: f64 = gaussians
@@ -106,7 +110,7 @@ fn the_dead_move_onto_the_living_and_the_image_stays() {
 #[test]
 fn nothing_is_drawn_from_a_scene_of_dead_gaussians() {
     let (mut gaussians, mut adam) = with_opacities(&[0.001, 0.002]);
-    let config = DensityConfig { growth: 0.5, ..DensityConfig::default() };
+    let config = with(McmcConfig { growth: 0.5, ..McmcConfig::default() });
     // Growth still draws by opacity; relocation has nobody to move onto.
     let changes = mcmc::refine(&mut gaussians, &mut adam, &config, &context()).changes;
     assert_eq!((changes.moved, changes.added), (0, 1));
@@ -122,7 +126,7 @@ fn numbers_that_are_none_neither_stop_nor_spread() {
     quats[0..4].fill(f32::NAN);
     gaussians.set(Group::Quats, from_host(quats, 4, &common::device()));
     mcmc::perturb(&mut gaussians, 5e5, &context());
-    let config = DensityConfig { growth: 0.0, ..DensityConfig::default() };
+    let config = with(McmcConfig { growth: 0.0, ..McmcConfig::default() });
     mcmc::refine(&mut gaussians, &mut adam, &config, &context());
     assert!(gaussians.read(Group::Opacity).iter().all(|x| x.is_finite()), "the dead NaN was given a living place");
     assert!(gaussians.read(Group::Means).iter().all(|x| x.is_finite()));
@@ -146,9 +150,11 @@ fn counts_under(cap: usize, overrides: &[&str]) -> Vec<usize> {
 
 #[test]
 fn the_cap_is_never_exceeded() {
-    for strategy in ["density.strategy=mcmc", "density.strategy=default"] {
-        let greedy = [strategy, "density.growth=0.9", "density.gradient=1e-9", "density.min_opacity=1e-6"];
-        let counts = counts_under(230, &greedy);
+    for (strategy, greedy) in [
+        ("density.strategy=mcmc", "density.mcmc.growth=0.9"),
+        ("density.strategy=default", "density.default.gradient=1e-9"),
+    ] {
+        let counts = counts_under(230, &[strategy, greedy, "density.min_opacity=1e-6"]);
         assert!(counts.iter().all(|count| *count <= 230), "{strategy}: {counts:?}");
         assert_eq!(counts.last(), Some(&230), "{strategy} fills the budget");
     }
@@ -180,7 +186,7 @@ fn contributions_add_up_to_what_is_seen() {
 #[test]
 fn what_no_photo_shows_is_dropped() {
     let mut begun =
-        common::begun(&common::config(20, &["density.prune_share=0.001", "density.stop=0.5", "density.noise=0"]));
+        common::begun(&common::config(20, &["density.prune_share=0.001", "density.stop=0.5", "density.mcmc.noise=0"]));
     let mut counts = Vec::new();
     for step in 1..=20 {
         if step == 10 {

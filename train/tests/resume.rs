@@ -11,8 +11,8 @@ use gs_worlds::{DemoOptions, demo_scene};
 const OVERRIDES: [&str; 6] = [
     "density.start=4",
     "density.every=10",
-    "density.growth=0.2",
-    "density.full=0",
+    "density.mcmc.growth=0.2",
+    "density.mcmc.full=0",
     "density.cap=260",
     "optimiser.opacity_lr=0.3",
 ];
@@ -63,13 +63,13 @@ fn measures_that_follow_the_run_resume_to_the_same_bits() {
     let options =
         DemoOptions { train_views: 5, test_views: 2, width: 400, height: 60, points: common::POINTS, seed: 1 };
     demo_scene(&scene, &options).expect("the scene is written");
-    let keys = ["data.coarse_share=0.5", "density.full=0.45", "density.growth=0.5", "init.dense_share=0.9"];
+    let keys = ["data.coarse_share=0.5", "density.mcmc.full=0.45", "density.mcmc.growth=0.5", "init.dense_share=0.9"];
     resumes_on(folder.path(), &scene, &keys, &[11, 25, 26, 31]);
 }
 
 #[test]
 fn adaptive_control_resumes_to_the_same_bits() {
-    let reset = ["density.strategy=default", "density.gradient=1e-5", "density.reset_every=25"];
+    let reset = ["density.strategy=default", "density.default.gradient=1e-5", "density.default.reset_every=25"];
     resumes_to_the_same_bits(&reset);
 }
 

@@ -3,7 +3,8 @@
 mod common;
 
 use burn::tensor::Tensor;
-use gs_burn::{Camera, Intrinsics};
+use gs_base::Intrinsics;
+use gs_burn::Camera;
 use gs_train::fit::parameters::{Group, Table};
 use gs_train::fit::trainer::Trainer;
 
@@ -17,7 +18,7 @@ fn steps_lower_the_loss() {
 
 #[test]
 fn a_loss_that_is_not_finite_is_skipped_and_counted() {
-    let mut begun = common::begun(&common::config(10, &["density.noise=0"]));
+    let mut begun = common::begun(&common::config(10, &["density.mcmc.noise=0"]));
     let before = Group::ALL.map(|group| begun.trainer.gaussians().read(group));
     // The size regulariser divides by the extent.
     let extent = std::mem::replace(&mut begun.trainer.facts.extent, 0.0);
@@ -48,7 +49,7 @@ fn ignored_pixels_teach_nothing() {
 fn room_for_intersections_changes_no_bit() {
     for backend in common::backends() {
         let device = common::named(backend);
-        let mut begun = common::begun_on(&common::config(10, &["density.noise=0"]), &device);
+        let mut begun = common::begun_on(&common::config(10, &["density.mcmc.noise=0"]), &device);
         let near = &begun.photo.camera;
         let Intrinsics { fx, fy, cx, cy } = near.intrinsics;
         let intrinsics = Intrinsics { fx: 8.0 * fx, fy: 8.0 * fy, cx: 8.0 * cx, cy: 8.0 * cy };

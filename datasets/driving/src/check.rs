@@ -3,7 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use gs_datasets::{DatasetError, FrameSource, agree, counted, printable};
+use gs_base::{agree, counted, printable};
+use gs_datasets::{DatasetError, FrameSource};
 use rayon::prelude::*;
 
 use crate::draw;

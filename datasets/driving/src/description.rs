@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use glam::{DMat4, DVec3};
-use gs_datasets::Intrinsics;
+use gs_base::Intrinsics;
 
 /// A frame: one sweep of the LiDAR and one image of each camera, as far as they are there.
 #[derive(Debug, Clone, PartialEq)]

@@ -53,7 +53,7 @@ pub(crate) fn overlay(
             }
         }
     }
-    write_png(path, width, height, &image.data)
+    Ok(write_png(path, width, height, &image.data)?)
 }
 
 fn color(z: f64) -> [u8; 3] {

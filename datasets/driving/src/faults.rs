@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use gs_datasets::{DatasetError, counted, printable, some_names};
+use gs_base::{FileError, counted, printable};
+use gs_datasets::{DatasetError, some_names};
 
 /// Errors of one kind in one folder.
 struct Group {
@@ -62,19 +63,19 @@ fn apart(error: &DatasetError) -> Option<Parts> {
         Some(Parts { kind: format!("{folder}: {kind}"), common: format!("{folder}: {complaint}"), file })
     };
     match error {
-        DatasetError::Malformed { path, location, expected, found } => {
+        DatasetError::File(FileError::Malformed { path, location, expected, found }) => {
             let place: String = location.chars().filter(|c| !c.is_ascii_digit()).collect();
             let complaint = format!("{location}: expected {expected}, found {found}");
             of(path, format!("{place}: expected {expected}"), complaint)
         }
-        DatasetError::Io { path, action, source } => {
+        DatasetError::File(FileError::Io { path, action, source }) => {
             of(path, format!("cannot {action}: {:?}", source.kind()), format!("cannot {action}: {source}"))
         }
         DatasetError::Image { path, found } => {
             let complaint = format!("expected readable PNG or JPEG images, found: {found}");
             of(path, "expected an image".to_string(), complaint)
         }
-        DatasetError::NotAFile { path, found } => {
+        DatasetError::File(FileError::NotAFile { path, found }) => {
             of(path, format!("found {found}"), format!("expected files, found {found}"))
         }
         _ => None,
@@ -84,15 +85,14 @@ fn apart(error: &DatasetError) -> Option<Parts> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::malformed;
 
     #[test]
     fn one_fault_in_many_files_is_one_sentence() {
         let short = |i: usize| {
             let path = format!("log/lidar/{i:02}.pkl.gz");
-            malformed(Path::new(&path), format!("byte {}", 100 + i), "a column x", format!("{i} bytes"))
+            DatasetError::malformed(Path::new(&path), format!("byte {}", 100 + i), "a column x", format!("{i} bytes"))
         };
-        let other = malformed(Path::new("log/camera/a/00.jpg"), "the image", "8 x 8 pixels", "9 x 9");
+        let other = DatasetError::malformed(Path::new("log/camera/a/00.jpg"), "the image", "8 x 8 pixels", "9 x 9");
         let errors: Vec<DatasetError> = (0..300).map(short).chain([other]).collect();
         let said = sentences(&errors);
         let first = "log/lidar: byte 100: expected a column x, found 0 bytes (in 300 files: 00.pkl.gz, 01.pkl.gz, 02.pkl.gz, ...)";

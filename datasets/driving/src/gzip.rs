@@ -6,10 +6,8 @@ use std::path::Path;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
+use gs_base::guarded;
 use gs_datasets::DatasetError;
-use gs_datasets::guarded;
-
-use crate::error::malformed;
 
 /// Longest file and longest content, bytes. A sweep of both LiDARs of PandaSet has 8 MB; this has room for 5 million points. Deflate makes
 /// at most 1032 bytes of one, so a small file stays far below.
@@ -26,7 +24,8 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, DatasetError> {
     }
     let mut content = Vec::new();
     let inflated = GzDecoder::new(&bytes[..]).take(CONTENT_MAX + 1).read_to_end(&mut content);
-    let wrong = |found: String| malformed(path, "the gzip stream", "a whole stream of at most 256 MiB", found);
+    let wrong =
+        |found: String| DatasetError::malformed(path, "the gzip stream", "a whole stream of at most 256 MiB", found);
     inflated.map_err(|error| wrong(format!("{error} after {} bytes", content.len())))?;
     if content.len() as u64 > CONTENT_MAX {
         return Err(wrong("more".to_string()));

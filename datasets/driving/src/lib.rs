@@ -28,7 +28,6 @@ mod boxes;
 mod check;
 mod description;
 mod draw;
-mod error;
 mod faults;
 mod feather;
 mod gzip;

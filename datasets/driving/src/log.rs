@@ -64,7 +64,7 @@ impl LogFormat {
 /// # Errors
 /// When the folder cannot be read.
 pub fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let unread = |source| DatasetError::Io { path: folder.to_path_buf(), action: "read", source };
+    let unread = |source| DatasetError::read(folder, source);
     let entries: Vec<PathBuf> =
         std::fs::read_dir(folder).map_err(unread)?.flatten().map(|entry| entry.path()).collect();
     let logs = |paths: &[PathBuf]| -> Vec<PathBuf> {
@@ -258,7 +258,7 @@ impl DrivingLog {
         let Some(Shot { image: Some(path), .. }) = self.shot(frame, camera) else {
             let path = self.path.join(&described.name).join(&self.frames()[frame].name);
             let source = std::io::Error::from(std::io::ErrorKind::NotFound);
-            return Err(DatasetError::Io { path, action: "read", source });
+            return Err(DatasetError::read(&path, source));
         };
         #[cfg(feature = "waymo")]
         if let Some(segment) = &self.segment {
@@ -271,12 +271,9 @@ impl DrivingLog {
     fn sized(&self, image: RgbImage8, camera: usize, path: &Path) -> Result<RgbImage8, DatasetError> {
         let described = &self.cameras()[camera];
         if (image.width, image.height) != (described.width, described.height) {
-            return Err(DatasetError::Malformed {
-                path: path.to_path_buf(),
-                location: "the image".to_string(),
-                expected: format!("{} x {} pixels, as the first of the camera", described.width, described.height),
-                found: format!("{} x {}", image.width, image.height),
-            });
+            let expected = format!("{} x {} pixels, as the first of the camera", described.width, described.height);
+            let found = format!("{} x {}", image.width, image.height);
+            return Err(DatasetError::malformed(path, "the image", expected, found));
         }
         Ok(image)
     }

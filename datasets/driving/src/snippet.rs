@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use gs_datasets::{counted, some_names};
+use gs_base::counted;
+use gs_datasets::some_names;
 
 use crate::description::Frame;
 

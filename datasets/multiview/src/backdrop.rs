@@ -80,7 +80,8 @@ fn border(view: &View) -> impl Iterator<Item = usize> {
 
 #[cfg(test)]
 mod tests {
-    use gs_datasets::{Intrinsics, RgbImage8};
+    use gs_base::Intrinsics;
+    use gs_datasets::RgbImage8;
 
     use super::*;
 

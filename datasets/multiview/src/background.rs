@@ -1,5 +1,6 @@
 //! The background of a static camera: the picture without passing objects.
 
+use gs_base::statistics::median_by;
 use rayon::prelude::*;
 
 use gs_datasets::{RgbImage8, View};
@@ -7,7 +8,6 @@ use gs_datasets::{RgbImage8, View};
 use crate::cameras::StaticCamera;
 use crate::cluster::{Cluster, Pixel, classify, distance2};
 use crate::illumination::LightLimits;
-use crate::median::median;
 use crate::noise::Noise;
 use crate::options::MaskOptions;
 use crate::pixels::{color, counts};
@@ -157,7 +157,7 @@ fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> 
         .extend(samples.windows(2).map(|pair| (0..3).map(|c| u16::from(pair[0][c].abs_diff(pair[1][c]))).sum::<u16>()));
     let level: u32 = samples.iter().flatten().map(|value| u32::from(*value)).sum();
     let usual = noise.at(level as f32 / (3 * samples.len().max(1)) as f32);
-    let Some(step) = median(steps, u16::cmp) else { return (usual, usual) };
+    let Some(step) = median_by(steps, u16::cmp) else { return (usual, usual) };
     let own = f32::from(step) / 3.0 / MEAN_DIFFERENCE;
     (usual, own.clamp(usual, FLICKER * usual))
 }
@@ -166,7 +166,7 @@ fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> 
 fn median_color(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3] {
     [0, 1, 2].map(|c| {
         let mut values: Vec<u8> = camera.views.iter().map(|i| views[*i].image.data[3 * pixel + c]).collect();
-        f32::from(median(&mut values, u8::cmp).expect("a static camera has views"))
+        f32::from(median_by(&mut values, u8::cmp).expect("a static camera has views"))
     })
 }
 

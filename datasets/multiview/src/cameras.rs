@@ -1,6 +1,7 @@
 //! Groups of views: by static camera, and by time.
 
-use gs_datasets::{View, mean};
+use gs_base::mean;
+use gs_datasets::View;
 
 /// Two views are of one static camera when no point of the scene moves by more than this between them, pixels. A
 /// smaller shift changes ordinary texture by less than the noise. Poses estimated frame by frame for a camera on a

@@ -1,7 +1,7 @@
 //! The depths at which a photo's pixel may lie, from points of the scene that are known already.
 
 use glam::{DMat4, Vec3};
-use gs_datasets::Intrinsics;
+use gs_base::Intrinsics;
 
 /// Side of a cell in which depths are gathered, pixels of a reduced photo (320 wide). A pixel asks its own cell and the eight around it.
 const CELL: usize = 16;

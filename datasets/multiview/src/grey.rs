@@ -1,8 +1,9 @@
 //! Photos reduced to grey, with their cameras.
 
+use gs_base::Intrinsics;
 use rayon::prelude::*;
 
-use gs_datasets::{Intrinsics, View};
+use gs_datasets::View;
 
 use crate::patch::Pixels;
 

@@ -8,13 +8,13 @@
 //! a rig on one side leaves it long in that direction, and masks of blurry photos add the path of one exposure.
 
 use glam::{DVec3, UVec3};
+use gs_base::statistics::median_by;
 
 use gs_datasets::{PointCloud, Scene, View};
 
 use crate::cameras::{Instant, instants};
 use crate::carve::{Consensus, Silhouette, Voxels, support};
 use crate::centres::{Blob, locate, mask_of};
-use crate::median::median;
 use crate::options::HullOptions;
 use crate::pinhole::Pinhole;
 use crate::regions::fill_holes;
@@ -321,7 +321,7 @@ fn colors(
             }
             [0, 1, 2].map(|c| {
                 let mut values: Vec<u8> = seen.iter().map(|color| color[c]).collect();
-                median(&mut values, u8::cmp).unwrap_or(128)
+                median_by(&mut values, u8::cmp).unwrap_or(128)
             })
         })
         .collect()

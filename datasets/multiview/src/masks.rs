@@ -1,10 +1,11 @@
 //! One mask of moving pixels per training view: given by the data set or inferred from the photos.
 
-use gs_datasets::{Scene, View, agree, counted, some_names};
+use gs_base::statistics::median_by;
+use gs_base::{agree, counted};
+use gs_datasets::{Scene, View, some_names};
 
 use crate::camera_masks::{FRAMES_MIN, camera_masks};
 use crate::cameras::static_cameras;
-use crate::median::median;
 use crate::options::MaskOptions;
 
 /// Share of moving pixels in the median view above which the input is suspect: a camera that moves, light that
@@ -160,7 +161,7 @@ fn check_shares(found: &mut MovingMasks) {
         .flatten()
         .map(|mask| mask.iter().filter(|value| **value != 0).count() as f64 / mask.len().max(1) as f64)
         .collect();
-    let Some(median) = median(&mut shares, f64::total_cmp) else { return };
+    let Some(median) = median_by(&mut shares, f64::total_cmp) else { return };
     if shares.iter().all(|share| *share == 0.0) {
         found.warnings.push("no mask has a moving pixel: nothing moves, or the masks are empty".to_string());
     } else if median > SUSPECT_SHARE {

@@ -1,8 +1,9 @@
 //! Camera of a view: projection of positions to pixels and back, in f64.
 
 use glam::{DMat3, DMat4, DVec2, DVec3};
+use gs_base::Intrinsics;
 
-use gs_datasets::{Intrinsics, View};
+use gs_datasets::View;
 
 /// Smallest depth that is projected, scene units. It keeps the division finite.
 const NEAR: f64 = 1e-9;

@@ -2,13 +2,13 @@
 //! colours, and rays through the middles of an object's outlines meet.
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
+use gs_base::statistics::median_by;
 use rayon::prelude::*;
 
 use gs_datasets::{PointCloud, View, nearest_to_axes};
 
 use crate::grey::Grey;
 use crate::matches::{Corners, WIDTH};
-use crate::median::median;
 use crate::pinhole::Pinhole;
 use crate::pixels::{color, counts};
 
@@ -188,7 +188,7 @@ impl Points {
         let middle = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
         let far = |positions: &[DVec3]| {
             let mut distances: Vec<f64> = positions.iter().map(|position| position.distance(middle)).collect();
-            median(&mut distances, f64::total_cmp)
+            median_by(&mut distances, f64::total_cmp)
         };
         match (far(&self.positions), far(&centres)) {
             (Some(points), Some(cameras)) if cameras > 0.0 => points / cameras,

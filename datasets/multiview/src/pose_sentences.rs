@@ -1,6 +1,6 @@
 //! Judgements of poses in sentences, with the key that reads the data otherwise.
 
-use gs_datasets::counted;
+use gs_base::counted;
 
 use crate::poses::{Evidence, PointsFault, PoseJudgement, PoseVerdict};
 

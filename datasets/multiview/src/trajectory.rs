@@ -10,10 +10,10 @@
 //! choice with the least BIC; a kink must also lower BIC by [`EVIDENCE`], because its time was searched for.
 
 use glam::DVec3;
+use gs_base::least_squares::{combined, least_squares, weighted_least_squares};
+use gs_base::statistics::median_by;
 
 use crate::centres::Centre;
-use crate::least_squares::{combined, least_squares, weighted_least_squares};
-use crate::median::median;
 
 /// Centres farther than this many robust standard deviations from the curve of the highest order are outliers.
 const OUTLIER: f64 = 6.0;
@@ -293,7 +293,7 @@ impl Data {
         // noise.
         let most_far = sorted[sorted.len() - 1 - sorted.len() / 5];
         let free = &mut sorted[(order + 1 + kinks.len()).min(distances.len() - 1)..];
-        let typical = median(free, f64::total_cmp).expect("at least the farthest is left");
+        let typical = median_by(free, f64::total_cmp).expect("at least the farthest is left");
         let limit = OUTLIER * (typical / MEDIAN_ABSOLUTE).max(floor);
         let keeps: Vec<bool> = distances.iter().map(|distance| *distance <= limit.max(most_far)).collect();
         let mut kept = keeps.iter();

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use gs_base::counted;
+
 use super::BlurFromFrames;
 use crate::error::DatasetError;
 use crate::names;
-use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 use crate::split::is_held_out;
 

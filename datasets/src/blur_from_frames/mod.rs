@@ -9,6 +9,7 @@ mod window;
 
 use std::path::Path;
 
+use gs_base::write_atomic;
 use serde_json::{Value, json};
 
 use self::camera::{StaticCamera, cameras};
@@ -16,7 +17,6 @@ use self::window::blur_camera;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
-use crate::image_io::write_atomic;
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
 use crate::raw::RawPoints;

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use gs_base::Intrinsics;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::BlurFromFrames;
 use super::camera::{StaticCamera, Windows};
 use crate::error::DatasetError;
-use crate::frame::Intrinsics;
 use crate::image_io::write_png;
 use crate::light::{linear_of_bytes, to_byte, to_linear};
 use crate::mask::Mask;

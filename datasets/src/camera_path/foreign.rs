@@ -10,12 +10,13 @@
 
 use std::path::Path;
 
+use gs_base::Intrinsics;
 use serde_json::{Map, Value};
 
 use super::keys::{FOVS, IMAGES_MAX, SIDE_MAX, ranged};
 use crate::error::DatasetError;
 use crate::formats::json::{self, Keys};
-use crate::frame::{CameraPose, Intrinsics};
+use crate::frame::CameraPose;
 use crate::names;
 use crate::pose::{opencv_from_opengl, rigid};
 

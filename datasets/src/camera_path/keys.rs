@@ -14,12 +14,13 @@
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
+use gs_base::Intrinsics;
 use serde_json::{Map, Value};
 
 use super::looking;
 use crate::error::DatasetError;
 use crate::formats::json::{self, Keys};
-use crate::frame::{CameraPose, Intrinsics};
+use crate::frame::CameraPose;
 
 /// Size and angle of view where the file says nothing.
 const SIZE: [f64; 2] = [1024.0, 768.0];

@@ -11,12 +11,13 @@ mod tests;
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
+use gs_base::Intrinsics;
 
 use serde_json::Value;
 
 use crate::error::DatasetError;
 use crate::formats::json;
-use crate::frame::{CameraPose, Intrinsics};
+use crate::frame::CameraPose;
 
 use keys::KeyFrames;
 pub use ring::{orbit, spiral};

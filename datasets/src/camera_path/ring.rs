@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat4, DVec3};
+use gs_base::median;
 
 use super::{looking, up};
 use crate::frame::CameraPose;
-use crate::statistics::median;
 use crate::subject::nearest_to_axes;
 
 /// Turns of a spiral.

@@ -5,14 +5,12 @@ use std::fmt;
 use std::path::Path;
 
 use glam::DVec3;
+use gs_base::{agree, counted, mean, sentence};
 
 use crate::formats::colmap::model::Model;
 use crate::lens::Lens;
-use crate::plural::{agree, counted};
 use crate::pose;
-use crate::printable;
 use crate::raw::{RawFrame, RawPoints};
-use crate::statistics::mean;
 use crate::subject::{STRAY, strays};
 
 /// Distances between where points are seen and where they project, pixels of the distorted image.
@@ -97,7 +95,7 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
     let low = points.positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = points.positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let places = decimals((high - low).max_element());
-    let position = |value| printable::position(value, places);
+    let position = |value| sentence::position(value, places);
     let count = points.positions.len();
     let lie = agree(count, "lies", "lie");
     let far = strays(&points.positions).into_iter().filter(|stray| *stray).count();
@@ -128,15 +126,15 @@ pub(super) fn describe_cameras(frames: &[RawFrame]) -> String {
     let places = decimals(farthest);
     format!(
         "Cameras stand around {}, at distances of {} (median) to {}; {look}.",
-        printable::position(middle, places),
+        sentence::position(middle, places),
         three_digits(median),
-        printable::decimals(farthest, places)
+        sentence::decimals(farthest, places)
     )
 }
 
 /// The number with three significant digits: a world may be of any size.
 fn three_digits(value: f64) -> String {
-    printable::decimals(value, decimals(value))
+    sentence::decimals(value, decimals(value))
 }
 
 /// Decimals that show three digits of `size`; 2 where it has none to show.

@@ -2,9 +2,11 @@
 
 use std::collections::HashMap;
 
+use gs_base::sentence::shown;
+use gs_base::{FileError, printable};
+
 use crate::error::DatasetError;
 use crate::names::some_names;
-use crate::printable::{printable, shown};
 
 /// The errors in the order found; those that differ only in the frame or image they are about are one sentence.
 pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
@@ -35,11 +37,7 @@ pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
 /// An error without the frame or image it is about, and that.
 fn apart(error: &DatasetError) -> Option<(String, String)> {
     match error {
-        DatasetError::Malformed { path, location, expected, found } => {
-            let (name, place) = frame_of(location).or_else(|| numbered(location))?;
-            let place = if place.is_empty() { "a frame" } else { place };
-            Some((format!("{}: {place}: expected {expected}, found {found}", shown(path)), name))
-        }
+        DatasetError::File(error) => file_apart(error),
         DatasetError::Pose { path, frame, expected, found } => {
             Some((format!("{}: pose: expected {expected}, found {found}", shown(path)), frame.clone()))
         }
@@ -61,11 +59,6 @@ fn apart(error: &DatasetError) -> Option<(String, String)> {
             );
             Some((common, shown(path)))
         }
-        DatasetError::Io { path, action, source } => Some((format!("cannot {action}: {source}"), shown(path))),
-        DatasetError::NotAFile { path, found } => Some((format!("expected files, found {found}"), shown(path))),
-        DatasetError::TooLarge { path, limit, found } => {
-            Some((format!("expected files of at most {limit}, found {found}"), shown(path)))
-        }
         DatasetError::Image { path, found } => {
             Some((format!("expected readable PNG or JPEG images, found: {found}"), shown(path)))
         }
@@ -75,6 +68,21 @@ fn apart(error: &DatasetError) -> Option<(String, String)> {
             Some((common, frame.trim_matches('"').to_string()))
         }
         _ => None,
+    }
+}
+
+fn file_apart(error: &FileError) -> Option<(String, String)> {
+    match error {
+        FileError::Malformed { path, location, expected, found } => {
+            let (name, place) = frame_of(location).or_else(|| numbered(location))?;
+            let place = if place.is_empty() { "a frame" } else { place };
+            Some((format!("{}: {place}: expected {expected}, found {found}", shown(path)), name))
+        }
+        FileError::Io { path, action, source } => Some((format!("cannot {action}: {source}"), shown(path))),
+        FileError::NotAFile { path, found } => Some((format!("expected files, found {found}"), shown(path))),
+        FileError::TooLarge { path, limit, found } => {
+            Some((format!("expected files of at most {limit}, found {found}"), shown(path)))
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Facts and mistakes that show when every image, mask and prior is decoded.
 
+use gs_base::{agree, counted};
 use rayon::prelude::*;
 
 use super::CheckReport;
@@ -11,7 +12,6 @@ use crate::levels;
 use crate::mask;
 use crate::names::some_names;
 use crate::one_color;
-use crate::plural::{agree, counted};
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
 

@@ -7,6 +7,9 @@ mod report;
 
 use std::path::Path;
 
+use gs_base::sentence::position;
+use gs_base::{agree, counted, mean, printable};
+
 use crate::consistency;
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
@@ -14,11 +17,8 @@ use crate::findings::Findings;
 use crate::formats::{self, Layout, camera_texts, colmap, llff, panoptic, realityscan, transforms};
 use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::plural::{agree, counted};
-use crate::printable::{position, printable};
 use crate::raw::{RawFrame, SplitName};
 use crate::split;
-use crate::statistics::mean;
 use crate::subject::subject_distance;
 
 pub use self::report::CheckReport;

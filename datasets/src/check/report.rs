@@ -3,7 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::printable::shown;
+use gs_base::sentence::shown;
+
 use crate::scene::SceneFormat;
 
 /// Contents and mistakes of a data set. `Display` prints it whole, one sentence a line.

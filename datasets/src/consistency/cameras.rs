@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DVec3};
+use gs_base::{agree, counted, mean, median};
 
 use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
 use crate::names::some_names;
-use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
-use crate::statistics::{mean, median};
 use crate::subject::{STRAY, strays, subject};
 
 /// Rotations closer than this are the same, radians: half a pixel at a focal length of 500.

@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use gs_base::counted;
+
 use super::cameras::{same_pose, spread};
 use crate::error::DatasetError;
-use crate::plural::counted;
 use crate::raw::RawFrame;
 
 /// Refuses frames of different poses that have one file. Frames of one pose are told apart by their times, or are one

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use gs_base::statistics::range;
+use gs_base::{agree, counted, median};
+
 use super::timing::interval_of;
 use crate::names::some_names;
-use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::side_files::Kind;
-use crate::statistics::{median, range};
 
 /// Exposures within this share of each other are one: the ends of a blur of 50 pixels then differ by half a pixel.
 const SAME_EXPOSURE: f64 = 0.01;

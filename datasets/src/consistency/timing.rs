@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use gs_base::{agree, counted, median};
+
 use super::cameras::{same_pose, spread};
 use crate::findings::Findings;
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::order::natural;
-use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
-use crate::statistics::median;
 
 /// An exposure may exceed the frame interval by this share before it is taken for a mistake: intervals are measured on
 /// rounded times.

@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DMat4;
+use gs_base::{counted, guarded};
 
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
@@ -14,11 +15,10 @@ use crate::findings::Findings;
 use crate::folder::entries;
 use crate::lens::{Focal, Lens};
 use crate::names;
-use crate::plural::counted;
+use crate::pixels;
 use crate::pose;
 use crate::raw::{RawFrame, RawScene};
 use crate::scene::SceneFormat;
-use crate::{guarded, pixels};
 
 /// Longest text, bytes: 21 numbers and comments.
 const TEXT_MAX: u64 = 1 << 16;

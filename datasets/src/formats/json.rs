@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
+use gs_base::{counted, guarded};
 use serde_json::{Map, Value};
 
 use crate::error::DatasetError;
-use crate::guarded;
-use crate::plural::counted;
 
 /// Reads a JSON file whose top level is an object.
 pub(crate) fn read(path: &Path) -> Result<Map<String, Value>, DatasetError> {

@@ -13,6 +13,8 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
+use gs_base::sentence::number;
+use gs_base::{counted, guarded, npy, printable};
 
 use super::rows;
 use crate::distortion::Distortion;
@@ -20,13 +22,10 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
 use crate::foreign::{CONVERT, Foreign, is_photo};
-use crate::guarded;
 use crate::lens::{Focal, Lens};
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
-use crate::plural::counted;
-use crate::printable::{number, printable};
-use crate::priors::{npy, sources};
+use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;
 use crate::side_files::{DepthMeaning, Kind, SideFiles};

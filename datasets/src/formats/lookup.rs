@@ -3,10 +3,11 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use gs_base::{agree, counted};
+
 use super::renamed::Renamed;
 use crate::findings::Findings;
 use crate::names::{self, some_names};
-use crate::plural::{agree, counted};
 
 /// How far from its name a photo is looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

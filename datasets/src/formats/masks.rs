@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_base::{agree, counted, guarded};
+
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
-use crate::guarded;
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
-use crate::plural::{agree, counted};
 use crate::raw::RawFrame;
 use crate::side_files::{Kind, SideFile};
 

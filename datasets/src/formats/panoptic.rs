@@ -10,19 +10,18 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_base::sentence::number;
+use gs_base::{agree, counted, guarded, printable};
 use serde_json::{Map, Value};
 
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
-use crate::guarded;
 use crate::lens::{Focal, Lens};
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
-use crate::plural::{agree, counted};
-use crate::printable::{number, printable};
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
 use crate::scene::SceneFormat;

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_base::counted;
+
 use crate::folder::entries;
 use crate::foreign::{CONVERT, EXTRACT, Foreign, POSES, is_photo};
-use crate::plural::counted;
 
 /// The file of poses that makes a folder one of 4DGaussians' multipleview data sets.
 const MULTIPLEVIEW: &str = "poses_bounds_multipleview.npy";

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DVec3};
+use gs_base::{counted, guarded};
 
 use super::lookup::{Lookup, Reach};
 use crate::distortion::Distortion;
@@ -18,10 +19,9 @@ use crate::folder::entries;
 use crate::lens::{Focal, Lens};
 use crate::names;
 use crate::options::LoadOptions;
-use crate::plural::counted;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
-use crate::{guarded, pixels, ply, pose};
+use crate::{pixels, ply, pose};
 
 /// Columns without which a table is none of cameras.
 const REQUIRED: [&str; 8] = ["name", "x", "y", "alt", "heading", "pitch", "roll", "f"];

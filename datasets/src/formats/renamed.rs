@@ -4,11 +4,12 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use gs_base::agree;
+
 use super::unicode::{outline, same_but_for_form};
 use crate::folder::{entries, file_name};
 use crate::foreign::{CONVERT, Foreign, is_photo};
 use crate::names::{some_names, with_slashes};
-use crate::plural::agree;
 
 /// Folders below the images' own that are looked into. Deeper trees are not one data set.
 const DEPTH_MAX: usize = 4;

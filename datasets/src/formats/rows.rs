@@ -7,12 +7,12 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use gs_base::sentence::decimals;
 
 use crate::findings::Findings;
 use crate::folder::file_name;
 use crate::options::RowOrder;
 use crate::order::natural;
-use crate::printable::decimals;
 
 /// The path in one order is this many times shorter: that order is right. A video in a wrong order jumps between frames
 /// far apart, and its path is several times longer; cameras at random places have paths within a few tens of percent of

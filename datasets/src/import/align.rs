@@ -6,11 +6,11 @@
 //! as the photos show the same colour, and lose their weight with the disagreement (Tukey), because a surface may be hidden by another. No
 //! feature is detected. Where views say nothing, weak priors keep the scale of the cameras and no shift.
 
+use gs_base::median;
 use rayon::prelude::*;
 
 use super::pairs::{Anchor, DepthFit, Match, Pairs};
 use super::solve::Normal;
-use crate::statistics::median;
 
 /// Common factors of depth that are tried: from 1/2 to 2, each 3 % above the one before. A reconstruction that is off by more has other
 /// faults as well.

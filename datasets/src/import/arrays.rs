@@ -5,13 +5,13 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use gs_base::guarded;
+use gs_base::npy::{self, Array};
 use zip::ZipArchive;
 
 use super::texts;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::guarded;
-use crate::priors::npy::{self, Array};
 
 /// Bytes of each array's head that are looked at to tell a pickled array: NumPy pads a usual header to 128 bytes.
 const HEAD: u64 = 1024;
@@ -105,7 +105,7 @@ impl Arrays {
     /// When its bytes are cut short, too many, or hold no numbers.
     pub fn numbers(&mut self, name: &str) -> Result<Option<Array>, DatasetError> {
         let Some(bytes) = self.bytes(name, guarded::IMAGE_MAX)? else { return Ok(None) };
-        npy::parse(&self.label(name), &bytes).map(Some)
+        Ok(Some(npy::parse(&self.label(name), &bytes)?))
     }
 
     /// The list of texts under a name; `None` where there is none, or where it holds no texts.

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
+use gs_base::write_atomic;
 use serde_json::{Map, Value, json};
 
 use crate::error::DatasetError;
 use crate::formats::json as reading;
 use crate::formats::transforms::Sources;
-use crate::image_io::write_atomic;
 use crate::names;
 use crate::pixels;
 use crate::pose::opencv_from_opengl;
@@ -101,7 +101,7 @@ pub(super) fn make(frames: &[RawFrame], out: &Path, priors: &ByImage) -> Result<
 fn write(mut top: Map<String, Value>, path: &Path) -> Result<(), DatasetError> {
     top.insert("depth_kind".to_string(), json!("metric_z"));
     top.insert("ply_file_path".to_string(), json!(POINTS));
-    write_atomic(path, format!("{:#}\n", Value::Object(top)).as_bytes())
+    Ok(write_atomic(path, format!("{:#}\n", Value::Object(top)).as_bytes())?)
 }
 
 /// Leads the paths of one frame back and names its priors.

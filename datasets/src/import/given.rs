@@ -4,15 +4,13 @@
 use std::path::{Path, PathBuf};
 
 use glam::DMat3;
+use gs_base::{counted, guarded, npy};
 
 use super::prediction::{PredictedView, Prediction, VIEWS_MAX, known, unsaid};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::camera_texts::{self, CameraTexts, stem};
-use crate::guarded;
 use crate::names::some_names;
-use crate::plural::counted;
-use crate::priors::npy;
 
 /// The texts of a folder that holds depths too.
 pub(super) fn find(path: &Path) -> Option<CameraTexts> {

@@ -36,6 +36,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use gs_base::{guarded, median};
 use rayon::prelude::*;
 
 use self::align::{Alignment, align};
@@ -48,10 +49,8 @@ use crate::description::Description;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::{self, Layout};
-use crate::guarded;
 use crate::options::LoadOptions;
 use crate::raw::RawFrame;
-use crate::statistics::median;
 
 pub use report::{ImportReport, ImportedView};
 pub use similarity::CameraResidual;

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use gs_base::counted;
+
 use crate::error::DatasetError;
 use crate::names::{some_names, with_slashes};
-use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 
 /// The frame of each predicted view. `names` are what the user or the archive calls them, in the order of the prediction.

@@ -1,10 +1,10 @@
 //! Where two views see the same surface: pixels of one view projected into others by depth and known cameras.
 
 use glam::{DMat2, DVec2, DVec3};
+use gs_base::median;
 use rayon::prelude::*;
 
 use super::view::MappedView;
-use crate::statistics::median;
 
 /// Pixels of each view that are projected. Two unknowns a view need few; a thousand leave enough after occlusion and colour.
 const SAMPLES: usize = 1500;

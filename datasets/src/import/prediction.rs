@@ -4,12 +4,12 @@
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
+use gs_base::npy::Array;
 
 use super::arrays::Arrays;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::priors::depth::SKY;
-use crate::priors::npy::Array;
 
 /// Keys under which users save the photos' names, best first. The reconstructors themselves write none.
 const NAME_KEYS: [&str; 6] = ["image_names", "image_paths", "images_paths", "image_files", "names", "paths"];

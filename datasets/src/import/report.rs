@@ -2,8 +2,9 @@
 
 use std::fmt;
 
+use gs_base::counted;
+
 use super::similarity::CameraResidual;
-use crate::plural::counted;
 
 /// Relative difference between the scale by cameras and that by depth from which the report warns: predicted cameras are 1 to 3 % off.
 const SCALES_DIFFER: f64 = 0.1;

@@ -5,8 +5,7 @@
 //! move the result: a start is chosen among those of all pairs of cameras, and cameras far off then lose their weight (Tukey).
 
 use glam::{DMat3, DVec3};
-
-use crate::statistics::median;
+use gs_base::median;
 
 /// Most cameras whose pairs are tried as a start: 40 have 780 pairs.
 const STARTS_MAX: usize = 40;

@@ -1,6 +1,6 @@
 //! Arrays of text in NumPy files: `U` (four bytes a character) and `S` (one byte).
 
-use crate::priors::npy;
+use gs_base::npy;
 
 /// Longest file of texts, bytes: 10 000 paths of 400 characters at four bytes each.
 pub(super) const BYTES_MAX: u64 = 16 << 20;

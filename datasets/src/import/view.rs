@@ -1,6 +1,7 @@
 //! A predicted view on the pixels of its photo, with the known camera: [`MappedView`].
 
 use glam::{DMat3, DVec2, DVec3};
+use gs_base::Intrinsics;
 use image::DynamicImage;
 use image::imageops::FilterType;
 
@@ -8,7 +9,6 @@ use super::prediction::PredictedView;
 use super::similarity::Placed;
 use super::window::Window;
 use crate::error::DatasetError;
-use crate::frame::Intrinsics;
 use crate::pixels;
 use crate::raw::RawFrame;
 

@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_base::write_atomic;
+
 use super::descriptions::{self, ByImage, POINTS, PriorFiles};
 use super::points;
 use super::view::MappedView;
 use crate::error::DatasetError;
 use crate::formats::Layout;
-use crate::image_io::{write_atomic, write_exr};
+use crate::image_io::write_exr;
 use crate::options::DepthKind;
 use crate::raw::RawFrame;
 use crate::side_files::Kind;

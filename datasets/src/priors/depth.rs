@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use gs_base::{guarded, npy};
 use image::DynamicImage;
 
+use super::exr;
 use super::map::Map;
-use super::{exr, npy};
 use crate::error::DatasetError;
 use crate::frame::DepthSpace;
-use crate::guarded;
 use crate::mask;
 use crate::options::DepthKind;
 use crate::pixels;
@@ -37,7 +37,7 @@ enum Content {
 fn open(path: &Path) -> Result<Content, DatasetError> {
     let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
     if bytes.starts_with(npy::MAGIC) {
-        npy::parse(path, &bytes).map(Content::Numpy)
+        Ok(Content::Numpy(npy::parse(path, &bytes)?))
     } else if bytes.starts_with(exr::MAGIC) {
         Ok(Content::Exr(bytes))
     } else {
@@ -56,7 +56,7 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     let mut map = match open(path)? {
         Content::Numpy(array) => {
             let shape = format!("{:?}", array.shape);
-            let map = array.into_map(1);
+            let map = Map::of_array(array, 1);
             map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))?
         }
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH)?,
@@ -92,7 +92,7 @@ pub(super) fn vectors(path: &Path) -> Result<Map<f32>, DatasetError> {
     let mut map = match open(path)? {
         Content::Numpy(array) => {
             let shape = format!("{:?}", array.shape);
-            array.into_map(3).ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W, 3)", shape))?
+            Map::of_array(array, 3).ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W, 3)", shape))?
         }
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::VECTOR)?,
         Content::Picture(_) => {
@@ -115,7 +115,7 @@ pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
     match open(path)? {
         Content::Numpy(array) => {
             let shape = format!("{:?}", array.shape);
-            let map = array.into_map(1).map(binary);
+            let map = Map::of_array(array, 1).map(binary);
             map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))
         }
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH).map(binary),

@@ -1,5 +1,7 @@
 //! A raster of numbers at a size of its own.
 
+use gs_base::npy::Array;
+
 /// `[height, width, channels]` values, row by row from the top left. No side is 0.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Map<T> {
@@ -37,6 +39,19 @@ impl<T: Copy> Map<T> {
             }
         }
         out
+    }
+}
+
+impl Map<f32> {
+    /// An array as one plane, `(H, W)`, `(1, H, W)` or `(H, W, 1)`, or with `channels` above 1 as `(H, W, channels)`.
+    pub fn of_array(array: Array, channels: usize) -> Option<Self> {
+        let (height, width) = match *array.shape.as_slice() {
+            [height, width] if channels == 1 => (height, width),
+            [1, height, width] if channels == 1 => (height, width),
+            [height, width, last] if last == channels => (height, width),
+            _ => return None,
+        };
+        Self::new(width, height, channels, array.values.into_iter().map(|value| value as f32).collect())
     }
 }
 

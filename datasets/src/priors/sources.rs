@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_base::{agree, counted, guarded};
+
 use crate::findings::Findings;
-use crate::guarded;
 use crate::names;
 use crate::options::PriorUse;
-use crate::plural::{agree, counted};
 use crate::raw::RawFrame;
 use crate::side_files::{Kind, SideFile};
 

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use gs_base::{agree, counted};
+
 use super::attach::{Reason, SideNotes};
 use crate::findings::Findings;
 use crate::frame::DepthSpace;
 use crate::mask::SUSPECT_SHARE;
 use crate::names::some_names;
-use crate::plural::{agree, counted};
 use crate::side_files::Kind;
 
 /// One view's files.

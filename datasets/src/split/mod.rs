@@ -5,10 +5,11 @@ mod sparse_views;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use gs_base::counted;
+
 use crate::consistency;
 use crate::error::DatasetError;
 use crate::options::{DEFAULT_HOLDOUT, Holdout, LoadOptions, SplitUse};
-use crate::plural::counted;
 use crate::raw::{RawFrame, SplitName};
 use crate::scene::{self, Split};
 

@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
+use gs_base::{agree, counted};
 
 use crate::error::DatasetError;
 use crate::options::SparseViews;
-use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, SplitName};
 use crate::scene::Split;
 

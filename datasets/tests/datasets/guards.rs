@@ -6,7 +6,8 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
-use gs_datasets::{Holdout, LoadOptions, check, guarded, load, load_cameras};
+use gs_base::guarded;
+use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
 use serde_json::json;
 
 use crate::colmap;

@@ -107,7 +107,10 @@ fn broken_images_are_errors_when_they_are_decoded() {
         assert!(matches!(&error, DatasetError::Image { path, .. } if path.ends_with(format!("{name}.png"))), "{error}");
     }
     let error = log.decode(index("images/03")).expect_err("missing");
-    assert!(matches!(&error, DatasetError::Io { path, .. } if path.ends_with("images/03.png")), "{error}");
+    assert!(
+        matches!(&error, DatasetError::File(gs_base::FileError::Io { path, .. }) if path.ends_with("images/03.png")),
+        "{error}"
+    );
     log.decode(index("images/04")).expect("a sound frame beside broken ones");
     assert!(load(folder.path(), &LoadOptions::default()).is_err());
     let report = check(folder.path(), &LoadOptions::default());

@@ -1,6 +1,7 @@
 //! Names that a terminal, a file system or a string cannot hold.
 
-use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras, printable};
+use gs_base::printable;
+use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
 use serde_json::json;
 
 use crate::colmap;

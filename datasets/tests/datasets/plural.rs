@@ -1,6 +1,7 @@
 //! Sentences about one thing.
 
-use gs_datasets::{Holdout, LoadOptions, agree, check, counted, load};
+use gs_base::{agree, counted};
+use gs_datasets::{Holdout, LoadOptions, check, load};
 use serde_json::json;
 
 use crate::fixtures::{Folder, ring_scene};

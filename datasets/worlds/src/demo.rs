@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
+use gs_base::{FileError, write_atomic};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -13,7 +14,7 @@ use super::random::gaussian;
 use super::shapes::Ray;
 use super::world::World;
 use gs_datasets::DatasetError;
-use gs_datasets::image_io::{write_atomic, write_png};
+use gs_datasets::image_io::write_png;
 
 /// Horizontal angle of view, radians.
 const ANGLE_X: f64 = 0.85;
@@ -70,7 +71,7 @@ pub fn demo_scene(dir: &Path, options: &DemoOptions) -> Result<(), DatasetError>
     for (part, count) in [("train", options.train_views), ("test", options.test_views)] {
         let turn = rng.random_range(0.0..TAU);
         let cameras: Vec<DMat4> = (0..count).map(|i| camera(i, count, turn)).collect();
-        let written: Vec<Result<(), DatasetError>> = cameras
+        let written: Vec<Result<(), FileError>> = cameras
             .par_iter()
             .enumerate()
             .map(|(i, c2w)| {

@@ -1,6 +1,6 @@
 //! The Gaussians of one primitive, in its own axes.
 
-use gs_kernels::local::is_offset;
+use gs_base::local::is_offset;
 use serde_json::Value;
 
 use super::arrays::Accessors;

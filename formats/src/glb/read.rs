@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use gs_kernels::local::{is_offset, localised};
+use gs_base::local::{is_offset, localised};
 use serde_json::Value;
 
 use super::arrays::Accessors;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use flate2::GzHeader;
 use flate2::read::MultiGzDecoder;
-use gs_kernels::local::{is_offset, localised};
+use gs_base::local::{is_offset, localised};
 
 use super::rotation::{unpack, unpack_v2};
 use super::{ALPHA_LEAST, ANTIALIASED, COLOUR, HEADER, MAGIC, OFFSET, SCALE_LEAST, SCALE_STEPS};

@@ -4,10 +4,11 @@ use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::products;
 
-use super::{Launch, unwrap};
-use crate::ops::products::ProductKernels;
+use super::{ComputeOnCube, Launch, OnCube, unwrap};
+use crate::ops::operation::{Output, State, Tensors};
+use crate::ops::products::{Affine, RowSums, Scaled, TransposedProduct};
 
-impl ProductKernels for CubeBackend {
+impl RowSums for CubeBackend {
     fn transposed(a: CubeTensor, b: CubeTensor) -> CubeTensor {
         let (launch, inner, outer) = (Launch::of(&a), a.meta.shape()[1], b.meta.shape()[1]);
         let [a, b] = [a, b].map(|t| launch.floats(t));
@@ -24,5 +25,41 @@ impl ProductKernels for CubeBackend {
         let (launch, lines) = (Launch::of(&v), v.meta.shape()[0]);
         let [v, rows] = [v, rows].map(|t| launch.floats(t));
         launch.float_tensor(unwrap(products::dots(&launch.client, &v, &rows, lines)), [lines])
+    }
+}
+
+impl OnCube<3, 0> for Affine {
+    fn forward(&self, [rows, weight, bias]: [CubeTensor; 3], []: [CubeTensor; 0], _: bool) -> Output<CubeBackend> {
+        Output::of(Self::product::<CubeBackend>(rows, weight, bias))
+    }
+
+    fn backward(
+        &self,
+        mut state: State<CubeBackend, 3, 0>,
+        v: CubeTensor,
+        wanted: [bool; 3],
+    ) -> [Option<CubeTensor>; 3] {
+        Self::gradients::<CubeBackend>(state.inputs(), v, wanted)
+    }
+}
+
+impl OnCube<2, 0> for Scaled {
+    fn forward(&self, [factors, rows]: [CubeTensor; 2], []: [CubeTensor; 0], _: bool) -> Output<CubeBackend> {
+        Output::of(Self::multiples::<CubeBackend>(factors, rows))
+    }
+
+    fn backward(
+        &self,
+        mut state: State<CubeBackend, 2, 0>,
+        v: CubeTensor,
+        wanted: [bool; 2],
+    ) -> [Option<CubeTensor>; 2] {
+        Self::gradients::<CubeBackend>(state.inputs(), v, wanted)
+    }
+}
+
+impl ComputeOnCube<2, 0> for TransposedProduct {
+    fn compute(&self, [a, b]: [CubeTensor; 2], []: [CubeTensor; 0]) -> Tensors<CubeBackend> {
+        Tensors::of_floats([CubeBackend::transposed(a, b)])
     }
 }

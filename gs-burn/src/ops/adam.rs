@@ -1,12 +1,12 @@
 //! One step of Adam, in place where memory allows.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, ExtensionType, TensorMetadata, backend_extension};
-use burn::tensor::{Shape, Tensor, TensorData};
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::tensor::Tensor;
 pub use gs_kernels::config::{AdamConfig, FirstColumns};
 use gs_kernels::cpu::adam as cpu;
 
 use super::assert_same_dtype;
+use super::operation::{Computation, Tensors, computed};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, with_float};
 
@@ -37,99 +37,24 @@ pub fn adam_step<const D: usize>(
     }
     assert!(config.step > 0, "config.step counts from 1, got 0");
     let _stage = profile::stage("Adam");
-    let [param, grad, m, v] = [param, grad, m, v].map(|tensor| tensor.inner().into_dispatch());
-    let state = Dispatch::adam_step(param, grad, m, v, *config);
-    (Tensor::from_dispatch(state.param), Tensor::from_dispatch(state.m), Tensor::from_dispatch(state.v))
+    let inputs = [param, grad, m, v].map(|tensor| tensor.inner().into_dispatch());
+    let ([param, m, v], []) = computed(AdamStep(*config), inputs, []).into_arrays();
+    (Tensor::from_dispatch(param), Tensor::from_dispatch(m), Tensor::from_dispatch(v))
 }
 
-/// A parameter and its moments, all of one shape.
-#[derive(Clone, Debug, ExtensionType)]
-pub struct AdamState<B: Backend> {
-    /// The parameter.
-    pub param: FloatTensor<B>,
-    /// Running mean of the gradient.
-    pub m: FloatTensor<B>,
-    /// Running mean of the squared gradient.
-    pub v: FloatTensor<B>,
-}
+/// [`adam_step`] as a computation on parameter, gradient and moments; the results are parameter and moments.
+pub(crate) struct AdamStep(pub(crate) AdamConfig);
 
-/// Burn's dispatch for [`adam_step`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait AdamOps: Backend {
-    /// See [`adam_step`].
-    fn adam_step(
-        param: FloatTensor<Self>,
-        grad: FloatTensor<Self>,
-        m: FloatTensor<Self>,
-        v: FloatTensor<Self>,
-        config: AdamConfig,
-    ) -> AdamState<Self>;
-}
-
-/// The update on a backend's primitives. The default body is the reference, in plain tensor operations.
-pub trait AdamKernels: Backend {
-    /// `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `param -= lr m^ / (sqrt(v^) + eps)`.
-    fn adam_update(
-        param: FloatTensor<Self>,
-        grad: FloatTensor<Self>,
-        m: FloatTensor<Self>,
-        v: FloatTensor<Self>,
-        config: &AdamConfig,
-    ) -> AdamState<Self> {
-        let AdamConfig { lr, beta1, beta2, eps, step, first_columns } = *config;
-        let exponent = i32::try_from(step).unwrap_or(i32::MAX);
-        let scaled = |tensor, factor: f64| Self::float_mul_scalar(tensor, factor.into());
-        let m = Self::float_add(scaled(m, beta1), scaled(grad.clone(), 1.0 - beta1));
-        let v = Self::float_add(scaled(v, beta2), scaled(Self::float_mul(grad.clone(), grad), 1.0 - beta2));
-        let spread = Self::float_sqrt(scaled(v.clone(), 1.0 / (1.0 - beta2.powi(exponent))));
-        let direction = Self::float_div(m.clone(), Self::float_add_scalar(spread, eps.into()));
-        let corrected = |lr: f64| lr / (1.0 - beta1.powi(exponent));
-        let moved = match first_columns {
-            None => scaled(direction, corrected(lr)),
-            Some(first) => {
-                let rates = (0..first.row).map(|column| corrected(if column < first.count { first.lr } else { lr }));
-                let rates =
-                    TensorData::new(rates.collect::<Vec<f64>>(), [1, first.row]).convert_dtype(direction.dtype());
-                let (shape, rows) = (direction.shape(), direction.shape().num_elements() / first.row);
-                let table = Self::float_reshape(direction, Shape::new([rows, first.row]));
-                let rates = Self::float_from_data(rates, &table.device());
-                Self::float_reshape(Self::float_mul(table, rates), shape)
-            }
-        };
-        let param = Self::float_sub(param, moved);
-        AdamState { param, m, v }
-    }
-}
-
-impl<B: AdamKernels> AdamOps for B {
-    fn adam_step(
-        param: FloatTensor<B>,
-        grad: FloatTensor<B>,
-        m: FloatTensor<B>,
-        v: FloatTensor<B>,
-        config: AdamConfig,
-    ) -> AdamState<B> {
-        B::adam_update(param, grad, m, v, &config)
-    }
-}
-
-impl<B: HostBackend> AdamKernels for B {
-    fn adam_update(
-        param: FloatTensor<B>,
-        grad: FloatTensor<B>,
-        m: FloatTensor<B>,
-        v: FloatTensor<B>,
-        config: &AdamConfig,
-    ) -> AdamState<B> {
-        let [mut param, grad, mut m, mut v] = [param, grad, m, v].map(HostTensor::contiguous);
+impl Computation<4> for AdamStep {
+    fn compute<B: HostBackend>(
+        &self,
+        [mut param, grad, mut m, mut v]: [FloatTensor<B>; 4],
+        []: [IntTensor<B>; 0],
+    ) -> Tensors<B> {
         with_float!(param, F => {
-            cpu::step::<F>(param.elements_mut(), grad.elements(), m.elements_mut(), v.elements_mut(), config);
+            cpu::step::<F>(param.elements_mut(), grad.elements(), m.elements_mut(), v.elements_mut(), &self.0);
         });
-        AdamState { param, m, v }
+        Tensors::of_floats([param, m, v])
     }
 }
 

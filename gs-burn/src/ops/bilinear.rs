@@ -8,14 +8,14 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
+use burn::backend::TensorMetadata;
+use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::tensor::{Tensor, assert_shape};
 use gs_kernels::cpu::bilinear as cpu;
 pub use reference::bilinear_reference;
 
 use super::assert_same_dtype;
-use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Operation, Output, State, differentiable};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
@@ -31,7 +31,7 @@ use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub fn bilinear(image: Tensor<3>, positions: Tensor<2>) -> Tensor<2> {
     check(&image, &positions);
     let _stage = profile::stage("bilinear lookup");
-    Tensor::from_dispatch(Dispatch::bilinear(image.into_dispatch(), positions.into_dispatch()))
+    differentiable(Lookup, [image.into_dispatch(), positions.into_dispatch()], [])
 }
 
 fn check(image: &Tensor<3>, positions: &Tensor<2>) {
@@ -42,110 +42,42 @@ fn check(image: &Tensor<3>, positions: &Tensor<2>) {
     assert_same_dtype("positions", positions, "image", image);
 }
 
-/// Burn's dispatch for [`bilinear`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait BilinearOps: Backend {
-    /// See [`bilinear`].
-    fn bilinear(image: FloatTensor<Self>, positions: FloatTensor<Self>) -> FloatTensor<Self>;
-}
+/// [`bilinear`] as an operation.
+#[derive(Clone, Debug)]
+pub(crate) struct Lookup;
 
-/// The lookup and its gradients on a backend's primitives, without gradient tracking. Tensors may be strided.
-pub trait BilinearKernels: Backend {
-    /// See [`bilinear`].
-    fn bilinear_forward(image: FloatTensor<Self>, positions: FloatTensor<Self>) -> FloatTensor<Self>;
+impl Operation<2> for Lookup {
+    const BACKWARD: Option<&'static str> = Some("bilinear lookup, backward");
 
-    /// The gradient by the image, `[height, width, C]`, from `v` `[P, C]`.
-    fn bilinear_by_image(size: [usize; 2], positions: FloatTensor<Self>, v: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// The gradient by the positions, `[P, 2]`, from `v` `[P, C]`.
-    fn bilinear_by_positions(
-        image: FloatTensor<Self>,
-        positions: FloatTensor<Self>,
-        v: FloatTensor<Self>,
-    ) -> FloatTensor<Self>;
-}
-
-impl<B: BilinearKernels> BilinearOps for B {
-    fn bilinear(image: FloatTensor<B>, positions: FloatTensor<B>) -> FloatTensor<B> {
-        B::bilinear_forward(image, positions)
-    }
-}
-
-impl<B: HostBackend> BilinearKernels for B {
-    fn bilinear_forward(image: FloatTensor<B>, positions: FloatTensor<B>) -> FloatTensor<B> {
-        let [height, width, channels] = image.shape().dims();
-        let count = positions.shape()[0];
-        let [image, positions] = [image, positions].map(HostTensor::contiguous);
+    fn forward<B: HostBackend>(
+        &self,
+        [image, positions]: [FloatTensor<B>; 2],
+        []: [IntTensor<B>; 0],
+        _: bool,
+    ) -> Output<B> {
+        let ([height, width, channels], count) = (image.shape().dims(), positions.shape()[0]);
         with_float!(image, F => {
             let values = cpu::forward::<F>(image.elements(), [height, width], channels, positions.elements());
-            float_tensor::<B>(values, [count, channels])
+            Output::of(float_tensor::<B>(values, [count, channels]))
         })
     }
 
-    fn bilinear_by_image(size: [usize; 2], positions: FloatTensor<B>, v: FloatTensor<B>) -> FloatTensor<B> {
-        let channels = v.shape()[1];
-        let [positions, v] = [positions, v].map(HostTensor::contiguous);
-        with_float!(v, F => {
-            let v_image = cpu::by_image::<F>(size, channels, positions.elements(), v.elements());
-            float_tensor::<B>(v_image, [size[0], size[1], channels])
-        })
-    }
-
-    fn bilinear_by_positions(image: FloatTensor<B>, positions: FloatTensor<B>, v: FloatTensor<B>) -> FloatTensor<B> {
-        let [height, width, channels] = image.shape().dims();
-        let count = positions.shape()[0];
-        let [image, positions, v] = [image, positions, v].map(HostTensor::contiguous);
+    fn backward<B: HostBackend>(
+        &self,
+        mut state: State<B, 2, 0>,
+        v: FloatTensor<B>,
+        [of_image, of_positions]: [bool; 2],
+    ) -> [Option<FloatTensor<B>>; 2] {
+        let [image, positions] = state.inputs();
+        let ([height, width, channels], count) = (image.shape().dims(), positions.shape()[0]);
         with_float!(image, F => {
-            let (image, size) = (image.elements(), [height, width]);
-            let v_positions = cpu::by_positions::<F>(image, size, channels, positions.elements(), v.elements());
-            float_tensor::<B>(v_positions, [count, 2])
+            let (image, size, positions, v) = (image.elements(), [height, width], positions.elements(), v.elements());
+            let by_image = || cpu::by_image::<F>(size, channels, positions, v);
+            let by_positions = || cpu::by_positions::<F>(image, size, channels, positions, v);
+            [
+                of_image.then(|| float_tensor::<B>(by_image(), [height, width, channels])),
+                of_positions.then(|| float_tensor::<B>(by_positions(), [count, 2])),
+            ]
         })
-    }
-}
-
-/// State saved for the backward pass.
-#[derive(Clone, Debug)]
-struct BilinearState<B: Backend> {
-    image: FloatTensor<B>,
-    positions: FloatTensor<B>,
-}
-
-#[derive(Debug)]
-struct BilinearBackward;
-
-impl<B: BilinearKernels> Backward<B, 2> for BilinearBackward {
-    type State = BilinearState<B>;
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let _stage = profile::stage("bilinear lookup, backward");
-        let v = grads.consume::<B>(&ops.node);
-        let BilinearState { image, positions } = ops.state;
-        let [of_image, of_positions] = ops.parents.map(|node| node.map(|node| node.id));
-        let [height, width, _] = image.shape().dims();
-        if of_image.is_some() {
-            let v_image = B::bilinear_by_image([height, width], positions.clone(), v.clone());
-            gradient::register::<B, 1>(grads, [of_image], [v_image]);
-        }
-        if of_positions.is_some() {
-            let v_positions = B::bilinear_by_positions(image, positions, v);
-            gradient::register::<B, 1>(grads, [of_positions], [v_positions]);
-        }
-    }
-}
-
-impl<B: BilinearKernels, C: CheckpointStrategy> BilinearOps for Autodiff<B, C> {
-    fn bilinear(image: FloatTensor<Self>, positions: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (image, image_node) = image.into_parts();
-        let (positions, positions_node) = positions.into_parts();
-        let values = B::bilinear_forward(image.clone(), positions.clone());
-        match BilinearBackward.prepare::<C>([image_node, positions_node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(BilinearState { image, positions }, values),
-            OpsKind::UnTracked(prep) => prep.finish(values),
-        }
     }
 }

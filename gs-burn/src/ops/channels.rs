@@ -3,12 +3,12 @@
 //! `narrow` returns a strided view that every later op must make contiguous, and its gradient takes three passes over the image;
 //! for an image of Gaussians that took as long as projecting them. This op takes one pass in each direction.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
-use burn::tensor::{Shape, Slice, Tensor};
+use burn::backend::TensorMetadata;
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Operation, Output, State, differentiable};
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
 /// Channels `first..first + count` of `image` `[H, W, C]`, `[H, W, count]`. Differentiable.
@@ -18,64 +18,40 @@ use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub fn channels(image: Tensor<3>, first: usize, count: usize) -> Tensor<3> {
     let [_, _, total] = image.dims();
     assert!(first + count <= total, "channels {first}..{} of an image that has {total}", first + count);
-    Tensor::from_dispatch(Dispatch::channels(image.into_dispatch(), first, count))
+    differentiable(Channels { first, count, total }, [image.into_dispatch()], [])
 }
 
-/// Burn's dispatch for [`channels`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait ChannelsOps: Backend {
-    /// See [`channels`].
-    fn channels(image: FloatTensor<Self>, first: usize, count: usize) -> FloatTensor<Self>;
+/// [`channels`] as an operation: `count` channels from `first` on, of `total`.
+#[derive(Clone, Debug)]
+pub(crate) struct Channels {
+    pub(crate) first: usize,
+    pub(crate) count: usize,
+    pub(crate) total: usize,
 }
 
-/// The selection on a backend's primitives, without gradient tracking. The default bodies are plain tensor operations.
-pub trait ChannelsKernels: Backend {
-    /// See [`channels`].
-    fn channels_forward(image: FloatTensor<Self>, first: usize, count: usize) -> FloatTensor<Self> {
-        Self::float_slice(image, &selection(first, count))
-    }
+impl Operation<1> for Channels {
+    const READS_INPUTS: bool = false;
 
-    /// `v` `[H, W, count]` among zeros, `[H, W, total]`.
-    fn channels_backward(v: FloatTensor<Self>, first: usize, total: usize) -> FloatTensor<Self> {
-        let [height, width, count] = v.shape().dims();
-        let zeros = Self::float_zeros(Shape::new([height, width, total]), &v.device(), v.dtype().into());
-        Self::float_slice_assign(zeros, &selection(first, count), v)
-    }
-}
-
-fn selection(first: usize, count: usize) -> [Slice; 3] {
-    [Slice::full(), Slice::full(), Slice::from(first..first + count)]
-}
-
-impl<B: ChannelsKernels> ChannelsOps for B {
-    fn channels(image: FloatTensor<B>, first: usize, count: usize) -> FloatTensor<B> {
-        B::channels_forward(image, first, count)
-    }
-}
-
-impl<B: HostBackend> ChannelsKernels for B {
-    fn channels_forward(image: FloatTensor<B>, first: usize, count: usize) -> FloatTensor<B> {
-        let [height, width, total] = image.shape().dims();
-        let image = image.contiguous();
+    fn forward<B: HostBackend>(&self, [image]: [FloatTensor<B>; 1], []: [IntTensor<B>; 0], _: bool) -> Output<B> {
+        let (&Self { first, count, total }, [height, width, _]) = (self, image.shape().dims());
         with_float!(image, F => {
             let mut part = vec![F::default(); height * width * count];
             copy(image.elements::<F>(), total, first, &mut part, count, 0, [height, width], count);
-            float_tensor::<B>(part, [height, width, count])
+            Output::of(float_tensor::<B>(part, [height, width, count]))
         })
     }
 
-    fn channels_backward(v: FloatTensor<B>, first: usize, total: usize) -> FloatTensor<B> {
-        let [height, width, count] = v.shape().dims();
-        let v = v.contiguous();
+    fn backward<B: HostBackend>(
+        &self,
+        _: State<B, 1, 0>,
+        v: FloatTensor<B>,
+        _: [bool; 1],
+    ) -> [Option<FloatTensor<B>>; 1] {
+        let (&Self { first, count, total }, [height, width, _]) = (self, v.shape().dims());
         with_float!(v, F => {
             let mut whole = vec![F::default(); height * width * total];
             copy(v.elements::<F>(), count, 0, &mut whole, total, first, [height, width], count);
-            float_tensor::<B>(whole, [height, width, total])
+            [Some(float_tensor::<B>(whole, [height, width, total]))]
         })
     }
 }
@@ -100,41 +76,6 @@ fn copy<F: Copy + Send + Sync>(
             to[to_first..to_first + count].copy_from_slice(&from[from_first..from_first + count]);
         }
     });
-}
-
-/// State saved for the backward pass.
-#[derive(Clone, Debug)]
-struct ChannelsState {
-    first: usize,
-    total: usize,
-}
-
-#[derive(Debug)]
-struct ChannelsBackward;
-
-impl<B: ChannelsKernels> Backward<B, 1> for ChannelsBackward {
-    type State = ChannelsState;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        let ChannelsState { first, total } = ops.state;
-        if let [Some(image)] = ops.parents {
-            grads.register::<B>(image.id, B::channels_backward(v, first, total));
-        }
-    }
-}
-
-impl<B: ChannelsKernels, C: CheckpointStrategy> ChannelsOps for Autodiff<B, C> {
-    fn channels(image: FloatTensor<Self>, first: usize, count: usize) -> FloatTensor<Self> {
-        let (image, node) = image.into_parts();
-        let total = image.shape()[2];
-        match ChannelsBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => {
-                prep.finish(ChannelsState { first, total }, B::channels_forward(image, first, count))
-            }
-            OpsKind::UnTracked(prep) => prep.finish(B::channels_forward(image, first, count)),
-        }
-    }
 }
 
 #[cfg(test)]

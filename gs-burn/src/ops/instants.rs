@@ -1,7 +1,7 @@
 //! The lists of the tiles of several instants; [`gs_kernels::cpu::exposure`] explains how the work is shared.
 
+use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::{Backend, Dispatch, ExtensionType, TensorMetadata, backend_extension};
 use burn::tensor::{DType, Int, Tensor, assert_shape};
 use gs_kernels::config::tile_grid;
 use gs_kernels::cpu::exposure as cpu;
@@ -9,6 +9,7 @@ use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
 use super::intersect::{DeviceCount, Room, TileIntersections};
+use super::operation::{Computation, Tensors, computed, lists};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, int_tensor, with_float};
 
@@ -80,133 +81,62 @@ pub fn intersect_instants(
     assert_same_dtype("features", &features, "projected", &projected);
     let _stage = profile::stage("sort into tiles");
     // Outside the graph: there is no gradient to record.
-    let found = Dispatch::intersect_instants(
-        projected.inner().into_dispatch(),
-        opacities.inner().into_dispatch(),
-        features.inner().into_dispatch(),
-        [width as u32, height as u32],
-        scene,
-        moving.clone().inner().cast(DType::I32).into_dispatch(),
-        room,
-    );
+    let inputs =
+        [projected.inner().into_dispatch(), opacities.inner().into_dispatch(), features.inner().into_dispatch()];
+    let computation = Instants { size: [width as u32, height as u32], scene, room };
+    let rows_of_moving = moving.clone().inner().cast(DType::I32).into_dispatch();
+    let (words, found) = computed(computation, inputs, [rows_of_moving]).into_arrays();
+    let [tile_offsets, gaussian_ids, gaussian_offsets, positions, places, numbers] = lists(found);
+    let [pair_words, tile_words] = words.map(Tensor::from_dispatch);
     let (columns, rows) = tile_grid(width as u32, height as u32);
     let further = (count - scene).checked_div(movers).unwrap_or(0);
-    let shares =
-        TileShares { instants: further + 1, grid: columns * rows, numbers: Tensor::from_dispatch(found.shares) };
-    let gaussian_ids: Tensor<1, Int> = Tensor::from_dispatch(found.gaussian_ids);
+    let shares = TileShares { instants: further + 1, grid: columns * rows, numbers };
     let made = |words: Tensor<1>, room: usize| match words.dims() {
         [0] => DeviceCount::Known(room),
         _ => DeviceCount::OnDevice { words, room },
     };
-    let lists = TileIntersections {
-        count: made(Tensor::from_dispatch(found.pair_words), gaussian_ids.dims()[0]),
-        tile_offsets: Tensor::from_dispatch(found.tile_offsets),
-        gaussian_ids,
-        gaussian_offsets: Tensor::from_dispatch(found.gaussian_offsets),
-        positions: Tensor::from_dispatch(found.positions),
-        places: Some(Tensor::from_dispatch(found.places)),
-    };
-    let tiles = made(Tensor::from_dispatch(found.tile_words), shares.tiles());
+    let count = made(pair_words, gaussian_ids.dims()[0]);
+    let places = Some(places);
+    let lists = TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places, count };
+    let tiles = made(tile_words, shares.tiles());
     InstantIntersections { lists, shares, tiles }
 }
 
-/// What [`InstantsOps::intersect_instants`] finds, as a backend's primitives; `i32` and, for words, float.
-#[derive(Clone, Debug, ExtensionType)]
-pub struct FoundInstants<B: Backend> {
-    /// `[tiles + 1]`
-    pub tile_offsets: IntTensor<B>,
-    /// `[M]`
-    pub gaussian_ids: IntTensor<B>,
-    /// `[R + 1]`
-    pub gaussian_offsets: IntTensor<B>,
-    /// `[M]`
-    pub positions: IntTensor<B>,
-    /// `[tiles]`
-    pub places: IntTensor<B>,
-    /// `[grid + 1 + tiles]`: [`TileShares::numbers`].
-    pub shares: IntTensor<B>,
-    /// `[2]`, the words of the number of pairs; `[0]` if there are `M`.
-    pub pair_words: FloatTensor<B>,
-    /// `[2]`, the words of the number of drawn tiles; `[0]` if there are `tiles`.
-    pub tile_words: FloatTensor<B>,
+/// [`intersect_instants`] as a computation on projected rows, opacities, features and the rows of what moves. The results are the lists of
+/// [`TileIntersections`], [`TileShares::numbers`], and the words of the numbers of pairs and of tiles ([`DeviceCount`]), none where they are
+/// known.
+pub(crate) struct Instants {
+    /// Width and height of the image.
+    pub(crate) size: [u32; 2],
+    /// Rows of the scene, before those of further instants.
+    pub(crate) scene: usize,
+    /// Read on a GPU alone; a CPU makes lists of the right length.
+    #[cfg_attr(not(feature = "cube"), expect(dead_code, reason = "a build without a GPU backend"))]
+    pub(crate) room: Option<Room>,
 }
 
-/// Burn's dispatch for [`intersect_instants`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait InstantsOps: Backend {
-    /// See [`intersect_instants`].
-    fn intersect_instants(
-        projected: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        features: FloatTensor<Self>,
-        size: [u32; 2],
-        scene: usize,
-        moving: IntTensor<Self>,
-        room: Option<Room>,
-    ) -> FoundInstants<Self>;
-}
-
-/// The lists on a backend's primitives. Tensors may be strided.
-pub trait InstantsKernels: Backend {
-    /// See [`intersect_instants`].
-    fn instants_forward(
-        projected: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        features: FloatTensor<Self>,
-        size: [u32; 2],
-        scene: usize,
-        moving: IntTensor<Self>,
-        room: Option<Room>,
-    ) -> FoundInstants<Self>;
-}
-
-impl<B: InstantsKernels> InstantsOps for B {
-    fn intersect_instants(
-        projected: FloatTensor<B>,
-        opacities: FloatTensor<B>,
-        features: FloatTensor<B>,
-        size: [u32; 2],
-        scene: usize,
-        moving: IntTensor<B>,
-        room: Option<Room>,
-    ) -> FoundInstants<B> {
-        B::instants_forward(projected, opacities, features, size, scene, moving, room)
-    }
-}
-
-impl<B: HostBackend> InstantsKernels for B {
-    fn instants_forward(
-        projected: FloatTensor<B>,
-        opacities: FloatTensor<B>,
-        features: FloatTensor<B>,
-        [width, height]: [u32; 2],
-        scene: usize,
-        moving: IntTensor<B>,
-        _room: Option<Room>,
-    ) -> FoundInstants<B> {
-        let channels = features.shape()[1];
-        let [projected, opacities, features] = [projected, opacities, features].map(HostTensor::contiguous);
-        let moving = moving.contiguous();
+impl Computation<3, 1> for Instants {
+    fn compute<B: HostBackend>(
+        &self,
+        [projected, opacities, features]: [FloatTensor<B>; 3],
+        [moving]: [IntTensor<B>; 1],
+    ) -> Tensors<B> {
+        let (&Self { size: [width, height], scene, .. }, channels) = (self, features.shape()[1]);
         let moving: Vec<u32> = moving.elements::<i32>().iter().map(|row| *row as u32).collect();
         with_float!(projected, F => {
             let (lists, shares) = cpu::intersect_instants::<F>(
                 projected.elements(), opacities.elements(), features.elements(), width, height, channels, scene, &moving,
             );
+            let ints = [
+                lists.tile_offsets,
+                lists.gaussian_ids,
+                lists.gaussian_offsets,
+                lists.positions,
+                lists.places,
+                shares.numbers(),
+            ];
             let none = || float_tensor::<B>(Vec::<F>::new(), [0]);
-            FoundInstants {
-                tile_offsets: int_tensor::<B>(lists.tile_offsets),
-                gaussian_ids: int_tensor::<B>(lists.gaussian_ids),
-                gaussian_offsets: int_tensor::<B>(lists.gaussian_offsets),
-                positions: int_tensor::<B>(lists.positions),
-                places: int_tensor::<B>(lists.places),
-                shares: int_tensor::<B>(shares.numbers()),
-                pair_words: none(),
-                tile_words: none(),
-            }
+            Tensors { floats: vec![none(), none()], ints: ints.map(int_tensor::<B>).into() }
         })
     }
 }

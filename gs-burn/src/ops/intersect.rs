@@ -5,13 +5,14 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
+use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
 use burn::tensor::{Int, Tensor, assert_shape};
 use gs_kernels::cpu::intersect as cpu;
 use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
+use super::operation::{Computation, Tensors, computed, lists};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, int_tensor, with_float};
 pub use count::DeviceCount;
@@ -76,29 +77,18 @@ pub fn intersect_within(
     check(&projected, &opacities, &features);
     let _stage = profile::stage("sort into tiles");
     // Outside the graph: there is no gradient to record.
-    let found = Dispatch::intersect(
-        projected.inner().into_dispatch(),
-        opacities.inner().into_dispatch(),
-        features.inner().into_dispatch(),
-        width as u32,
-        height as u32,
-        room,
-    );
-    let gaussian_ids: Tensor<1, Int> = Tensor::from_dispatch(found.gaussian_ids);
-    let words: Tensor<1> = Tensor::from_dispatch(found.words);
+    let size = [width as u32, height as u32];
+    let inputs =
+        [projected.inner().into_dispatch(), opacities.inner().into_dispatch(), features.inner().into_dispatch()];
+    let ([words], found) = computed(Intersection { size, room }, inputs, []).into_arrays();
+    let [tile_offsets, gaussian_ids, gaussian_offsets, positions] = lists(found);
+    let words: Tensor<1> = Tensor::from_dispatch(words);
     let [made] = gaussian_ids.dims();
     let count = match words.dims() {
         [0] => DeviceCount::Known(made),
         _ => DeviceCount::OnDevice { words, room: made },
     };
-    TileIntersections {
-        tile_offsets: Tensor::from_dispatch(found.tile_offsets),
-        gaussian_ids,
-        gaussian_offsets: Tensor::from_dispatch(found.gaussian_offsets),
-        positions: Tensor::from_dispatch(found.positions),
-        places: None,
-        count,
-    }
+    TileIntersections { tile_offsets, gaussian_ids, gaussian_offsets, positions, places: None, count }
 }
 
 fn check(projected: &Tensor<2>, opacities: &Tensor<1>, features: &Tensor<2>) {
@@ -110,102 +100,30 @@ fn check(projected: &Tensor<2>, opacities: &Tensor<1>, features: &Tensor<2>) {
     assert_same_dtype("features", features, "projected", projected);
 }
 
-/// [`TileIntersections`] as a backend's primitives, `i32` on every backend.
-#[derive(Clone, Debug, ExtensionType)]
-pub struct IntersectionLists<B: Backend> {
-    /// `[tiles + 1]`
-    pub tile_offsets: IntTensor<B>,
-    /// `[M]`
-    pub gaussian_ids: IntTensor<B>,
-    /// `[N + 1]`
-    pub gaussian_offsets: IntTensor<B>,
-    /// `[M]`
-    pub positions: IntTensor<B>,
-    /// `[tiles]`, or `[0]` if the tiles are those of the image in order.
-    pub places: IntTensor<B>,
+/// [`intersect_within`] as a computation on projected rows, opacities and features. The results are the lists of [`TileIntersections`] and the
+/// words of [`DeviceCount`], none where the number of pairs is known.
+pub(crate) struct Intersection {
+    /// Width and height of the image.
+    pub(crate) size: [u32; 2],
+    /// Read on a GPU alone; a CPU makes lists of the right length.
+    #[cfg_attr(not(feature = "cube"), expect(dead_code, reason = "a build without a GPU backend"))]
+    pub(crate) room: Option<usize>,
 }
 
-/// What [`IntersectOps::intersect`] finds: [`TileIntersections`] without places, as a backend's primitives.
-#[derive(Clone, Debug, ExtensionType)]
-pub struct FoundIntersections<B: Backend> {
-    /// `[tiles + 1]`
-    pub tile_offsets: IntTensor<B>,
-    /// `[M]`
-    pub gaussian_ids: IntTensor<B>,
-    /// `[N + 1]`
-    pub gaussian_offsets: IntTensor<B>,
-    /// `[M]`
-    pub positions: IntTensor<B>,
-    /// `[2]`: see [`DeviceCount::OnDevice`]; `[0]` if there are `M` pairs.
-    pub words: FloatTensor<B>,
-}
-
-/// Burn's dispatch for [`intersect_within`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait IntersectOps: Backend {
-    /// See [`intersect_within`].
-    fn intersect(
-        projected: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        features: FloatTensor<Self>,
-        width: u32,
-        height: u32,
-        room: Option<usize>,
-    ) -> FoundIntersections<Self>;
-}
-
-/// Intersection on a backend's primitives. Shapes as in [`intersect`]; tensors may be strided.
-pub trait IntersectKernels: Backend {
-    /// The lists; `M` may be zero. A backend that makes lists of exactly as many pairs as there are ignores `room`.
-    fn intersect_forward(
-        projected: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        features: FloatTensor<Self>,
-        width: u32,
-        height: u32,
-        room: Option<usize>,
-    ) -> FoundIntersections<Self>;
-}
-
-impl<B: IntersectKernels> IntersectOps for B {
-    fn intersect(
-        projected: FloatTensor<B>,
-        opacities: FloatTensor<B>,
-        features: FloatTensor<B>,
-        width: u32,
-        height: u32,
-        room: Option<usize>,
-    ) -> FoundIntersections<B> {
-        B::intersect_forward(projected, opacities, features, width, height, room)
-    }
-}
-
-impl<B: HostBackend> IntersectKernels for B {
-    fn intersect_forward(
-        projected: FloatTensor<B>,
-        opacities: FloatTensor<B>,
-        features: FloatTensor<B>,
-        width: u32,
-        height: u32,
-        _room: Option<usize>,
-    ) -> FoundIntersections<B> {
-        let channels = burn::backend::TensorMetadata::shape(&features)[1];
-        let [projected, opacities, features] = [projected, opacities, features].map(HostTensor::contiguous);
+impl Computation<3> for Intersection {
+    fn compute<B: HostBackend>(
+        &self,
+        [projected, opacities, features]: [FloatTensor<B>; 3],
+        []: [IntTensor<B>; 0],
+    ) -> Tensors<B> {
+        let ([width, height], channels) = (self.size, features.shape()[1]);
         with_float!(projected, F => {
             let lists = cpu::intersect::<F>(
                 projected.elements(), opacities.elements(), features.elements(), width, height, channels,
             );
-            FoundIntersections {
-                tile_offsets: int_tensor::<B>(lists.tile_offsets),
-                gaussian_ids: int_tensor::<B>(lists.gaussian_ids),
-                gaussian_offsets: int_tensor::<B>(lists.gaussian_offsets),
-                positions: int_tensor::<B>(lists.positions),
-                words: float_tensor::<B>(Vec::<F>::new(), [0]),
-            }
+            let ints = [lists.tile_offsets, lists.gaussian_ids, lists.gaussian_offsets, lists.positions];
+            let words = float_tensor::<B>(Vec::<F>::new(), [0]);
+            Tensors { floats: vec![words], ints: ints.map(int_tensor::<B>).into() }
         })
     }
 }

@@ -5,10 +5,11 @@
 //! - a function on Burn tensors (`project`, `rasterize`, ...), which checks shapes at the door;
 //! - a `..._reference` in plain Burn tensor operations, differentiable by Burn itself, slow and obvious: it defines
 //!   what is correct;
-//! - a `...Kernels` trait: the raw forward and backward of a backend, on primitives without gradients. The CPU backends
-//!   (Flex, NdArray) share one implementation over slices; **a new backend implements these traits and nothing else**;
-//! - a `...Ops` trait, which Burn's dispatch calls. It is implemented for every backend with kernels, and for
-//!   `Autodiff` around such a backend, with the gradient beside it.
+//! - a struct of its settings with the raw forward and backward, on primitives without gradients. The CPU backends (Flex, NdArray) share one
+//!   body over slices; that of CubeCL's backends is in `cube`.
+//!
+//! The way through Burn, its dispatch and its graph of gradients, is written once for all of them, in `operation`. **A new backend is a
+//! body for each struct and nothing else.**
 //!
 //! Counts may be zero: an empty scene has `[0, ...]` tensors, and kernels must return what the shapes say.
 
@@ -32,7 +33,7 @@ pub mod statistics;
 pub mod sum;
 
 pub(crate) mod columns;
-mod gradient;
+pub(crate) mod operation;
 mod pixels;
 
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};

@@ -1,12 +1,12 @@
 //! The position noise of 3DGS-MCMC, in place where memory allows. It has no gradient.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::tensor::{Tensor, TensorData, assert_shape};
 pub use gs_kernels::config::NoiseConfig;
 use gs_kernels::cpu::noise as cpu;
 
 use super::assert_same_dtype;
+use super::operation::{Computation, Tensors, computed_tensor};
 use crate::Gaussians;
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, with_float};
@@ -34,7 +34,7 @@ pub fn perturb(
     assert_same_dtype("log_scales", &log_scales, "logits", &logits);
     let _stage = profile::stage("noise");
     let [means, quats, log_scales] = [means, quats, log_scales].map(|tensor| tensor.inner().into_dispatch());
-    Tensor::from_dispatch(Dispatch::perturb(means, quats, log_scales, logits.inner().into_dispatch(), *config))
+    computed_tensor(Noise(*config), [means, quats, log_scales, logits.inner().into_dispatch()])
 }
 
 /// [`perturb`] in Burn's tensor operations, for Gaussians of finite numbers: the definition.
@@ -63,61 +63,20 @@ fn rotated(q: Tensor<2>, v: Tensor<2>) -> Tensor<2> {
     v + u.cross(inner, 1) * 2.0
 }
 
-/// Burn's dispatch for [`perturb`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait NoiseOps: Backend {
-    /// See [`perturb`].
-    fn perturb(
-        means: FloatTensor<Self>,
-        quats: FloatTensor<Self>,
-        log_scales: FloatTensor<Self>,
-        logits: FloatTensor<Self>,
-        config: NoiseConfig,
-    ) -> FloatTensor<Self>;
-}
+/// [`perturb`] as a computation on means, quats, log_scales and logits.
+pub(crate) struct Noise(pub(crate) NoiseConfig);
 
-/// The noise on a backend's primitives. Tensors may be strided.
-pub trait NoiseKernels: Backend {
-    /// The moved means `[N, 3]`.
-    fn noise_forward(
-        means: FloatTensor<Self>,
-        quats: FloatTensor<Self>,
-        log_scales: FloatTensor<Self>,
-        logits: FloatTensor<Self>,
-        config: &NoiseConfig,
-    ) -> FloatTensor<Self>;
-}
-
-impl<B: NoiseKernels> NoiseOps for B {
-    fn perturb(
-        means: FloatTensor<B>,
-        quats: FloatTensor<B>,
-        log_scales: FloatTensor<B>,
-        logits: FloatTensor<B>,
-        config: NoiseConfig,
-    ) -> FloatTensor<B> {
-        B::noise_forward(means, quats, log_scales, logits, &config)
-    }
-}
-
-impl<B: HostBackend> NoiseKernels for B {
-    fn noise_forward(
-        means: FloatTensor<B>,
-        quats: FloatTensor<B>,
-        log_scales: FloatTensor<B>,
-        logits: FloatTensor<B>,
-        config: &NoiseConfig,
-    ) -> FloatTensor<B> {
-        let [mut means, quats, log_scales, logits] = [means, quats, log_scales, logits].map(HostTensor::contiguous);
+impl Computation<4> for Noise {
+    fn compute<B: HostBackend>(
+        &self,
+        [mut means, quats, log_scales, logits]: [FloatTensor<B>; 4],
+        []: [IntTensor<B>; 0],
+    ) -> Tensors<B> {
         with_float!(means, F => {
             let (quats, log_scales) = (quats.elements::<F>(), log_scales.elements());
-            cpu::perturb(means.elements_mut(), quats, log_scales, logits.elements(), config);
+            cpu::perturb(means.elements_mut(), quats, log_scales, logits.elements(), &self.0);
         });
-        means
+        Tensors::of_floats([means])
     }
 }
 

@@ -1,17 +1,17 @@
 //! From logits to opacities, in one pass each way.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
+use burn::backend::TensorMetadata;
+use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::tensor::Tensor;
 use gs_kernels::cpu::opacity as cpu;
 
-use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Operation, Output, State, differentiable};
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
 /// Opacities `[N]`, 0 to 1, of `logits` `[N]`: `1 / (1 + exp(-logit))`; 0 where the logit is not a number, and that logit receives no
 /// gradient. Differentiable.
 pub fn opacities(logits: Tensor<1>) -> Tensor<1> {
-    Tensor::from_dispatch(Dispatch::opacities(logits.into_dispatch()))
+    differentiable(Opacities, [logits.into_dispatch()], [])
 }
 
 /// [`opacities`] in Burn's tensor operations: the definition.
@@ -23,68 +23,27 @@ pub fn opacities_reference(logits: Tensor<1>) -> Tensor<1> {
     ((known * 0.5).tanh() * 0.5 + 0.5).mask_fill(broken, 0.0)
 }
 
-/// Burn's dispatch for [`opacities`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait OpacityOps: Backend {
-    /// See [`opacities`].
-    fn opacities(logits: FloatTensor<Self>) -> FloatTensor<Self>;
-}
+/// [`opacities`] as an operation.
+#[derive(Clone, Debug)]
+pub(crate) struct Opacities;
 
-/// Both directions on a backend's primitives, without gradient tracking. Tensors may be strided.
-pub trait OpacityKernels: Backend {
-    /// `[N]` from `[N]`.
-    fn opacity_forward(logits: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// The gradient by `logits` from `v` by the opacities, `[N]`.
-    fn opacity_backward(logits: FloatTensor<Self>, v: FloatTensor<Self>) -> FloatTensor<Self>;
-}
-
-impl<B: OpacityKernels> OpacityOps for B {
-    fn opacities(logits: FloatTensor<B>) -> FloatTensor<B> {
-        B::opacity_forward(logits)
-    }
-}
-
-impl<B: HostBackend> OpacityKernels for B {
-    fn opacity_forward(logits: FloatTensor<B>) -> FloatTensor<B> {
-        let (logits, shape) = (logits.clone().contiguous(), logits.shape());
-        with_float!(logits, F => float_tensor::<B>(cpu::forward::<F>(logits.elements()), shape))
-    }
-
-    fn opacity_backward(logits: FloatTensor<B>, v: FloatTensor<B>) -> FloatTensor<B> {
+impl Operation<1> for Opacities {
+    fn forward<B: HostBackend>(&self, [logits]: [FloatTensor<B>; 1], []: [IntTensor<B>; 0], _: bool) -> Output<B> {
         let shape = logits.shape();
-        let [logits, v] = [logits, v].map(HostTensor::contiguous);
-        with_float!(logits, F => float_tensor::<B>(cpu::backward::<F>(logits.elements(), v.elements()), shape))
+        with_float!(logits, F => Output::of(float_tensor::<B>(cpu::forward::<F>(logits.elements()), shape)))
     }
-}
 
-#[derive(Debug)]
-struct OpacityBackward;
-
-impl<B: OpacityKernels> Backward<B, 1> for OpacityBackward {
-    type State = FloatTensor<B>;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        if let [Some(logits)] = ops.parents {
-            grads.register::<B>(logits.id, B::opacity_backward(ops.state, v));
-        }
-    }
-}
-
-impl<B: OpacityKernels, C: CheckpointStrategy> OpacityOps for Autodiff<B, C> {
-    fn opacities(logits: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (logits, node) = logits.into_parts();
-        let opacities = B::opacity_forward(logits.clone());
-        match OpacityBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(logits, opacities),
-            OpsKind::UnTracked(prep) => prep.finish(opacities),
-        }
+    fn backward<B: HostBackend>(
+        &self,
+        mut state: State<B, 1, 0>,
+        v: FloatTensor<B>,
+        _: [bool; 1],
+    ) -> [Option<FloatTensor<B>>; 1] {
+        let [logits] = state.inputs();
+        let shape = logits.shape();
+        with_float!(logits, F => {
+            [Some(float_tensor::<B>(cpu::backward::<F>(logits.elements(), v.elements()), shape))]
+        })
     }
 }
 

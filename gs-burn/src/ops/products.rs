@@ -3,11 +3,11 @@
 //! On a GPU, Burn gives such a sum to one unit per result: the gradient of a bias over all pixels of an image is a loop of a million
 //! additions in 32 units. Here the rows are cut into groups, in one order. On a CPU the operations are Burn's own.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::backend::{Backend, TensorMetadata};
 use burn::tensor::{Shape, Tensor, assert_shape};
 
-use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Computation, Operation, Output, State, Tensors, computed_tensor, differentiable};
 use crate::slices::HostBackend;
 
 /// `rows weight + bias`, `[R, out]`, of `rows` `[R, in]`, `weight` `[in, out]` and `bias` `[out]`: a layer of a network. Differentiable
@@ -19,12 +19,12 @@ pub fn affine(rows: Tensor<2>, weight: Tensor<2>, bias: Tensor<1>) -> Tensor<2> 
     let ([_, inner], [_, outer]) = (rows.dims(), weight.dims());
     assert_shape!(weight, [inner, outer]);
     assert_shape!(bias, [outer]);
-    Tensor::from_dispatch(Dispatch::affine(rows.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()))
+    differentiable(Affine, [rows.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()], [])
 }
 
 /// `factors[s] rows[r, c]`, `[S, R, C]`, of `factors` `[S]` and `rows` `[R, C]`. Differentiable by both.
 pub fn scaled(factors: Tensor<1>, rows: Tensor<2>) -> Tensor<3> {
-    Tensor::from_dispatch(Dispatch::scaled(factors.into_dispatch(), rows.into_dispatch()))
+    differentiable(Scaled, [factors.into_dispatch(), rows.into_dispatch()], [])
 }
 
 /// `a^T b`, `[I, O]`, of `a` `[R, I]` and `b` `[R, O]`, with full precision. Gradient tracking is dropped.
@@ -34,37 +34,11 @@ pub fn scaled(factors: Tensor<1>, rows: Tensor<2>) -> Tensor<3> {
 pub fn transposed_product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     let ([rows, _], [_, outer]) = (a.dims(), b.dims());
     assert_shape!(b, [rows, outer]);
-    Tensor::from_dispatch(Dispatch::transposed_product(a.inner().into_dispatch(), b.inner().into_dispatch()))
-}
-
-/// Burn's dispatch for [`affine`] and [`scaled`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait ProductOps: Backend {
-    /// See [`affine`].
-    fn affine(rows: FloatTensor<Self>, weight: FloatTensor<Self>, bias: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// See [`scaled`].
-    fn scaled(factors: FloatTensor<Self>, rows: FloatTensor<Self>) -> FloatTensor<Self>;
-}
-
-/// Burn's dispatch for [`transposed_product`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait TransposedOps: Backend {
-    /// See [`transposed_product`].
-    fn transposed_product(a: FloatTensor<Self>, b: FloatTensor<Self>) -> FloatTensor<Self>;
+    computed_tensor(TransposedProduct, [a, b].map(|tensor| tensor.inner().into_dispatch()))
 }
 
 /// The sums over rows on a backend's primitives, without gradient tracking. The default bodies are plain tensor operations.
-pub trait ProductKernels: Backend {
+pub(crate) trait RowSums: Backend {
     /// `a^T b`, `[I, O]`, of `a` `[R, I]` and `b` `[R, O]`.
     fn transposed(a: FloatTensor<Self>, b: FloatTensor<Self>) -> FloatTensor<Self> {
         Self::float_matmul(Self::float_transpose(a), b)
@@ -85,119 +59,113 @@ pub trait ProductKernels: Backend {
     }
 }
 
-impl<B: HostBackend> ProductKernels for B {}
+impl<B: HostBackend> RowSums for B {}
 
-fn product<B: Backend>(rows: FloatTensor<B>, weight: FloatTensor<B>, bias: FloatTensor<B>) -> FloatTensor<B> {
-    let (count, outer) = (rows.shape()[0], bias.shape()[0]);
-    if count == 0 {
-        // Burn's ndarray divides by the number of rows in a product.
-        return B::float_zeros(Shape::new([0, outer]), &rows.device(), rows.dtype().into());
-    }
-    // Not in one operation: a backend may add the bias inside its product, in another order.
-    B::float_add(B::float_matmul(rows, weight), B::float_reshape(bias, Shape::new([1, outer])))
-}
-
-fn multiples<B: Backend>(factors: FloatTensor<B>, rows: FloatTensor<B>) -> FloatTensor<B> {
-    let (lines, [count, columns]) = (factors.shape()[0], rows.shape().dims());
-    let factors = B::float_reshape(factors, Shape::new([lines, 1, 1]));
-    B::float_mul(factors, B::float_reshape(rows, Shape::new([1, count, columns])))
-}
-
-impl<B: ProductKernels> ProductOps for B {
-    fn affine(rows: FloatTensor<B>, weight: FloatTensor<B>, bias: FloatTensor<B>) -> FloatTensor<B> {
-        product::<B>(rows, weight, bias)
-    }
-
-    fn scaled(factors: FloatTensor<B>, rows: FloatTensor<B>) -> FloatTensor<B> {
-        multiples::<B>(factors, rows)
-    }
-}
-
-impl<B: ProductKernels> TransposedOps for B {
-    fn transposed_product(a: FloatTensor<B>, b: FloatTensor<B>) -> FloatTensor<B> {
-        B::transposed(a, b)
-    }
-}
-
-/// State saved for the backward pass of [`affine`].
+/// [`affine`] as an operation.
 #[derive(Clone, Debug)]
-struct AffineState<B: Backend> {
-    rows: FloatTensor<B>,
-    weight: FloatTensor<B>,
-}
+pub(crate) struct Affine;
 
-#[derive(Debug)]
-struct AffineBackward;
+impl Affine {
+    pub(crate) fn product<B: Backend>(
+        rows: FloatTensor<B>,
+        weight: FloatTensor<B>,
+        bias: FloatTensor<B>,
+    ) -> FloatTensor<B> {
+        let (count, outer) = (rows.shape()[0], bias.shape()[0]);
+        if count == 0 {
+            // Burn's ndarray divides by the number of rows in a product.
+            return B::float_zeros(Shape::new([0, outer]), &rows.device(), rows.dtype().into());
+        }
+        // Not in one operation: a backend may add the bias inside its product, in another order.
+        B::float_add(B::float_matmul(rows, weight), B::float_reshape(bias, Shape::new([1, outer])))
+    }
 
-impl<B: ProductKernels> Backward<B, 3> for AffineBackward {
-    type State = AffineState<B>;
-
-    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        let AffineState { rows, weight } = ops.state;
-        let [of_rows, of_weight, of_bias] = ops.parents.map(|node| node.map(|node| node.id));
-        if of_rows.is_some() {
-            let v_rows = B::float_matmul(v.clone(), B::float_transpose(weight));
-            gradient::register::<B, 1>(grads, [of_rows], [v_rows]);
-        }
-        if of_weight.is_some() {
-            gradient::register::<B, 1>(grads, [of_weight], [B::transposed(rows, v.clone())]);
-        }
-        if of_bias.is_some() {
-            gradient::register::<B, 1>(grads, [of_bias], [B::column_sums(v)]);
-        }
+    pub(crate) fn gradients<B: RowSums>(
+        [rows, weight, _]: [FloatTensor<B>; 3],
+        v: FloatTensor<B>,
+        [of_rows, of_weight, of_bias]: [bool; 3],
+    ) -> [Option<FloatTensor<B>>; 3] {
+        [
+            of_rows.then(|| B::float_matmul(v.clone(), B::float_transpose(weight))),
+            of_weight.then(|| B::transposed(rows, v.clone())),
+            of_bias.then(|| B::column_sums(v.clone())),
+        ]
     }
 }
 
-/// State saved for the backward pass of [`scaled`].
-#[derive(Clone, Debug)]
-struct ScaledState<B: Backend> {
-    factors: FloatTensor<B>,
-    rows: FloatTensor<B>,
+impl Operation<3> for Affine {
+    fn forward<B: HostBackend>(
+        &self,
+        [rows, weight, bias]: [FloatTensor<B>; 3],
+        []: [IntTensor<B>; 0],
+        _: bool,
+    ) -> Output<B> {
+        Output::of(Self::product::<B>(rows, weight, bias))
+    }
+
+    fn backward<B: HostBackend>(
+        &self,
+        mut state: State<B, 3, 0>,
+        v: FloatTensor<B>,
+        wanted: [bool; 3],
+    ) -> [Option<FloatTensor<B>>; 3] {
+        Self::gradients::<B>(state.inputs(), v, wanted)
+    }
 }
 
-#[derive(Debug)]
-struct ScaledBackward;
+/// [`scaled`] as an operation.
+#[derive(Clone, Debug)]
+pub(crate) struct Scaled;
 
-impl<B: ProductKernels> Backward<B, 2> for ScaledBackward {
-    type State = ScaledState<B>;
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        let ScaledState { factors, rows } = ops.state;
-        let [of_factors, of_rows] = ops.parents.map(|node| node.map(|node| node.id));
+impl Scaled {
+    pub(crate) fn multiples<B: Backend>(factors: FloatTensor<B>, rows: FloatTensor<B>) -> FloatTensor<B> {
         let (lines, [count, columns]) = (factors.shape()[0], rows.shape().dims());
-        if of_factors.is_some() {
-            gradient::register::<B, 1>(grads, [of_factors], [B::dots(v.clone(), rows)]);
-        }
-        if of_rows.is_some() {
+        let factors = B::float_reshape(factors, Shape::new([lines, 1, 1]));
+        B::float_mul(factors, B::float_reshape(rows, Shape::new([1, count, columns])))
+    }
+
+    pub(crate) fn gradients<B: RowSums>(
+        [factors, rows]: [FloatTensor<B>; 2],
+        v: FloatTensor<B>,
+        [of_factors, of_rows]: [bool; 2],
+    ) -> [Option<FloatTensor<B>>; 2] {
+        let (lines, [count, columns]) = (factors.shape()[0], rows.shape().dims());
+        let by_factors = of_factors.then(|| B::dots(v.clone(), rows));
+        let by_rows = of_rows.then(|| {
             let factors = B::float_reshape(factors, Shape::new([lines, 1, 1]));
             let sum = B::float_sum_dim(B::float_mul(v, factors), 0);
-            gradient::register::<B, 1>(grads, [of_rows], [B::float_reshape(sum, Shape::new([count, columns]))]);
-        }
+            B::float_reshape(sum, Shape::new([count, columns]))
+        });
+        [by_factors, by_rows]
     }
 }
 
-impl<B: ProductKernels, C: CheckpointStrategy> ProductOps for Autodiff<B, C> {
-    fn affine(rows: FloatTensor<Self>, weight: FloatTensor<Self>, bias: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (rows, rows_node) = rows.into_parts();
-        let (weight, weight_node) = weight.into_parts();
-        let (bias, bias_node) = bias.into_parts();
-        let output = product::<B>(rows.clone(), weight.clone(), bias);
-        match AffineBackward.prepare::<C>([rows_node, weight_node, bias_node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(AffineState { rows, weight }, output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
-        }
+impl Operation<2> for Scaled {
+    fn forward<B: HostBackend>(
+        &self,
+        [factors, rows]: [FloatTensor<B>; 2],
+        []: [IntTensor<B>; 0],
+        _: bool,
+    ) -> Output<B> {
+        Output::of(Self::multiples::<B>(factors, rows))
     }
 
-    fn scaled(factors: FloatTensor<Self>, rows: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (factors, factors_node) = factors.into_parts();
-        let (rows, rows_node) = rows.into_parts();
-        let output = multiples::<B>(factors.clone(), rows.clone());
-        match ScaledBackward.prepare::<C>([factors_node, rows_node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(ScaledState { factors, rows }, output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
-        }
+    fn backward<B: HostBackend>(
+        &self,
+        mut state: State<B, 2, 0>,
+        v: FloatTensor<B>,
+        wanted: [bool; 2],
+    ) -> [Option<FloatTensor<B>>; 2] {
+        Self::gradients::<B>(state.inputs(), v, wanted)
+    }
+}
+
+/// [`transposed_product`] as a computation.
+pub(crate) struct TransposedProduct;
+
+impl Computation<2> for TransposedProduct {
+    fn compute<B: HostBackend>(&self, [a, b]: [FloatTensor<B>; 2], []: [IntTensor<B>; 0]) -> Tensors<B> {
+        Tensors::of_floats([B::transposed(a, b)])
     }
 }
 

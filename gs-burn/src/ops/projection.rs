@@ -4,15 +4,15 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
+use burn::backend::TensorMetadata;
+use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::tensor::{Tensor, assert_shape};
 pub use gs_kernels::config::ProjectionConfig;
 use gs_kernels::cpu::projection as cpu;
 use gs_kernels::rows::PROJECTED;
 
 use super::assert_same_dtype;
-use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Operation, Output, State, Tensors, differentiable};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub use reference::project_reference;
@@ -38,13 +38,8 @@ pub fn project(
 ) -> Tensor<2> {
     check(&means, &quats, &log_scales, &viewmat);
     let _stage = profile::stage("project");
-    Tensor::from_dispatch(Dispatch::project(
-        means.into_dispatch(),
-        quats.into_dispatch(),
-        log_scales.into_dispatch(),
-        viewmat.into_dispatch(),
-        *config,
-    ))
+    let inputs = [means, quats, log_scales, viewmat].map(Tensor::into_dispatch);
+    differentiable(Projection(*config), inputs, [])
 }
 
 fn check(means: &Tensor<2>, quats: &Tensor<2>, log_scales: &Tensor<2>, viewmat: &Tensor<2>) {
@@ -58,186 +53,47 @@ fn check(means: &Tensor<2>, quats: &Tensor<2>, log_scales: &Tensor<2>, viewmat: 
     assert_same_dtype("viewmat", viewmat, "means", means);
 }
 
-/// Burn's dispatch for [`project`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait ProjectionOps: Backend {
-    /// See [`project`].
-    fn project(
-        means: FloatTensor<Self>,
-        quats: FloatTensor<Self>,
-        log_scales: FloatTensor<Self>,
-        viewmat: FloatTensor<Self>,
-        config: ProjectionConfig,
-    ) -> FloatTensor<Self>;
-}
-
-/// Gradients of [`ProjectionKernels::projection_forward`], each in the shape of its argument.
+/// [`project`] as an operation. Its inputs are means, quats, log_scales and viewmat.
 #[derive(Clone, Debug)]
-pub struct ProjectionGradients<B: Backend> {
-    /// `[N, 3]`
-    pub means: FloatTensor<B>,
-    /// `[N, 4]`
-    pub quats: FloatTensor<B>,
-    /// `[N, 3]`
-    pub log_scales: FloatTensor<B>,
-    /// `[4, 4]`; the last row is zero.
-    pub viewmat: Option<FloatTensor<B>>,
-}
+pub(crate) struct Projection(pub(crate) ProjectionConfig);
 
-/// Projection on a backend's primitives, without gradient tracking. Shapes as in [`project`]; tensors may be strided.
-pub trait ProjectionKernels: Backend {
-    /// Packed rows `[N, 8]`.
-    fn projection_forward(
-        means: FloatTensor<Self>,
-        quats: FloatTensor<Self>,
-        log_scales: FloatTensor<Self>,
-        viewmat: FloatTensor<Self>,
-        config: &ProjectionConfig,
-    ) -> FloatTensor<Self>;
+impl Operation<4> for Projection {
+    const BACKWARD: Option<&'static str> = Some("project, backward");
 
-    /// Gradients from `v_projected` `[N, 8]`; `projected` is the result of the forward. Culled Gaussians and those whose gradient
-    /// is not finite receive zero.
-    fn projection_backward(
-        means: FloatTensor<Self>,
-        quats: FloatTensor<Self>,
-        log_scales: FloatTensor<Self>,
-        viewmat: FloatTensor<Self>,
-        config: &ProjectionConfig,
-        projected: FloatTensor<Self>,
-        v_projected: FloatTensor<Self>,
-        of_pose: bool,
-    ) -> ProjectionGradients<Self>;
-}
-
-impl<B: ProjectionKernels> ProjectionOps for B {
-    fn project(
-        means: FloatTensor<B>,
-        quats: FloatTensor<B>,
-        log_scales: FloatTensor<B>,
-        viewmat: FloatTensor<B>,
-        config: ProjectionConfig,
-    ) -> FloatTensor<B> {
-        B::projection_forward(means, quats, log_scales, viewmat, &config)
-    }
-}
-
-impl<B: HostBackend> ProjectionKernels for B {
-    fn projection_forward(
-        means: FloatTensor<B>,
-        quats: FloatTensor<B>,
-        log_scales: FloatTensor<B>,
-        viewmat: FloatTensor<B>,
-        config: &ProjectionConfig,
-    ) -> FloatTensor<B> {
-        let count = means.shape()[0];
-        let [means, quats, log_scales, viewmat] = [means, quats, log_scales, viewmat].map(HostTensor::contiguous);
-        with_float!(means, F => {
-            let rows = cpu::forward::<F>(
-                means.elements(), quats.elements(), log_scales.elements(), viewmat.elements(), config,
-            );
-            float_tensor::<B>(rows, [count, PROJECTED])
-        })
+    fn forward<B: HostBackend>(&self, inputs: [FloatTensor<B>; 4], []: [IntTensor<B>; 0], _: bool) -> Output<B> {
+        let [means, quats, log_scales, viewmat] = &inputs;
+        let rows = with_float!(*means, F => {
+            let [means, quats, log_scales, viewmat] = [means, quats, log_scales, viewmat].map(|t| t.elements());
+            let rows = cpu::forward::<F>(means, quats, log_scales, viewmat, &self.0);
+            float_tensor::<B>(rows, [means.len() / 3, PROJECTED])
+        });
+        Output { saved: Tensors::of_floats([rows.clone()]), tensor: rows }
     }
 
-    fn projection_backward(
-        means: FloatTensor<B>,
-        quats: FloatTensor<B>,
-        log_scales: FloatTensor<B>,
-        viewmat: FloatTensor<B>,
-        config: &ProjectionConfig,
-        projected: FloatTensor<B>,
+    fn backward<B: HostBackend>(
+        &self,
+        mut state: State<B, 4, 0>,
         v_projected: FloatTensor<B>,
-        _of_pose: bool,
-    ) -> ProjectionGradients<B> {
+        _: [bool; 4],
+    ) -> [Option<FloatTensor<B>>; 4] {
+        let ([means, quats, log_scales, viewmat], projected) = (&state.inputs(), &state.saved.floats[0]);
         let count = means.shape()[0];
-        let [means, quats, log_scales, viewmat, projected, v_projected] =
-            [means, quats, log_scales, viewmat, projected, v_projected].map(HostTensor::contiguous);
-        with_float!(means, F => {
+        with_float!(*means, F => {
             let gradients = cpu::backward::<F>(
                 means.elements(),
                 quats.elements(),
                 log_scales.elements(),
                 viewmat.elements(),
-                config,
+                &self.0,
                 projected.elements(),
                 v_projected.elements(),
             );
-            ProjectionGradients {
-                means: float_tensor::<B>(gradients.means, [count, 3]),
-                quats: float_tensor::<B>(gradients.quats, [count, 4]),
-                log_scales: float_tensor::<B>(gradients.log_scales, [count, 3]),
-                viewmat: Some(float_tensor::<B>(gradients.viewmat, [4, 4])),
-            }
+            [
+                Some(float_tensor::<B>(gradients.means, [count, 3])),
+                Some(float_tensor::<B>(gradients.quats, [count, 4])),
+                Some(float_tensor::<B>(gradients.log_scales, [count, 3])),
+                Some(float_tensor::<B>(gradients.viewmat, [4, 4])),
+            ]
         })
-    }
-}
-
-/// State saved for the backward pass.
-#[derive(Clone, Debug)]
-struct ProjectionState<B: Backend> {
-    means: FloatTensor<B>,
-    quats: FloatTensor<B>,
-    log_scales: FloatTensor<B>,
-    viewmat: FloatTensor<B>,
-    config: ProjectionConfig,
-    projected: FloatTensor<B>,
-}
-
-#[derive(Debug)]
-struct ProjectionBackward;
-
-impl<B: ProjectionKernels> Backward<B, 4> for ProjectionBackward {
-    type State = ProjectionState<B>;
-
-    fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let _stage = profile::stage("project, backward");
-        let v_projected = grads.consume::<B>(&ops.node);
-        let [of_means, of_quats, of_log_scales, of_viewmat] = ops.parents.map(|node| node.map(|node| node.id));
-        let state = ops.state;
-        let gradients = B::projection_backward(
-            state.means,
-            state.quats,
-            state.log_scales,
-            state.viewmat,
-            &state.config,
-            state.projected,
-            v_projected,
-            of_viewmat.is_some(),
-        );
-        let by_parent = [gradients.means, gradients.quats, gradients.log_scales];
-        gradient::register::<B, 3>(grads, [of_means, of_quats, of_log_scales], by_parent);
-        if let (Some(node), Some(viewmat)) = (of_viewmat, gradients.viewmat) {
-            grads.register::<B>(node, viewmat);
-        }
-    }
-}
-
-impl<B: ProjectionKernels, C: CheckpointStrategy> ProjectionOps for Autodiff<B, C> {
-    fn project(
-        means: FloatTensor<Self>,
-        quats: FloatTensor<Self>,
-        log_scales: FloatTensor<Self>,
-        viewmat: FloatTensor<Self>,
-        config: ProjectionConfig,
-    ) -> FloatTensor<Self> {
-        let (means, means_node) = means.into_parts();
-        let (quats, quats_node) = quats.into_parts();
-        let (log_scales, log_scales_node) = log_scales.into_parts();
-        let (viewmat, viewmat_node) = viewmat.into_parts();
-        let nodes = [means_node, quats_node, log_scales_node, viewmat_node];
-        match ProjectionBackward.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => {
-                let projected =
-                    B::projection_forward(means.clone(), quats.clone(), log_scales.clone(), viewmat.clone(), &config);
-                let state = ProjectionState { means, quats, log_scales, viewmat, config, projected: projected.clone() };
-                prep.finish(state, projected)
-            }
-            OpsKind::UnTracked(prep) => prep.finish(B::projection_forward(means, quats, log_scales, viewmat, &config)),
-        }
     }
 }

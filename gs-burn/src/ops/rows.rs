@@ -4,12 +4,12 @@
 //! operation is the other's backward, with one unit a value; because the rows are distinct, no two units write one number and
 //! results are equal to the bit. For rows that repeat there are [`segments`](super::segments).
 
+use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
 use burn::tensor::{DType, Int, Shape, Tensor};
 use gs_kernels::cpu::rows as cpu;
 
-use super::gradient::{self, Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Operation, Output, State, differentiable};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
@@ -21,7 +21,8 @@ use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 /// On a CPU, when a row is not in the table.
 pub fn take_rows<const D: usize>(table: Tensor<D>, rows: &Tensor<1, Int>) -> Tensor<D> {
     let _stage = profile::stage("rows");
-    Tensor::from_dispatch(Dispatch::rows_taken(table.into_dispatch(), whole(rows).into_dispatch()))
+    let operation = TakeRows { table: table.shape() };
+    differentiable(operation, [table.into_dispatch()], [whole(rows).into_dispatch()])
 }
 
 /// `table` `[N, ..]` with `more` `[M, ..]` added to its rows `rows` `[M]`. Differentiable with respect to both; the rows as in
@@ -34,40 +35,12 @@ pub fn add_rows<const D: usize>(table: Tensor<D>, rows: &Tensor<1, Int>, more: T
     expected[0] = rows.dims()[0];
     assert!(more.dims() == expected, "more must be {expected:?}, it is {:?}", more.dims());
     let _stage = profile::stage("rows");
-    let (table, more) = (table.into_dispatch(), more.into_dispatch());
-    Tensor::from_dispatch(Dispatch::rows_added(table, whole(rows).into_dispatch(), more))
+    differentiable(AddRows, [table, more].map(Tensor::into_dispatch), [whole(rows).into_dispatch()])
 }
 
 /// The kernels read numbers of 32 bits.
 fn whole(rows: &Tensor<1, Int>) -> Tensor<1, Int> {
     rows.clone().cast(DType::I32)
-}
-
-/// Burn's dispatch for [`take_rows`] and [`add_rows`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait RowsOps: Backend {
-    /// See [`take_rows`].
-    fn rows_taken(table: FloatTensor<Self>, rows: IntTensor<Self>) -> FloatTensor<Self>;
-
-    /// See [`add_rows`].
-    fn rows_added(table: FloatTensor<Self>, rows: IntTensor<Self>, more: FloatTensor<Self>) -> FloatTensor<Self>;
-}
-
-/// Both directions on a backend's primitives, without gradient tracking. Tensors may be strided.
-pub trait RowsKernels: Backend {
-    /// `[M, ..]` from `table` `[N, ..]`.
-    fn take(table: FloatTensor<Self>, rows: IntTensor<Self>) -> FloatTensor<Self>;
-
-    /// `table` `[N, ..]`, written in place where it has no other owner.
-    fn add(table: FloatTensor<Self>, rows: IntTensor<Self>, more: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// Zeros of `shape` `[N, ..]` with `more` `[M, ..]` in its rows.
-    fn put(shape: Shape, rows: IntTensor<Self>, more: FloatTensor<Self>) -> FloatTensor<Self>;
 }
 
 /// Values in a row of a table of this shape.
@@ -81,97 +54,65 @@ pub(crate) fn with_rows(mut shape: Shape, rows: usize) -> Shape {
     shape
 }
 
-impl<B: RowsKernels> RowsOps for B {
-    fn rows_taken(table: FloatTensor<B>, rows: IntTensor<B>) -> FloatTensor<B> {
-        B::take(table, rows)
-    }
-
-    fn rows_added(table: FloatTensor<B>, rows: IntTensor<B>, more: FloatTensor<B>) -> FloatTensor<B> {
-        B::add(table, rows, more)
-    }
+/// [`take_rows`] as an operation, of a table of this shape.
+#[derive(Clone, Debug)]
+pub(crate) struct TakeRows {
+    pub(crate) table: Shape,
 }
 
-impl<B: HostBackend> RowsKernels for B {
-    fn take(table: FloatTensor<B>, rows: IntTensor<B>) -> FloatTensor<B> {
-        let (table, rows) = (table.contiguous(), rows.contiguous());
-        let columns = columns(&table.shape());
-        let shape = with_rows(table.shape(), rows.shape()[0]);
-        with_float!(table, F => float_tensor::<B>(cpu::take::<F>(table.elements(), columns, rows.elements()), shape))
+impl Operation<1, 1> for TakeRows {
+    const READS_INPUTS: bool = false;
+
+    fn forward<B: HostBackend>(&self, [table]: [FloatTensor<B>; 1], [rows]: [IntTensor<B>; 1], _: bool) -> Output<B> {
+        Output::of(taken::<B>(&table, &rows))
     }
 
-    fn add(table: FloatTensor<B>, rows: IntTensor<B>, more: FloatTensor<B>) -> FloatTensor<B> {
-        let (mut table, rows, more) = (table.contiguous(), rows.contiguous(), more.contiguous());
-        let columns = columns(&table.shape());
-        with_float!(table, F => cpu::add::<F>(table.elements_mut(), columns, rows.elements(), more.elements()));
-        table
-    }
-
-    fn put(shape: Shape, rows: IntTensor<B>, more: FloatTensor<B>) -> FloatTensor<B> {
-        let (rows, more) = (rows.contiguous(), more.contiguous());
-        let columns = columns(&shape);
-        with_float!(more, F => {
-            let mut table = vec![F::default(); shape.num_elements()];
-            cpu::add::<F>(&mut table, columns, rows.elements(), more.elements());
-            float_tensor::<B>(table, shape)
+    fn backward<B: HostBackend>(
+        &self,
+        state: State<B, 1, 1>,
+        v: FloatTensor<B>,
+        _: [bool; 1],
+    ) -> [Option<FloatTensor<B>>; 1] {
+        with_float!(v, F => {
+            let mut table = vec![F::default(); self.table.num_elements()];
+            cpu::add::<F>(&mut table, columns(&self.table), state.lists[0].elements(), v.elements());
+            [Some(float_tensor::<B>(table, self.table.clone()))]
         })
     }
 }
 
-/// State saved for the backward pass of [`take_rows`].
+/// [`add_rows`] as an operation on a table and on the rows to add.
 #[derive(Clone, Debug)]
-struct TakeState<B: Backend> {
-    table: Shape,
-    rows: IntTensor<B>,
-}
+pub(crate) struct AddRows;
 
-#[derive(Debug)]
-struct TakeBackward;
+impl Operation<2, 1> for AddRows {
+    const READS_INPUTS: bool = false;
 
-impl<B: RowsKernels> Backward<B, 1> for TakeBackward {
-    type State = TakeState<B>;
+    fn forward<B: HostBackend>(
+        &self,
+        [mut table, more]: [FloatTensor<B>; 2],
+        [rows]: [IntTensor<B>; 1],
+        _: bool,
+    ) -> Output<B> {
+        let columns = columns(&table.shape());
+        with_float!(table, F => cpu::add::<F>(table.elements_mut(), columns, rows.elements(), more.elements()));
+        Output::of(table)
+    }
 
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        if let [Some(table)] = ops.parents {
-            grads.register::<B>(table.id, B::put(ops.state.table, ops.state.rows, v));
-        }
+    fn backward<B: HostBackend>(
+        &self,
+        state: State<B, 2, 1>,
+        v: FloatTensor<B>,
+        [_, of_more]: [bool; 2],
+    ) -> [Option<FloatTensor<B>>; 2] {
+        let by_more = of_more.then(|| taken::<B>(&v, &state.lists[0]));
+        [Some(v), by_more]
     }
 }
 
-#[derive(Debug)]
-struct AddBackward;
-
-impl<B: RowsKernels> Backward<B, 2> for AddBackward {
-    type State = IntTensor<B>;
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        let parents = ops.parents.map(|node| node.map(|node| node.id));
-        let of_more = if parents[1].is_some() { B::take(v.clone(), ops.state) } else { v.clone() };
-        gradient::register::<B, 2>(grads, parents, [v, of_more]);
-    }
-}
-
-impl<B: RowsKernels, C: CheckpointStrategy> RowsOps for Autodiff<B, C> {
-    fn rows_taken(table: FloatTensor<Self>, rows: IntTensor<Self>) -> FloatTensor<Self> {
-        let (table, node) = table.into_parts();
-        let shape = table.shape();
-        let taken = B::take(table, rows.clone());
-        match TakeBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(TakeState { table: shape, rows }, taken),
-            OpsKind::UnTracked(prep) => prep.finish(taken),
-        }
-    }
-
-    fn rows_added(table: FloatTensor<Self>, rows: IntTensor<Self>, more: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (table, table_node) = table.into_parts();
-        let (more, more_node) = more.into_parts();
-        let sum = B::add(table, rows.clone(), more);
-        match AddBackward.prepare::<C>([table_node, more_node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(rows, sum),
-            OpsKind::UnTracked(prep) => prep.finish(sum),
-        }
-    }
+fn taken<B: HostBackend>(table: &FloatTensor<B>, rows: &IntTensor<B>) -> FloatTensor<B> {
+    let (columns, shape) = (columns(&table.shape()), with_rows(table.shape(), rows.shape()[0]));
+    with_float!(*table, F => float_tensor::<B>(cpu::take::<F>(table.elements(), columns, rows.elements()), shape))
 }
 
 #[cfg(test)]

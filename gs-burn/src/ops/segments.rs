@@ -10,13 +10,13 @@ mod tests;
 
 use std::sync::Arc;
 
+use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::{Backend, Dispatch, ExtensionType, TensorMetadata, backend_extension};
 use burn::tensor::{Tensor, assert_shape};
 use gs_kernels::cpu::segments as cpu;
 use gs_kernels::cpu::segments::SegmentLists;
 
-use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Operation, Output, State, differentiable};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 pub use lists::Segments;
@@ -29,8 +29,7 @@ pub fn segment_mean(input: Tensor<2>, segments: &Segments) -> Tensor<2> {
     let ([_, channels], rows) = (input.dims(), segments.rows());
     assert_shape!(input, [rows, channels]);
     let _stage = profile::stage("segments");
-    let lists = segments.lists().clone();
-    Tensor::from_dispatch(Dispatch::segment_mean(input.into_dispatch(), segments.tables(), lists))
+    differentiable(AlongSegments::Mean(segments.lists().clone()), [input.into_dispatch()], segments.tables())
 }
 
 /// The row of its segment for each row, `[N, C]` from `input` `[V, C]`. Differentiable.
@@ -41,185 +40,70 @@ pub fn take_rows(input: Tensor<2>, segments: &Segments) -> Tensor<2> {
     let ([_, channels], count) = (input.dims(), segments.count());
     assert_shape!(input, [count, channels]);
     let _stage = profile::stage("segments");
-    let lists = segments.lists().clone();
-    Tensor::from_dispatch(Dispatch::take_rows(input.into_dispatch(), segments.tables(), lists))
+    differentiable(AlongSegments::Take(segments.lists().clone()), [input.into_dispatch()], segments.tables())
 }
 
-/// [`Segments`] as a backend's primitives, `i32`; empty where the CPU reads its own lists.
-#[derive(Clone, Debug, ExtensionType)]
-pub struct SegmentTables<B: Backend> {
-    /// `[N]`: the segment of each row.
-    pub of_row: IntTensor<B>,
-    /// `[V + 1]`: where each segment begins in `rows`.
-    pub starts: IntTensor<B>,
-    /// `[N]`: rows by segment.
-    pub rows: IntTensor<B>,
-}
-
-/// Burn's dispatch for [`segment_mean`] and [`take_rows`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait SegmentOps: Backend {
-    /// See [`segment_mean`].
-    fn segment_mean(
-        input: FloatTensor<Self>,
-        #[extension_type] tables: SegmentTables<Self>,
-        lists: Arc<SegmentLists>,
-    ) -> FloatTensor<Self>;
-
-    /// See [`take_rows`].
-    fn take_rows(
-        input: FloatTensor<Self>,
-        #[extension_type] tables: SegmentTables<Self>,
-        lists: Arc<SegmentLists>,
-    ) -> FloatTensor<Self>;
-}
-
-/// Both directions on a backend's primitives, without gradient tracking. Tensors may be strided.
-pub trait SegmentKernels: Backend {
-    /// `[V, C]`: the sum of each segment's rows in list order, with `mean` over their count.
-    fn segment_reduce(
-        input: FloatTensor<Self>,
-        tables: SegmentTables<Self>,
-        lists: &SegmentLists,
-        mean: bool,
-    ) -> FloatTensor<Self>;
-
-    /// `[N, C]`: the row of its segment for each row, with `mean` over the segment's count.
-    fn segment_take(
-        input: FloatTensor<Self>,
-        tables: SegmentTables<Self>,
-        lists: &SegmentLists,
-        mean: bool,
-    ) -> FloatTensor<Self>;
-}
-
-impl<B: SegmentKernels> SegmentOps for B {
-    fn segment_mean(input: FloatTensor<B>, tables: SegmentTables<B>, lists: Arc<SegmentLists>) -> FloatTensor<B> {
-        Operation::Mean.forward(input, tables, &lists)
-    }
-
-    fn take_rows(input: FloatTensor<B>, tables: SegmentTables<B>, lists: Arc<SegmentLists>) -> FloatTensor<B> {
-        Operation::Take.forward(input, tables, &lists)
-    }
-}
-
-impl<B: HostBackend> SegmentKernels for B {
-    fn segment_reduce(
-        input: FloatTensor<B>,
-        _tables: SegmentTables<B>,
-        lists: &SegmentLists,
-        mean: bool,
-    ) -> FloatTensor<B> {
-        let channels = input.shape()[1];
-        let input = input.contiguous();
-        with_float!(input, F => {
-            let output = cpu::reduce::<F>(input.elements(), channels, lists, mean);
-            float_tensor::<B>(output, [lists.segments(), channels])
-        })
-    }
-
-    fn segment_take(
-        input: FloatTensor<B>,
-        _tables: SegmentTables<B>,
-        lists: &SegmentLists,
-        mean: bool,
-    ) -> FloatTensor<B> {
-        let channels = input.shape()[1];
-        let input = input.contiguous();
-        with_float!(input, F => {
-            let output = cpu::take::<F>(input.elements(), channels, lists, mean);
-            float_tensor::<B>(output, [lists.of_row.len(), channels])
-        })
-    }
-}
-
-/// The two operations; the backward of each is the forward of the other.
-#[derive(Clone, Copy, Debug)]
-enum Operation {
-    Mean,
-    Take,
-}
-
-impl Operation {
-    fn forward<B: SegmentKernels>(
-        self,
-        input: FloatTensor<B>,
-        tables: SegmentTables<B>,
-        lists: &SegmentLists,
-    ) -> FloatTensor<B> {
-        match self {
-            Self::Mean => B::segment_reduce(input, tables, lists, true),
-            Self::Take => B::segment_take(input, tables, lists, false),
-        }
-    }
-
-    fn backward<B: SegmentKernels>(
-        self,
-        v_output: FloatTensor<B>,
-        tables: SegmentTables<B>,
-        lists: &SegmentLists,
-    ) -> FloatTensor<B> {
-        match self {
-            Self::Mean => B::segment_take(v_output, tables, lists, true),
-            Self::Take => B::segment_reduce(v_output, tables, lists, false),
-        }
-    }
-}
-
-/// State saved for the backward pass.
+/// [`segment_mean`] and [`take_rows`] as operations; each is the backward of the other, but for the factors of the mean. Their lists are the
+/// tables of [`Segments`], which are empty on a CPU.
 #[derive(Clone, Debug)]
-struct SegmentState<B: Backend> {
-    operation: Operation,
-    tables: SegmentTables<B>,
-    lists: Arc<SegmentLists>,
+pub(crate) enum AlongSegments {
+    Mean(Arc<SegmentLists>),
+    Take(Arc<SegmentLists>),
 }
 
-#[derive(Debug)]
-struct SegmentBackward;
+/// A walk along the lists, with the factors of a mean or without.
+pub(crate) enum Walk<'a> {
+    /// Rows added up by segment.
+    Reduce(&'a SegmentLists, bool),
+    /// Each segment's row, for every row that is in it.
+    Take(&'a SegmentLists, bool),
+}
 
-impl<B: SegmentKernels> Backward<B, 1> for SegmentBackward {
-    type State = SegmentState<B>;
+impl AlongSegments {
+    pub(crate) fn forward_walk(&self) -> Walk<'_> {
+        match self {
+            Self::Mean(lists) => Walk::Reduce(lists, true),
+            Self::Take(lists) => Walk::Take(lists, false),
+        }
+    }
 
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v_output = grads.consume::<B>(&ops.node);
-        let SegmentState { operation, tables, lists } = ops.state;
-        if let [Some(input)] = ops.parents {
-            grads.register::<B>(input.id, operation.backward(v_output, tables, &lists));
+    pub(crate) fn backward_walk(&self) -> Walk<'_> {
+        match self {
+            Self::Mean(lists) => Walk::Take(lists, true),
+            Self::Take(lists) => Walk::Reduce(lists, false),
         }
     }
 }
 
-/// An operation with its backward in the graph.
-fn tracked<B: SegmentKernels, C: CheckpointStrategy>(
-    operation: Operation,
-    input: FloatTensor<Autodiff<B, C>>,
-    tables: SegmentTables<Autodiff<B, C>>,
-    lists: Arc<SegmentLists>,
-) -> FloatTensor<Autodiff<B, C>> {
-    let (input, node) = input.into_parts();
-    let tables = SegmentTables::<B> { of_row: tables.of_row, starts: tables.starts, rows: tables.rows };
-    let output = operation.forward(input, tables.clone(), &lists);
-    match SegmentBackward.prepare::<C>([node]).compute_bound().stateful() {
-        OpsKind::Tracked(prep) => prep.finish(SegmentState { operation, tables, lists }, output),
-        OpsKind::UnTracked(prep) => prep.finish(output),
+impl Walk<'_> {
+    fn on_host<B: HostBackend>(self, input: &FloatTensor<B>) -> FloatTensor<B> {
+        let channels = input.shape()[1];
+        with_float!(*input, F => match self {
+            Self::Reduce(lists, mean) => {
+                let sums = cpu::reduce::<F>(input.elements(), channels, lists, mean);
+                float_tensor::<B>(sums, [lists.segments(), channels])
+            }
+            Self::Take(lists, mean) => {
+                let rows = cpu::take::<F>(input.elements(), channels, lists, mean);
+                float_tensor::<B>(rows, [lists.of_row.len(), channels])
+            }
+        })
     }
 }
 
-impl<B: SegmentKernels, C: CheckpointStrategy> SegmentOps for Autodiff<B, C> {
-    fn segment_mean(
-        input: FloatTensor<Self>,
-        tables: SegmentTables<Self>,
-        lists: Arc<SegmentLists>,
-    ) -> FloatTensor<Self> {
-        tracked(Operation::Mean, input, tables, lists)
+impl Operation<1, 3> for AlongSegments {
+    const READS_INPUTS: bool = false;
+
+    fn forward<B: HostBackend>(&self, [input]: [FloatTensor<B>; 1], _: [IntTensor<B>; 3], _: bool) -> Output<B> {
+        Output::of(self.forward_walk().on_host::<B>(&input))
     }
 
-    fn take_rows(input: FloatTensor<Self>, tables: SegmentTables<Self>, lists: Arc<SegmentLists>) -> FloatTensor<Self> {
-        tracked(Operation::Take, input, tables, lists)
+    fn backward<B: HostBackend>(
+        &self,
+        _: State<B, 1, 3>,
+        v: FloatTensor<B>,
+        _: [bool; 1],
+    ) -> [Option<FloatTensor<B>>; 1] {
+        [Some(self.backward_walk().on_host::<B>(&v))]
     }
 }

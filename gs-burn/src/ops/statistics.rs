@@ -1,13 +1,13 @@
 //! Statistics of classic density control (3DGS, section 5.2), in place where memory allows. They have no gradient.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
+use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::tensor::{Tensor, assert_shape};
 pub use gs_kernels::config::StatisticsConfig;
 use gs_kernels::cpu::statistics as cpu;
 use gs_kernels::rows::SCREEN;
 
 use super::assert_same_dtype;
+use super::operation::{Computation, Tensors, computed};
 use crate::slices::{HostBackend, HostTensor, with_float};
 
 /// Adds one view to the statistics `gradient` `[N]` and `views` `[N]`, and returns them.
@@ -37,8 +37,9 @@ pub fn gather_statistics(
     assert_same_dtype("rows", &rows, "gradient", &gradient);
     let [gradient, views] = [gradient, views].map(|tensor| tensor.inner().into_dispatch());
     let [screen, rows] = [screen, rows].map(|tensor| tensor.inner().into_dispatch());
-    let gathered = Dispatch::gather_statistics(gradient, views, screen, rows, *config);
-    (Tensor::from_dispatch(gathered.gradient), Tensor::from_dispatch(gathered.views))
+    let gathered = computed(Statistics(*config), [gradient, views, screen, rows], []);
+    let ([gradient, views], []) = gathered.into_arrays();
+    (Tensor::from_dispatch(gradient), Tensor::from_dispatch(views))
 }
 
 /// [`gather_statistics`] in Burn's tensor operations: the definition.
@@ -57,69 +58,19 @@ pub fn gather_statistics_reference(
     (gradient + (x.clone() * x + y.clone() * y).sqrt(), views + seen)
 }
 
-/// Both statistics, `[N]`.
-#[derive(Clone, Debug, ExtensionType)]
-pub struct Statistics<B: Backend> {
-    /// Sums of the lengths of screen gradients.
-    pub gradient: FloatTensor<B>,
-    /// Numbers of views that showed the Gaussian.
-    pub views: FloatTensor<B>,
-}
+/// [`gather_statistics`] as a computation on the sums so far, screen gradients and rows; the results are the sums.
+pub(crate) struct Statistics(pub(crate) StatisticsConfig);
 
-/// Burn's dispatch for [`gather_statistics`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait StatisticsOps: Backend {
-    /// See [`gather_statistics`].
-    fn gather_statistics(
-        gradient: FloatTensor<Self>,
-        views: FloatTensor<Self>,
-        screen: FloatTensor<Self>,
-        rows: FloatTensor<Self>,
-        config: StatisticsConfig,
-    ) -> Statistics<Self>;
-}
-
-/// The statistics on a backend's primitives. Tensors may be strided.
-pub trait StatisticsKernels: Backend {
-    /// See [`gather_statistics`].
-    fn statistics_forward(
-        gradient: FloatTensor<Self>,
-        views: FloatTensor<Self>,
-        screen: FloatTensor<Self>,
-        rows: FloatTensor<Self>,
-        config: &StatisticsConfig,
-    ) -> Statistics<Self>;
-}
-
-impl<B: StatisticsKernels> StatisticsOps for B {
-    fn gather_statistics(
-        gradient: FloatTensor<B>,
-        views: FloatTensor<B>,
-        screen: FloatTensor<B>,
-        rows: FloatTensor<B>,
-        config: StatisticsConfig,
-    ) -> Statistics<B> {
-        B::statistics_forward(gradient, views, screen, rows, &config)
-    }
-}
-
-impl<B: HostBackend> StatisticsKernels for B {
-    fn statistics_forward(
-        gradient: FloatTensor<B>,
-        views: FloatTensor<B>,
-        screen: FloatTensor<B>,
-        rows: FloatTensor<B>,
-        config: &StatisticsConfig,
-    ) -> Statistics<B> {
-        let [mut gradient, mut views, screen, rows] = [gradient, views, screen, rows].map(HostTensor::contiguous);
+impl Computation<4> for Statistics {
+    fn compute<B: HostBackend>(
+        &self,
+        [mut gradient, mut views, screen, rows]: [FloatTensor<B>; 4],
+        []: [IntTensor<B>; 0],
+    ) -> Tensors<B> {
         with_float!(gradient, F => {
             let screen = screen.elements::<F>();
-            cpu::gather(gradient.elements_mut(), views.elements_mut(), screen, rows.elements(), config);
+            cpu::gather(gradient.elements_mut(), views.elements_mut(), screen, rows.elements(), &self.0);
         });
-        Statistics { gradient, views }
+        Tensors::of_floats([gradient, views])
     }
 }

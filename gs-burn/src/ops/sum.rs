@@ -3,20 +3,20 @@
 //! On a GPU, Burn's `sum` and `mean` run on one thread or on four cubes (without its autotuner), or add with float atomics, whose
 //! order changes from run to run. These sums take two launches of many cubes and have one order, so equal inputs give equal bits.
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{Backend, Dispatch, TensorMetadata, backend_extension};
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::backend::{Backend, TensorMetadata};
 use burn::tensor::{Shape, Tensor};
 pub use gs_kernels::config::Activation;
 use gs_kernels::cpu::sum as cpu;
 
-use super::gradient::{Autodiff, Backward, CheckpointStrategy, Checkpointer, Gradients, Ops, OpsKind};
+use super::operation::{Computation, Operation, Output, State, Tensors, computed_tensor, differentiable};
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
 /// The sum of all numbers of `tensor`, `[1]`; 0 without numbers. Differentiable.
 ///
 /// The order of additions depends on the number of numbers alone. The reference is Burn's `sum`.
 pub fn sum<const D: usize>(tensor: Tensor<D>) -> Tensor<1> {
-    Tensor::from_dispatch(Dispatch::sum_all(tensor.into_dispatch()))
+    differentiable(Sum { shape: tensor.shape() }, [tensor.into_dispatch()], [])
 }
 
 /// The mean of all numbers of `tensor`, `[1]`; not a number without numbers. Differentiable.
@@ -28,7 +28,7 @@ pub fn mean<const D: usize>(tensor: Tensor<D>) -> Tensor<1> {
 
 /// `factor` times the sum of the activations of all numbers of `tensor`, `[1]`: a regulariser in one pass each way. Differentiable.
 pub fn activated_sum<const D: usize>(tensor: Tensor<D>, activation: Activation, factor: f64) -> Tensor<1> {
-    Tensor::from_dispatch(Dispatch::activated_sum(tensor.into_dispatch(), activation, factor))
+    differentiable(ActivatedSum { activation, factor }, [tensor.into_dispatch()], [])
 }
 
 /// `mark` `[1]` (0 if `None`), made NaN if a number of `tensor` is not finite. Gradient tracking is dropped. A chain of marks takes
@@ -36,181 +36,94 @@ pub fn activated_sum<const D: usize>(tensor: Tensor<D>, activation: Activation, 
 pub fn mark_not_finite<const D: usize>(mark: Option<Tensor<1>>, tensor: Tensor<D>) -> Tensor<1> {
     let tensor = tensor.inner();
     let mark = mark.unwrap_or_else(|| Tensor::zeros([1], (&tensor.device(), tensor.dtype())));
-    Tensor::from_dispatch(Dispatch::mark_not_finite(mark.inner().into_dispatch(), tensor.into_dispatch()))
+    computed_tensor(MarkNotFinite, [mark.inner().into_dispatch(), tensor.into_dispatch()])
 }
 
 /// The largest number of `tensor`, `[1]`. Gradient tracking is dropped.
 pub fn largest<const D: usize>(tensor: Tensor<D>) -> Tensor<1> {
-    Tensor::from_dispatch(Dispatch::largest(tensor.inner().into_dispatch()))
+    computed_tensor(Largest, [tensor.inner().into_dispatch()])
 }
 
-/// Burn's dispatch for [`sum`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube"),
-    Autodiff
-)]
-pub trait SumOps: Backend {
-    /// See [`sum`].
-    fn sum_all(tensor: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// See [`activated_sum`].
-    fn activated_sum(tensor: FloatTensor<Self>, activation: Activation, factor: f64) -> FloatTensor<Self>;
+/// [`sum`] as an operation on a tensor of this shape.
+#[derive(Clone, Debug)]
+pub(crate) struct Sum {
+    shape: Shape,
 }
 
-/// Burn's dispatch for [`mark_not_finite`] and [`largest`].
-#[backend_extension(
-    Flex: cfg(feature = "flex"),
-    NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "cube")
-)]
-pub trait FiniteOps: Backend {
-    /// See [`mark_not_finite`].
-    fn mark_not_finite(mark: FloatTensor<Self>, tensor: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// See [`largest`].
-    fn largest(tensor: FloatTensor<Self>) -> FloatTensor<Self>;
-}
-
-/// Both on a backend's primitives, without gradient tracking. Tensors may be strided.
-pub trait SumKernels: Backend {
-    /// The sum of all numbers, `[1]`.
-    fn sum_forward(tensor: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// `factor` times the sum of the activations, `[1]`.
-    fn activated_sum_forward(tensor: FloatTensor<Self>, activation: Activation, factor: f64) -> FloatTensor<Self>;
-
-    /// The gradient by `tensor` from `v` `[1]` by the sum.
-    fn activated_sum_backward(
-        tensor: FloatTensor<Self>,
-        v: FloatTensor<Self>,
-        activation: Activation,
-        factor: f64,
-    ) -> FloatTensor<Self>;
-
-    /// `mark` `[1]`, or NaN if a number of `tensor` is not finite.
-    fn finite_mark(mark: FloatTensor<Self>, tensor: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    /// The largest number, `[1]`.
-    fn largest_of(tensor: FloatTensor<Self>) -> FloatTensor<Self> {
-        Self::float_max(tensor)
+impl Sum {
+    /// The gradient: `v` for every number.
+    pub(crate) fn gradient<B: Backend>(&self, v: FloatTensor<B>) -> FloatTensor<B> {
+        let one = B::float_reshape(v, Shape::from(vec![1; self.shape.num_dims()]));
+        B::float_expand(one, self.shape.clone())
     }
 }
 
-impl<B: SumKernels> SumOps for B {
-    fn sum_all(tensor: FloatTensor<B>) -> FloatTensor<B> {
-        B::sum_forward(tensor)
+impl Operation<1> for Sum {
+    const READS_INPUTS: bool = false;
+
+    fn forward<B: HostBackend>(&self, [tensor]: [FloatTensor<B>; 1], []: [IntTensor<B>; 0], _: bool) -> Output<B> {
+        with_float!(tensor, F => Output::of(float_tensor::<B>(vec![cpu::sum::<F>(tensor.elements())], [1])))
     }
 
-    fn activated_sum(tensor: FloatTensor<B>, activation: Activation, factor: f64) -> FloatTensor<B> {
-        B::activated_sum_forward(tensor, activation, factor)
-    }
-}
-
-impl<B: SumKernels> FiniteOps for B {
-    fn mark_not_finite(mark: FloatTensor<B>, tensor: FloatTensor<B>) -> FloatTensor<B> {
-        B::finite_mark(mark, tensor)
-    }
-
-    fn largest(tensor: FloatTensor<B>) -> FloatTensor<B> {
-        B::largest_of(tensor)
-    }
-}
-
-impl<B: HostBackend> SumKernels for B {
-    fn sum_forward(tensor: FloatTensor<B>) -> FloatTensor<B> {
-        let tensor = tensor.contiguous();
-        with_float!(tensor, F => float_tensor::<B>(vec![cpu::sum::<F>(tensor.elements())], [1]))
-    }
-
-    fn activated_sum_forward(tensor: FloatTensor<B>, activation: Activation, factor: f64) -> FloatTensor<B> {
-        let tensor = tensor.contiguous();
-        with_float!(tensor, F => {
-            float_tensor::<B>(vec![cpu::activated::<F>(tensor.elements(), activation, factor as F)], [1])
-        })
-    }
-
-    fn activated_sum_backward(
-        tensor: FloatTensor<B>,
+    fn backward<B: HostBackend>(
+        &self,
+        _: State<B, 1, 0>,
         v: FloatTensor<B>,
-        activation: Activation,
-        factor: f64,
-    ) -> FloatTensor<B> {
-        let [tensor, v] = [tensor, v].map(HostTensor::contiguous);
-        let shape = tensor.shape();
+        _: [bool; 1],
+    ) -> [Option<FloatTensor<B>>; 1] {
+        [Some(self.gradient::<B>(v))]
+    }
+}
+
+/// [`activated_sum`] as an operation.
+#[derive(Clone, Debug)]
+pub(crate) struct ActivatedSum {
+    pub(crate) activation: Activation,
+    pub(crate) factor: f64,
+}
+
+impl Operation<1> for ActivatedSum {
+    fn forward<B: HostBackend>(&self, [tensor]: [FloatTensor<B>; 1], []: [IntTensor<B>; 0], _: bool) -> Output<B> {
         with_float!(tensor, F => {
-            let v: &[F] = v.elements();
-            float_tensor::<B>(cpu::activated_backward::<F>(tensor.elements(), v[0], activation, factor as F), shape)
+            let total = cpu::activated::<F>(tensor.elements(), self.activation, self.factor as F);
+            Output::of(float_tensor::<B>(vec![total], [1]))
         })
     }
 
-    fn finite_mark(mark: FloatTensor<B>, tensor: FloatTensor<B>) -> FloatTensor<B> {
-        let tensor = tensor.contiguous();
-        with_float!(tensor, F => match cpu::all_finite::<F>(tensor.elements()) {
+    fn backward<B: HostBackend>(
+        &self,
+        mut state: State<B, 1, 0>,
+        v: FloatTensor<B>,
+        _: [bool; 1],
+    ) -> [Option<FloatTensor<B>>; 1] {
+        let [tensor] = state.inputs();
+        with_float!(tensor, F => {
+            let (v, factor): (&[F], F) = (v.elements(), self.factor as F);
+            let gradient = cpu::activated_backward::<F>(tensor.elements(), v[0], self.activation, factor);
+            [Some(float_tensor::<B>(gradient, tensor.shape()))]
+        })
+    }
+}
+
+/// [`mark_not_finite`] as a computation on the mark and a tensor.
+pub(crate) struct MarkNotFinite;
+
+impl Computation<2> for MarkNotFinite {
+    fn compute<B: HostBackend>(&self, [mark, tensor]: [FloatTensor<B>; 2], []: [IntTensor<B>; 0]) -> Tensors<B> {
+        let mark = with_float!(tensor, F => match cpu::all_finite::<F>(tensor.elements()) {
             true => mark,
             false => float_tensor::<B>(vec![F::NAN], [1]),
-        })
+        });
+        Tensors::of_floats([mark])
     }
 }
 
-#[derive(Debug)]
-struct SumBackward;
+/// [`largest`] as a computation.
+pub(crate) struct Largest;
 
-impl<B: SumKernels> Backward<B, 1> for SumBackward {
-    type State = Shape;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        if let [Some(tensor)] = ops.parents {
-            let shape = ops.state;
-            let one = B::float_reshape(v, Shape::from(vec![1; shape.num_dims()]));
-            grads.register::<B>(tensor.id, B::float_expand(one, shape));
-        }
-    }
-}
-
-impl<B: SumKernels, C: CheckpointStrategy> SumOps for Autodiff<B, C> {
-    fn sum_all(tensor: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (tensor, node) = tensor.into_parts();
-        let shape = tensor.shape();
-        let total = B::sum_forward(tensor);
-        match SumBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(shape, total),
-            OpsKind::UnTracked(prep) => prep.finish(total),
-        }
-    }
-
-    fn activated_sum(tensor: FloatTensor<Self>, activation: Activation, factor: f64) -> FloatTensor<Self> {
-        let (tensor, node) = tensor.into_parts();
-        let total = B::activated_sum_forward(tensor.clone(), activation, factor);
-        match ActivatedBackward.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(ActivatedState { tensor, activation, factor }, total),
-            OpsKind::UnTracked(prep) => prep.finish(total),
-        }
-    }
-}
-
-/// State saved for the backward pass of [`activated_sum`].
-#[derive(Clone, Debug)]
-struct ActivatedState<B: Backend> {
-    tensor: FloatTensor<B>,
-    activation: Activation,
-    factor: f64,
-}
-
-#[derive(Debug)]
-struct ActivatedBackward;
-
-impl<B: SumKernels> Backward<B, 1> for ActivatedBackward {
-    type State = ActivatedState<B>;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let v = grads.consume::<B>(&ops.node);
-        let ActivatedState { tensor, activation, factor } = ops.state;
-        if let [Some(node)] = ops.parents {
-            grads.register::<B>(node.id, B::activated_sum_backward(tensor, v, activation, factor));
-        }
+impl Computation<1> for Largest {
+    fn compute<B: HostBackend>(&self, [tensor]: [FloatTensor<B>; 1], []: [IntTensor<B>; 0]) -> Tensors<B> {
+        Tensors::of_floats([B::float_max(tensor)])
     }
 }
 

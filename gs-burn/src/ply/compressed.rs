@@ -8,7 +8,9 @@
 use std::f64::consts::SQRT_2;
 use std::io::{self, Read};
 
-use super::header::{Element, Encoding, Header, Scalar};
+use gs_base::FileError;
+use gs_base::ply::{Element, Encoding, Header, Scalar};
+
 use super::source::{Records, Source};
 use super::{PlyError, REST_KEPT, REST_PER_CHANNEL, VERTICES_MAX};
 
@@ -32,11 +34,10 @@ pub(super) fn is_compressed(header: &Header) -> bool {
 
 /// The Gaussians, and the coefficients per channel above degree 0 in the file.
 pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
-    let wrong = |message: String| PlyError::Header { path: source.path.clone(), message };
     if source.header.encoding == Encoding::Ascii {
-        return Err(wrong("expected a compressed PLY file in binary, found text".into()));
+        return Err(FileError::malformed(&source.path, "header", "a compressed PLY file in binary", "text").into());
     }
-    let (count, rest) = (counted(&source)?, rest_per_channel(&source.header).map_err(wrong)?);
+    let (count, rest) = (counted(&source)?, rest_per_channel(&source)?);
     let (mut chunks, mut words, mut harmonics) = (Table::default(), Table::default(), Table::default());
     for element in source.header.elements.clone() {
         let (names, table) = match element.name.as_str() {
@@ -48,8 +49,7 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
         *table = Table::read(&mut source, &element, &names)?;
     }
     let room = Records::with_capacity(count, rest.min(REST_KEPT));
-    let mut records =
-        room.map_err(|error| PlyError::Io { path: source.path.clone(), source: io::Error::other(error) })?;
+    let mut records = room.map_err(|error| FileError::read(&source.path, io::Error::other(error)))?;
     let (mut record, mut broken) = (Vec::new(), None::<(usize, usize)>);
     for index in 0..count {
         record.clear();
@@ -75,16 +75,15 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
 /// How many Gaussians there are, if the file is long enough for all that its header promises.
 fn counted(source: &Source) -> Result<usize, PlyError> {
     let Source { path, header, file_len, .. } = source;
-    let wrong = |message: String| PlyError::Header { path: path.clone(), message };
+    let wrong = |expected: String, found: &str| FileError::malformed(path, "header", expected, found);
     let count_of = |name: &str| header.elements.iter().find(|e| e.name == name).map_or(0, |element| element.count);
     let count = count_of("vertex");
     if count > VERTICES_MAX {
         return Err(PlyError::TooMany { path: path.clone(), count });
     }
-    let mut expected = header.len;
+    let mut expected = header.len as u64;
     for element in &header.elements {
-        let stride =
-            element.stride().ok_or_else(|| wrong("expected no lists in a compressed PLY file, found one".into()))?;
+        let stride = element.stride().ok_or_else(|| wrong("no lists in a compressed PLY file".into(), "one"))?;
         expected = expected.saturating_add(element.count.saturating_mul(stride as u64));
     }
     if expected > *file_len {
@@ -92,17 +91,19 @@ fn counted(source: &Source) -> Result<usize, PlyError> {
     }
     let chunks = count.div_ceil(CHUNK as u64);
     let is_right = count_of("chunk") == chunks && [0, count].contains(&count_of("sh"));
-    let message = || {
-        format!("expected {chunks} chunks of {CHUNK} and harmonics of each Gaussian for {count} of them, found others")
-    };
-    if is_right { Ok(count as usize) } else { Err(wrong(message())) }
+    if !is_right {
+        let expected = format!("{chunks} chunks of {CHUNK} and harmonics of each Gaussian for {count} of them");
+        return Err(wrong(expected, "others").into());
+    }
+    Ok(count as usize)
 }
 
-fn rest_per_channel(header: &Header) -> Result<usize, String> {
-    let Some(element) = header.elements.iter().find(|element| element.name == "sh") else { return Ok(0) };
+fn rest_per_channel(source: &Source) -> Result<usize, FileError> {
+    let Some(element) = source.header.elements.iter().find(|element| element.name == "sh") else { return Ok(0) };
     let found = element.properties.len();
     let rest = REST_PER_CHANNEL.into_iter().find(|rest| 3 * rest == found);
-    rest.ok_or_else(|| format!("expected 0, 9, 24, 45 or 72 properties in element `sh`, found {found}"))
+    let expected = "0, 9, 24, 45 or 72 properties in element `sh`";
+    rest.ok_or_else(|| FileError::malformed(&source.path, "header", expected, found.to_string()))
 }
 
 /// Least values, largest values; those of colours where the chunk has them.
@@ -123,7 +124,7 @@ impl Table {
     /// Reads an element to its end, and keeps the columns `names`.
     fn read(source: &mut Source, element: &Element, names: &[String]) -> Result<Self, PlyError> {
         let path = source.path.clone();
-        let io = |source| PlyError::Io { path: path.clone(), source };
+        let io = |error| FileError::read(&path, error);
         let mut offset = 0;
         let mut offsets: Vec<(&str, usize, Scalar)> = Vec::new();
         for property in &element.properties {

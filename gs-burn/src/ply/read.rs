@@ -5,15 +5,15 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_kernels::local::localised;
+use gs_base::local::localised;
+use gs_base::ply::{Element, Encoding, Header, Scalar, start_of};
+use gs_base::{FileError, printable};
 
-use super::header::{Element, Encoding, Header, Scalar, start_of};
-use super::printable::printable;
 use super::source::{Records, Source};
 use super::{
     PlyError, RECORD_OPACITY, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names,
 };
-use crate::{Gaussians, ShCoefficients};
+use crate::Gaussians;
 
 /// A scene and what its file says of it.
 #[derive(Debug, Clone)]
@@ -42,7 +42,7 @@ pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, Pl
     let means = gaussians.means.val();
     let offset = Tensor::<1>::from_floats(offset.map(|x| x as f32), &means.device()).unsqueeze::<2>();
     let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|parameter| parameter.val());
-    let (opacity_logits, sh) = (gaussians.opacity_logits.val(), gaussians.sh_coefficients());
+    let (opacity_logits, sh) = (gaussians.opacity_logits.val(), gaussians.sh.val());
     Ok(Gaussians::from_tensors(means + offset, quats, log_scales, opacity_logits, sh))
 }
 
@@ -52,7 +52,7 @@ pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, Pl
 /// As [`read_ply`].
 pub fn read_ply_scene(path: impl AsRef<Path>, device: &Device) -> Result<PlyScene, PlyError> {
     let source = Source::open(path.as_ref())?;
-    let (render_mode, offset) = (source.header.render_mode, source.header.offset);
+    let (render_mode, offset) = (source.render_mode, source.offset);
     let (records, rest) = if compressed::is_compressed(&source.header) {
         compressed::read(source)?
     } else {
@@ -76,7 +76,7 @@ fn gaussians(means: Vec<f32>, records: Records, device: &Device) -> Gaussians {
         tensor(records.quats, [count, 4], device),
         tensor(records.log_scales, [count, 3], device),
         tensor(records.opacity_logits, [count], device),
-        ShCoefficients::upload(records.sh, count, coefficients, device),
+        tensor(records.sh, [count, coefficients, 3], device),
     )
 }
 
@@ -110,6 +110,8 @@ struct Reader {
     file: BufReader<File>,
     file_len: u64,
     header: Header,
+    /// The first byte of the vertices.
+    start: u64,
     /// Index of the element `vertex`.
     vertex: usize,
     /// Coefficients per channel above degree 0 in the file.
@@ -118,20 +120,17 @@ struct Reader {
 }
 
 impl Reader {
-    fn of(Source { path, file, file_len, header }: Source) -> Result<Self, PlyError> {
-        let bad = |message: String| PlyError::Header { path: path.clone(), message };
+    fn of(Source { path, file, file_len, header, .. }: Source) -> Result<Self, PlyError> {
+        let bad = |expected: &str, found: &str| FileError::malformed(&path, "header", expected, found);
         let vertex = header.elements.iter().position(|element| element.name == "vertex");
-        let vertex = vertex.ok_or_else(|| bad("expected an element `vertex`, found none".into()))?;
+        let vertex = vertex.ok_or_else(|| bad("an element `vertex`", "none"))?;
         let element = &header.elements[vertex];
         if let Some(list) = element.properties.iter().find(|property| property.scalar.is_none()) {
-            return Err(bad(format!(
-                "expected numbers in element `vertex`, found the list `{}`",
-                printable(&start_of(&list.name))
-            )));
+            return Err(bad("numbers in element `vertex`", &format!("the list `{}`", start_of(&list.name))).into());
         }
-        let rest = rest_per_channel(element).map_err(bad)?;
+        let rest = rest_per_channel(element).map_err(|found| bad(REST_EXPECTED, &found))?;
         let columns = columns(&path, element, rest)?;
-        Ok(Self { path, file, file_len, header, vertex, rest, columns })
+        Ok(Self { path, file, file_len, start: header.len as u64, header, vertex, rest, columns })
     }
 
     fn read(mut self) -> Result<Records, PlyError> {
@@ -169,18 +168,15 @@ impl Reader {
     fn skip_binary(&mut self) -> Result<(), PlyError> {
         let mut skipped = 0_u64;
         for element in &self.header.elements[..self.vertex] {
-            let stride = element.stride().ok_or_else(|| PlyError::Header {
-                path: self.path.clone(),
-                message: format!(
-                    "expected element `vertex` first, found `{}` with a list before it",
-                    printable(&start_of(&element.name))
-                ),
+            let stride = element.stride().ok_or_else(|| {
+                let found = format!("`{}` with a list before it", start_of(&element.name));
+                FileError::malformed(&self.path, "header", "element `vertex` first", found)
             })?;
             skipped = skipped.saturating_add(element.count.saturating_mul(stride as u64));
         }
         let stride = self.element().stride().expect("a vertex without lists");
-        self.header.len = self.header.len.saturating_add(skipped);
-        self.check_length(self.header.len, stride as u64)?;
+        self.start = self.start.saturating_add(skipped);
+        self.check_length(self.start, stride as u64)?;
         // Jumped over and not read: they may be terabytes. No file is longer than an i64 says.
         self.file.seek_relative(skipped as i64).map_err(|source| self.io(source))?;
         Ok(())
@@ -188,7 +184,7 @@ impl Reader {
 
     fn read_binary(&mut self, encoding: Encoding) -> Result<Records, PlyError> {
         let stride = self.element().stride().expect("a vertex without lists");
-        let count = self.check_length(self.header.len, stride as u64)?;
+        let count = self.check_length(self.start, stride as u64)?;
         let mut records = self.room(count)?;
         let mut bytes = vec![0; stride];
         let mut record = vec![0.0; self.columns.len()];
@@ -206,7 +202,7 @@ impl Reader {
     fn read_text(&mut self) -> Result<Records, PlyError> {
         let properties = self.element().properties.len();
         // Every number takes a digit and a separator; the last line may lack its end.
-        let count = self.check_length(self.header.len.saturating_sub(1), 2 * properties as u64)?;
+        let count = self.check_length(self.start.saturating_sub(1), 2 * properties as u64)?;
         let before: u64 =
             self.header.elements[..self.vertex].iter().fold(0, |sum, element| sum.saturating_add(element.count));
         let mut line = String::new();
@@ -220,9 +216,8 @@ impl Reader {
             self.next_line(&mut line)?;
             let words: Vec<&str> = line.split_whitespace().collect();
             if words.len() != properties {
-                let message =
-                    format!("vertex {vertex}: expected {properties} numbers on a line, found {}", words.len());
-                return Err(PlyError::Header { path: self.path.clone(), message });
+                let expected = format!("{properties} numbers on a line");
+                return Err(self.wrong(format!("vertex {vertex}"), expected, words.len().to_string()));
             }
             for (value, column) in record.iter_mut().zip(&self.columns) {
                 *value = words[column.index].parse().unwrap_or(f64::NAN);
@@ -241,8 +236,8 @@ impl Reader {
             line.clear();
             let length = self.file.by_ref().take(LINE_MAX).read_line(line).map_err(|source| self.io(source))?;
             if length as u64 == LINE_MAX {
-                let message = format!("expected lines of less than {LINE_MAX} bytes, found a longer one");
-                return Err(PlyError::Header { path: self.path.clone(), message });
+                let expected = format!("lines of less than {LINE_MAX} bytes");
+                return Err(self.wrong("a vertex".into(), expected, "a longer one".into()));
             }
             if length == 0 {
                 let count = self.element().count;
@@ -279,7 +274,11 @@ impl Reader {
     }
 
     fn io(&self, source: std::io::Error) -> PlyError {
-        PlyError::Io { path: self.path.clone(), source }
+        FileError::read(&self.path, source).into()
+    }
+
+    fn wrong(&self, location: String, expected: String, found: String) -> PlyError {
+        FileError::malformed(&self.path, location, expected, found).into()
     }
 }
 
@@ -289,7 +288,10 @@ const SH_DEGREE_MAX: usize = 3;
 /// Highest degree that an error recognises by its number of properties.
 const SH_DEGREE_KNOWN: usize = 10;
 
-/// How many coefficients per channel above degree 0 there are.
+/// The numbers of properties above degree 0 that [`REST_PER_CHANNEL`] means.
+const REST_EXPECTED: &str = "0, 9, 24, 45 or 72 properties `f_rest_*`";
+
+/// How many coefficients per channel above degree 0 there are, or a number that is of no degree.
 fn rest_per_channel(element: &Element) -> Result<usize, String> {
     let found = element.properties.iter().filter(|property| property.name.starts_with("f_rest_")).count();
     if let Some(rest) = REST_PER_CHANNEL.into_iter().find(|rest| 3 * rest == found) {
@@ -298,11 +300,8 @@ fn rest_per_channel(element: &Element) -> Result<usize, String> {
     let higher =
         (REST_PER_CHANNEL.len()..=SH_DEGREE_KNOWN).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == found);
     Err(match higher {
-        Some(degree) => format!(
-            "SH degree {degree} is not supported (at most {SH_DEGREE_MAX}): found {found} properties `f_rest_*`, expected 0, 9, 24, \
-             45 or 72"
-        ),
-        None => format!("expected 0, 9, 24, 45 or 72 properties `f_rest_*`, found {found}"),
+        Some(degree) => format!("{found}: SH degree {degree} is not supported (at most {SH_DEGREE_MAX})"),
+        None => found.to_string(),
     })
 }
 

@@ -1,17 +1,18 @@
 //! Writing a scene.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use burn::tensor::Tensor;
+use gs_base::atomic::write_atomic_with;
 
 use super::{OFFSET, PlyError, RECORD_OPACITY, RECORD_SH, RENDER_MODE, SplatRenderMode, record_names};
 use crate::Gaussians;
 
 /// Writes a scene as little-endian binary in the layout of 3DGS.
 ///
-/// The file is written under a temporary name and then renamed, so it is complete or does not exist.
+/// The file is written under a temporary name and then renamed, so it is complete or does not exist. Its folder is made.
 ///
 /// # Errors
 /// When the file cannot be written, or a Gaussian holds a value that is not finite, which no viewer could show.
@@ -33,20 +34,7 @@ pub fn write_ply_as(
     let path = path.as_ref();
     let records = Records::of(gaussians);
     records.check(path)?;
-    let io = |source| PlyError::Io { path: path.to_owned(), source };
-    let partial = beside(path);
-    let written = write(&partial, &records, mode, offset).and_then(|()| fs::rename(&partial, path));
-    if written.is_err() {
-        // The error at hand is more useful than one about the temporary file.
-        let _ = fs::remove_file(&partial);
-    }
-    written.map_err(io)
-}
-
-/// A name in the same folder, so that the rename stays on one file system.
-fn beside(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.partial", std::process::id()))
+    write_atomic_with(path, |file| write(file, &records, mode, offset)).map_err(PlyError::File)
 }
 
 /// Parameters on the host, each with its values per Gaussian, in the order of the packed record.
@@ -67,7 +55,7 @@ impl Records {
             (floats(gaussians.quats.val()), 4),
             (floats(gaussians.log_scales.val()), 3),
             (floats(gaussians.opacity_logits.val()), 1),
-            (gaussians.sh_coefficients().to_host(), 3 * (rest + 1)),
+            (floats(gaussians.sh.val()), 3 * (rest + 1)),
         ];
         Self { groups, count: gaussians.len(), rest }
     }
@@ -118,8 +106,8 @@ fn header(count: usize, layout: &[(String, Option<usize>)], mode: Option<SplatRe
     lines.join("\n")
 }
 
-fn write(path: &Path, records: &Records, mode: Option<SplatRenderMode>, offset: [f64; 3]) -> io::Result<()> {
-    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+fn write(file: &mut File, records: &Records, mode: Option<SplatRenderMode>, offset: [f64; 3]) -> io::Result<()> {
+    let mut file = BufWriter::with_capacity(1 << 20, file);
     let layout = layout(records.rest);
     file.write_all(header(records.count, &layout, mode, offset).as_bytes())?;
     let mut record = Vec::new();
@@ -129,7 +117,7 @@ fn write(path: &Path, records: &Records, mode: Option<SplatRenderMode>, offset: 
             file.write_all(&column.map_or(0.0, |column| record[column]).to_le_bytes())?;
         }
     }
-    file.into_inner()?.sync_all()
+    file.flush()
 }
 
 /// Properties in the order of 3DGS, each with its index in the packed record; normals have none.

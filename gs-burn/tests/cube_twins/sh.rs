@@ -1,10 +1,8 @@
 //! Spherical harmonics, forward and backward.
 
-use gs_burn::sh_coefficients::{join_columns, split_columns};
 use gs_kernels::config::ShConfig;
 use gs_kernels::constants::INVALID_FEATURE;
 use gs_kernels::cpu;
-use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::sh;
 
 use crate::support::{Random, Scene, assert_gradient, assert_values, client, down, up, wide};
@@ -44,68 +42,6 @@ fn every_degree() {
 fn active_degree_below_the_stored_one() {
     check(1, 16);
     check(0, 9);
-}
-
-/// Two buffers of coefficients from rows of sixteen.
-fn bands(values: &[f32]) -> [Buffer; 2] {
-    split_columns(values, 27, 21).map(|band| up(&band))
-}
-
-/// The CPU has no limit that asks for two buffers, so its kernel of one is the twin.
-#[test]
-fn a_third_band_apart() {
-    for count in [40, 300] {
-        let scene = Scene::random(29, count, 64, 48);
-        let config = ShConfig { degree: 3, coefficients: 16 };
-        let projected = scene.projected();
-        let mut random = Random(31);
-        let values = random.list(scene.count * 48, -0.6, 0.6);
-        let (means, viewmat) = (wide(&scene.means), wide(&scene.viewmat));
-        let want = cpu::sh::forward(&means, &wide(&values), &viewmat, &wide(&projected), &config);
-        let [sh, third] = bands(&values);
-        let buffers = [up(&scene.means), up(&scene.viewmat), up(&projected)];
-        let [b_means, b_viewmat, b_projected] = &buffers;
-        let got = sh::forward_of_bands(client(), b_means, &sh, &third, b_viewmat, b_projected).expect("forward");
-        let got = down(&got);
-        assert_values("colours", &got, &want, 1e-5);
-
-        let v = random.list(got.len(), -1.0, 1.0);
-        let want = cpu::sh::backward(&means, &wide(&values), &viewmat, &wide(&projected), &config, &wide(&v));
-        let got = sh::backward_of_bands(client(), b_means, &sh, &third, b_viewmat, b_projected, &up(&v), true)
-            .expect("backward");
-        assert_gradient("sh", &join_columns(&down(&got.sh), 27, &down(&got.third), 21), &want.sh, 1e-3);
-        assert_gradient("means", &down(&got.means), &want.means, 1e-3);
-        assert_gradient("viewmat", &down(got.viewmat.as_ref().expect("wanted")), &want.viewmat, 1e-3);
-    }
-}
-
-#[test]
-fn a_third_band_apart_with_bad_numbers() {
-    let scene = Scene::random(26, 40, 64, 48);
-    let projected = scene.projected();
-    let first = (0..40).find(|i| projected[8 * i + 7] > 0.0).expect("someone is seen");
-    for coefficient in [2, 40] {
-        let mut values = vec![0.1; 40 * 48];
-        values[48 * first + coefficient] = f32::NAN;
-        let [sh, third] = bands(&values);
-        let buffers = [up(&scene.means), up(&scene.viewmat), up(&projected)];
-        let [means, viewmat, projected] = &buffers;
-        let colours = sh::forward_of_bands(client(), means, &sh, &third, viewmat, projected).expect("forward");
-        let colours = down(&colours);
-        assert_eq!(colours[3 * first..3 * first + 3], [INVALID_FEATURE as f32; 3]);
-        assert!(colours.iter().all(|v| v.is_finite()));
-        let mut v = vec![1.0; 120];
-        v[7] = f32::INFINITY;
-        let got =
-            sh::backward_of_bands(client(), means, &sh, &third, viewmat, projected, &up(&v), true).expect("backward");
-        let pose = got.viewmat.as_ref().expect("wanted");
-        for gradient in [&got.sh, &got.third, &got.means, pose].map(down) {
-            assert!(gradient.iter().all(|v| v.is_finite()));
-            assert!(gradient.iter().any(|&v| v != 0.0));
-        }
-        assert_eq!(down(&got.sh)[27 * first..][..27], [0.0; 27]);
-        assert_eq!(down(&got.third)[21 * first..][..21], [0.0; 21]);
-    }
 }
 
 #[test]

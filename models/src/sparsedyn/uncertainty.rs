@@ -2,11 +2,13 @@
 
 use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
+use gs_base::eigen::diagonalise;
 use gs_burn::glam::DVec3;
 
 use super::bodies::fit::MARKERS;
 use super::bodies::law::NUMBERS;
-use super::bodies::{Law, LawValues, diagonalise};
+
+use super::bodies::{Law, LawValues};
 use super::field::DynamicsField;
 
 /// The poses by which a body's law is known.

@@ -6,8 +6,9 @@
 //! it is, and the point itself is never needed.
 
 use burn::tensor::{Tensor, TensorData};
+use gs_base::Intrinsics;
 use gs_burn::ops::products::scaled;
-use gs_burn::{Intrinsics, exact_matmul, profile};
+use gs_burn::{exact_matmul, profile};
 
 use crate::pixels::Pixels;
 

@@ -193,7 +193,7 @@ impl Paths {
             self.quats_at(gaussians.quats.val(), t),
             gaussians.log_scales.val(),
             gaussians.opacity_logits.val(),
-            gaussians.sh_coefficients(),
+            gaussians.sh.val(),
         )
     }
 

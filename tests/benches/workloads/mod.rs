@@ -18,7 +18,8 @@ use std::time::{Duration, Instant};
 use burn::tensor::{Device, Tensor, TensorData};
 use criterion::Criterion;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, device, glam, ply, render};
+use gs_base::Intrinsics;
+use gs_burn::{Camera, Gaussians, RenderOptions, device, glam, ply, render};
 use gs_kernels::config::ProjectionConfig;
 
 #[path = "../../../gs-kernels/tests/scenes/mod.rs"]
@@ -158,7 +159,7 @@ fn trained(path: &str, device: &Device) -> Workload {
 
 /// The first camera of a transforms.json file, or of the photos that a data set holds out, at most [`WIDTH`] pixels wide.
 fn held_out(path: &Path, device: &Device) -> Camera {
-    let (c2w, gs_datasets::Intrinsics { fx, fy, cx, cy }, width, height) = if path.is_file() {
+    let (c2w, intrinsics, width, height) = if path.is_file() {
         let cameras = gs_datasets::load_cameras(path).unwrap_or_else(|error| panic!("GS_BENCH_CAMERAS: {error}"));
         let first = cameras.first().unwrap_or_else(|| panic!("GS_BENCH_CAMERAS: {} holds no camera", path.display()));
         (first.c2w, first.intrinsics, first.width, first.height)
@@ -170,7 +171,7 @@ fn held_out(path: &Path, device: &Device) -> Camera {
         let c2w = glam::DMat4::from_translation(scene.origin) * first.c2w;
         (c2w, first.intrinsics, first.width, first.height)
     };
-    Camera::from_c2w(c2w, Intrinsics { fx, fy, cx, cy }, width, height, device)
+    Camera::from_c2w(c2w, intrinsics, width, height, device)
 }
 
 /// Widest photo of a data set, pixels: that of the README's tables.

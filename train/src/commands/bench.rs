@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use gs_burn::ops::{intersect::intersect, projection::project, rasterize::rasterize};
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, ShCoefficients, render};
+use gs_base::Intrinsics;
+use gs_burn::ops::{intersect::intersect, projection::project, rasterize::rasterize, sh::sh_colors};
+use gs_burn::{Camera, Gaussians, RenderOptions, render};
 use gs_kernels::config::{ProjectionConfig, RasterizeConfig};
 use gs_kernels::constants::TILE;
 use rand::Rng;
@@ -18,7 +19,7 @@ use crate::cli::BenchArgs;
 use crate::commands::{describe, device, print};
 use crate::config::LossConfig;
 use crate::fit::losses::{photometric, regularised};
-use crate::fit::parameters::from_host;
+use crate::fit::parameters::{from_host, gaussians as gaussians_of};
 use crate::fit::random::{Purpose, stream};
 use crate::pipelines::bench::{BENCH_STEPS, rollout_table};
 
@@ -96,10 +97,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     };
     row("project", time(&mut || drop(projected())), false);
     let rows = projected();
-    let colors = || {
-        let (means, viewmat) = (gaussians.means.val(), camera.viewmat.clone());
-        gaussians.sh_coefficients().colors(means, viewmat, rows.clone(), degree)
-    };
+    let colors = || sh_colors(gaussians.means.val(), gaussians.sh.val(), camera.viewmat.clone(), rows.clone(), degree);
     row("sh", time(&mut || drop(colors())), false);
     let (features, opacities) = (colors(), gaussians.opacities());
     let lists = || intersect(rows.clone(), opacities.clone(), features.clone(), width, height);
@@ -163,8 +161,7 @@ fn scene(args: &BenchArgs, device: &Device) -> Gaussians {
         let columns = values.len() / n;
         from_host(values, columns, device)
     };
-    let sh = ShCoefficients::upload(sh, n, columns / 3, device);
-    Gaussians::from_tensors(tensor(means), tensor(quats), tensor(log_scales), tensor(opacities).squeeze_dim(1), sh)
+    gaussians_of([tensor(means), tensor(quats), tensor(log_scales), tensor(opacities), tensor(sh)])
 }
 
 /// The median time of `work`, after one run to warm up.

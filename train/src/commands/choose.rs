@@ -2,8 +2,8 @@
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
+use gs_base::write_atomic;
 use gs_datasets::Split;
-use gs_datasets::image_io::write_atomic;
 
 use crate::commands::planned::Sweep;
 use crate::commands::print;

@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use gs_datasets::counted;
-use gs_datasets::image_io::{encode_png, write_atomic};
+use gs_base::{counted, write_atomic};
+use gs_datasets::image_io::encode_png;
 use serde::Serialize;
 
 use crate::cli::EvalArgs;

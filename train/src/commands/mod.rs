@@ -28,7 +28,7 @@ use std::sync::OnceLock;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use gs_datasets::printable;
+use gs_base::printable;
 
 use crate::cli::DeviceArgs;
 use crate::run::evaluate::Quality;

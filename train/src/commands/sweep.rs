@@ -5,8 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use burn::tensor::Device;
-use gs_datasets::image_io::write_atomic;
-use gs_datasets::printable;
+use gs_base::{printable, write_atomic};
 
 use crate::cli::SweepArgs;
 use crate::commands::planned::{Planned, State, Sweep, say, sweeps};

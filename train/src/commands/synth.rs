@@ -133,7 +133,7 @@ fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
     }
     bar.finish_and_clear();
     let frames = format!("{} frames of {} cameras and a LiDAR", args.frames, args.cameras);
-    print(format!("{}: {}, {frames} each", args.out.display(), gs_datasets::counted(args.logs as usize, "log")));
+    print(format!("{}: {}, {frames} each", args.out.display(), gs_base::counted(args.logs as usize, "log")));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use burn::tensor::Device;
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 
 use crate::cli::ViewArgs;
 use crate::commands::{device, print};

@@ -13,14 +13,13 @@ use crate::{choice, section};
 choice! {
     /// The choice of held-out views.
     pub enum HoldoutChoice {
-        /// The data set's own split. A data set without one holds out one of 8 static cameras that film, or every 8th
-        /// view.
+        /// The data set's own split; without one, one of 8 static cameras that film, or every 8th view.
         Dataset,
         /// Every `holdout_every`-th view by name.
         Every,
         /// The views of `holdout_names`.
         Names,
-        /// No view; the result is then measured on training views.
+        /// No view; training views are measured.
         None,
     }
 }
@@ -124,51 +123,47 @@ const FULL_RANGE: [f64; 2] = [0.0, 1.0];
 section! {
     /// Options for reading the data set.
     pub struct DataConfig {
-        /// Wider photos are downscaled to this width, pixels; 0 keeps the full size.
+        /// Width to which wider photos are downscaled, pixels; 0: full size.
         max_width: usize = 0;
         /// The choice of held-out views.
         holdout: HoldoutChoice = HoldoutChoice::Dataset;
-        /// Every so many views one is held out, for `holdout = "every"`.
+        /// One of so many views is held out, for `holdout = "every"`.
         holdout_every: usize = gs_datasets::DEFAULT_HOLDOUT, in 2..;
-        /// The views held out, by name or file stem, for `holdout = "names"`.
+        /// Views held out, by name or file stem, for `holdout = "names"`.
         holdout_names: Vec<String> = Vec::new();
-        /// Cameras that train; 0: by `holdout`. With fewer than the data set has, the others are held out:
-        /// `validation_cameras` of them, of which about half lie between training cameras and half outside.
+        /// Cameras that train; 0: by `holdout`. Of the others `validation_cameras` are held out, about half of them
+        /// between training cameras.
         train_cameras: usize = 0;
-        /// Cameras that are held out, for `train_cameras` above 0 or `seen` below 1.
+        /// Cameras held out, for `train_cameras` above 0 or `seen` below 1.
         validation_cameras: usize = 5;
         /// Share of the recording that is seen, for data sets without a list of future frames; later frames are held
-        /// out. 1: all of it.
+        /// out.
         seen: f64 = 1.0, in Only("above 0 and at most 1", |share| *share > 0.0 && *share <= 1.0);
-        /// Image folder of a COLMAP model, an LLFF or a RealityScan set if it is not a usual one; empty: found
-        /// automatically.
+        /// Image folder of a COLMAP, LLFF or RealityScan set if it is not a usual one; empty: found automatically.
         images: String = String::new();
-        /// The convention of the poses: "auto" is the format's own; `c2w-` (camera to world) or `w2c-`, then `opencv`,
-        /// `opengl` or the directions of the camera's three axes, as in `c2w-right-down-forward`.
+        /// Convention of the poses: "auto" is the format's own; else `c2w-` or `w2c-`, then `opencv`, `opengl` or three
+        /// axes, as in `c2w-right-down-forward`.
         poses: String = AUTO.into(),
             in Only("auto, or as c2w-opencv, w2c-opengl, c2w-right-down-forward", is_convention);
-        /// Factor on the coordinates of the points to start from, for points in another unit than the poses.
+        /// Factor on the first points' coordinates, for points in another unit than the poses.
         points_scale: f64 = 1.0, in Only("above 0", |scale: &f64| *scale > 0.0 && scale.is_finite());
         /// The order of the files of an LLFF set.
         row_order: RowChoice = RowChoice::Auto;
-        /// The levels that become black and white, as shares of the photos' full range, for photos that use little of
-        /// it.
+        /// Levels that become black and white, shares of the full range, for photos that use little of it.
         levels: [f64; 2] = FULL_RANGE, in Only("two shares, 0 <= black < white <= 1", are_levels);
         /// Colour behind the scene and behind transparent pixels.
         background: Background = Background::Found(Auto::Auto),
             in Only("three numbers from 0 to 1", Background::is_in_range);
         /// The use of mask files.
         masks: MaskChoice = MaskChoice::Auto;
-        /// Priors that are read if the data set has them: "depth", "masks", "sharp". A static scene reads masks alone,
-        /// to measure moving parts.
+        /// Priors that are read if the data set has them. A static scene reads masks alone, to measure moving parts.
         priors: Vec<PriorKind> = vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp];
-        /// Meaning of depth files; "auto" uses the meaning that the data set states.
+        /// Meaning of depth files.
         depth_kind: DepthChoice = DepthChoice::Auto;
-        /// Share of the run in which photos are compared at a reduced width, 0 to 1: a half, or a quarter and then a
-        /// half where a quarter still has 200 pixels, for at most 210 steps; photos of fewer than 400 pixels width stay
-        /// as they are. 0: never.
+        /// Share of the run in which photos are compared at a half of their width (a quarter first, where that has 200
+        /// pixels), for at most 210 steps; photos below 400 pixels stay as they are. 0: never.
         coarse_share: f64 = 0.07, in SHARE;
-        /// Photos are kept as floats up to this many MB in all; the others are converted from 8 bits in each step.
+        /// Photos kept as floats, MB in all; the others are converted from 8 bits in each step.
         cache_mb: usize = 64;
     }
     also check_names;

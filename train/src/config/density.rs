@@ -6,7 +6,7 @@ use crate::{choice, section};
 choice! {
     /// How opacities are lowered, so that Gaussians that no photo needs fall below the pruning threshold.
     pub enum OpacityPolicy {
-        /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps after.
+        /// All at once every `reset_every` steps (3DGS); renderings are too dark for some steps.
         Reset,
         /// By a small share at each refinement (Brush).
         Decay,
@@ -18,9 +18,9 @@ choice! {
 choice! {
     /// The density control.
     pub enum Strategy {
-        /// Relocation under a budget (3DGS-MCMC): the count grows to the cap and stays there.
+        /// Relocation under a budget (3DGS-MCMC): the count grows to the cap.
         Mcmc,
-        /// Classic adaptive control (3DGS): the count follows screen gradients, never above the cap.
+        /// Classic adaptive control (3DGS): the count follows screen gradients, up to the cap.
         Default,
         /// The initial Gaussians are kept.
         None,
@@ -31,45 +31,60 @@ choice! {
 const REFINEMENTS: usize = 20;
 
 section! {
-    /// Options of both kinds of density control; steps count from 1.
+    /// Options of all kinds of density control; steps count from 1. The section of a strategy that is not chosen has no
+    /// effect.
     pub struct DensityConfig {
         /// The density control.
         strategy: Strategy = Strategy::Mcmc;
-        /// Most Gaussians. Each takes about 1.2 kB at SH degree 3; a run prints the memory it expects first.
+        /// Most Gaussians, about 1.2 kB each at SH degree 3.
         cap: usize = 100_000, in Only("from 1 to 2^30", |cap| (1..=1 << 30).contains(cap));
-        /// First step at which the count changes. A short run starts after a tenth of its steps at the latest.
+        /// First step at which the count changes; a tenth of a short run.
         start: usize = 500, in 1..;
-        /// Steps from one refinement to the next; fewer in a short run whose growth follows `full`, so that it refines
-        /// twenty times.
+        /// Steps from one refinement to the next; fewer in a short run under `mcmc.full`, which refines twenty times.
         every: usize = 100, in 1..;
-        /// Share of the run after which the count is fixed, so that the last Gaussians added still converge.
+        /// Share of the run after which the count is fixed, so that the last Gaussians still converge.
         stop: f64 = 0.8, in SHARE;
-        /// Largest summed contribution of the Gaussians pruned when the count becomes fixed, as a share of the sum over
-        /// all Gaussians and training photos, 0 to 1. 0: none is pruned.
+        /// Share of the summed contribution to training photos that Gaussians pruned at `stop` have together; 0: none
+        /// is pruned.
         prune_share: f64 = 0.0, in 0.0..1.0;
         /// Opacity below which a Gaussian is dead.
         min_opacity: f64 = 0.005, in OPEN_UNIT;
-        /// `mcmc`: growth per refinement, a share of the count; the largest one where growth follows `full`.
+        /// Options of the strategy `mcmc`.
+        mcmc: McmcConfig;
+        /// Options of the strategy `default`.
+        default: ClassicConfig;
+    }
+}
+
+section! {
+    /// Options of relocation under a budget (3DGS-MCMC).
+    pub struct McmcConfig {
+        /// Growth per refinement, a share of the count; the largest one under `full`.
         growth: f64 = 0.2, in NOT_NEGATIVE;
-        /// `mcmc`: share of the run after which the count has reached the cap, by equal shares of growth; 0: by
-        /// `growth` alone. Earlier: steps cost more from then on. Later: the last Gaussians have little time to
-        /// converge.
+        /// Share of the run after which the count has reached the cap, by equal shares of growth; 0: by `growth` alone.
+        /// Earlier: steps cost more. Later: the last Gaussians have little time.
         full: f64 = 0.45, in SHARE;
-        /// `mcmc`: strength of the position noise of nearly dead Gaussians, relative to the learning rate of the means;
-        /// 0: none. Few photos need less: no photo contradicts a Gaussian that has drifted away.
+        /// Strength of the position noise of nearly dead Gaussians, in rates of the means; 0: none. Few photos need
+        /// less: none contradicts a Gaussian that has drifted away.
         noise: f64 = 5e5, in NOT_NEGATIVE;
-        /// `mcmc`: root mean square distance of a Gaussian and its copies from its former mean, along its longest axis,
-        /// in standard deviations. They shrink there so that together they are as wide as before. 0: they coincide, as
-        /// in the paper, and part slowly.
+        /// Root mean square distance of a Gaussian and its copies from its former mean, along its longest axis, in
+        /// standard deviations; together they stay as wide as before. 0: they coincide, as in the paper, and part
+        /// slowly.
         separation: f64 = 0.7, in 0.0..0.95;
-        /// `default`: mean screen gradient above which a Gaussian is cloned or split, in half image widths.
+    }
+}
+
+section! {
+    /// Options of classic adaptive control (3DGS).
+    pub struct ClassicConfig {
+        /// Mean screen gradient above which a Gaussian is cloned or split, in half image widths.
         gradient: f64 = 2e-4, in POSITIVE;
-        /// `default`: sum the magnitudes of the gradient over pixels (AbsGS) instead of the gradient; needs a threshold
-        /// about four times as high.
+        /// Whether magnitudes of the gradient are summed over pixels (AbsGS); needs a threshold about four times as
+        /// high.
         absgrad: bool = false;
-        /// `default`: how opacities are lowered.
+        /// How opacities are lowered.
         opacity_policy: OpacityPolicy = OpacityPolicy::Reset;
-        /// `default`: steps from one opacity reset to the next.
+        /// Steps from one opacity reset to the next.
         reset_every: usize = 3000, in 1..;
     }
 }
@@ -84,18 +99,18 @@ impl DensityConfig {
     }
 
     fn follows_run(&self) -> bool {
-        self.strategy == Strategy::Mcmc && self.full > 0.0
+        self.strategy == Strategy::Mcmc && self.mcmc.full > 0.0
     }
 
     /// The count after the refinement of `step` of a run of `steps` that begins it with `count`, under `mcmc`.
     pub fn grown(&self, count: usize, step: usize, steps: usize) -> usize {
         // A few Gaussians would never become more.
-        let least = if self.growth > 0.0 && count > 0 { count as f64 + 1.0 } else { 0.0 };
-        let most = (count as f64 * (1.0 + self.growth)).round().max(least);
+        let least = if self.mcmc.growth > 0.0 && count > 0 { count as f64 + 1.0 } else { 0.0 };
+        let most = (count as f64 * (1.0 + self.mcmc.growth)).round().max(least);
         let wanted = match self.follows_run() {
             true => {
                 // This refinement and those after it until the cap is to be reached.
-                let last = (self.full * steps as f64) as usize;
+                let last = (self.mcmc.full * steps as f64) as usize;
                 let left = 1 + last.saturating_sub(step) / self.interval(steps);
                 let factor = (self.cap as f64 / count.max(1) as f64).powf(1.0 / left as f64);
                 (count as f64 * factor).round().max(least).min(most)
@@ -150,7 +165,7 @@ mod tests {
             let full = counts.iter().position(|count| *count == config.cap).expect("the cap is reached");
             let first = config.start.min(steps / 10).div_ceil(config.interval(steps));
             let at = (first + full) as f64 * config.interval(steps) as f64 / steps as f64;
-            assert!((at - config.full).abs() < 0.06, "{steps} steps: at {at}");
+            assert!((at - config.mcmc.full).abs() < 0.06, "{steps} steps: at {at}");
             assert!(counts.windows(2).all(|pair| pair[0] <= pair[1]));
         }
     }
@@ -165,7 +180,10 @@ mod tests {
 
     #[test]
     fn without_a_share_the_count_grows_by_its_own() {
-        let config = DensityConfig { full: 0.0, growth: 0.05, ..DensityConfig::default() };
+        let config = DensityConfig {
+            mcmc: McmcConfig { full: 0.0, growth: 0.05, ..McmcConfig::default() },
+            ..DensityConfig::default()
+        };
         assert_eq!((config.grown(1000, 100, 1000), config.grown(99_000, 100, 1000)), (1050, 100_000));
         assert_eq!((config.interval(300), DensityConfig::default().interval(300)), (100, 15));
     }

@@ -15,7 +15,7 @@ pub enum ConfigError {
         /// The file.
         path: PathBuf,
         /// What was found.
-        source: Box<gs_datasets::DatasetError>,
+        source: Box<gs_base::FileError>,
         /// The compiled-in recipe of its name, where it is missing and there is one.
         recipe: Option<String>,
     },
@@ -84,6 +84,18 @@ pub enum ConfigError {
         owner: String,
         /// The configuration's pipeline.
         pipeline: String,
+    },
+    /// A key of a density strategy that is not chosen.
+    #[error("{origin}: `{key}` is a key of the strategy {owner}; `density.strategy` is {strategy}")]
+    OtherStrategy {
+        /// The file or argument.
+        origin: String,
+        /// The key as written, with its sections.
+        key: String,
+        /// The strategy that has it.
+        owner: String,
+        /// The configuration's strategy.
+        strategy: String,
     },
     /// A pipeline that does not exist.
     #[error("{origin}: expected a pipeline ({valid}), found `{found}`")]

@@ -5,7 +5,7 @@ use serde::de::DeserializeOwned;
 use toml::Table;
 
 use super::error::ConfigError;
-use super::retired::without_retired;
+use super::retired::{with_moved, without_retired};
 use super::typed;
 
 /// The halves of a table, which may omit keys; `origin` names it in errors. A key that neither half has counts as one
@@ -19,7 +19,7 @@ pub fn read<A: DeserializeOwned, B: DeserializeOwned + Default + Serialize>(
 ) -> Result<(A, B), ConfigError> {
     let keys = as_table(&B::default());
     // Not by `serde(flatten)`: its buffer loses the key that a type error is about.
-    let table = without_retired(table.clone(), origin)?;
+    let table = without_retired(with_moved(table.clone()), origin)?;
     let (own, shared): (Table, Table) = table.into_iter().partition(|(key, _)| keys.contains_key(key));
     Ok((typed(shared, origin)?, typed(own, origin)?))
 }

@@ -6,16 +6,15 @@ use crate::section;
 section! {
     /// Options of the initial Gaussians.
     pub struct InitConfig {
-        /// Opacity of an initial Gaussian, 0 to 1. Higher: Gaussians hide those behind them, which then do not learn.
-        /// Lower: training is slower.
+        /// Opacity of an initial Gaussian. Higher: Gaussians hide those behind them, which then do not learn. Lower:
+        /// training is slower.
         opacity: f64 = 0.3, in OPEN_UNIT;
         /// Scale of an initial Gaussian, in mean distances to its three nearest neighbours.
         scale: f64 = 0.8, in POSITIVE;
-        /// Initial Gaussians if the data set has no points and photos agree on no more (never more than `density.cap`).
+        /// Initial Gaussians where the data set has no points and photos agree on no more; never above `density.cap`.
         random_points: usize = 20_000, in 1..;
-        /// Share of `density.cap` that initial Gaussians fill, by positions on which photos agree beside the data set's
-        /// own points, 0 to 1; 0: none are looked for beside those. More: steps cost more from the first on. Fewer:
-        /// growth takes longer to the same quality.
+        /// Share of `density.cap` that initial Gaussians fill, by positions on which photos agree; 0: points of the
+        /// data set alone, where it has any. More: steps cost more from the first on. Fewer: growth takes longer.
         dense_share: f64 = 0.55, in SHARE;
     }
 }

@@ -31,14 +31,14 @@ use crate::section;
 
 pub use data::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use declare::{Declared, Key, check_key, word};
-pub use density::{DensityConfig, OpacityPolicy, Strategy};
+pub use density::{ClassicConfig, DensityConfig, McmcConfig, OpacityPolicy, Strategy};
 pub use error::{ConfigError, brief, check};
 pub use init::InitConfig;
 pub use loss::LossConfig;
 pub use model::{ModelConfig, RenderConfig};
 pub use optimiser::OptimiserConfig;
 pub use ranges::{NOT_NEGATIVE, OPEN_UNIT, Only, POSITIVE, Range, SHARE, not_negative, positive};
-pub use retired::without_retired;
+pub use retired::{present_name, with_moved, without_retired};
 pub use run::{CheckpointConfig, EvalConfig};
 
 /// The pipeline of a configuration that does not name one.
@@ -83,7 +83,10 @@ impl Config {
         Self {
             data: DataConfig { coarse_share: 0.0, ..base.data },
             init: InitConfig { dense_share: 0.0, ..base.init },
-            density: DensityConfig { growth: 0.05, full: 0.0, ..base.density },
+            density: DensityConfig {
+                mcmc: McmcConfig { growth: 0.05, full: 0.0, ..base.density.mcmc },
+                ..base.density
+            },
             optimiser: OptimiserConfig { short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
             ..base
         }

@@ -20,14 +20,14 @@ section! {
 section! {
     /// Options of the renderer.
     pub struct RenderConfig {
-        /// Near plane: Gaussians nearer than this are culled, scene units; 0: from the data set (see `SceneFacts`).
+        /// Near plane, scene units; 0: by the data set.
         near: f64 = 0.0, in Only("positive, or 0: by the data set", |near| *near == 0.0 || positive(*near));
-        /// Far plane: Gaussians farther than this are culled, scene units.
+        /// Far plane, scene units.
         far: f64 = RenderOptions::default().far;
         /// Variance added to every projected Gaussian, square pixels.
         eps2d: f64 = RenderOptions::default().eps2d, in NOT_NEGATIVE;
-        /// Compensate the brightening by `eps2d` (Mip-Splatting): less aliasing at other focal lengths. The scene must
-        /// then be rendered with it too.
+        /// Whether the brightening by `eps2d` is compensated (Mip-Splatting): less aliasing at other focal lengths, in
+        /// viewers that do so too.
         antialiased: bool = RenderOptions::default().antialiased;
     }
     also check_planes;

@@ -9,10 +9,10 @@ const MOST_FACTOR: f64 = 3.0;
 section! {
     /// Learning rates, in the parameter's unit per step, of a run of 30,000 steps.
     pub struct OptimiserConfig {
-        /// Rate of the means at the first step, in scene extents. Larger: surfaces become noisy. Smaller: the means
-        /// stay at the initial points.
+        /// Rate of the means at the first step, in scene extents. Larger: noisy surfaces. Smaller: means stay at the
+        /// initial points.
         means_lr: f64 = 1.6e-4, in POSITIVE;
-        /// Rate of the means at the last step, in scene extents; exponential in between.
+        /// The same at the last step; exponential in between.
         means_lr_final: f64 = 1.6e-6, in POSITIVE;
         /// Rate of the rotations (unnormalised quaternions).
         quats_lr: f64 = 1e-3, in NOT_NEGATIVE;
@@ -20,14 +20,14 @@ section! {
         scales_lr: f64 = 5e-3, in NOT_NEGATIVE;
         /// Rate of the opacity logits.
         opacity_lr: f64 = 5e-2, in NOT_NEGATIVE;
-        /// Rate of the base colour (SH degree 0).
+        /// Rate of the base colour (SH degree 0); the view-dependent colour has a twentieth.
         sh_lr: f64 = 2.5e-3, in NOT_NEGATIVE;
-        /// Largest factor on all these rates in a shorter run, 1 to 3: the root of 30,000 over its steps, up to this.
-        /// 1: none. Higher: after some hundred steps the scene falls apart (4 lost 2 dB on photos without points).
-        /// Lower: a short run ends half way.
+        // At 4, photos without points lose 2 dB after some hundred steps.
+        /// Largest factor on all rates in a shorter run: the root of 30,000 over its steps, up to this. Higher: the
+        /// scene falls apart. Lower: a short run ends half way.
         short_run_factor: f64 = 2.0, in 1.0..=MOST_FACTOR;
-        /// Steps over which the rate of the means falls to its last value, where the run has no more of them: a shorter
-        /// run ends on the way there. 0: it falls within every run.
+        /// Steps in which the rate of the means falls to its last value at the earliest: a shorter run ends on the way
+        /// there. 0: it falls within every run.
         decay_steps: usize = 3000;
     }
 }

@@ -1,8 +1,10 @@
-//! Keys that became constants. A saved configuration that has one still opens where the value is the constant.
+//! Keys of earlier versions: some became constants, some moved into a section of their own. A saved configuration that has
+//! them still opens.
 
 use toml::{Table, Value};
 
 use super::error::ConfigError;
+use super::tables::merge;
 
 /// Former keys by section, each with the only value that it had in practice.
 const RETIRED: [(&str, &str, f64); 20] = [
@@ -28,6 +30,36 @@ const RETIRED: [(&str, &str, f64); 20] = [
     ("actors", "speed", 0.5),
 ];
 
+/// Former keys of `[density]`, each with the section that has it now.
+const MOVED: [(&str, &str); 8] = [
+    ("growth", "mcmc"),
+    ("full", "mcmc"),
+    ("noise", "mcmc"),
+    ("separation", "mcmc"),
+    ("gradient", "default"),
+    ("absgrad", "default"),
+    ("opacity_policy", "default"),
+    ("reset_every", "default"),
+];
+
+/// The present name of a key that moved.
+pub fn present_name(key: &str) -> Option<String> {
+    let name = key.strip_prefix("density.")?;
+    MOVED.iter().find(|(former, _)| *former == name).map(|(_, section)| format!("density.{section}.{name}"))
+}
+
+/// A saved table with moved keys in their present places.
+pub fn with_moved(mut table: Table) -> Table {
+    let Some(Value::Table(density)) = table.get_mut("density") else { return table };
+    for (name, section) in MOVED {
+        if let Some(value) = density.remove(name) {
+            let keys = Table::from_iter([(name.to_string(), value)]);
+            merge(density, Table::from_iter([(section.to_string(), Value::Table(keys))]));
+        }
+    }
+    table
+}
+
 /// The table without former keys; `origin` names it in errors.
 ///
 /// # Errors
@@ -48,6 +80,15 @@ pub fn without_retired(mut table: Table, origin: &str) -> Result<Table, ConfigEr
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn keys_that_moved_are_found_in_their_places() {
+        let saved = "[density]\ncap = 5\ngrowth = 0.1\ngradient = 1\n[density.mcmc]\nfull = 0.5\n";
+        let now = "[density]\ncap = 5\n[density.mcmc]\nfull = 0.5\ngrowth = 0.1\n[density.default]\ngradient = 1\n";
+        assert_eq!(with_moved(saved.parse().expect("TOML")), now.parse().expect("TOML"));
+        assert_eq!(present_name("density.growth").as_deref(), Some("density.mcmc.growth"));
+        assert_eq!((present_name("density.cap"), present_name("curriculum.growth")), (None, None));
+    }
 
     #[test]
     fn former_keys_are_left_out_or_refused() {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gs_datasets::guarded;
+use gs_base::guarded;
 use toml::{Table, Value};
 
 use super::error::{ConfigError, MAX_BASES};

@@ -294,7 +294,7 @@ mod tests {
             name: String::new(),
             image_path: Default::default(),
             c2w: glam::DMat4::IDENTITY,
-            intrinsics: gs_datasets::Intrinsics { fx: 32.0, fy: 32.0, cx: 16.0, cy: 16.0 },
+            intrinsics: gs_base::Intrinsics { fx: 32.0, fy: 32.0, cx: 16.0, cy: 16.0 },
             width: size,
             height: size,
             time: None,

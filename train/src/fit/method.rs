@@ -288,7 +288,7 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
 
     /// Bytes of the finished scene: every number, as f32, that is needed to draw it at any time.
     fn bytes(&self, gaussians: &Gaussians, _config: &FitConfig<Self::Config>) -> usize {
-        4 * gaussians.len() * (11 + 3 * gaussians.sh_coefficients().coefficients())
+        4 * gaussians.len() * (11 + 3 * gaussians.sh.dims()[1])
     }
 
     /// The regions of each held-out view; by default the moving part, as given by the data set.

@@ -46,7 +46,8 @@ impl Outlines {
 #[cfg(test)]
 mod tests {
     use glam::{DMat4, DVec3};
-    use gs_datasets::{Intrinsics, RgbImage8};
+    use gs_base::Intrinsics;
+    use gs_datasets::RgbImage8;
 
     use super::*;
 

@@ -4,14 +4,9 @@
 
 use burn::module::Param;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use gs_burn::adam::{Adam, Moments};
-use gs_burn::{Gaussians, ShCoefficients};
-use gs_kernels::config::SH_THIRD;
+use gs_burn::Gaussians;
 
 use super::initialise::InitialGaussians;
-
-/// The panic of a reader of a group that is not there.
-const NO_THIRD: &str = "only Gaussians with a third band apart have this group";
 
 /// A group of columns with one learning rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,24 +19,13 @@ pub enum Group {
     LogScales = 2,
     /// Opacity logit, 1 column.
     Opacity = 3,
-    /// SH coefficients, 3 columns (red, green, blue) each, of the active degree only; without the third band where that is apart.
+    /// SH coefficients, 3 columns (red, green, blue) each, of the active degree only.
     Sh = 4,
-    /// The third band of the SH coefficients, where no buffer of the device holds all of them: 21 columns.
-    ShThird = 5,
 }
 
 impl Group {
-    /// The groups of every table in their order.
+    /// All groups in the order of the table.
     pub const ALL: [Self; 5] = [Self::Means, Self::Quats, Self::LogScales, Self::Opacity, Self::Sh];
-
-    /// The groups that a table can have.
-    pub const POSSIBLE: [Self; 6] = [Self::Means, Self::Quats, Self::LogScales, Self::Opacity, Self::Sh, Self::ShThird];
-
-    /// The groups of these Gaussians.
-    pub fn of(gaussians: &Gaussians) -> impl Iterator<Item = Self> + use<> {
-        let apart = gaussians.sh_third.is_some();
-        Self::POSSIBLE.into_iter().filter(move |group| apart || *group != Self::ShThird)
-    }
 
     /// The group's name in [`Gaussians`].
     pub fn name(self) -> &'static str {
@@ -51,7 +35,6 @@ impl Group {
             Self::LogScales => "log_scales",
             Self::Opacity => "opacity_logits",
             Self::Sh => "sh",
-            Self::ShThird => "sh_third",
         }
     }
 
@@ -63,23 +46,21 @@ impl Group {
             Self::LogScales => "gaussians.log_scales",
             Self::Opacity => "gaussians.opacity_logits",
             Self::Sh => "gaussians.sh",
-            Self::ShThird => "gaussians.sh_third",
         }
     }
 
-    /// Columns of the group when SH coefficients up to `degree` are stored, all in one tensor but for a third band of its own.
+    /// Columns of the group when SH coefficients up to `degree` are stored.
     pub fn columns(self, degree: usize) -> usize {
         match self {
             Self::Means | Self::LogScales => 3,
             Self::Quats => 4,
             Self::Opacity => 1,
             Self::Sh => 3 * (degree + 1) * (degree + 1),
-            Self::ShThird => 3 * SH_THIRD,
         }
     }
 }
 
-/// Gaussians read and written by [`Group`]. A group that the Gaussians lack can only be set.
+/// Gaussians read and written by [`Group`].
 pub trait Table {
     /// One group, `[N, columns]`.
     fn group(&self, group: Group) -> Tensor<2>;
@@ -89,9 +70,6 @@ pub trait Table {
 
     /// Replaces one group by `[N, columns]`.
     fn set(&mut self, group: Group, values: Tensor<2>);
-
-    /// Replaces all SH coefficients.
-    fn set_sh(&mut self, sh: ShCoefficients);
 
     /// One group as host numbers, row by row.
     fn read(&self, group: Group) -> Vec<f32> {
@@ -107,7 +85,6 @@ impl Table for Gaussians {
             Group::LogScales => self.log_scales.val(),
             Group::Opacity => self.opacity_logits.val().unsqueeze_dim(1),
             Group::Sh => self.sh.val().flatten(1, 2),
-            Group::ShThird => self.sh_third.as_ref().expect(NO_THIRD).val().flatten(1, 2),
         }
     }
 
@@ -126,7 +103,6 @@ impl Table for Gaussians {
                 let none = Param::from_tensor(Tensor::empty([0, 1, 3], &device));
                 std::mem::replace(&mut self.sh, none).into_value().flatten(1, 2)
             }
-            Group::ShThird => self.sh_third.take().expect(NO_THIRD).into_value().flatten(1, 2),
         }
     }
 
@@ -137,13 +113,7 @@ impl Table for Gaussians {
             Group::LogScales => self.log_scales = Param::from_tensor(values),
             Group::Opacity => self.opacity_logits = Param::from_tensor(values.squeeze_dim(1)),
             Group::Sh => self.sh = Param::from_tensor(by_channel(values)),
-            Group::ShThird => self.sh_third = Some(Param::from_tensor(by_channel(values))),
         }
-    }
-
-    fn set_sh(&mut self, sh: ShCoefficients) {
-        self.sh = Param::from_tensor(sh.sh);
-        self.sh_third = sh.third.map(Param::from_tensor);
     }
 }
 
@@ -164,29 +134,9 @@ fn by_channel(table: Tensor<2>) -> Tensor<3> {
 }
 
 /// The Gaussians of some rows.
-pub fn rows_of(gaussians: &Gaussians, rows: &[u32]) -> Gaussians {
-    let (mut own, rows) = (gaussians.clone(), indices(rows, &gaussians.device()));
-    for group in Group::of(gaussians) {
-        own.set(group, gaussians.group(group).select(0, rows.clone()));
-    }
-    own
-}
-
-/// Stores SH coefficients up to `degree`, the third band `apart` or not; the new ones and their moments are zero.
-pub fn raise_sh_degree(gaussians: &mut Gaussians, adam: &mut Adam, degree: usize, apart: bool) {
-    let third = apart && degree == 3;
-    let columns = Group::Sh.columns(if third { 2 } else { degree });
-    let sh = widen(gaussians.group(Group::Sh), columns);
-    gaussians.set(Group::Sh, sh);
-    adam.widen(Group::Sh.path(), columns);
-    if third {
-        let (shape, device) = ([gaussians.len(), Group::ShThird.columns(degree)], gaussians.device());
-        let zeros = || Tensor::<2>::zeros(shape, &device);
-        gaussians.set(Group::ShThird, zeros());
-        if adam.moments.contains_key(Group::Sh.path()) {
-            adam.moments.insert(Group::ShThird.path().into(), Moments { first: zeros(), second: zeros() });
-        }
-    }
+pub fn rows_of(scene: &Gaussians, rows: &[u32]) -> Gaussians {
+    let rows = indices(rows, &scene.device());
+    gaussians(Group::ALL.map(|group| scene.group(group).select(0, rows.clone())))
 }
 
 /// The Gaussians of step 0 on `device` (without autodiff).

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::{Camera, Intrinsics};
+use gs_burn::Camera;
 use gs_datasets::View;
 use rayon::prelude::*;
 
@@ -116,12 +116,7 @@ fn upload<X>(view: &View, device: &Device, pixel: f64, extra: X) -> Photo<X> {
 
 /// The camera of a view.
 pub fn camera(view: &View, device: &Device) -> Camera {
-    Camera::from_c2w(view.c2w, intrinsics(&view.intrinsics), view.width, view.height, device)
-}
-
-/// Pinhole intrinsics as a type of `gs-burn`.
-pub fn intrinsics(k: &gs_datasets::Intrinsics) -> Intrinsics {
-    Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy }
+    Camera::from_c2w(view.c2w, view.intrinsics, view.width, view.height, device)
 }
 
 /// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use gs_datasets::{DatasetError, LoadOptions, Log, PointCloud, PoseConvention, Scene, Split, View, counted};
+use gs_base::counted;
+use gs_datasets::{DatasetError, LoadOptions, Log, PointCloud, PoseConvention, Scene, Split, View};
 use gs_multiview::{Camera, PoseJudgement, judge_poses, pose_pairs};
 
 /// Largest `render.near`, in distances of the subject. Beyond half of that distance little is left to draw. A near plane that cuts

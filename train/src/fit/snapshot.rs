@@ -4,17 +4,14 @@ use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::adam::{Adam, Moments};
-use gs_burn::limits::{largest_buffer, third_band_apart};
-use gs_burn::sh_coefficients::{join_columns, split_columns};
-use gs_burn::{Gaussians, NamedParameter, ShCoefficients, named_parameters, try_map_parameters};
-use gs_kernels::cpu::sh::MAX_COEFFICIENTS;
+use gs_burn::{Gaussians, NamedParameter, named_parameters, try_map_parameters};
 use serde::{Deserialize, Serialize};
 
 use super::density::{Adaptive, Density};
 use super::facts::SceneFacts;
 use super::method::Method;
-use super::parameters::{Group, to_host};
-use super::trainer::{Model, Trainer, keeps_third_apart};
+use super::parameters::Group;
+use super::trainer::{Model, Trainer};
 use crate::config::{FitConfig, Strategy};
 
 /// A tensor on its way to or from a file.
@@ -24,8 +21,6 @@ pub struct Column {
     tensor: Tensor<1>,
     /// Its shape.
     shape: Vec<usize>,
-    /// The rest of each row and its number of values, where no buffer of the device holds whole rows.
-    rest: Option<(Tensor<1>, usize)>,
 }
 
 impl Column {
@@ -33,18 +28,12 @@ impl Column {
     pub fn new<const D: usize>(tensor: Tensor<D>) -> Self {
         let shape = tensor.dims().to_vec();
         // Not `reshape`: in Burn a 0 there means "as before", and a motion of order 0 has no columns.
-        Self { tensor: tensor.flatten(0, D - 1), shape, rest: None }
+        Self { tensor: tensor.flatten(0, D - 1), shape }
     }
 
     /// A tensor of `shape` from its table.
     pub fn of_table(table: Tensor<2>, shape: Vec<usize>) -> Self {
-        Self { tensor: table.flatten(0, 1), shape, rest: None }
-    }
-
-    /// The same rows, each followed by its row of `other`.
-    fn beside(mut self, other: Self) -> Self {
-        self.shape[1] += other.shape[1];
-        Self { rest: Some((other.tensor, other.shape[1..].iter().product())), ..self }
+        Self { tensor: table.flatten(0, 1), shape }
     }
 
     /// Its shape.
@@ -54,11 +43,7 @@ impl Column {
 
     /// Its values on the host, flat.
     pub fn values(&self) -> TensorData {
-        let Some((rest, columns)) = &self.rest else { return self.tensor.to_data() };
-        let own = self.shape[1..].iter().product::<usize>() - columns;
-        let joined = join_columns(&to_host(self.tensor.clone()), own, &to_host(rest.clone()), *columns);
-        let length = joined.len();
-        TensorData::new(joined, [length])
+        self.tensor.to_data()
     }
 }
 
@@ -164,7 +149,6 @@ impl Snapshot {
                 columns.insert(name.into(), Column::new(tensor.clone()));
             }
         }
-        join_bands(&mut columns);
         let notes = Notes {
             step: trainer.step,
             skipped: trainer.skipped,
@@ -176,28 +160,11 @@ impl Snapshot {
     }
 }
 
-/// Puts the third band of the SH coefficients and of their moments beside the others: a file does not depend on the device's buffers.
-fn join_bands(columns: &mut BTreeMap<String, Column>) {
-    for prefix in [MODEL, FIRST, SECOND] {
-        if let Some(third) = columns.remove(&format!("{prefix}{}", Group::ShThird.path())) {
-            let name = format!("{prefix}{}", Group::Sh.path());
-            let sh = columns.remove(&name).expect("a third band apart has the others beside it");
-            columns.insert(name, sh.beside(third));
-        }
-    }
-}
-
 /// The Gaussians of a snapshot on `device` (without autodiff).
 ///
 /// # Errors
 /// A sentence when their tensors are damaged or do not fit each other.
 pub fn read_gaussians(source: &dyn Source, device: &Device) -> Result<Gaussians, String> {
-    let largest = largest_buffer(device);
-    gaussians_apart(source, device, |rows| third_band_apart(largest, rows as u64, MAX_COEFFICIENTS))
-}
-
-/// [`read_gaussians`] with the third band of their SH coefficients apart if `apart` says so of their number.
-fn gaussians_apart(source: &dyn Source, device: &Device, apart: impl Fn(usize) -> bool) -> Result<Gaussians, String> {
     let mut groups = Vec::new();
     let mut rows = None;
     for group in Group::ALL {
@@ -210,14 +177,10 @@ fn gaussians_apart(source: &dyn Source, device: &Device, apart: impl Fn(usize) -
         if !(0..=3).any(|degree| group.columns(degree) == columns) {
             return Err(format!("{} has {columns} columns", group.name()));
         }
-        groups.push((values, [found, columns]));
+        groups.push(Tensor::<2>::from_data(TensorData::new(values, [found, columns]), device));
     }
-    let groups: [(Vec<f32>, [usize; 2]); 5] = groups.try_into().expect("one per group");
-    let [means, quats, log_scales, opacity, (sh, [rows, columns])] = groups;
-    let [means, quats, log_scales, opacity] = [means, quats, log_scales, opacity]
-        .map(|(values, shape)| Tensor::<2>::from_data(TensorData::new(values, shape), device));
-    let sh = ShCoefficients::from_host(sh, rows, columns / 3, apart(rows), device);
-    Ok(Gaussians::from_tensors(means, quats, log_scales, opacity.squeeze_dim(1), sh))
+    let groups: [Tensor<2>; 5] = groups.try_into().expect("one per group");
+    Ok(super::parameters::gaussians(groups))
 }
 
 /// The method's module, for `gaussians` Gaussians, on `device` (without autodiff).
@@ -254,25 +217,11 @@ pub fn restore<M: Method>(
     config: &FitConfig<M::Config>,
     device: &Device,
 ) -> Result<Trainer<M>, String> {
-    restore_within(source, config, device, largest_buffer(device))
-}
-
-/// [`restore`] where a buffer holds at most `largest_buffer` bytes.
-///
-/// # Errors
-/// As [`restore`].
-pub fn restore_within<M: Method>(
-    source: &dyn Source,
-    config: &FitConfig<M::Config>,
-    device: &Device,
-    largest_buffer: Option<u64>,
-) -> Result<Trainer<M>, String> {
-    let gaussians = gaussians_apart(source, device, |rows| keeps_third_apart(largest_buffer, rows, config))?;
+    let gaussians = read_gaussians(source, device)?;
     let rows = gaussians.len();
     let method = read_method::<M>(source, rows, config, device)?;
     let notes = Notes::read(source)?;
     let mut trainer = Trainer::from_model(Model { gaussians, method }, notes.facts(), config);
-    trainer.largest_buffer = largest_buffer;
     trainer.step = notes.step;
     trainer.skipped = notes.skipped;
     trainer.adam = read_moments(source, trainer.model(), notes.updates, device)?;
@@ -301,28 +250,16 @@ fn read_moments<M: Method>(
     let mut adam = Adam { updates, ..Adam::new() };
     for name in source.names() {
         let Some(path) = name.strip_prefix(FIRST) else { continue };
-        let [rows, own] = *tables.get(path).ok_or_else(|| format!("{name} belongs to nothing that is learned"))?;
-        // The file has the third band of the SH coefficients beside the others.
-        let third = tables.get(Group::ShThird.path()).filter(|_| path == Group::Sh.path()).map(|[_, columns]| *columns);
-        let tensor = |values, columns| Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device);
-        let moment = |prefix: &str| -> Result<(Tensor<2>, Option<Tensor<2>>), String> {
+        let expected = tables.get(path).ok_or_else(|| format!("{name} belongs to nothing that is learned"))?;
+        let moment = |prefix: &str| -> Result<Tensor<2>, String> {
             let (values, shape) = source.read(&format!("{prefix}{path}"))?;
-            if shape != [rows, own + third.unwrap_or(0)] {
+            if shape != *expected {
                 return Err(format!("{path} and its moments have different shapes"));
             }
-            Ok(match third {
-                None => (tensor(values, own), None),
-                Some(third) => {
-                    let [values, rest] = split_columns(&values, own, third);
-                    (tensor(values, own), Some(tensor(rest, third)))
-                }
-            })
+            Ok(Tensor::from_data(TensorData::new(values, *expected), device))
         };
-        let ((first, first_third), (second, second_third)) = (moment(FIRST)?, moment(SECOND)?);
-        adam.moments.insert(path.into(), Moments { first, second });
-        if let Some((first, second)) = first_third.zip(second_third) {
-            adam.moments.insert(Group::ShThird.path().into(), Moments { first, second });
-        }
+        let moments = Moments { first: moment(FIRST)?, second: moment(SECOND)? };
+        adam.moments.insert(path.into(), moments);
     }
     Ok(adam)
 }

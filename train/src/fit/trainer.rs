@@ -3,12 +3,10 @@
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
-use gs_burn::limits::{largest_buffer, third_band_apart};
 use gs_burn::ops::intersect::{DeviceCount, Room};
 use gs_burn::ops::rasterize::SCREEN;
 use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
-use gs_kernels::cpu::sh::MAX_COEFFICIENTS;
 use gs_models::DynamicScene;
 
 use super::density::prune::{contributions, prune_by_contribution};
@@ -16,7 +14,7 @@ use super::density::{Changes, Density, Observation, StepContext};
 use super::facts::SceneFacts;
 use super::losses::regularised;
 use super::method::{Drawn, Forward, Method, Note, Step};
-use super::parameters::{Group, first, raise_sh_degree};
+use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
 use super::room::{ListRoom, fitting};
 use super::schedule::{exponential, rate_factor, sh_degree};
@@ -46,8 +44,6 @@ pub struct Trainer<M: Method> {
     pub skipped: usize,
     /// Values fixed by the data set.
     pub facts: SceneFacts,
-    /// Most bytes of a buffer of the device, if it has such a limit: what decides whether the third band of the SH coefficients is apart.
-    pub largest_buffer: Option<u64>,
     room: ListRoom,
     /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each step.
     zeros: Option<Tensor<2>>,
@@ -100,7 +96,6 @@ impl<M: Method> Trainer<M> {
     /// The state before the first step of a training that starts from `model`.
     pub fn from_model(model: Model<M>, facts: SceneFacts, config: &Config) -> Self {
         let density = Density::new(&config.density, &model.gaussians);
-        let largest_buffer = largest_buffer(&model.gaussians.device());
         Self {
             model: Some(model),
             adam: Adam::new(),
@@ -108,7 +103,6 @@ impl<M: Method> Trainer<M> {
             step: 0,
             skipped: 0,
             facts,
-            largest_buffer,
             room: ListRoom::default(),
             zeros: None,
         }
@@ -329,17 +323,13 @@ impl<M: Method> Trainer<M> {
         let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
         if degree > self.gaussians().sh_degree() {
             let Model { mut gaussians, method } = self.take_model();
-            let apart = keeps_third_apart(self.largest_buffer, gaussians.len(), config);
-            raise_sh_degree(&mut gaussians, &mut self.adam, degree, apart);
+            let columns = Group::Sh.columns(degree);
+            let sh = widen(gaussians.group(Group::Sh), columns);
+            gaussians.set(Group::Sh, sh);
+            self.adam.widen(Group::Sh.path(), columns);
             self.model = Some(Model { gaussians, method });
         }
     }
-}
-
-/// Whether a run of `config`, now with `gaussians`, keeps the third band of the SH coefficients apart. The cap decides, so that a run
-/// does not change on the way.
-pub(super) fn keeps_third_apart(largest_buffer: Option<u64>, gaussians: usize, config: &Config) -> bool {
-    third_band_apart(largest_buffer, gaussians.max(config.density.cap) as u64, MAX_COEFFICIENTS)
 }
 
 fn follow<M: Method>(method: M, rows: Option<&RowMap>, adam: &mut Adam) -> M {
@@ -367,14 +357,13 @@ fn gaussian_rates(
 ) -> impl Fn(&str) -> Option<AdamRate> {
     let sh_rest_lr = config.sh_lr / REST_SLOWER;
     let factor = rate_factor(config.short_run_factor, steps);
-    let rates = Group::POSSIBLE.map(|group| match group {
+    let rates = Group::ALL.map(|group| match group {
         Group::Means => AdamRate::new(means_lr(config, step, steps) * extent),
         Group::Quats => AdamRate::new(factor * config.quats_lr),
         Group::LogScales => AdamRate::new(factor * config.scales_lr),
         Group::Opacity => AdamRate::new(factor * config.opacity_lr),
         // The base colour, the first three columns, has a rate of its own.
         Group::Sh => AdamRate { first_columns: Some((3, factor * config.sh_lr)), ..AdamRate::new(factor * sh_rest_lr) },
-        Group::ShThird => AdamRate::new(factor * sh_rest_lr),
     });
-    move |path| Group::POSSIBLE.into_iter().find(|group| group.path() == path).map(|group| rates[group as usize])
+    move |path| Group::ALL.into_iter().find(|group| group.path() == path).map(|group| rates[group as usize])
 }

@@ -6,8 +6,9 @@ use std::path::Path;
 
 use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
+use gs_base::counted;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
-use gs_datasets::{CheckReport, LoadOptions, Scene, counted};
+use gs_datasets::{CheckReport, LoadOptions, Scene};
 use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use toml::Table;

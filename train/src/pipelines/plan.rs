@@ -57,7 +57,7 @@ pub fn plan_steps<M: Method>(
     let mut growing = config.clone();
     let density = &mut growing.shared.density;
     let cap = density.cap;
-    (density.full, density.growth, density.start, density.every, density.stop) = (0.0, cap as f64, 1, 1, 1.0);
+    (density.mcmc.full, density.mcmc.growth, density.start, density.every, density.stop) = (0.0, cap as f64, 1, 1, 1.0);
     let (many, at_many) = match config.density.strategy {
         Strategy::Mcmc => {
             let mut session = Session::begin(&full, &growing, Some(first), device);

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 use super::{PIPELINES, Pipeline, find, names};
 use crate::config::nearest::{beside, nearest};
 use crate::config::tables::{self, Layer};
-use crate::config::{ConfigError, DEFAULT_PIPELINE, without_retired};
+use crate::config::{ConfigError, DEFAULT_PIPELINE, present_name, with_moved, without_retired};
 
 /// A pipeline and its whole configuration.
 #[derive(Clone)]
@@ -71,7 +71,7 @@ pub fn resolve_saved(config: &Table, origin: &str) -> Result<Resolved, ConfigErr
 /// # Errors
 /// As [`resolve`].
 pub fn resolve_changed(config: &Table, origin: &str, overrides: &[String]) -> Result<Resolved, ConfigError> {
-    let mut layers = vec![Layer { origin: origin.into(), table: config.clone() }];
+    let mut layers = vec![Layer { origin: origin.into(), table: with_moved(config.clone()) }];
     for text in overrides {
         layers.push(tables::override_layer(text)?);
     }
@@ -82,21 +82,50 @@ fn stack(layers: &[Layer], main: &str) -> Result<Resolved, ConfigError> {
     let pipeline = pipeline_of(layers)?;
     let defaults = pipeline.defaults();
     let mut config = defaults.clone();
-    for layer in layers {
-        let layer =
-            &Layer { table: without_retired(layer.table.clone(), &layer.origin)?, origin: layer.origin.clone() };
-        check_keys(layer, pipeline, &defaults)?;
+    // The strategy that each layer is written for, as far as it and those before it say.
+    let mut strategies = Vec::new();
+    for Layer { origin, table } in layers {
+        let table = without_retired(table.clone(), origin)?;
+        check_keys(&table, origin, pipeline, &defaults)?;
         // The layer is also tried on its own, so that a type error names the layer that has it.
         let mut alone = defaults.clone();
-        tables::merge(&mut alone, layer.table.clone());
-        if let Err(error @ ConfigError::Type { .. }) = pipeline.validate(&alone, &layer.origin) {
+        tables::merge(&mut alone, table.clone());
+        if let Err(error @ ConfigError::Type { .. }) = pipeline.validate(&alone, origin) {
             return Err(error);
         }
-        tables::merge(&mut config, layer.table.clone());
+        tables::merge(&mut config, table);
+        strategies.push(strategy(&config));
+    }
+    for (layer, then) in layers.iter().zip(&strategies) {
+        check_strategy(layer, [then.as_str(), &strategy(&config)])?;
     }
     let text = pipeline.validate(&config, main)?;
     let config = tables::parse(&text, main)?;
     Ok(Resolved { pipeline, config, text })
+}
+
+/// The density strategy of a configuration, empty in a pipeline without density control.
+fn strategy(config: &Table) -> String {
+    let named = config.get("density").and_then(|density| density.get("strategy")?.as_str());
+    named.unwrap_or_default().to_string()
+}
+
+/// Checks that a layer sets keys of no density strategy but the ones it may mean. A saved configuration has the keys of all
+/// strategies.
+fn check_strategy(layer: &Layer, meant: [&str; 2]) -> Result<(), ConfigError> {
+    let Some(density) = layer.table.get("density").and_then(Value::as_table) else { return Ok(()) };
+    let of_strategies: Vec<(&String, &Table)> =
+        density.iter().filter_map(|(name, keys)| Some((name, keys.as_table()?))).collect();
+    let [(owner, keys)] = of_strategies.as_slice() else { return Ok(()) };
+    match keys.keys().next() {
+        Some(key) if !meant.contains(&owner.as_str()) => Err(ConfigError::OtherStrategy {
+            origin: layer.origin.clone(),
+            key: format!("density.{owner}.{key}"),
+            owner: owner.to_string(),
+            strategy: meant[1].into(),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// The pipeline named by the last layer that names one.
@@ -111,9 +140,9 @@ fn pipeline_of(layers: &[Layer]) -> Result<&'static dyn Pipeline, ConfigError> {
 }
 
 /// Checks that every key of a layer is one of the pipeline's.
-fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Result<(), ConfigError> {
-    let Some(key) = tables::unknown_key(&layer.table, defaults) else { return Ok(()) };
-    let origin = layer.origin.clone();
+fn check_keys(table: &Table, origin: &str, pipeline: &dyn Pipeline, defaults: &Table) -> Result<(), ConfigError> {
+    let Some(key) = tables::unknown_key(table, defaults) else { return Ok(()) };
+    let origin = origin.to_string();
     let has_key = |other: &&&dyn Pipeline| tables::keys(&other.defaults()).contains(&key);
     if let Some(owner) = PIPELINES.iter().find(has_key) {
         let (owner, pipeline) = (owner.name().into(), pipeline.name().into());
@@ -121,6 +150,7 @@ fn check_keys(layer: &Layer, pipeline: &dyn Pipeline, defaults: &Table) -> Resul
     }
     let valid = tables::keys(defaults);
     let hint = match (nearest(&key, &valid), beside(&key, &valid).as_slice()) {
+        _ if present_name(&key).is_some() => format!("it is `{}` now", present_name(&key).unwrap_or_default()),
         (Some(nearest), _) => format!("the nearest valid key is `{nearest}`"),
         (None, []) => "no valid key is like it; config.toml of any run has all".to_string(),
         (None, names) => format!("the keys of its section are {}", names.join(", ")),
@@ -200,7 +230,7 @@ mod tests {
         assert!(message("stepz=1").contains("`steps`"));
         assert!(message("optimizer.lr=1").contains("`optimiser.means_lr`"), "{}", message("optimizer.lr=1"));
         assert!(
-            message("density.foo=1").contains("the keys of its section are absgrad, cap, "),
+            message("density.foo=1").contains("the keys of its section are cap, default, "),
             "{}",
             message("density.foo=1")
         );
@@ -237,6 +267,18 @@ mod tests {
     fn former_keys_open_with_the_value_that_they_had() {
         assert_eq!(of(&["optimiser.beta1=0.9"]).expect("the constant").text, of(&[]).expect("valid").text);
         assert!(message("optimiser.beta1=0.8").contains("`optimiser.beta1` is no key any more"));
+    }
+
+    #[test]
+    fn keys_of_a_strategy_that_is_not_chosen_are_refused() {
+        let said = message("density.default.gradient=1e-5");
+        assert!(said.ends_with("is a key of the strategy default; `density.strategy` is mcmc"), "{said}");
+        of(&["density.default.gradient=1e-5", "density.strategy=default"]).expect("chosen afterwards");
+        let changed =
+            of(&["density.mcmc.growth=0.1", "density.strategy=default"]).expect("another one chosen afterwards");
+        // A saved configuration has the keys of both.
+        resolve_saved(&changed.config, "saved").expect("valid");
+        assert!(message("density.growth=0.1").ends_with("it is `density.mcmc.growth` now"));
     }
 
     #[test]

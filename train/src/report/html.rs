@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use gs_datasets::printable;
+use gs_base::printable;
 
 use crate::run::outputs::MARK;
 

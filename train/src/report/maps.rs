@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 
 use crate::run::outputs::MARK;
 

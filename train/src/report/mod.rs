@@ -16,8 +16,8 @@ pub mod timetable;
 pub mod viewer;
 
 use anyhow::Result;
-use gs_datasets::guarded;
-use gs_datasets::image_io::{write_atomic, write_png};
+use gs_base::{guarded, write_atomic};
+use gs_datasets::image_io::write_png;
 
 use crate::fit::timetable::Timetable;
 use crate::run::folder::{EvalFile, MetricsLine, RunFolder, TrainLine};

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use gs_datasets::{agree, counted};
+use gs_base::{agree, counted};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use super::cards::{self, thousands};

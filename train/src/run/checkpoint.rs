@@ -10,7 +10,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use gs_datasets::guarded;
+use gs_base::atomic::PartialFile;
+use gs_base::guarded;
 use safetensors::tensor::{Metadata as Layout, View};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use serde::{Deserialize, Serialize};
@@ -75,7 +76,7 @@ pub struct Checkpoint {
 pub enum CheckpointError {
     /// It cannot be opened or read, or is no file.
     #[error(transparent)]
-    Read(#[from] Box<gs_datasets::DatasetError>),
+    Read(#[from] gs_base::FileError),
     /// It cannot be written; nothing was changed.
     #[error("{}: cannot write the checkpoint: {source}", path.display())]
     Write {
@@ -133,27 +134,22 @@ pub fn save(path: &Path, origin: &Origin, snapshot: &Snapshot) -> Result<(), Che
     };
     let content = serde_json::json!({ "version": VERSION, "content": content });
     let metadata = HashMap::from([(FORMAT.to_string(), content.to_string())]);
-    let temporary = path.with_extension("part");
+    let partial = PartialFile::named(path.with_extension("part"), path);
     // The permissions that all other files of a run get; safetensors makes its file for the owner alone.
-    let permissions = File::create(&temporary).and_then(|file| Ok(file.metadata()?.permissions()));
+    let permissions = File::create(partial.path()).and_then(|file| Ok(file.metadata()?.permissions()));
     let written = permissions
         .map_err(SafeTensorError::IoError)
         .and_then(|permissions| {
-            safetensors::serialize_to_file(columns, Some(metadata), &temporary)?;
-            Ok(fs::set_permissions(&temporary, permissions)?)
+            safetensors::serialize_to_file(columns, Some(metadata), partial.path())?;
+            Ok(fs::set_permissions(partial.path(), permissions)?)
         })
         .map_err(|error| match error {
             SafeTensorError::IoError(error) => error,
             other => io::Error::other(other.to_string()),
         })
-        .and_then(|()| File::open(&temporary)?.sync_all())
-        .and_then(|()| fs::rename(&temporary, path))
+        .and_then(|()| partial.finish())
         .and_then(|()| sync_folder(path));
-    written.map_err(|source| {
-        // The write error is the one to report.
-        let _ = fs::remove_file(&temporary);
-        CheckpointError::Write { path: path.into(), source }
-    })
+    written.map_err(|source| CheckpointError::Write { path: path.into(), source })
 }
 
 impl Checkpoint {
@@ -162,7 +158,7 @@ impl Checkpoint {
     /// # Errors
     /// A sentence that names the file and the error.
     pub fn load(path: &Path) -> Result<Self, CheckpointError> {
-        Self::parse(path, guarded::read(path, FILE_MAX).map_err(Box::new)?)
+        Self::parse(path, guarded::read(path, FILE_MAX)?)
     }
 
     /// A checkpoint of these bytes; `path` names them in errors.

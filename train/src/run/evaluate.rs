@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor};
+use gs_base::counted;
 use gs_burn::Gaussians;
-use gs_datasets::{Scene, View, counted};
+use gs_datasets::{Scene, View};
 use serde::{Deserialize, Serialize};
 
 use super::metrics::{

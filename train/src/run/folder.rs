@@ -7,8 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::guarded;
-use gs_datasets::image_io::write_atomic;
+use gs_base::{guarded, write_atomic};
 use serde::{Deserialize, Serialize};
 
 use toml::Table;

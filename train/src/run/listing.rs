@@ -6,8 +6,7 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::guarded;
-use gs_datasets::image_io::write_atomic;
+use gs_base::{guarded, write_atomic};
 use serde::{Deserialize, Serialize};
 
 use super::outputs::{MARK, check_one};

@@ -59,12 +59,6 @@ pub fn mse_of_psnr(psnr: f64) -> f64 {
     10.0_f64.powf(-0.1 * psnr)
 }
 
-/// Median (upper of the two middle values); `None` if empty.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 /// Mean structural similarity, -1 to 1.
 pub fn ssim(image: Tensor<3>, truth: Tensor<3>) -> f64 {
     let both = l1_ssim(image, truth);

@@ -7,7 +7,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::temporary_begin;
+use gs_base::atomic::temporary_begin;
 
 /// The mark: a text chunk of a PNG, a comment of PLY, SPZ, GIF, SVG, HTML and Markdown, the generator of glTF, the last box of an MP4, an attribute of EXR, a field of JSON.
 pub const MARK: &str = "written by gsburn";

@@ -7,9 +7,8 @@ use std::fmt::Write as _;
 
 use anyhow::{Context, Result};
 use burn::tensor::Device;
+use gs_base::{guarded, write_atomic};
 use gs_burn::profile::{Clock, REST, StageTime};
-use gs_datasets::guarded;
-use gs_datasets::image_io::write_atomic;
 use serde::{Deserialize, Serialize};
 
 use super::folder::RunFolder;

@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use gs_datasets::printable;
+use gs_base::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Time to the first line where there is no terminal: a log shows at once that a run is alive, and how long it will take.

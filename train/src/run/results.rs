@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 
 use super::listing::Listing;
 use super::lock::{self, Lock};

@@ -5,18 +5,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use burn::tensor::{Device, Tensor};
 use glam::DVec3;
+use gs_base::local::is_far;
+use gs_base::{agree, counted, median};
 use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
-use gs_datasets::{agree, counted};
 use gs_formats::Splats;
-use gs_kernels::local::is_far;
 use gs_models::{DynamicScene, Shutter, Static};
 
 use super::checkpoint::Checkpoint;
 use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign, render_mode};
 use super::folder::RunFolder;
-use super::metrics::median;
 use crate::config::{Config, RenderConfig, brief};
 use crate::fit::density::ops::Draft;
 use crate::fit::facts::SceneFacts;
@@ -241,7 +240,7 @@ pub fn translated(gaussians: &Gaussians, offset: DVec3) -> Gaussians {
     let means = gaussians.means.val().inner();
     let offset = Tensor::<1>::from_floats(offset.as_vec3().to_array(), &means.device()).unsqueeze::<2>();
     let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|p| p.val().inner());
-    let (opacities, sh) = (gaussians.opacity_logits.val().inner(), gaussians.sh_coefficients().map(Tensor::inner));
+    let (opacities, sh) = (gaussians.opacity_logits.val().inner(), gaussians.sh.val().inner());
     Gaussians::from_tensors(means + offset, quats, log_scales, opacities, sh)
 }
 

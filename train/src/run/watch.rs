@@ -7,8 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
-use gs_datasets::guarded;
-use gs_datasets::image_io::write_atomic;
+use gs_base::{guarded, write_atomic};
 use toml::Table;
 
 use super::checkpoint::{self, Checkpoint, CheckpointError, Origin};

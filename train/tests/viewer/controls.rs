@@ -1,7 +1,8 @@
 //! Fingers, mouse, keys and buttons, by synthetic events (controls.js); key frames tell where the camera is.
 
 use glam::DVec3;
-use gs_burn::{Camera, Intrinsics, render};
+use gs_base::Intrinsics;
+use gs_burn::{Camera, render};
 use gs_datasets::load_cameras;
 use gs_models::{DynamicScene, Shutter};
 use gs_train::report::viewer;
@@ -142,7 +143,7 @@ fn fingers_mouse_and_keys_do_what_the_page_says() {
     std::fs::write(&file, told["file"].to_string()).expect("written");
     let pose = load_cameras(&file).expect("key frames").remove(0);
     let c2w = glam::DMat4::from_translation(-shift) * pose.c2w;
-    let gs_datasets::Intrinsics { fx, fy, cx, cy } = pose.intrinsics;
+    let gs_base::Intrinsics { fx, fy, cx, cy } = pose.intrinsics;
     let camera = Camera::from_c2w(c2w, Intrinsics { fx, fy, cx, cy }, pose.width, pose.height, &device());
     let truth = bytes(render(&scene.at(orbit.time()), &camera, &options()).color);
     let picture = told["picture"].as_str().and_then(|url| url.split_once("base64,")).expect("a picture").1;

@@ -12,7 +12,8 @@ mod motion;
 mod pages;
 
 use burn::tensor::{Tensor, TensorData};
-use gs_burn::{Camera, Gaussians, Intrinsics, RenderOptions, render};
+use gs_base::Intrinsics;
+use gs_burn::{Camera, Gaussians, RenderOptions, render};
 use gs_models::{DynamicScene, Static};
 use gs_train::report::viewer;
 use gs_train::run::presentation::{self, Presentation};

@@ -124,7 +124,7 @@ impl DynamicScene for Circles {
             quats.val() + turned * 0.4,
             log_scales.val() + grown,
             opacity_logits.val() + faded,
-            self.0.sh_coefficients(),
+            self.0.sh.val(),
         )
     }
 

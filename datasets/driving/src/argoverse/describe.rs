@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::{DatasetError, counted, photo_size, some_names};
+use gs_base::counted;
+use gs_datasets::{DatasetError, photo_size, some_names};
 
 use super::poses::{Calibrated, Track, cameras};
 use crate::description::{Camera, Description, Frame, Shot};

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
-use gs_datasets::{DatasetError, Intrinsics};
+use gs_base::Intrinsics;
+use gs_datasets::DatasetError;
 
-use crate::error::malformed;
 use crate::feather::table::Feather;
 
 /// The file with the ego vehicle's poses.
@@ -26,7 +26,12 @@ pub(crate) fn transforms(file: &Feather, path: &Path) -> Result<Vec<DMat4>, Data
             let (turn, shift) = (DQuat::from_xyzw(x[i], y[i], z[i], w[i]), DVec3::new(tx[i], ty[i], tz[i]));
             if !((turn.length() - 1.0).abs() < 1e-2 && shift.is_finite()) {
                 let found = format!("length {} and position {shift}", turn.length());
-                return Err(malformed(path, format!("row {i}"), "a rotation of length 1 and a position", found));
+                return Err(DatasetError::malformed(
+                    path,
+                    format!("row {i}"),
+                    "a rotation of length 1 and a position",
+                    found,
+                ));
             }
             Ok(DMat4::from_rotation_translation(turn.normalize(), shift))
         })
@@ -55,7 +60,12 @@ impl Track {
         let nearest = before.into_iter().chain(after).min_by_key(off);
         let close = nearest.filter(|entry| off(entry) <= POSE_MAX as u64).map(|entry| *entry.1);
         close.ok_or_else(|| {
-            malformed(&log.join(EGO), "the poses", format!("a pose within 10 ms of the time {time} ns"), "none")
+            DatasetError::malformed(
+                &log.join(EGO),
+                "the poses",
+                format!("a pose within 10 ms of the time {time} ns"),
+                "none",
+            )
         })
     }
 }
@@ -88,7 +98,7 @@ pub(crate) fn cameras(log: &Path) -> Result<Vec<Calibrated>, DatasetError> {
         .map(|(i, name)| {
             let pose = *poses
                 .get(&name)
-                .ok_or_else(|| malformed(&outer, "the sensors", format!("a pose of {name}"), "none"))?;
+                .ok_or_else(|| DatasetError::malformed(&outer, "the sensors", format!("a pose of {name}"), "none"))?;
             let intrinsics = Intrinsics { fx: fx[i], fy: fy[i], cx: cx[i], cy: cy[i] };
             let is_sound = fx[i] > 0.0
                 && fy[i] > 0.0
@@ -97,7 +107,12 @@ pub(crate) fn cameras(log: &Path) -> Result<Vec<Calibrated>, DatasetError> {
                 && width[i] > 0.0
                 && height[i] > 0.0;
             if !is_sound {
-                return Err(malformed(&inner, name, "focal lengths and sizes above 0", format!("{intrinsics:?}")));
+                return Err(DatasetError::malformed(
+                    &inner,
+                    name,
+                    "focal lengths and sizes above 0",
+                    format!("{intrinsics:?}"),
+                ));
             }
             Ok(Calibrated { name, pose, intrinsics, size: (width[i], height[i]) })
         })

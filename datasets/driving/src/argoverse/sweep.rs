@@ -9,7 +9,6 @@ use super::describe::{LIDAR, seconds};
 use super::poses::transforms;
 use crate::boxes;
 use crate::description::Frame;
-use crate::error::malformed;
 use crate::feather::table::Feather;
 use crate::sweep::{Cuboid, RANGE_MAX, Sweep};
 
@@ -52,7 +51,10 @@ pub(crate) fn read(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sw
 }
 
 fn stamp(path: &Path, frame: &Frame) -> Result<i64, DatasetError> {
-    frame.name.parse().map_err(|_| malformed(path, "the name", "a time stamp in nanoseconds", frame.name.clone()))
+    frame
+        .name
+        .parse()
+        .map_err(|_| DatasetError::malformed(path, "the name", "a time stamp in nanoseconds", frame.name.clone()))
 }
 
 /// The boxes of a frame; none where the log has no annotations, as logs for testing. The heading is taken; the small pitch and roll of

@@ -3,13 +3,12 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use gs_base::guarded;
 use gs_datasets::DatasetError;
-use gs_datasets::guarded;
 
 use super::flat::{Flat, array};
 use super::lz4;
 use super::schema::{Field, Kind, fields};
-use crate::error::malformed;
 
 /// Longest file, bytes. A sweep of Argoverse 2 has 1 MB, the annotations of a log 2 MB.
 const FILE_MAX: u64 = 256 << 20;
@@ -47,7 +46,7 @@ impl Feather {
     }
 
     fn wrong(&self, location: &str, expected: &str, found: impl Into<String>) -> DatasetError {
-        malformed(&self.path, location, expected, found)
+        DatasetError::malformed(&self.path, location, expected, found)
     }
 
     /// A column of numbers.

@@ -8,7 +8,6 @@ use glam::DVec3;
 use gs_datasets::DatasetError;
 
 use super::names;
-use crate::error::malformed;
 use crate::gzip;
 use crate::pickle::machine::parse;
 use crate::pickle::table::Table;
@@ -27,7 +26,7 @@ pub(crate) fn read(sequence: &Path, stem: &str, origin: DVec3) -> Result<Option<
     let Some(path) = names::pickle(&sequence.join(names::CUBOIDS), stem) else { return Ok(None) };
     let bytes = gzip::read(&path)?;
     let rows = parse(&bytes).and_then(|tree| rows(&Table::of(&tree)?));
-    let rows = rows.map_err(|error| malformed(&path, error.location, error.expected, error.found))?;
+    let rows = rows.map_err(|error| DatasetError::malformed(&path, error.location, error.expected, error.found))?;
     Ok(Some(cuboids(&rows, origin)))
 }
 

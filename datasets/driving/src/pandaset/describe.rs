@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::{DatasetError, agree, counted, photo_size, some_names};
+use gs_base::{agree, counted};
+use gs_datasets::{DatasetError, photo_size, some_names};
 
 use super::{json, names};
 use crate::description::{Camera, Description, Frame, Shot};
-use crate::error::malformed;
 use crate::options::LogOptions;
 
 /// A camera as its folder describes it.
@@ -47,7 +47,7 @@ pub(crate) fn describe(folder: &Path, options: &LogOptions) -> Result<Descriptio
     };
     let short = |path: &Path, count: usize, index: usize| {
         let found = format!("{count} {}", agree(count, "entry", "entries"));
-        malformed(path, "the list", format!("an entry {index} for the frame of that number"), found)
+        DatasetError::malformed(path, "the list", format!("an entry {index} for the frame of that number"), found)
     };
     let last = stems.last_key_value().map_or(*first, |entry| *entry.0);
     for (path, count) in [(&times_file, times.len()), (&poses_file, egos.len())] {
@@ -99,7 +99,7 @@ fn ascending(path: &Path, times: &[f64], indices: &[usize]) -> Result<(), Datase
             && after <= before
         {
             let expected = format!("a time after {before}, that of entry {}", pair[0]);
-            return Err(malformed(path, format!("entry {}", pair[1]), expected, after.to_string()));
+            return Err(DatasetError::malformed(path, format!("entry {}", pair[1]), expected, after.to_string()));
         }
     }
     Ok(())
@@ -125,7 +125,7 @@ fn film(sequence: &Path, name: &str, ego_rows: usize, options: &LogOptions) -> R
         && *last >= times.len().min(poses.len())
     {
         let found = format!("{} and {}", counted(times.len(), "time"), counted(poses.len(), "pose"));
-        return Err(malformed(
+        return Err(DatasetError::malformed(
             &folder,
             "timestamps.json and poses.json",
             format!("an entry {last} for the last image"),

@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
-use gs_datasets::guarded::{DESCRIPTION_MAX, read_to_string};
-use gs_datasets::{DatasetError, Intrinsics};
+use gs_base::Intrinsics;
+use gs_base::guarded::{DESCRIPTION_MAX, read_to_string};
+use gs_datasets::DatasetError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
-
-use crate::error::malformed;
 
 /// Farthest an ego vehicle or a camera may be from the origin of its world, metres: twice the circumference of the Earth.
 const POSITION_MAX: f64 = 8.0e7;
@@ -63,7 +62,7 @@ struct Pinhole {
 /// names their entry.
 fn parse<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T, DatasetError> {
     let text = read_to_string(path, DESCRIPTION_MAX)?;
-    let wrong = |error: serde_json::Error| malformed(path, "the JSON", expected, error.to_string());
+    let wrong = |error: serde_json::Error| DatasetError::malformed(path, "the JSON", expected, error.to_string());
     serde_json::from_str(&text).or_else(|_| serde_json::from_str(&without_nan(&text))).map_err(wrong)
 }
 
@@ -91,7 +90,9 @@ pub(crate) fn poses(path: &Path) -> Result<Vec<DMat4>, DatasetError> {
         .map(|(index, Pose { position, heading })| {
             let position = DVec3::new(position.x, position.y, position.z);
             let heading = DQuat::from_xyzw(heading.x, heading.y, heading.z, heading.w);
-            let wrong = |expected: &str, found: String| Err(malformed(path, format!("pose {index}"), expected, found));
+            let wrong = |expected: &str, found: String| {
+                Err(DatasetError::malformed(path, format!("pose {index}"), expected, found))
+            };
             if !(position.is_finite() && position.abs().max_element() <= POSITION_MAX) {
                 return wrong("a position in metres", position.to_string());
             }
@@ -109,7 +110,7 @@ pub(crate) fn timestamps(path: &Path) -> Result<Vec<f64>, DatasetError> {
     let list: Vec<Option<f64>> = parse(path, "a list of seconds")?;
     let second = |(index, time): (usize, Option<f64>)| {
         let time = time.unwrap_or(f64::NAN);
-        let wrong = || malformed(path, format!("entry {index}"), "Unix seconds", format!("{time:e}"));
+        let wrong = || DatasetError::malformed(path, format!("entry {index}"), "Unix seconds", format!("{time:e}"));
         // Also refuses NaN.
         if time.abs() <= TIME_MAX { Ok(time) } else { Err(wrong()) }
     };
@@ -121,7 +122,12 @@ pub(crate) fn intrinsics(path: &Path) -> Result<Intrinsics, DatasetError> {
     let Pinhole { fx, fy, cx, cy } = parse(path, "fx, fy, cx and cy")?;
     if !(fx.is_finite() && fy.is_finite() && fx > 0.0 && fy > 0.0 && cx.is_finite() && cy.is_finite()) {
         let found = format!("fx {fx}, fy {fy}, cx {cx}, cy {cy}");
-        return Err(malformed(path, "the intrinsics", "focal lengths above 0 and a finite centre", found));
+        return Err(DatasetError::malformed(
+            path,
+            "the intrinsics",
+            "focal lengths above 0 and a finite centre",
+            found,
+        ));
     }
     Ok(Intrinsics { fx, fy, cx, cy })
 }

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use glam::DVec3;
-use gs_datasets::{DatasetError, counted};
+use gs_base::counted;
+use gs_datasets::DatasetError;
 
 use super::{cuboids, names, truth};
 use crate::boxes;
 use crate::description::Frame;
-use crate::error::malformed;
 use crate::gzip;
 use crate::pickle::machine::parse;
 use crate::pickle::table::Table;
@@ -29,15 +29,12 @@ struct Rows {
 /// The sweep of a frame, with labels by its boxes, or exact ones where the sequence has them; `next` is the frame behind it.
 pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin: DVec3) -> Result<Sweep, DatasetError> {
     let folder = sequence.join(names::LIDAR);
-    let missing = || DatasetError::Io {
-        path: folder.join(format!("{}.pkl.gz", frame.name)),
-        action: "read",
-        source: std::io::Error::from(std::io::ErrorKind::NotFound),
-    };
+    let missing =
+        || DatasetError::read(&folder.join(format!("{}.pkl.gz", frame.name)), std::io::ErrorKind::NotFound.into());
     let path = names::pickle(&folder, &frame.name).ok_or_else(missing)?;
     let bytes = gzip::read(&path)?;
     let rows = parse(&bytes).and_then(|tree| rows(&Table::of(&tree)?, frame.time));
-    let rows = rows.map_err(|error| malformed(&path, error.location, error.expected, error.found))?;
+    let rows = rows.map_err(|error| DatasetError::malformed(&path, error.location, error.expected, error.found))?;
     drop(bytes);
     let ego = frame.ego.w_axis.truncate();
     let kept: Vec<usize> = (0..rows.points.len())
@@ -74,7 +71,7 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
         let classes = column(&path, "class")?;
         if classes.len() != count {
             let expected = format!("{}, as the sweep has", counted(count, "row"));
-            return Err(malformed(&path, "the table", expected, classes.len().to_string()));
+            return Err(DatasetError::malformed(&path, "the table", expected, classes.len().to_string()));
         }
         labels.semantic = kept.iter().map(|index| classes[*index] as u8).collect();
     }
@@ -85,7 +82,7 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
 pub(crate) fn column(path: &Path, name: &str) -> Result<Vec<f64>, DatasetError> {
     let bytes = gzip::read(path)?;
     let numbers = parse(&bytes).and_then(|tree| Table::of(&tree)?.numbers(name));
-    numbers.map_err(|error| malformed(path, error.location, error.expected, error.found))
+    numbers.map_err(|error| DatasetError::malformed(path, error.location, error.expected, error.found))
 }
 
 fn rows(table: &Table<'_, '_>, time: f64) -> Result<Rows, PickleError> {

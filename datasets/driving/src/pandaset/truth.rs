@@ -9,10 +9,10 @@
 
 use std::path::Path;
 
-use gs_datasets::{DatasetError, counted};
+use gs_base::counted;
+use gs_datasets::DatasetError;
 
 use super::names;
-use crate::error::malformed;
 use crate::gzip;
 use crate::pickle::machine::parse;
 use crate::pickle::table::Table;
@@ -32,10 +32,11 @@ pub(crate) fn read(sequence: &Path, stem: &str, count: usize, kept: &[usize]) ->
     let Some(path) = names::pickle(&sequence.join(names::TRUTH_POINTS), stem) else { return Ok(None) };
     let bytes = gzip::read(&path)?;
     let columns = parse(&bytes).and_then(|tree| columns(&Table::of(&tree)?));
-    let columns = columns.map_err(|error| malformed(&path, error.location, error.expected, error.found))?;
+    let columns =
+        columns.map_err(|error| DatasetError::malformed(&path, error.location, error.expected, error.found))?;
     if columns[0].len() != count {
         let expected = format!("{}, as the sweep has", counted(count, "row"));
-        return Err(malformed(&path, "the table", expected, columns[0].len().to_string()));
+        return Err(DatasetError::malformed(&path, "the table", expected, columns[0].len().to_string()));
     }
     let [x, y, z, instance, class, semantic] = &columns;
     let mut numbers: Vec<u32> = kept.iter().map(|i| instance[*i] as u32).filter(|number| *number > 0).collect();

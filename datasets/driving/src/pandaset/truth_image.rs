@@ -40,7 +40,7 @@ pub fn encode_truth_image(
 ) -> Result<Vec<u8>, DatasetError> {
     let values = [depth, &flow[0], &flow[1], &flow[2], instance];
     let channels: Vec<(&str, &[f32])> = CHANNELS.into_iter().zip(values).collect();
-    encode_exr(path, size, &channels, None)
+    Ok(encode_exr(path, size, &channels, None)?)
 }
 
 /// The truth of a frame (by its name) and a camera of a synthetic log; `None` where the log has none.

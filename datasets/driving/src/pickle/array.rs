@@ -1,48 +1,25 @@
 //! Pickled NumPy arrays of one or two dimensions.
 
+use gs_base::npy::Number;
+
 use super::value::{Global, Id, PickleError, Tree, Value};
 
 /// Most dimensions of an array: a block of a table is a matrix.
 const DIMENSIONS_MAX: usize = 2;
 
-/// What an element is.
+/// The type of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    F64,
-    F32,
-    Bool,
-    /// Bytes, signed.
-    Int(usize, bool),
+    Number(Number),
     /// A value of the tree.
     Object,
 }
 
 impl Kind {
     fn of(text: &str) -> Option<Self> {
-        Some(match text {
-            "f8" => Self::F64,
-            "f4" => Self::F32,
-            "b1" => Self::Bool,
-            "i8" => Self::Int(8, true),
-            "i4" => Self::Int(4, true),
-            "i2" => Self::Int(2, true),
-            "i1" => Self::Int(1, true),
-            "u8" => Self::Int(8, false),
-            "u4" => Self::Int(4, false),
-            "u2" => Self::Int(2, false),
-            "u1" => Self::Int(1, false),
-            "O8" | "O" => Self::Object,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::F64 => 8,
-            Self::F32 => 4,
-            Self::Bool => 1,
-            Self::Int(bytes, _) => bytes,
-            Self::Object => 0,
+        match text {
+            "O8" | "O" => Some(Self::Object),
+            _ => Number::parse(text).map(Self::Number),
         }
     }
 }
@@ -120,26 +97,19 @@ impl<'t> Array<'t> {
     /// The element of a row and column, which are inside.
     pub fn cell(&self, tree: &'t Tree<'_>, row: usize, column: usize) -> Cell<'t> {
         let index = if self.is_fortran { column * self.rows() + row } else { row * self.columns() + column };
-        let bytes = match self.data {
-            Data::Objects(list) => {
-                return match tree.get(list[index]) {
-                    Value::Text(text) => Cell::Text(text),
-                    Value::Float(value) => Cell::Number(*value),
-                    Value::Int(value) => Cell::Int(*value),
-                    Value::Bool(value) => Cell::Int(i64::from(*value)),
-                    _ => Cell::Missing,
-                };
+        match (self.data, self.kind) {
+            (Data::Bytes(bytes), Kind::Number(number)) => {
+                let bytes = &bytes[index * number.bytes()..];
+                if number.is_float() { Cell::Number(number.read(bytes)) } else { Cell::Int(number.read_integer(bytes)) }
             }
-            Data::Bytes(bytes) => &bytes[index * self.kind.bytes()..],
-        };
-        match self.kind {
-            Kind::F64 => Cell::Number(f64::from_le_bytes(std::array::from_fn(|i| bytes[i]))),
-            Kind::F32 => Cell::Number(f64::from(f32::from_le_bytes(std::array::from_fn(|i| bytes[i])))),
-            Kind::Int(count, is_signed) => {
-                let filler = if is_signed && bytes[count - 1] >= 0x80 { 0xff } else { 0 };
-                Cell::Int(i64::from_le_bytes(std::array::from_fn(|i| if i < count { bytes[i] } else { filler })))
-            }
-            Kind::Bool | Kind::Object => Cell::Int(i64::from(bytes[0])),
+            (Data::Objects(list), _) => match tree.get(list[index]) {
+                Value::Text(text) => Cell::Text(text),
+                Value::Float(value) => Cell::Number(*value),
+                Value::Int(value) => Cell::Int(*value),
+                Value::Bool(value) => Cell::Int(i64::from(*value)),
+                _ => Cell::Missing,
+            },
+            (Data::Bytes(_), Kind::Object) => Cell::Missing,
         }
     }
 }
@@ -164,7 +134,7 @@ fn kind(tree: &Tree<'_>, id: Id) -> Result<Kind, PickleError> {
     if let Some(Value::Text(">")) = order {
         return Err(PickleError::new(place, "little-endian numbers", "big-endian ones"));
     }
-    Kind::of(name).ok_or_else(|| PickleError::new(place, "f8, f4, i8 to i1, u8 to u1, b1 or O8", format!("{name:?}")))
+    Kind::of(name).ok_or_else(|| PickleError::new(place, "f8 to f2, i8 to i1, u8 to u1, b1 or O8", format!("{name:?}")))
 }
 
 /// The elements, as many as the shape says.
@@ -175,7 +145,9 @@ fn data_of<'t>(tree: &'t Tree<'_>, id: Id, kind: Kind, shape: &[usize]) -> Resul
     match (kind, tree.get(id)) {
         (Kind::Object, Value::List(list)) if Some(list.len()) == count => Ok(Data::Objects(list)),
         (Kind::Object, other) => Err(wrong(other.kind().to_string())),
-        (kind, Value::Bytes(bytes)) if count.and_then(|n| n.checked_mul(kind.bytes())) == Some(bytes.len()) => {
+        (Kind::Number(number), Value::Bytes(bytes))
+            if count.and_then(|n| n.checked_mul(number.bytes())) == Some(bytes.len()) =>
+        {
             Ok(Data::Bytes(bytes))
         }
         (_, Value::Bytes(bytes)) => Err(wrong(format!("{} bytes", bytes.len()))),

@@ -1,7 +1,8 @@
 //! Cameras and lasers as they are calibrated.
 
 use glam::DMat4;
-use gs_datasets::{Distortion, Intrinsics, Undistortion, downscaled_size};
+use gs_base::Intrinsics;
+use gs_datasets::{Distortion, Undistortion, downscaled_size};
 
 use crate::description::Camera;
 

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::{DatasetError, RgbImage8, Undistortion, counted, decode_photo, some_names};
+use gs_base::{FileError, counted};
+use gs_datasets::{DatasetError, RgbImage8, Undistortion, decode_photo, some_names};
 
 use super::calibration::OPENCV;
 use super::modular::Modular;
@@ -13,7 +14,6 @@ use super::range::{Points, seconds};
 use super::record::Records;
 use crate::boxes;
 use crate::description::{Description, Frame, Shot};
-use crate::error::malformed;
 use crate::options::LogOptions;
 use crate::sweep::{Cuboid, ObjectClass, Sweep};
 
@@ -91,7 +91,7 @@ impl Segment {
             }
             let (camera, lens) = calibration.camera(name, options.max_width).map_err(|found| {
                 let expected = "a lens whose image is filled by focal lengths of at most twice its own";
-                malformed(&images, format!("the calibration of {name}"), expected, found)
+                DatasetError::malformed(&images, format!("the calibration of {name}"), expected, found)
             })?;
             cameras.push(camera);
             self.cameras.push((*number, lens));
@@ -154,7 +154,7 @@ impl Segment {
         let (_, file) = self.files();
         if scans.is_empty() {
             let source = std::io::Error::new(std::io::ErrorKind::NotFound, format!("no range image of {}", this.stamp));
-            return Err(DatasetError::Io { path: file, action: "read a sweep", source });
+            return Err(FileError::Io { path: file, action: "read a sweep", source }.into());
         }
         let mut points = Points::default();
         for scan in &scans {
@@ -162,7 +162,7 @@ impl Segment {
             added.map_err(|found| {
                 let laser = name(&LASERS, scan.laser).unwrap_or_default();
                 let place = format!("the range image of {laser} at {}", this.stamp);
-                malformed(&file, place, "the pixels of the calibrated laser", found)
+                DatasetError::malformed(&file, place, "the pixels of the calibrated laser", found)
             })?;
         }
         let Points { mut sweep, unlabelled } = points;

@@ -1,7 +1,8 @@
 //! The world of the motion tests, by a ray caster of its own.
 
 use glam::{DMat3, DMat4, DVec3};
-use gs_datasets::{Intrinsics, Priors, RgbImage8, Scene, SceneFormat, Truth, View};
+use gs_base::Intrinsics;
+use gs_datasets::{Priors, RgbImage8, Scene, SceneFormat, Truth, View};
 use gs_worlds::deblur::{DeblurOptions, write};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

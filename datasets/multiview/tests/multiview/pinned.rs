@@ -4,7 +4,8 @@
 //! has a say.
 
 use glam::DMat4;
-use gs_datasets::{Intrinsics, Priors, RgbImage8, Scene, SceneFormat, Truth, View};
+use gs_base::Intrinsics;
+use gs_datasets::{Priors, RgbImage8, Scene, SceneFormat, Truth, View};
 use gs_multiview::{MaskOptions, MaskSource, background, moving_masks, static_cameras};
 
 const WIDTH: usize = 256;

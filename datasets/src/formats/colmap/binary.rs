@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use glam::DVec3;
+use gs_base::{agree, counted, guarded};
 
 use super::model::{Camera, Image, Listed, Point, model_by_id};
 use crate::error::DatasetError;
-use crate::guarded;
-use crate::plural::{agree, counted};
 
 /// The id of "no point".
 const NO_POINT: u64 = u64::MAX;

@@ -3,12 +3,12 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use gs_base::{agree, counted, guarded};
+
 use super::text;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
-use crate::guarded;
 use crate::names::some_names;
-use crate::plural::{agree, counted};
 use crate::scene::SceneFormat;
 
 /// Where models lie below a scene's folder, in a folder there or in the folder itself; the last is for a path

@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::PathBuf;
 
+use gs_base::{agree, counted};
+
 use super::find::ModelFiles;
 use super::model::{Image, Model, SUPPORTED};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::lens::Lens;
 use crate::names::some_names;
-use crate::plural::{agree, counted};
 
 /// Lenses by camera, and the images without one.
 pub(super) struct Lenses<'a> {

@@ -11,6 +11,8 @@ mod text;
 use std::collections::HashMap;
 use std::path::Path;
 
+use gs_base::counted;
+
 use self::lenses::Lenses;
 use self::model::Model;
 use super::lookup::{Lookup, Reach};
@@ -18,7 +20,6 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::frame::CameraPose;
 use crate::options::{LoadOptions, MaskUse};
-use crate::plural::counted;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::SceneFormat;
 use crate::side_files::{Kind, SideFile, SideFiles};

@@ -3,17 +3,17 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use gs_base::{agree, counted, guarded};
+
 use super::find::ModelFiles;
 use super::model::Model;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
 use crate::formats::renamed::photos_below;
-use crate::guarded;
 use crate::mask::{MaskFile, White};
 use crate::names::{self, some_names};
 use crate::options::{LoadOptions, MaskUse};
-use crate::plural::{agree, counted};
 
 /// How many images are looked for to tell which folder holds them.
 const PROBED: usize = 50;

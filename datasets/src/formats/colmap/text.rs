@@ -4,10 +4,10 @@ use std::path::Path;
 use std::str::{FromStr, SplitAsciiWhitespace};
 
 use glam::DVec3;
+use gs_base::guarded;
 
 use super::model::{Camera, Image, Listed, Point, model_by_name};
 use crate::error::DatasetError;
-use crate::guarded;
 
 /// The words of one line.
 struct Line<'a> {
@@ -53,7 +53,7 @@ fn is_nan(word: &str) -> bool {
 }
 
 fn read(path: &Path) -> Result<String, DatasetError> {
-    guarded::read_to_string(path, guarded::MODEL_MAX)
+    Ok(guarded::read_to_string(path, guarded::MODEL_MAX)?)
 }
 
 /// Lines with their numbers, comments left out and blank lines kept.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gs_base::{agree, counted, guarded};
 use serde_json::{Map, Value};
 
 use super::frames::Entry;
@@ -10,12 +11,10 @@ use crate::findings::Findings;
 use crate::formats::json::Keys;
 use crate::formats::lookup::{Lookup, Reach};
 use crate::formats::panoptic;
-use crate::guarded;
 use crate::mask::{MaskFile, White};
 use crate::names;
 use crate::names::some_names;
 use crate::options::{DepthKind, LoadOptions, MaskUse};
-use crate::plural::{agree, counted};
 use crate::priors::sources;
 use crate::raw::RawFrame;
 use crate::side_files::{DepthMeaning, Kind, SideFile, SideFiles};

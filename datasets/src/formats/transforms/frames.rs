@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use glam::DMat4;
+use gs_base::sentence::number;
+use gs_base::{agree, counted, printable};
 use serde_json::{Map, Value};
 
 use super::lens;
@@ -10,9 +12,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
-use crate::plural::{agree, counted};
 use crate::pose;
-use crate::printable::{number, printable};
 use crate::priors::sources::{FRAME_KEYS, TRUTH_KEYS};
 use crate::side_files::Kind;
 

@@ -1,10 +1,11 @@
 //! The lens keys of transforms.json, per frame or shared.
 
+use gs_base::sentence::number;
+
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::formats::json::Keys;
 use crate::lens::{Focal, Lens};
-use crate::printable::number;
 
 /// Largest declared image side, pixels; beyond it a number is not a size.
 const SIDE_MAX: f64 = 1e6;

@@ -8,6 +8,7 @@ mod lens;
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use gs_base::{agree, counted};
 use serde_json::{Map, Value};
 
 use self::frames::Entry;
@@ -18,7 +19,6 @@ use crate::frame::CameraPose;
 use crate::names;
 use crate::names::some_names;
 use crate::options::LoadOptions;
-use crate::plural::{agree, counted};
 use crate::raw::{RawFrame, RawPoints, RawScene, SplitName};
 use crate::scene::{SceneFormat, Split};
 use crate::{pixels, ply};

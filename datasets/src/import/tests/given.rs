@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use gs_base::write_atomic;
+
 use super::archive::floats;
 use super::{errors, world, worst};
-use crate::image_io::write_atomic;
 use crate::import::{ImportOptions, import};
 use crate::{Holdout, LoadOptions, View, load};
 use gs_worlds::extrapolation::World;

@@ -201,7 +201,7 @@ fn colmap(folder: &Path, views: &[View]) {
     }
     for (name, text) in [("cameras", cameras), ("images", images), ("points3D", points)] {
         let file = folder.join("sparse/0").join(format!("{name}.txt"));
-        crate::image_io::write_atomic(&file, text.as_bytes()).expect("a model");
+        gs_base::write_atomic(&file, text.as_bytes()).expect("a model");
     }
 }
 

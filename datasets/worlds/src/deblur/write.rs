@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use gs_base::write_atomic;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -15,7 +16,7 @@ use super::rig::{ANGLE_X, Rig, cameras};
 use super::shutter::{ExposurePoses, Shot, photograph};
 use super::{DeblurOptions, points, priors, worlds};
 use gs_datasets::DatasetError;
-use gs_datasets::image_io::{write_atomic, write_exr, write_png};
+use gs_datasets::image_io::{write_exr, write_png};
 
 /// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 16 frames of 640 x 480
 /// fit; of larger sets the still part is traced again for every few frames.
@@ -188,7 +189,7 @@ fn write_shot(
     let faults = &options.priors;
     exr(format!("priors/depth/{stem}.exr"), &[("Z", &priors::depth(&shot.depth, width, faults, rng))])?;
     png(format!("priors/masks/{stem}.png"), &priors::mask(&shot.moving, width, faults, rng))?;
-    png(format!("priors/sharp/{stem}.png"), &priors::sharp(&shot.partly, faults, rng))
+    Ok(png(format!("priors/sharp/{stem}.png"), &priors::sharp(&shot.partly, faults, rng))?)
 }
 
 fn transforms(stage: &Stage, cameras: &[&Camera], options: &DeblurOptions) -> Value {

@@ -1,7 +1,7 @@
 //! Images of the street with their truth.
 
 use glam::{DMat4, DVec3};
-use gs_datasets::Intrinsics;
+use gs_base::Intrinsics;
 use gs_datasets::light::to_byte;
 
 use super::instant::{Candidates, Instant};

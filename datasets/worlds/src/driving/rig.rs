@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::Intrinsics;
+use gs_base::Intrinsics;
 
 use super::options::StreetOptions;
 use super::street::Street;

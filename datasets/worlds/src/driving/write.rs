@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{DMat4, DQuat, DVec3};
+use gs_base::write_atomic;
 use gs_datasets::DatasetError;
-use gs_datasets::image_io::write_atomic;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rand::SeedableRng;
@@ -37,7 +37,7 @@ pub fn write(dir: &Path, options: &StreetOptions, progress: impl Fn(usize, usize
     let rig = Rig { street: &street, options: options.clone() };
     let total = options.frames * (1 + options.cameras);
     let done = AtomicUsize::new(0);
-    (0..total).into_par_iter().try_for_each(|task| {
+    (0..total).into_par_iter().try_for_each(|task| -> Result<(), DatasetError> {
         let (frame, sensor) = (task / (1 + options.cameras), task % (1 + options.cameras));
         match sensor {
             0 => write_sweep(dir, &rig, frame)?,
@@ -77,14 +77,12 @@ fn camera_pose(rig: &Rig<'_>, frame: usize, camera: usize, rng: &mut ChaCha8Rng)
 }
 
 fn write_json(path: &Path, value: &Value) -> Result<(), DatasetError> {
-    write_atomic(path, format!("{value}\n").as_bytes())
+    Ok(write_atomic(path, format!("{value}\n").as_bytes())?)
 }
 
 fn write_pickle(folder: &Path, frame: usize, content: &[u8], compressed: bool) -> Result<(), DatasetError> {
-    match compressed {
-        true => write_atomic(&folder.join(format!("{frame:02}.pkl.gz")), &compress(content)),
-        false => write_atomic(&folder.join(format!("{frame:02}.pkl")), content),
-    }
+    let (ending, content) = if compressed { ("pkl.gz", &compress(content)[..]) } else { ("pkl", content) };
+    Ok(write_atomic(&folder.join(format!("{frame:02}.{ending}")), content)?)
 }
 
 fn write_sweep(dir: &Path, rig: &Rig<'_>, frame: usize) -> Result<(), DatasetError> {

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use gs_base::write_atomic;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -17,7 +18,7 @@ use super::priors::prior;
 use super::rig::{angle_x, cameras};
 use super::{ExtrapolationOptions, scene};
 use gs_datasets::DatasetError;
-use gs_datasets::image_io::{write_atomic, write_exr, write_png};
+use gs_datasets::image_io::{write_exr, write_png};
 
 /// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 60 frames of 280 x 280 fit; of larger
 /// sets the still part is traced again for every few frames.
@@ -217,7 +218,8 @@ fn write_prior(
     let prior = prior(&shot.depth, width, &options.priors, rng);
     points.add(camera, &prior.depth, &shot.color);
     write_exr(&dir.join(format!("priors/depth/{stem}.exr")), width, height, &[("Z", &prior.depth)])?;
-    write_exr(&dir.join(format!("priors/confidence/{stem}.exr")), width, height, &[("Y", &prior.confidence)])
+    let confidence = dir.join(format!("priors/confidence/{stem}.exr"));
+    Ok(write_exr(&confidence, width, height, &[("Y", &prior.confidence)])?)
 }
 
 /// The entries of one list.

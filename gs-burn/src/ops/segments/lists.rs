@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use burn::backend::Dispatch;
+use burn::backend::tensor::IntTensor;
 use burn::tensor::{Device, Int, Tensor};
 use gs_kernels::cpu::segments::SegmentLists;
 use gs_kernels::cpu::sparse_conv::SparseError;
 
-use super::SegmentTables;
 use crate::device::is_gpu;
 
 /// The segment of each of `N` rows, and the rows of each of `V` segments; built once on the host. A clone shares it.
@@ -74,11 +74,7 @@ impl Segments {
         &self.lists
     }
 
-    pub(super) fn tables(&self) -> SegmentTables<Dispatch> {
-        SegmentTables {
-            of_row: self.of_row.clone().into_dispatch(),
-            starts: self.starts.clone().into_dispatch(),
-            rows: self.by_segment.clone().into_dispatch(),
-        }
+    pub(super) fn tables(&self) -> [IntTensor<Dispatch>; 3] {
+        [&self.of_row, &self.starts, &self.by_segment].map(|list| list.clone().into_dispatch())
     }
 }

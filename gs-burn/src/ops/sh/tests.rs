@@ -30,60 +30,6 @@ fn kernel_is_the_reference_at_every_degree() {
     }
 }
 
-/// The coefficients of degree 3 in two leaves.
-fn bands(sh: &Tensor<3>) -> [Tensor<3>; 2] {
-    [(0, 9), (9, 7)].map(|(first, count)| sh.clone().inner().narrow(1, first, count).autodiff().require_grad())
-}
-
-/// Colours and gradients with the third band apart are those of the reference.
-fn assert_bands_are_twins(scene: &Scene, projected: &Tensor<2>) {
-    let [sh, third] = bands(&scene.sh);
-    let [actual, expected] = [sh_colors_of_bands, sh_colors_of_bands_reference].map(|colors| {
-        let Scene { means, viewmat, .. } = scene.clone();
-        colors(means, sh.clone(), third.clone(), viewmat, projected.clone())
-    });
-    let (of_sh, of_third) = (gradient_of(&sh), gradient_of(&third));
-    let (means, viewmat) = (gradient_of(&scene.means), gradient_of(&scene.viewmat));
-    assert_same_gradients(
-        actual,
-        expected,
-        &[("sh", &of_sh), ("third", &of_third), ("means", &means), ("viewmat", &viewmat)],
-    );
-}
-
-#[test]
-fn a_third_band_apart_is_the_reference() {
-    let scene = Scene::random(20, 3, 7);
-    assert_bands_are_twins(&scene, &rows(&scene));
-}
-
-#[test]
-fn a_third_band_without_rows_has_no_colours() {
-    let scene = Scene::random(0, 3, 7);
-    let [sh, third] = bands(&scene.sh);
-    let colors = sh_colors_of_bands(scene.means.clone(), sh, third.clone(), scene.viewmat.clone(), rows(&scene));
-    assert_eq!(colors.dims(), [0, 3]);
-    let gradients = colors.sum().backward();
-    assert_eq!(third.grad(&gradients).expect("a gradient").dims(), [0, 7, 3]);
-}
-
-#[test]
-fn a_third_band_apart_hides_what_is_not_drawn() {
-    for coefficient in [5, 40] {
-        let mut scene = Scene::random(4, 3, 6);
-        let mut sh = values(&scene.sh);
-        sh[48 + coefficient] = f64::NAN;
-        scene.sh = tensor(sh, [4, 16, 3]).require_grad();
-        let seen = values(&rows(&scene)).iter().enumerate().map(|(i, x)| if i < 8 { 0.0 } else { *x }).collect();
-        let projected = tensor(seen, [4, 8]);
-        assert_bands_are_twins(&scene, &projected);
-        let [sh, third] = bands(&scene.sh);
-        let colors = values(&sh_colors_of_bands(scene.means, sh, third, scene.viewmat, projected));
-        assert_eq!(colors[..3], [0.0; 3]);
-        assert_eq!(colors[3..6], [gs_kernels::constants::INVALID_FEATURE; 3]);
-    }
-}
-
 #[test]
 fn what_is_not_drawn_has_no_colour_and_no_gradient() {
     let mut scene = Scene::random(4, 3, 6);

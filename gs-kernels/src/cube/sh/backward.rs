@@ -2,7 +2,7 @@
 
 use cubecl::prelude::*;
 
-use super::basis::{Direction, basis, basis_vjp, centre, direction, raw_colour};
+use super::basis::{basis, basis_vjp, centre, direction, raw_colour};
 use super::forward::check;
 use super::table::{read_rows, shared_len, write_rows};
 use crate::config::ShConfig;
@@ -43,7 +43,7 @@ fn sh_backward_kernel(
     for k in 0..comptime!(3 * used) {
         own[k] = 0.0f32;
     }
-    read_rows(sh, &mut own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used), 0usize);
+    read_rows(sh, &mut own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used));
     let inside = CUBE_POS * UNITS + (UNIT_POS as usize) < count as usize;
     let index = select(inside, CUBE_POS * UNITS + UNIT_POS as usize, 0usize);
 
@@ -51,8 +51,13 @@ fn sh_backward_kernel(
     let mut b = Array::<f32>::new(MAX_COEFFICIENTS);
     basis(degree, dir.unit, &mut b);
     let raw = raw_colour(&b, &own, used);
-    let valid = inside && passes(raw, v_colors, projected, index);
-    let v = unclamped(raw, read3(v_colors, index), valid);
+    let v_shown = read3(v_colors, index);
+    let valid = inside && finite3(raw) && finite3(v_shown) && read_radius(projected, index) > 0.0f32;
+    let v = Vec3 {
+        x: select(valid && raw.x > 0.0f32, v_shown.x, 0.0f32),
+        y: select(valid && raw.y > 0.0f32, v_shown.y, 0.0f32),
+        z: select(valid && raw.z > 0.0f32, v_shown.z, 0.0f32),
+    };
 
     let mut v_basis = Array::<f32>::new(MAX_COEFFICIENTS);
     #[unroll]
@@ -66,54 +71,25 @@ fn sh_backward_kernel(
     }
     write_rows(v_sh, &own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used));
 
-    let v_mean = mean_gradient(dir, &v_basis, valid, degree);
-    if inside {
-        write3(gradients, 0, index, v_mean);
-    }
-    if comptime!(of_pose) {
-        write_sum(gradients, start_sums, v_mean, &mut slots);
-    }
-}
-
-/// Whether Gaussian `index` of the colour `raw` passes a gradient: it is seen, and both are finite.
-#[cube]
-pub(super) fn passes(raw: Vec3, v_colors: &[f32], projected: &[f32], index: usize) -> bool {
-    finite3(raw) && finite3(read3(v_colors, index)) && read_radius(projected, index) > 0.0f32
-}
-
-/// The gradient with respect to the colour before it is clamped at zero.
-#[cube]
-pub(super) fn unclamped(raw: Vec3, v_shown: Vec3, valid: bool) -> Vec3 {
-    Vec3 {
-        x: select(valid && raw.x > 0.0f32, v_shown.x, 0.0f32),
-        y: select(valid && raw.y > 0.0f32, v_shown.y, 0.0f32),
-        z: select(valid && raw.z > 0.0f32, v_shown.z, 0.0f32),
-    }
-}
-
-/// The gradient with respect to the mean from that with respect to the basis; zero if it is not finite.
-#[cube]
-pub(super) fn mean_gradient(dir: Direction, v_basis: &Array<f32>, valid: bool, #[comptime] degree: u32) -> Vec3 {
     let mut v_mean = Vec3 { x: 0.0f32, y: 0.0f32, z: 0.0f32 };
     if comptime!(degree > 0) {
-        let v_dir = basis_vjp(degree, dir.unit, v_basis);
+        let v_dir = basis_vjp(degree, dir.unit, &v_basis);
         let across = scaled(1.0f32 / dir.distance, combine(1.0f32, v_dir, -dot(dir.unit, v_dir), dir.unit));
         let kept = valid && finite3(across);
         v_mean.x = select(kept, across.x, 0.0f32);
         v_mean.y = select(kept, across.y, 0.0f32);
         v_mean.z = select(kept, across.z, 0.0f32);
     }
-    v_mean
-}
-
-/// Writes the cube's sum of `v_mean` into the row of the cube behind `start`.
-#[cube]
-pub(super) fn write_sum(gradients: &mut [f32], start: u32, v_mean: Vec3, slots: &mut Shared<[f32]>) {
-    let x = cube_sum(v_mean.x, slots);
-    let y = cube_sum(v_mean.y, slots);
-    let z = cube_sum(v_mean.z, slots);
-    if UNIT_POS == 0 {
-        write3(gradients, start as usize, CUBE_POS, Vec3 { x, y, z });
+    if inside {
+        write3(gradients, 0, index, v_mean);
+    }
+    if comptime!(of_pose) {
+        let x = cube_sum(v_mean.x, &mut slots);
+        let y = cube_sum(v_mean.y, &mut slots);
+        let z = cube_sum(v_mean.z, &mut slots);
+        if UNIT_POS == 0 {
+            write3(gradients, start_sums as usize, CUBE_POS, Vec3 { x, y, z });
+        }
     }
 }
 
@@ -207,29 +183,22 @@ pub fn backward(
         }
     }
     let [v_means, sums] = slab.parts;
-    let v_viewmat = if of_pose { Some(pose_gradient(client, &sums, viewmat, cubes)?) } else { None };
-    Ok(ShGradients { means: v_means, sh: v_sh, viewmat: v_viewmat })
-}
-
-/// The gradient with respect to the pose `[4, 4]` from the `sums` of `cubes` cubes.
-pub(super) fn pose_gradient(
-    client: &Client,
-    sums: &Buffer,
-    viewmat: &Buffer,
-    cubes: usize,
-) -> Result<Buffer, CubeError> {
-    let pose = Buffer::empty(client, "gradient of the camera", 16)?;
-    // SAFETY: `cubes` rows of three sums, sixteen values of a pose.
-    unsafe {
-        centre_sum_kernel::launch_unchecked(
-            client,
-            grid(1),
-            cube_dim(),
-            sums.arg(),
-            viewmat.arg(),
-            pose.arg(),
-            cubes as u32,
-        );
+    let mut v_viewmat = None;
+    if of_pose {
+        let pose = Buffer::empty(client, "gradient of the camera", 16)?;
+        // SAFETY: `rows` rows of three sums, sixteen values of a pose.
+        unsafe {
+            centre_sum_kernel::launch_unchecked(
+                client,
+                grid(1),
+                cube_dim(),
+                sums.arg(),
+                viewmat.arg(),
+                pose.arg(),
+                cubes as u32,
+            );
+        }
+        v_viewmat = Some(pose);
     }
-    Ok(pose)
+    Ok(ShGradients { means: v_means, sh: v_sh, viewmat: v_viewmat })
 }

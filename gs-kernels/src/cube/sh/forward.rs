@@ -40,36 +40,23 @@ fn sh_forward_kernel(
     let used = comptime!(((degree + 1) * (degree + 1)) as usize);
     let mut shared = Shared::<[f32]>::new_slice(comptime!(shared_len(3 * coefficients)));
     let mut own = Array::<f32>::new(comptime!(3 * MAX_COEFFICIENTS));
-    read_rows(sh, &mut own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used), 0usize);
+    read_rows(sh, &mut own, &mut shared, count, comptime!(3 * coefficients), comptime!(3 * used));
     let index = CUBE_POS * UNITS + UNIT_POS as usize;
     if index >= count as usize {
         terminate!();
     }
-    write3(colors, 0, index, colour_of(means, &own, viewmat, projected, index, degree));
-}
-
-/// The colour of Gaussian `index` with the coefficients `own`.
-#[cube]
-pub(super) fn colour_of(
-    means: &[f32],
-    own: &Array<f32>,
-    viewmat: &[f32],
-    projected: &[f32],
-    index: usize,
-    #[comptime] degree: u32,
-) -> Vec3 {
     let mut colour = Vec3 { x: 0.0f32, y: 0.0f32, z: 0.0f32 };
     if read_radius(projected, index) > 0.0f32 {
         let dir = direction(read3(means, index), centre(read_pose(viewmat)));
         let mut b = Array::<f32>::new(MAX_COEFFICIENTS);
         basis(degree, dir.unit, &mut b);
-        let raw = raw_colour(&b, own, comptime!(((degree + 1) * (degree + 1)) as usize));
+        let raw = raw_colour(&b, &own, used);
         let valid = finite3(raw);
         colour.x = shown(raw.x, valid);
         colour.y = shown(raw.y, valid);
         colour.z = shown(raw.z, valid);
     }
-    colour
+    write3(colors, 0, index, colour);
 }
 
 /// Colours `[N, 3]` seen from the camera: `means` `[N, 3]`, `sh` `[N, S, 3]`, `viewmat` `[4, 4]`, `projected` `[N, 8]`

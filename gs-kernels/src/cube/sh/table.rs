@@ -26,8 +26,8 @@ fn place(index: usize, #[comptime] columns: usize) -> usize {
     index / columns * comptime!(stride(columns)) + index % columns
 }
 
-/// Each unit of a cube reads the first `used` of the `columns` values of its row, into `row` from `to` on; a row from `count` on leaves
-/// `row` as it is. The whole cube takes part.
+/// Each unit of a cube reads the first `used` of the `columns` values of its row; a row from `count` on leaves `row` as it is. The whole
+/// cube takes part.
 #[cube]
 pub(super) fn read_rows(
     table: &[f32],
@@ -36,7 +36,6 @@ pub(super) fn read_rows(
     count: u32,
     #[comptime] columns: usize,
     #[comptime] used: usize,
-    #[comptime] to: usize,
 ) {
     let unit = UNIT_POS as usize;
     let values = count as usize * columns;
@@ -54,7 +53,7 @@ pub(super) fn read_rows(
             let own = unit % BATCH * comptime!(stride(columns));
             #[unroll]
             for k in 0..used {
-                row[comptime!(to + k)] = shared[own + k];
+                row[k] = shared[own + k];
             }
         }
         sync_cube();

@@ -1,5 +1,6 @@
 //! Small dense least squares.
 
+use gs_base::dense::solve;
 use gs_burn::glam::DVec3;
 
 /// The solution of `(J^T J + damping diag) x = J^T r`, columns of `J` given.
@@ -18,30 +19,6 @@ pub(super) fn damped(columns: &[Vec<f64>], residuals: &[f64], damping: f64) -> O
         row[i] += damping * row[i].max(1e-9 * largest) + f64::MIN_POSITIVE;
     }
     solve(matrix)
-}
-
-/// Gauss's elimination with the largest pivot in each column; the last column is the right side.
-fn solve(mut matrix: Vec<Vec<f64>>) -> Option<Vec<f64>> {
-    let count = matrix.len();
-    for column in 0..count {
-        let pivot = (column..count).max_by(|a, b| matrix[*a][column].abs().total_cmp(&matrix[*b][column].abs()))?;
-        matrix.swap(column, pivot);
-        if matrix[column][column].abs() < f64::MIN_POSITIVE {
-            return None;
-        }
-        let (above, below) = matrix.split_at_mut(column + 1);
-        let lead = &above[column];
-        for row in below {
-            let factor = row[column] / lead[column];
-            row.iter_mut().zip(lead).skip(column).for_each(|(x, y)| *x -= factor * y);
-        }
-    }
-    let mut solution = vec![0.0; count];
-    for row in (0..count).rev() {
-        let known: f64 = (row + 1..count).map(|column| matrix[row][column] * solution[column]).sum();
-        solution[row] = (matrix[row][count] - known) / matrix[row][row];
-    }
-    solution.iter().all(|x| x.is_finite()).then_some(solution)
 }
 
 /// The vectors `x_k` that fit `sum_k column_k x_k` best to `data`; zero where the columns say nothing.

@@ -12,7 +12,6 @@
 //! | [`parts`] | a body divided, and parts joined that move alike |
 //! | [`motion`] | bodies as a Burn module: the laws' numbers, learned from photos |
 
-mod eigen;
 pub mod fit;
 pub mod law;
 mod least_squares;
@@ -21,7 +20,6 @@ pub mod parts;
 pub mod rigid;
 pub mod segment;
 
-pub(super) use eigen::diagonalise;
 pub use fit::{Fitted, compare_laws, fit_law, select_law};
 pub use law::{BodyPose, Law, LawValues, Term};
 pub use motion::{Bodies, BodyFrame};

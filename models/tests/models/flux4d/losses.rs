@@ -1,10 +1,11 @@
 //! The terms of the loss against numbers worked out by hand and against the fused operation.
 
 use burn::tensor::Tensor;
+use gs_base::Intrinsics;
 use gs_burn::glam::{DMat4, DVec3};
 use gs_burn::ops::intersect::DeviceCount;
 use gs_burn::ops::ssim::{l1_ssim_reference, photometric_loss};
-use gs_burn::{Camera, Intrinsics, Rendering};
+use gs_burn::{Camera, Rendering};
 use gs_models::flux4d::losses::{depth_loss, image_velocity, mean_speed, photometric, velocity_weights};
 use gs_models::flux4d::similarity::ssim_map;
 use gs_tests::devices::{Place, everywhere, reference};

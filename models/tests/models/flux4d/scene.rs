@@ -1,7 +1,8 @@
 //! The reconstructed scene.
 
+use gs_base::Intrinsics;
 use gs_burn::glam::DMat4;
-use gs_burn::{Camera, ExposureOptions, Gaussians, Intrinsics, RenderOptions, render, render_exposure};
+use gs_burn::{Camera, ExposureOptions, Gaussians, RenderOptions, render, render_exposure};
 use gs_models::DynamicScene;
 use gs_models::flux4d::{FluxScene, PolynomialMotion};
 use gs_tests::devices::{Place, everywhere, reference};

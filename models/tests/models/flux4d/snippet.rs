@@ -1,8 +1,9 @@
 //! The loss of a snippet: its gradient, and what the gradient must not depend on.
 
 use burn::tensor::Tensor;
+use gs_base::Intrinsics;
+use gs_burn::Camera;
 use gs_burn::glam::DMat4;
-use gs_burn::{Camera, Intrinsics};
 use gs_models::flux4d::losses::LossConfig;
 use gs_models::flux4d::{PolynomialMotion, ScaleLimits, SnippetFrame, TargetView};
 use gs_tests::devices::{Place, reference};

@@ -1,7 +1,7 @@
 //! Eq. 6 and 8 to 10: against projecting moved points one by one, and by differences.
 
 use burn::tensor::Tensor;
-use gs_burn::Intrinsics;
+use gs_base::Intrinsics;
 use gs_burn::glam::{DMat3, DQuat, DVec3};
 use gs_models::Pixels;
 use gs_models::taylormode::blur_path::{NEAREST, back_project, blur_path, camera_velocity, hybrid_depth, to_world};

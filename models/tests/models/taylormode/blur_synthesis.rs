@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use burn::module::Param;
 use burn::tensor::Tensor;
-use gs_burn::Intrinsics;
+use gs_base::Intrinsics;
 use gs_models::Pixels;
 use gs_models::light::{Mixing, to_encoded};
 use gs_models::taylormode::blur_path::blur_path;

@@ -3,8 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::write_atomic;
-use gs_datasets::printable;
+use gs_base::{printable, write_atomic};
 use gs_train::report::comparison::{Table, enough, gather};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::printable;
+use gs_base::printable;
 
 use super::Panels;
 use super::scatter::{COLORS, Dot};

@@ -3,8 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::write_atomic;
-use gs_datasets::{guarded, printable};
+use gs_base::{guarded, printable, write_atomic};
 use gs_train::report::html::{self, escaped};
 use gs_train::report::{COMPARISON, section_page, with_section};
 use gs_train::run::folder::RunFolder;

@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 use gs_train::run::lock::Lock;
 use gs_train::run::outputs::{self, MARK, marked_svg};
 use gs_train::run::{interrupt, results};

@@ -36,7 +36,7 @@ mod recorded {
     const UNITS_OF_A_CUBE: u64 = 64;
 
     /// This project's kernels that work on a row or a number a unit, 256 units a cube.
-    const OF_256_UNITS: [&str; 5] = ["rows_of::", "sh_forward", "sh_backward", "sh::bands", "opacity::"];
+    const OF_256_UNITS: [&str; 4] = ["rows_of::", "sh_forward", "sh_backward", "opacity::"];
 
     /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
     const SMALL_WORK: [(&str, &str); 15] = [

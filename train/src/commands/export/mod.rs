@@ -8,7 +8,8 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use glam::{DMat3, DVec3};
-use gs_datasets::{camera_path, counted, load_cameras};
+use gs_base::counted;
+use gs_datasets::{camera_path, load_cameras};
 
 use crate::cli::{ExportArgs, Up};
 use crate::commands::print;

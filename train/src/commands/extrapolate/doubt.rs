@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use gs_datasets::image_io::write_atomic;
-use gs_datasets::movers;
-use gs_datasets::{Split, counted};
+use gs_base::{counted, write_atomic};
+use gs_datasets::{Split, movers};
 use gs_models::DynamicScene;
 use serde::Serialize;
 

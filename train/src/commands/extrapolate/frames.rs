@@ -1,8 +1,8 @@
 //! Frames, animations and PLY files of the times that were asked for; the scene with another step of integration.
 
 use anyhow::{Result, bail};
-use gs_datasets::counted;
-use gs_datasets::image_io::{encode_png, write_atomic};
+use gs_base::{counted, write_atomic};
+use gs_datasets::image_io::encode_png;
 use serde::Serialize;
 
 use super::Work;

@@ -19,8 +19,9 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use glam::DVec3;
-use gs_datasets::image_io::{encode_png, write_atomic};
-use gs_datasets::{Split, counted, printable};
+use gs_base::{counted, printable, write_atomic};
+use gs_datasets::Split;
+use gs_datasets::image_io::encode_png;
 
 use crate::cli::ExtrapolateArgs;
 use crate::commands::{device, print};

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use gs_datasets::counted;
-use gs_datasets::image_io::write_atomic;
+use gs_base::{counted, write_atomic};
 use serde::Serialize;
 
 use super::Work;

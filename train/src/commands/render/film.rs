@@ -1,10 +1,11 @@
 //! A film of the images: MP4 by the program ffmpeg, or a GIF where there is none.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result, bail};
+use gs_base::atomic::PartialFile;
 
 use crate::report::maps::write_gif;
 use crate::run::outputs::MARK;
@@ -27,7 +28,7 @@ enum Kind {
     /// Images go to the program as they come; it writes under a temporary name.
     Mp4 {
         ffmpeg: Child,
-        partial: PathBuf,
+        partial: PartialFile,
     },
     Gif(Vec<Vec<u8>>),
 }
@@ -44,15 +45,15 @@ impl Film {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
         }
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let partial = path.with_file_name(format!(".{}.{name}", std::process::id()));
+        let partial = PartialFile::beside(&path);
         // Sides of the usual colour coding are even: a last row or column is repeated where they are not.
         let even = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
         let ffmpeg = Command::new("ffmpeg")
             .args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{}x{}", size.0, size.1), "-r", &rate.to_string(), "-i", "-"])
-            .args(["-vf", even, "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
-            .arg(&partial)
+            // The temporary name has no ending that says the format.
+            .args(["-vf", even, "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"])
+            .arg(partial.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .spawn()
@@ -98,11 +99,7 @@ impl Film {
             Kind::Mp4 { mut ffmpeg, partial } => {
                 drop(ffmpeg.stdin.take());
                 let done = ffmpeg.wait().with_context(|| format!("{}: ffmpeg", path.display()))?;
-                let named =
-                    if done.success() { name_it(&partial, &path) } else { Err(anyhow::anyhow!("ffmpeg failed")) };
-                if named.is_err() {
-                    let _ = std::fs::remove_file(&partial);
-                }
+                let named = if done.success() { name_it(partial) } else { Err(anyhow::anyhow!("ffmpeg failed")) };
                 named.with_context(|| format!("{}: cannot make the film", path.display()))?;
             }
         }
@@ -111,10 +108,9 @@ impl Film {
 }
 
 /// Appends a box with our mark, which players skip, and renames the file.
-fn name_it(partial: &Path, path: &Path) -> Result<()> {
-    let mut file = std::fs::OpenOptions::new().append(true).open(partial)?;
+fn name_it(partial: PartialFile) -> Result<()> {
+    let mut file = std::fs::OpenOptions::new().append(true).open(partial.path())?;
     let length = 8 + MARK.len() as u32;
     file.write_all(&[&length.to_be_bytes(), &b"free"[..], MARK.as_bytes()].concat())?;
-    file.sync_all()?;
-    Ok(std::fs::rename(partial, path)?)
+    Ok(partial.finish()?)
 }

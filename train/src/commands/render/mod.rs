@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
+use gs_base::{counted, write_atomic};
 use gs_burn::{Camera, Extras, RenderOptions, Rendering, render_with};
-use gs_datasets::image_io::{encode_exr, encode_png, write_atomic};
-use gs_datasets::{CameraPose, counted};
+use gs_datasets::CameraPose;
+use gs_datasets::image_io::{encode_exr, encode_png};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::cli::{ImageFormat, RenderArgs};
 use crate::commands::{device, print};
 use crate::fit::parameters::to_host;
-use crate::fit::photos::intrinsics;
 use crate::pipelines::load_scene;
 use crate::report::maps::{self, write_gif};
 use crate::run::outputs::{self, MARK, marked_png};
@@ -70,7 +70,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     for (pose, moments) in jobs {
         // A scene far from its world's origin was trained near zero.
         let c2w = glam::DMat4::from_translation(-loaded.origin) * pose.c2w;
-        let camera = Camera::from_c2w(c2w, intrinsics(&pose.intrinsics), pose.width, pose.height, &device);
+        let camera = Camera::from_c2w(c2w, pose.intrinsics, pose.width, pose.height, &device);
         let mut animation = Vec::new();
         for (stem, t) in moments {
             let gaussians = loaded.scene.at(t);

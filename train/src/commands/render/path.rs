@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use gs_datasets::{CameraPose, Intrinsics, camera_path, load_cameras, some_names};
+use gs_base::Intrinsics;
+use gs_datasets::{CameraPose, camera_path, load_cameras, some_names};
 
 use crate::cli::RenderArgs;
 use crate::run::scene::LoadedScene;

@@ -68,12 +68,13 @@ impl Adaptive {
     ) -> Refinement {
         let mut draft = Draft::read(gaussians);
         let before = draft.len();
-        let mut chosen = self.above_threshold(config.gradient);
+        let mut chosen = self.above_threshold(config.default.gradient);
         // If the budget does not allow all, the highest gradients come first.
         chosen.truncate(config.cap.saturating_sub(before));
         let split = split_or_clone(&mut draft, gaussians, chosen.iter().map(|(row, _)| *row), context);
 
-        let opacities_were_lowered = config.opacity_policy != OpacityPolicy::Reset || context.step > config.reset_every;
+        let opacities_were_lowered =
+            config.default.opacity_policy != OpacityPolicy::Reset || context.step > config.default.reset_every;
         let largest = if opacities_were_lowered { PRUNE_SIZE * context.extent } else { f64::INFINITY };
         let grown = draft.len();
         let was_split = |row: usize| split.get(row).is_some_and(|split| *split);
@@ -133,13 +134,13 @@ fn split_or_clone(
     split
 }
 
-/// Lowers opacities if `config.opacity_policy` does so after this step.
+/// Lowers opacities if `config.default.opacity_policy` does so after this step.
 pub fn lower_opacities(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig, context: &StepContext) {
     if !context.is_active(config) {
         return;
     }
-    let lower: Box<dyn Fn(f64) -> f64> = match config.opacity_policy {
-        OpacityPolicy::Reset if due(context.step, config.reset_every) => {
+    let lower: Box<dyn Fn(f64) -> f64> = match config.default.opacity_policy {
+        OpacityPolicy::Reset if due(context.step, config.default.reset_every) => {
             adam.forget(Group::Opacity.path());
             Box::new(|opacity| opacity.min(RESET_TO * config.min_opacity))
         }

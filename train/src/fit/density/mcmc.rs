@@ -6,7 +6,7 @@
 //! - [`perturb`]: after each step, the means get noise with the Gaussian's own covariance, gated to nearly transparent ones: `mean
 //!   += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
 //!
-//! Departures: a Gaussian and its copies stand apart by [`DensityConfig::separation`] along its longest axis, because coincident copies
+//! Departures: a Gaussian and its copies stand apart by [`McmcConfig::separation`](crate::config::McmcConfig::separation) along its longest axis, because coincident copies
 //! have equal gradients and the noise, which is gated, does not part opaque ones; covariance and rate are in scene extents, which makes the noise independent of the scene's unit and equal to the
 //! paper's at extent 1; the moments of both the live Gaussian and its copies are reset to zero.
 
@@ -34,8 +34,8 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
     let onto: Vec<usize> = sample(&weights, dead.len(), &mut rng).into_iter().map(|i| alive[i]).collect();
     draft.share_out(&onto, config.min_opacity);
     // Coincident copies need none, and on a GPU a read waits.
-    let quats = if config.separation > 0.0 { gaussians.read(Group::Quats) } else { Vec::new() };
-    let means = draft.spread_out(&onto, &quats, config.separation);
+    let quats = if config.mcmc.separation > 0.0 { gaussians.read(Group::Quats) } else { Vec::new() };
+    let means = draft.spread_out(&onto, &quats, config.mcmc.separation);
     for ((dead, onto), mean) in dead.iter().zip(&onto).zip(means) {
         draft.overwrite(*dead, *onto);
         draft.means[*dead] = mean;
@@ -45,7 +45,7 @@ pub fn refine(gaussians: &mut Gaussians, adam: &mut Adam, config: &DensityConfig
     let weights: Vec<f64> = (0..before).map(|row| draft.opacity(row)).collect();
     let copied = sample(&weights, wanted.saturating_sub(before), &mut rng);
     draft.share_out(&copied, config.min_opacity);
-    let means = draft.spread_out(&copied, &quats, config.separation);
+    let means = draft.spread_out(&copied, &quats, config.mcmc.separation);
     for (row, mean) in copied.iter().zip(means) {
         let copy = draft.duplicate(*row);
         draft.means[copy] = mean;

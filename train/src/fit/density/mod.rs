@@ -128,7 +128,7 @@ impl Density {
         context: &StepContext,
     ) -> Refinement {
         if let Self::Adaptive(adaptive) = &mut *self {
-            observations.into_iter().for_each(|observation| adaptive.gather(observation, config.absgrad));
+            observations.into_iter().for_each(|observation| adaptive.gather(observation, config.default.absgrad));
         }
         let mut refinement = Refinement::default();
         if due(context.step, config.interval(context.steps)) && context.is_active(config) {
@@ -141,7 +141,7 @@ impl Density {
         }
         match self {
             Self::None => {}
-            Self::Mcmc => mcmc::perturb(gaussians, config.noise, context),
+            Self::Mcmc => mcmc::perturb(gaussians, config.mcmc.noise, context),
             Self::Adaptive(_) => default::lower_opacities(gaussians, adam, config, context),
         }
         refinement

@@ -183,12 +183,11 @@ impl Draft {
         gaussians.set(Group::LogScales, from_host(self.log_scales.into_flattened(), 3, &device));
         gaussians.set(Group::Opacity, from_host(self.opacity_logits, 1, &device));
         if let Some(from) = from {
-            let others = [Group::Quats, Group::Sh, Group::ShThird];
-            for group in Group::of(gaussians).filter(|group| others.contains(group)) {
+            for group in [Group::Quats, Group::Sh] {
                 gaussians.set(group, gaussians.group(group).select(0, from.clone()));
             }
         }
-        for group in Group::of(gaussians) {
+        for group in Group::ALL {
             adam.follow(group.path(), &rows);
         }
         rows

@@ -44,7 +44,7 @@ fn weights(scene: &Gaussians, view: &View, options: &RenderOptions) -> Vec<f32> 
         scene.quats.val().autodiff(),
         scene.log_scales.val().autodiff(),
         scene.opacity_logits.val().autodiff(),
-        scene.sh_coefficients().map(Tensor::autodiff),
+        scene.sh.val().autodiff(),
     );
     let extras = Extras { features: Some(feature.clone()), ..Extras::default() };
     let rendering = render_with(&scene, &camera(view, &feature.device()), options, extras);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 use gs_models::flux4d::actors::{Actor, LinkConfig, link_actors};
 use serde::Serialize;
 

@@ -66,8 +66,7 @@ choice! {
     pub enum SplitChoice {
         /// One log in eight, the last ones by name, and at least one of several.
         LastEighth,
-        /// The paper's (C.1): 001, 011, 016, 065, 084, 090, 106, 115, 123 and 158 of PandaSet, the first hundred by
-        /// name of Argoverse 2.
+        /// The paper's (C.1): ten logs of PandaSet, the first hundred by name of Argoverse 2.
         Paper,
     }
 }
@@ -76,22 +75,21 @@ section! {
     /// The driving logs and their snippets.
     pub struct LogsConfig {
         /// Frames of a snippet. Of the first 11, every second is an input and the others are targets; those after them
-        /// are the future, and targets of the training too. A snippet never reaches over a gap in the recording.
+        /// are the future, and targets too.
         frames: usize = 11, in 3..=300;
         /// Frames from the begin of one snippet to that of the next; 0: neighbours share 5 frames, as in the paper.
         every: usize = 0;
         /// The cameras.
         camera: CameraChoice = CameraChoice::Front;
-        /// Wider images are downscaled to this width, pixels; 0 keeps the full size.
+        /// Width to which wider images are downscaled, pixels; 0: full size.
         max_width: usize = 320, in Only("0 or at least 16", |width| *width == 0 || *width >= 16);
-        /// Names of the logs that are held out; with none, `logs.split` chooses them.
+        /// Logs that are held out; with none, `split` chooses them.
         validation: Vec<String> = Vec::new();
-        /// The logs that are held out where `logs.validation` names none.
+        /// The logs that are held out where `validation` names none.
         split: SplitChoice = SplitChoice::LastEighth;
         /// Snippets of each held-out log that are measured, spread evenly; 0: all.
         validation_snippets: usize = 2;
-        /// Memory for snippets that were read, MB; those beyond are read again. Beside it, the snippets of a step,
-        /// three for the next ones and one of a measurement are in memory.
+        /// Memory for snippets that were read, MB; those beyond are read again.
         cache_mb: usize = 512;
     }
 }
@@ -99,9 +97,9 @@ section! {
 choice! {
     /// First orientations of Gaussians.
     pub enum RotationChoice {
-        /// Random, as in the paper: four channels of noise in the network's input.
+        /// Random (the paper): noise in four channels of the input.
         Random,
-        /// None; the first Gaussians are isotropic, so their image is the same.
+        /// None: the first Gaussians are isotropic.
         Identity,
     }
 }
@@ -109,10 +107,9 @@ choice! {
 choice! {
     /// First velocities.
     pub enum VelocityChoice {
-        /// None, as in the paper: the network learns all of them.
+        /// None (the paper): the network learns all of them.
         Zero,
-        /// Those that bring the points of a sweep onto the points of the others; the network predicts the difference.
-        /// What no sweep shows to move carries no velocity.
+        /// What brings the points of a sweep onto those of the others; the network predicts the difference.
         Aligned,
     }
 }
@@ -120,9 +117,9 @@ choice! {
 choice! {
     /// Voxels whose points are merged.
     pub enum MergeChoice {
-        /// Their edge grows with the root of the distance from the nearest input camera.
+        /// Growing with the root of the distance from the nearest input camera.
         Growing,
-        /// Their edge is the same everywhere.
+        /// The same everywhere.
         Equal,
     }
 }
@@ -133,8 +130,8 @@ const POINTS_MAX: usize = 100_000_000;
 section! {
     /// Points to first Gaussians.
     pub struct LiftSection {
-        /// LiDAR points of a snippet at most for each camera of its inputs; beyond them, the points of a voxel in one
-        /// sweep are merged. 0: no limit.
+        /// LiDAR points of a snippet for each camera of its inputs; beyond them, the points of a voxel in one sweep are
+        /// merged. 0: no limit.
         points: usize = 50_000, in ..=POINTS_MAX;
         /// Edges of the voxels whose points are merged.
         merge: MergeChoice = MergeChoice::Growing;
@@ -154,7 +151,7 @@ section! {
 choice! {
     /// What corrects sky and random points.
     pub enum FarChoice {
-        /// A small network, point by point: in the convolutions each would be alone in its voxel.
+        /// A small one of their own, point by point.
         Apart,
         /// The convolutions, as the rows of the scene (the paper).
         Voxels,
@@ -168,10 +165,9 @@ section! {
         voxel: f64 = 0.4, in 0.01..=100.0;
         /// Multiplier of all widths (32 to 256 channels).
         width: f64 = 0.25, in 0.01..=4.0;
-        /// Degree of the polynomial of velocity: 0 is constant velocity, 1 constant acceleration; up to 3.
+        /// Degree of the polynomial of velocity, up to 3: 0 is constant velocity, 1 constant acceleration.
         degree: usize = 1, in 0..=3;
-        /// What corrects sky and random points: a small network of their own (`"apart"`), or the convolutions
-        /// (`"voxels"`, the paper).
+        /// The network that corrects sky and random points.
         far: FarChoice = FarChoice::Apart;
     }
 }
@@ -203,13 +199,12 @@ section! {
     pub struct SupervisionConfig {
         /// Input images of a step; the gradient over these is fed back.
         input_views: usize = 2, in 1..;
-        /// Images between the inputs of a step, and after them where snippets have a future; 0: the inputs alone.
+        /// Images between the inputs of a step, and after them where snippets have a future.
         target_views: usize = 2;
         /// Weight of the LiDAR's depth, one over metres; 0: none.
         depth: f64 = LossConfig::default().depth, in NOT_NEGATIVE;
-        /// Weight of the mean speed ("as static as possible"), windows per metre; 0: none. Where velocities begin at
-        /// what the sweeps show (`lift.velocity`), the speed of the change from these counts: what the sweeps show is
-        /// kept.
+        /// Weight of the mean speed, windows per metre; 0: none. Under `lift.velocity = "aligned"`, the speed of the
+        /// change from what the sweeps show counts.
         velocity: f64 = LossConfig::default().velocity, in NOT_NEGATIVE;
         /// Largest image velocity of the reweighting, pixels per frame; 0: no reweighting.
         reweight_clip: f64 = LossConfig::default().reweight_clip, in NOT_NEGATIVE;
@@ -227,9 +222,8 @@ section! {
         warm_up: usize = 10;
         /// Snippets whose gradients are averaged in a step.
         accumulate: usize = 1, in 1..;
-        /// Change of a snippet's brightness, contrast and tint, drawn anew for each step: largest logarithm of gain and
-        /// gamma; 0: none (the paper). More: other light and other paint than those of the training logs cost less, and
-        /// those cost more.
+        /// Change of a snippet's brightness, contrast and tint in each step, largest logarithm of gain and gamma; 0:
+        /// none (the paper). More: other light and paint than the training logs' cost less, and theirs cost more.
         recolour: f64 = 0.0, in 0.0..=2.0;
     }
 }

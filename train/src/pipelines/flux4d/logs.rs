@@ -4,7 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use gs_datasets::{agree, counted, printable, some_names};
+use gs_base::{agree, counted, printable};
+use gs_datasets::some_names;
 use gs_driving::{
     CameraUse, DrivingLog, LogFormat, LogOptions, Snippet, TEST_LOGS, TEST_LOGS_ARGOVERSE, logs_in, runs,
     snippets_without_gaps,

@@ -52,7 +52,8 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use gs_datasets::{CheckReport, counted};
+use gs_base::counted;
+use gs_datasets::CheckReport;
 use toml::Table;
 
 use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction, resolve_changed};

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail};
 use burn::tensor::Tensor;
+use gs_base::{counted, guarded, write_atomic};
 use gs_burn::{Gaussians, RenderOptions, render};
-use gs_datasets::image_io::{encode_png, write_atomic};
-use gs_datasets::{counted, guarded};
+use gs_datasets::image_io::encode_png;
 use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;

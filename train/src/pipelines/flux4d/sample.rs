@@ -2,7 +2,7 @@
 
 use anyhow::{Result, anyhow};
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::{Camera, Intrinsics};
+use gs_burn::Camera;
 use gs_driving::DrivingLog;
 use gs_models::flux4d::refinement::Term;
 use gs_models::flux4d::unet::VoxelPyramid;
@@ -89,8 +89,7 @@ impl Sample {
 
 /// The camera of a view.
 pub fn camera(log: &DrivingLog, view: &HostView, device: &Device) -> Camera {
-    let k = &log.cameras()[view.camera].intrinsics;
-    let intrinsics = Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy };
+    let intrinsics = log.cameras()[view.camera].intrinsics;
     Camera::from_c2w(view.c2w, intrinsics, view.image.width, view.image.height, device)
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gs_datasets::counted;
+use gs_base::counted;
 use serde::Serialize;
 
 use super::degrees::Degrees;

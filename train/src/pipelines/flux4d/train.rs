@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use glam::DVec3;
-use gs_datasets::counted;
+use gs_base::counted;
 
 use super::NAME;
 use super::config::FluxConfig;

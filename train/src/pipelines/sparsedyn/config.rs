@@ -3,7 +3,7 @@
 use gs_models::sparsedyn::{Ask, Integrator};
 
 use crate::config::{
-    Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, NOT_NEGATIVE, OpacityPolicy,
+    ClassicConfig, Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, NOT_NEGATIVE, OpacityPolicy,
     OptimiserConfig, POSITIVE, SHARE, Section, Strategy, check, full_width,
 };
 use crate::{choice, section};
@@ -21,19 +21,16 @@ pub const LAMBDA_OUTLINE: f64 = 5.0;
 section! {
     /// The refinement of the first frame (section 3.2).
     pub struct WarmupConfig {
-        /// Share of the run in which the first frame alone is fitted and nothing moves. Under the models `rollout` and
-        /// `hybrid`, `density.stop` must not exceed it: a small fast object would vanish if Gaussians were pruned when
-        /// it begins to move. The density control of `trace` and `freegave` goes on as their authors published it, but
-        /// rests in the first 100 steps of motion.
+        /// Share of the run in which the first frame alone is fitted and nothing moves. Under `rollout` and `hybrid`,
+        /// `density.stop` must not exceed it, or a small fast object is pruned when it begins to move; under the
+        /// baselines, density control rests in the first 100 steps of motion.
         share: f64 = 0.2, in 0.0..1.0;
-        /// Weight of the mean opacity in the warm-up (Eq. 5; paper: 1e-2). More leaves fewer Gaussians.
+        /// Weight of the mean opacity (Eq. 5; paper: 1e-2). More leaves fewer Gaussians.
         opacity: f64 = LAMBDA_OPACITY, in NOT_NEGATIVE;
-        /// Weight of the difference between rendered and prior depth in the warm-up (Eq. 6; paper: 5e-3), per scene
-        /// extent.
+        /// Weight of the difference between rendered and prior depth (Eq. 6; paper: 5e-3), per scene extent.
         depth: f64 = 10.0 * LAMBDA_DEPTH, in NOT_NEGATIVE;
-        /// Weight of the difference between rendered alpha and the outline of what stands before a plain background, in
-        /// the warm-up, where there is such a background; 0: none. Without it, Gaussians of the background's colour
-        /// stand in empty space and change no training photo.
+        /// Weight of the difference between rendered alpha and the outline before a plain background; 0: none. Without
+        /// it, Gaussians of the background's colour stand in empty space.
         outline: f64 = LAMBDA_OUTLINE, in NOT_NEGATIVE;
     }
 }
@@ -41,14 +38,13 @@ section! {
 choice! {
     /// What moves the Gaussians.
     pub enum MotionModel {
-        /// The rollout of the dynamics field from the first frame (the paper).
+        /// The dynamics field, rolled out from the first frame (the paper).
         Rollout,
-        /// The rollout, and a deformation field that corrects it while frames are seen.
+        /// The rollout, corrected by a deformation field while frames are seen.
         Hybrid,
-        /// The baseline TRACE: a deformation field, and a dynamics field that is learned over one step at a time and
-        /// asked for the future alone.
+        /// The baseline TRACE: a deformation field; a dynamics field, learned one step at a time, for the future alone.
         Trace,
-        /// The baseline FreeGave: as TRACE, with rigid motions of time mixed by a code of each Gaussian.
+        /// The baseline FreeGave: as TRACE, with rigid motions mixed by a code of each Gaussian.
         Freegave,
     }
 }
@@ -118,7 +114,7 @@ section! {
         bases: usize = 16, in 1..=256;
         /// Learning rate of the field at the first step after the warm-up.
         lr: f64 = 5e-3, in POSITIVE;
-        /// Learning rate of the field at the last step; exponential in between.
+        /// The same at the last step; exponential in between.
         lr_final: f64 = 2e-5, in POSITIVE;
     }
 }
@@ -132,19 +128,18 @@ section! {
         interval: usize = 0;
         /// Share of the steps after the warm-up in which the window grows, where `interval` is 0.
         short: f64 = 0.5, in SHARE;
-        /// Share of the draws from the growing window that are of its four newest frames; 0 (the paper): all its frames
-        /// are drawn alike. A pendulum's future, five cameras: 20.6 dB at 0, 24.7 at 0.5, 23.8 at 0.8.
+        // A pendulum's future, five cameras: 20.6 dB at 0, 24.7 at 0.5, 23.8 at 0.8.
+        /// Share of the draws from the growing window that are of its four newest frames; 0: all alike (the paper).
         newest: f64 = 0.5, in SHARE;
-        /// First frame of the late horizon as a share of the frames seen (paper: 35 of 45); 0: the late horizon holds
-        /// all frames.
+        /// First frame of the late horizon as a share of the frames seen (paper: 35 of 45); 0: all frames.
         late: f64 = 35.0 / 45.0, in SHARE;
         /// Frames replayed in each step of the long-horizon phase (Eq. 10; paper: 4).
         replays: usize = 4, in 0..=64;
         /// Weight of their mean loss (Eq. 10; paper: 0.5).
         replay_weight: f64 = 0.5, in NOT_NEGATIVE;
-        /// Weight of the difference between rendered alpha and the outline of what stands before a plain background, as
-        /// `warmup.outline`, in photos of all frames after the warm-up; 0: none. With 1, a chest that opens gains 1.6
-        /// dB of its future and a pendulum 0.7; a hollow body that spins, whose outline hardly changes, loses 2.6.
+        // With 1, a chest that opens gains 1.6 dB of its future and a pendulum 0.7; a hollow body that spins loses 2.6.
+        /// As `warmup.outline`, in photos of all frames after the warm-up; 0: none. Bodies whose outline changes gain,
+        /// hollow ones that spin lose.
         outline: f64 = 0.0, in NOT_NEGATIVE;
     }
 }
@@ -154,8 +149,8 @@ section! {
     pub struct MovingConfig {
         /// Whether Gaussians without evidence of motion stay static; otherwise all may move.
         select: bool = true;
-        /// Largest movement of a body over the seen frames, pixels of the training view that shows it largest, at which
-        /// it is found to rest when bodies are looked for the last time; its Gaussians are static from then on.
+        /// Largest movement of a resting body over the seen frames, pixels of the training view that shows it largest;
+        /// its Gaussians are static after the last search for bodies.
         still_pixels: f64 = 2.0, in NOT_NEGATIVE;
     }
 }
@@ -177,22 +172,19 @@ section! {
     pub struct BodiesConfig {
         /// What moves Gaussians that may move.
         mode: BodyUse = BodyUse::Both;
-        /// Share of the steps after the warm-up at which bodies are first looked for in the paths of the field. Early:
-        /// few frames say little of a motion, and a body is lost in the next ones. Late: a field that is followed long
-        /// loses what swings.
+        /// Share of the steps after the warm-up at which bodies are first looked for. Early: few frames say little of a
+        /// motion. Late: a field that is followed long loses what swings.
         from: f64 = 0.14, in SHARE;
-        /// How often bodies are looked for, from the first time until all frames are seen: what begins to move late is
-        /// found late. At the last time, what rests becomes static.
+        /// Searches for bodies, until all frames are seen: what begins to move late is found late.
         examinations: usize = 8, in 1..=1000;
-        /// Most parts into which a body is divided once all frames are seen; parts that moved alike are one body again
-        /// when laws are chosen. 1 (default): bodies stay as they were found; more parts tell apart what was taken for
+        /// Most parts into which a body is divided once all frames are seen. More than 1 tell apart what was taken for
         /// one body, and follow noise where there is only one.
         parts: usize = 1, in 1..=100;
-        /// Share of the steps after the warm-up at which each body's law is chosen; between the two, bodies follow a
-        /// smooth free motion.
+        /// Share of the steps after the warm-up at which each body's law is chosen; before, bodies follow a smooth free
+        /// motion.
         select: f64 = 0.7;
-        /// Share of the steps after the warm-up until which Gaussians are added and removed again, from 100 steps after
-        /// laws are chosen on; 0: never. Surfaces that the first frame hides get their Gaussians then.
+        /// Share of the steps after the warm-up until which Gaussians are added and removed again, for surfaces that
+        /// the first frame hides; 0: never.
         regrow: f64 = 0.92, in SHARE;
         /// Largest distance of a Gaussian's path from its body's motion, pixels of the nearest training view.
         tolerance_pixels: f64 = 2.0, in POSITIVE;
@@ -200,8 +192,8 @@ section! {
         knot_frames: f64 = 4.0, in 1.0..;
         /// Uncertainty of a body's pose, pixels: smaller misfits do not ask for a richer law.
         noise_pixels: f64 = 0.5, in POSITIVE;
-        /// Learning rate of the laws' numbers when bodies are found, and again when laws are chosen, in body units
-        /// (objects' size, radians, per unit of time).
+        /// Learning rate of the laws' numbers when bodies are found and when laws are chosen, in body units (size,
+        /// radians, per unit of time).
         lr: f64 = 4e-3, in POSITIVE;
     }
     also check_times;
@@ -288,8 +280,7 @@ pub fn defaults() -> FitConfig<Sections> {
             min_opacity: 0.1,
             // The same first frames: 26.7 dB and 739 Gaussians at 1e-3, 26.9 and 1098 at 5e-4, 26.8 and 1496 at 3e-4,
             // 26.0 and 427 without growth.
-            gradient: 5e-4,
-            opacity_policy: OpacityPolicy::None,
+            default: ClassicConfig { gradient: 5e-4, opacity_policy: OpacityPolicy::None, ..base.density.default },
             ..base.density
         },
         ..base

@@ -15,7 +15,7 @@ pub struct CameraEvidence {
     /// World to camera, OpenCV axes.
     pub w2c: DMat4,
     /// Its intrinsics.
-    pub intrinsics: gs_datasets::Intrinsics,
+    pub intrinsics: gs_base::Intrinsics,
     /// Width of its photos, pixels.
     pub width: usize,
     /// Height of its photos, pixels.

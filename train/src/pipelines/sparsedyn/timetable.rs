@@ -1,6 +1,7 @@
 //! The schedule of a training: in lines for the terminal, as curves for a chart.
 
-use gs_datasets::{Scene, counted};
+use gs_base::counted;
+use gs_datasets::Scene;
 use gs_models::sparsedyn::Phase;
 
 use super::Step;

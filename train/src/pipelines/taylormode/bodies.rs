@@ -3,10 +3,9 @@
 
 use std::num::NonZero;
 
+use gs_base::median;
 use gs_models::flux4d::actors::dbscan;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-
-use crate::run::metrics::median;
 
 /// Distance at which positions are of one body, in median distances to the nearest other position: gaps of a hull are narrower.
 const APART: f64 = 4.0;

@@ -50,9 +50,9 @@ pub(super) fn defaults() -> FitConfig<Sections> {
 choice! {
     /// The source of moving pixels before training.
     pub enum MaskSource {
-        /// The data set's masks of moving objects if it has them, otherwise evidence.
+        /// The data set's masks if it has them, else evidence.
         Auto,
-        /// The data set's masks only; without them nothing is known of motion.
+        /// The data set's masks alone.
         Prior,
         /// Pixels that change over time in front of static cameras.
         Evidence,
@@ -64,7 +64,7 @@ choice! {
 choice! {
     /// The use of a 3D remainder beside the polynomial (Eq. 2).
     pub enum RemainderChoice {
-        /// Used if the residual after the best order is structured in time.
+        /// Where the residual after the best order is structured in time.
         Auto,
         /// From the start.
         On,
@@ -76,42 +76,39 @@ choice! {
 section! {
     /// How Gaussians move (Eq. 2 and 3), and the selection of their orders.
     pub struct MotionConfig {
-        /// Order of a Gaussian's path before selection, 0 to 6. A higher order follows stronger curvature, and diverges
-        /// sooner outside the window.
+        /// Order of a Gaussian's path before selection. Higher: it follows stronger curvature, and diverges sooner
+        /// outside the window.
         order: usize = 3, in 0..=MAX_ORDER;
-        /// Highest initial order of paths. Where the path of the moving object's centre needs more than `order` (by BIC
-        /// over its triangulated positions), paths begin with that, up to this. At most 6, at least `order`.
+        /// Highest initial order, where the path of the moving object's centre needs more than `order` (by BIC).
         order_max: usize = 6;
-        /// Most kinks in a path, 0 to 2: at a time at which the centre's velocity jumps (by BIC), the velocity of every
-        /// moving Gaussian may jump.
+        /// Most kinks in a path, times at which the velocity of every moving Gaussian may jump, as the centre's does
+        /// (by BIC).
         kinks: usize = 2, in 0..=MAX_KINKS;
-        /// Highest order of a Gaussian's rotation, 0 to 6; 0: the orientation is constant.
+        /// Highest order of a Gaussian's rotation; 0: the orientation is constant.
         rotation_order: usize = 2, in 0..=MAX_ORDER;
         /// The source of moving pixels before training.
         masks: MaskSource = MaskSource::Auto;
         /// Initial number of Gaussians that may move.
         points: usize = 4000, in 1..;
-        /// Share of the run over which the photos used spread from the middle of the recording to its ends; 0: all from
-        /// the start. Once its texture is learned at one time, a Gaussian can be tracked to the next; if the whole
-        /// recording is compared at once, a repetitive texture converges to the wrong repetition.
+        /// Share of the run over which the photos used spread from the middle of the recording to its ends. Less: a
+        /// repetitive texture converges to the wrong repetition.
         curriculum: f64 = 0.4, in SHARE;
-        /// Learning rate of the path's coefficients at the first step, scene extents of displacement at the window's
+        /// Learning rate of a path's coefficients at the first step, scene extents of displacement at the window's
         /// edge.
         position_lr: f64 = 1e-3, in NOT_NEGATIVE;
-        /// Whether all paths of an object are also updated together, by the sum of their gradients; see
-        /// `common_motion`.
+        /// Whether all paths of an object are also updated together, by the sum of their gradients.
         collective: bool = true;
-        /// Learning rate of the rotation's coefficients at the first step, radians at the window's edge.
+        /// The same of a rotation's coefficients, radians.
         rotation_lr: f64 = 2e-3, in NOT_NEGATIVE;
         /// Both rates at the last step, as a share of the first.
         final_share: f64 = 0.02, in POSITIVE;
         /// The use of the 3D remainder.
         remainder: RemainderChoice = RemainderChoice::Auto;
-        /// Whether each Gaussian keeps only the order that it needs; otherwise all keep `order`.
+        /// Whether each Gaussian keeps only the order that it needs.
         select: bool = true;
         /// Steps from one selection to the next.
         select_every: usize = 100, in 1..;
-        /// Largest change of a Gaussian's position in any training view, pixels, at which a lower order is accepted.
+        /// Largest change of a Gaussian's position in a training view, pixels, at which a lower order is accepted.
         select_pixels: f64 = NOTICEABLE, in NOT_NEGATIVE;
         /// Soft threshold of each coefficient block at each selection, pixels at the window's edge.
         shrink_pixels: f64 = 0.02, in NOT_NEGATIVE;
@@ -122,11 +119,11 @@ section! {
 choice! {
     /// Formation of the image that is compared with a blurry photo.
     pub enum BlurMode {
-        /// The exact formation: the mean of renderings at times inside the exposure.
+        /// The mean of renderings at times inside the exposure (exact).
         Integrate,
-        /// The paper's formation: the sharp image gathered along the velocity at each pixel (Eq. 7 to 12).
+        /// The paper's: the sharp image gathered along the velocity at each pixel (Eq. 7 to 12).
         Warp,
-        /// No blur model: the sharp rendering is compared with the blurry photo (ITG, Table 1).
+        /// No blur model (ITG, Table 1).
         None,
     }
 }
@@ -136,7 +133,7 @@ choice! {
     pub enum VelocitySource {
         /// The derivative of the Taylor motion, splatted (Eq. 3 and 4).
         Taylor,
-        /// A network alone (the row "w/o Taylor Expansion" of Table 2).
+        /// A network alone (Table 2, "w/o Taylor Expansion").
         Network,
     }
 }
@@ -146,25 +143,24 @@ section! {
     pub struct BlurConfig {
         /// The formation.
         mode: BlurMode = BlurMode::Integrate;
-        /// Times inside the exposure (paper: N = 7). Too few show as separate copies if an object moves by more than N
+        /// Times inside the exposure (paper: 7). Too few show as separate copies of an object that moves by more
         /// pixels.
         samples: usize = 7;
-        /// `integrate`: share of the run in which three times are taken in place of `samples`, 0 to 1. They cost half
-        /// as much, and what they miss of fast motion the rest of the run finds.
+        /// `integrate`: share of the run in which three times are taken in place of `samples`, at half the cost.
         few_until: f64 = 0.0, in SHARE;
-        /// Initial exposure, in the data set's unit of time; 0: as the data set states, else half a frame interval.
+        /// Initial exposure, in the data set's unit of time; 0: as it states, else half a frame interval.
         exposure: f64 = 0.0, in Only("0 (from the data set) or positive", |exposure| not_negative(*exposure));
         /// Whether the exposure is learned.
         learn_exposure: bool = true;
         /// Learning rate of the exposure's logarithm.
         exposure_lr: f64 = 2e-3, in NOT_NEGATIVE;
-        /// Share of the run after which the exposure is learned, if the data set states it (1: never); else it is
-        /// learned from the start. The estimate from photos alone is too short, because the scene's own softness
-        /// explains part of the blur: by 2 to 3 % at 256 x 192 pixels, by 6 to 20 % at 96 x 72.
+        // By 2 to 3 % at 256 x 192 pixels, by 6 to 20 % at 96 x 72.
+        /// Share of the run after which an exposure that the data set states is learned; 1: never. From photos alone it
+        /// comes out too short, because the scene's own softness explains part of the blur.
         exposure_from: f64 = 1.0, in SHARE;
-        /// Whether light is averaged linearly, as in a sensor; otherwise in the encoding of the photos.
+        /// Whether light is averaged linearly, as in a sensor.
         linear: bool = true;
-        /// Whether static Gaussians get no gradient from the blurred image (section 3.4, gradient decoupling).
+        /// Whether static Gaussians get no gradient from the blurred image (section 3.4).
         decouple: bool = true;
         /// `warp`: share of the depth prior in the hybrid depth (paper: 0.3).
         depth_beta: f64 = 0.3, in SHARE;
@@ -197,8 +193,7 @@ choice! {
         Photo,
         /// Unchanged, Eq. 16.
         None,
-        /// One minus the correlation, which is invariant to scale and shift. (The hybrid depth of Eq. 6 is fitted per
-        /// photo.)
+        /// One minus the correlation.
         Correlation,
     }
 }
@@ -218,10 +213,10 @@ section! {
         smooth: f64 = LAMBDA_SMOOTH, in NOT_NEGATIVE;
         /// Whether the pseudo-sharp photo replaces the blurry one at moving pixels (Eq. 13).
         pseudo: bool = true;
-        /// How depth priors are compared with the rendered depth.
+        /// The comparison of depth priors with the rendered depth.
         depth_fit: DepthFit = DepthFit::Photo;
-        /// Share of the run after which priors (pseudo-sharp, depth, guide) are no longer used; 1: they always are.
-        /// Priors help at first, and their errors limit quality at the end.
+        /// Share of the run after which priors are no longer used: they help at first, and their errors limit quality
+        /// at the end.
         until: f64 = 1.0, in SHARE;
     }
 }
@@ -249,36 +244,32 @@ section! {
     /// Heuristics of inference from the photos. Lengths in images are shares of the image width; they were chosen at
     /// 256 to 320 pixels. `gs-lab experiments taylormode --only sensitivity` halves and doubles each.
     pub struct CuesConfig {
-        /// Near plane of scenes with static cameras and without points, as a share of the cameras' median distance from
-        /// the subject. Smaller: floaters close to one camera explain its photos alone. Larger: a near wall is culled.
-        /// Twelve cameras all around, 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at
-        /// 0.6.
+        // Twelve cameras all around, 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at
+        // 0.6.
+        /// Near plane of scenes with static cameras and without points, in median distances of the cameras from the
+        /// subject. Smaller: floaters close to one camera. Larger: a near wall is culled.
         near_share: f64 = NEAR_STATIC_CAMERAS, in Only("above 0, below 1", |share| positive(*share) && *share < 1.0);
-        /// Smallest depth of random points at pixels without texture, in distances of the subject. Photos do not
-        /// constrain the depth of a sky. Smaller: points that begin between the cameras stay there as floaters. Larger:
-        /// a plain wall is missed. Random points end at 3 distances.
+        /// Smallest depth of random points at pixels without texture, such as a sky, in distances of the subject.
+        /// Smaller: floaters between the cameras. Larger: a plain wall is missed.
         plain_nearest: f64 = Random::STATIC_CAMERAS.plain_nearest, in 0.3..=2.9;
-        /// Largest root mean square distance of an object's centres from its path, as a share of the image width, at
-        /// which it is an object of its own. Larger: fragments become objects. Smaller: objects with inaccurate masks
-        /// get no path.
+        /// Largest root mean square distance of an object's centres from its path, in image widths. Larger: fragments
+        /// become objects. Smaller: objects with inaccurate masks get no path.
         body_size: f64 = CueOptions::default().objects.body_size, in SMALL_SHARE;
-        /// Largest such distance for the centre of all moving pixels at which its path is used. Larger: the common
-        /// centre of several people misleads all Gaussians. Smaller: an object with inaccurate masks begins without a
-        /// path.
+        /// The same for the centre of all moving pixels. Larger: the common centre of several people misleads all
+        /// Gaussians.
         followed: f64 = CueOptions::default().objects.followed, in SMALL_SHARE;
-        /// Root mean square distance, as a share of the image width, by which a path with fewer orders and kinks may
-        /// miss a centre. The outline of an object that turns differs between cameras, so its centre's path is not
-        /// known more precisely. Larger: motion is lost (0.15 dB from 0.6 pixels of 256 on). Smaller: noise is fitted.
+        // The outline of an object that turns differs between cameras, so its centre's path is not known more
+        // precisely. From 0.6 pixels of 256 on, 0.15 dB are lost.
+        /// Root mean square distance by which a path with fewer orders and kinks may miss a centre, in image widths.
+        /// Larger: motion is lost. Smaller: noise is fitted.
         unseen: f64 = 0.5 / gs_multiview::REFERENCE_WIDTH, in SMALL_SHARE;
-        /// Motion by each of the nine linear numbers of a common step at twice the object's extent, as a factor of the
-        /// paths' rate. Larger: the object jitters. Smaller: it converges to the nearest match of its texture before it
-        /// has turned, and lags behind.
+        /// Rate of the nine linear numbers of a common step at twice the object's extent, in rates of the paths.
+        /// Larger: the object jitters. Smaller: it lags behind a turn.
         turn: f64 = 6.0, in NOT_NEGATIVE;
-        /// Scales the acceptance of shadows, 0 to 2. Larger: dark objects vanish from the masks. Smaller: shadows join
-        /// them.
+        /// Factor on the acceptance of shadows. Larger: dark objects vanish from the masks. Smaller: shadows join them.
         shadow: f64 = CueOptions::default().masks.shadow, in 0.0..=2.0;
-        /// Smallest moving region that is kept, as a share of the image's area. Larger: small objects vanish. Smaller:
-        /// flicker shifts centres.
+        /// Smallest moving region that is kept, as a share of the image. Larger: small objects vanish. Smaller: flicker
+        /// shifts centres.
         speck: f64 = CueOptions::default().masks.speck, in 0.0..=0.01;
     }
 }

@@ -1,6 +1,7 @@
 //! Figures of a moving scene beside image quality: its blurred images, velocities and exposure, and the cost of its motion.
 
 use burn::tensor::Tensor;
+use gs_base::median;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, RenderOptions, parameter_bytes, render_with};
 use gs_datasets::{Scene, View};
@@ -17,7 +18,7 @@ use crate::fit::figure::{Better, Figure, FigureTable, Figures};
 use crate::fit::parameters::to_host;
 use crate::fit::photos::{camera, to_tensor};
 use crate::run::memory::megabytes;
-use crate::run::metrics::{median, psnr, psnr_masked};
+use crate::run::metrics::{psnr, psnr_masked};
 
 /// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty pixels of motion.
 pub const MEASURE_SAMPLES: usize = 33;
@@ -193,9 +194,8 @@ impl Moving<'_> {
 /// Numbers of Gaussians by the SH degree of their colour.
 fn sh_degrees(gaussians: &Gaussians) -> Vec<usize> {
     let mut degrees = vec![0; gaussians.sh_degree() + 1];
-    let sh = gaussians.sh_coefficients();
-    let values: Vec<f32> = sh.to_host();
-    values.chunks_exact(3 * sh.coefficients()).for_each(|sh| degrees[sh_bands::degree(sh)] += 1);
+    let sh = to_host(gaussians.sh.val().flatten::<2>(1, 2));
+    sh.chunks_exact(3 * gaussians.sh.dims()[1]).for_each(|sh| degrees[sh_bands::degree(sh)] += 1);
     degrees
 }
 
@@ -217,7 +217,7 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
     let choice = &config.method.motion;
     let fixed = FixedOrder {
         gaussians: size.gaussians,
-        sh_coefficients: gaussians.sh_coefficients().coefficients(),
+        sh_coefficients: gaussians.sh.dims()[1],
         position: choice.order,
         rotation: choice.rotation_order,
     };

@@ -243,16 +243,15 @@ impl Formation<'_> {
         let moves = add_rows(Tensor::zeros([scene.len(), 1], &device), rows, ones);
         // The value is x either way, because x - x is exactly zero for every finite x; the gradient of static rows is zero.
         let two = |x: Tensor<2>| (x.clone() - x.clone().detach()) * moves.clone() + x.detach();
-        let of_sh = |sh: Tensor<3>| {
-            let [count, coefficients, channels] = sh.dims();
-            two(sh.reshape([count, coefficients * channels])).reshape([count, coefficients, channels])
-        };
+        let sh = scene.sh.val();
+        let [count, coefficients, channels] = sh.dims();
+        let flat = two(sh.reshape([count, coefficients * channels]));
         Gaussians::from_tensors(
             two(scene.means.val()),
             two(scene.quats.val()),
             two(scene.log_scales.val()),
             two(scene.opacity_logits.val().unsqueeze_dim(1)).squeeze_dim(1),
-            scene.sh_coefficients().map(of_sh),
+            flat.reshape([count, coefficients, channels]),
         )
     }
 

@@ -1,6 +1,7 @@
 //! The initial paths of moving Gaussians: those of the centres of their objects, triangulated from masks.
 
 use glam::DVec3;
+use gs_base::dense::solve_columns;
 use gs_models::taylormode::{Contact, MotionFrame, TimeWindow};
 use gs_multiview::{Kink, Track, Trajectory};
 
@@ -119,22 +120,7 @@ pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, 
     }
     let ridge = RIDGE * (0..columns).map(|i| normal[i][i]).sum::<f64>().max(f64::MIN_POSITIVE);
     (0..columns).for_each(|i| normal[i][i] += ridge);
-    solve(&mut normal).into_iter().flatten().map(|x| x as f32).collect()
-}
-
-/// Gauss-Jordan elimination with pivots on `[A | B]`, `A` square and positive definite, `B` of three columns.
-fn solve(rows: &mut [Vec<f64>]) -> Vec<[f64; 3]> {
-    let order = rows.len();
-    for column in 0..order {
-        let pivot = (column..order).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()));
-        rows.swap(column, pivot.unwrap_or(column));
-        let lead = rows[column].clone();
-        for (index, row) in rows.iter_mut().enumerate() {
-            let factor = if index == column { 1.0 - 1.0 / lead[column] } else { row[column] / lead[column] };
-            row.iter_mut().zip(&lead).for_each(|(entry, lead)| *entry -= factor * lead);
-        }
-    }
-    rows.iter().map(|row| [row[order], row[order + 1], row[order + 2]]).collect()
+    solve_columns::<3>(normal).into_iter().flatten().map(|x| x as f32).collect()
 }
 
 #[cfg(test)]

@@ -159,7 +159,7 @@ fn joined(fixed: InitialGaussians, moving: InitialGaussians) -> Initial {
 
 #[cfg(test)]
 mod tests {
-    use gs_datasets::Intrinsics;
+    use gs_base::Intrinsics;
     use gs_multiview::Centre;
 
     use super::*;

@@ -7,7 +7,7 @@
 use burn::module::Param;
 use burn::tensor::Tensor;
 use gs_burn::glam::DVec3;
-use gs_burn::{Gaussians, RowMap, ShCoefficients};
+use gs_burn::{Gaussians, RowMap};
 use gs_datasets::View;
 use gs_models::sh_bands;
 use gs_models::taylormode::TaylorMotion;
@@ -123,20 +123,18 @@ const REMAINDER_TIMES: i32 = 8;
 
 /// Shrinks the bands of view-dependent colour; at the end of a run, removes bands that are not visible.
 pub fn select_bands(gaussians: &mut Gaussians, is_last: bool) {
-    let sh = gaussians.sh_coefficients();
-    let coefficients = sh.coefficients();
-    if coefficients == 1 {
+    let columns = Group::Sh.columns(gaussians.sh_degree());
+    if columns <= 3 {
         return;
     }
-    let mut values: Vec<f32> = sh.to_host();
-    for one in values.chunks_exact_mut(3 * coefficients) {
+    let mut sh = gaussians.read(Group::Sh);
+    for one in sh.chunks_exact_mut(columns) {
         sh_bands::shrink(one, sh_bands::NOTICEABLE);
         if is_last {
             sh_bands::lower(one, sh_bands::NOTICEABLE);
         }
     }
-    let (rows, apart) = (gaussians.len(), sh.third.is_some());
-    gaussians.set_sh(ShCoefficients::from_host(values, rows, coefficients, apart, &gaussians.device()));
+    gaussians.set(Group::Sh, from_host(sh, columns, &gaussians.device()));
 }
 
 /// The poses and focal lengths of `views`, without duplicates.

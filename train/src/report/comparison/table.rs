@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use gs_datasets::printable;
+use gs_base::printable;
 
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::fit::figure::Prominence;

@@ -3,6 +3,7 @@
 //! Where the data set has the true motion of its bodies, the error is the distance of a Gaussian from where its body carries it. Elsewhere the
 //! spread that a pixel shows is held against the error of the rendered image, which has another unit: then only the order can be judged.
 
+use gs_base::median;
 use gs_datasets::Mover;
 use gs_datasets::View;
 use gs_models::DynamicScene;
@@ -14,7 +15,6 @@ use super::studio::{Known, pose_of};
 use crate::fit::parameters::{from_host, to_host};
 use crate::fit::photos::to_tensor;
 use crate::report::charts::{Chart, Series};
-use crate::run::metrics::median;
 
 /// Groups of equal size in which spread and error are compared.
 const GROUPS: usize = 10;

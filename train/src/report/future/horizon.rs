@@ -2,7 +2,8 @@
 
 use burn::tensor::Tensor;
 use glam::DMat4;
-use gs_datasets::{Split, View, counted};
+use gs_base::counted;
+use gs_datasets::{Split, View};
 use serde::Serialize;
 
 use super::studio::{Known, pose_of};

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use gs_datasets::image_io::{encode_png, write_atomic};
-use gs_datasets::{counted, guarded};
+use gs_base::{counted, guarded, write_atomic};
+use gs_datasets::image_io::encode_png;
 
 use super::Horizon;
 use super::strip::Picture;

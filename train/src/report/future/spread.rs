@@ -1,10 +1,10 @@
 //! How far the members of an ensemble are apart: the uncertainty of each Gaussian's position.
 
+use gs_base::median;
 use gs_models::DynamicScene;
 use serde::Serialize;
 
 use crate::fit::parameters::to_host;
-use crate::run::metrics::median;
 
 /// Times at which a scene's Gaussians are held at once.
 const TIMES_AT_ONCE: usize = 8;

@@ -7,7 +7,6 @@ use gs_models::DynamicScene;
 
 use crate::config::RenderConfig;
 use crate::fit::facts::SceneFacts;
-use crate::fit::photos::intrinsics;
 
 /// How pictures of a scene are drawn.
 #[derive(Debug, Clone)]
@@ -50,7 +49,7 @@ impl Studio {
     }
 
     fn camera(&self, pose: &CameraPose) -> Camera {
-        Camera::from_c2w(pose.c2w, intrinsics(&pose.intrinsics), pose.width, pose.height, &self.device)
+        Camera::from_c2w(pose.c2w, pose.intrinsics, pose.width, pose.height, &self.device)
     }
 }
 

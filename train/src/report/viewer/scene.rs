@@ -1,8 +1,8 @@
 //! A scene as a page holds it: JSON with cameras and options, and the block with its numbers.
 
 use glam::{DMat4, DVec3};
+use gs_base::{agree, counted};
 use gs_burn::Gaussians;
-use gs_datasets::{agree, counted};
 use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 
@@ -217,7 +217,7 @@ impl Numbers {
             quats: unit_quats(gaussians),
             log_scales: to_host(gaussians.log_scales.val().inner()),
             logits: to_host(gaussians.opacity_logits.val().inner()),
-            sh: gaussians.sh_coefficients().to_host(),
+            sh: to_host(gaussians.sh.val().inner()),
             degree: gaussians.sh_degree(),
         }
     }

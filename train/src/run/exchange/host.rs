@@ -1,7 +1,7 @@
 //! Gaussians between tensors and the host.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::{Gaussians, ShCoefficients};
+use gs_burn::Gaussians;
 use gs_formats::Splats;
 
 /// The Gaussians on the host, without an offset.
@@ -17,7 +17,7 @@ pub fn splats_of(gaussians: &Gaussians, antialiased: Option<bool>) -> Splats {
         log_scales: rows(gaussians.log_scales.val()),
         opacity_logits: rows::<1, 1>(gaussians.opacity_logits.val()).into_iter().map(|[x]| x).collect(),
         degree: gaussians.sh_degree(),
-        sh: gaussians.sh_coefficients().to_host().as_chunks::<3>().0.to_vec(),
+        sh: rows(gaussians.sh.val()),
         antialiased,
     }
 }
@@ -33,6 +33,6 @@ pub fn gaussians_of(splats: &Splats, device: &Device) -> Gaussians {
         tensor(splats.quats.as_flattened().to_vec(), [n, 4], device),
         tensor(splats.log_scales.as_flattened().to_vec(), [n, 3], device),
         tensor(splats.opacity_logits.clone(), [n], device),
-        ShCoefficients::upload(splats.sh.as_flattened().to_vec(), n, splats.coefficients(), device),
+        tensor(splats.sh.as_flattened().to_vec(), [n, splats.coefficients(), 3], device),
     )
 }

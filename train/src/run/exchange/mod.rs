@@ -10,10 +10,10 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use glam::{DMat3, DVec3};
+use gs_base::local::is_far;
+use gs_base::{agree, counted};
 use gs_burn::ply::{self, SplatRenderMode};
-use gs_datasets::{agree, counted};
 use gs_formats::{Law, Motion, Splats, glb, spz, turn, usda};
-use gs_kernels::local::is_far;
 
 pub use foreign::refuse_foreign;
 use host::{gaussians_of, splats_of};

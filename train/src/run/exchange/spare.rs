@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gs_datasets::{agree, counted};
+use gs_base::{agree, counted};
 use gs_formats::spz;
 
 use super::{Format, Packed};

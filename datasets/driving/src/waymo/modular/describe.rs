@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::DMat4;
-use gs_datasets::{DatasetError, agree, counted};
+use gs_base::{agree, counted};
+use gs_datasets::DatasetError;
 
 use super::keys::{CAMERA, Key, Keys, LASER};
 use super::{Component, Modular, file};
-use crate::error::malformed;
 use crate::waymo::calibration::{CameraCalibration, LaserCalibration};
 use crate::waymo::names::VEHICLE_POSE;
 use crate::waymo::parquet::table::{Cells, Table};
@@ -95,7 +95,12 @@ fn rows<T>(
         Some(found) => Ok((*key, found)),
         None => {
             let place = format!("row {} of group {}", key.row, key.group);
-            Err(malformed(table.path(), place, format!("sound values of {}", columns.join(", ")), "others"))
+            Err(DatasetError::malformed(
+                table.path(),
+                place,
+                format!("sound values of {}", columns.join(", ")),
+                "others",
+            ))
         }
     };
     keys.all().iter().map(read).collect()

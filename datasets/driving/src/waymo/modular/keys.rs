@@ -4,7 +4,6 @@ use std::path::Path;
 
 use gs_datasets::DatasetError;
 
-use crate::error::malformed;
 use crate::waymo::parquet::table::{Cells, Table};
 use crate::waymo::parts::number;
 
@@ -43,7 +42,12 @@ impl Keys {
             };
             for row in 0..rows {
                 let missing = |column: &str, expected: &str| {
-                    malformed(table.path(), format!("{column} of row {row} of group {group}"), expected, "none")
+                    DatasetError::malformed(
+                        table.path(),
+                        format!("{column} of row {row} of group {group}"),
+                        expected,
+                        "none",
+                    )
                 };
                 let stamp = match &stamps {
                     Some(cells) => cells.integer(row).ok_or_else(|| missing(STAMP, "microseconds"))?,
@@ -79,7 +83,7 @@ impl Keys {
         match self.0.windows(2).find(|pair| (pair[0].stamp, pair[0].sensor) == (pair[1].stamp, pair[1].sensor)) {
             Some(pair) => {
                 let place = format!("the rows of the sensor {} at {}", pair[0].sensor, pair[0].stamp);
-                Err(malformed(path, place, "one row", "two"))
+                Err(DatasetError::malformed(path, place, "one row", "two"))
             }
             None => Ok(()),
         }

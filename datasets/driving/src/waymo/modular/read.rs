@@ -4,7 +4,6 @@ use gs_datasets::DatasetError;
 
 use super::keys::Key;
 use super::{Component, Modular};
-use crate::error::malformed;
 use crate::waymo::parquet::table::Cells;
 use crate::waymo::parts::{BoxPart, RangeImage, Scan, TOP};
 
@@ -32,7 +31,9 @@ impl Modular {
     /// The JPEG of a camera in a frame.
     pub fn jpeg(&self, stamp: i64, camera: i64) -> Result<Vec<u8>, DatasetError> {
         const COLUMN: &str = "[CameraImageComponent].image";
-        let missing = || malformed(&self.images(), COLUMN, format!("an image of camera {camera} at {stamp}"), "none");
+        let missing = || {
+            DatasetError::malformed(&self.images(), COLUMN, format!("an image of camera {camera} at {stamp}"), "none")
+        };
         let component = self.images.as_ref().ok_or_else(missing)?;
         let key = component.keys.at(stamp).iter().find(|key| key.sensor == camera).ok_or_else(missing)?;
         let cells = component.table.cells(key.group, COLUMN, key.row..key.row + 1)?;
@@ -63,7 +64,12 @@ impl Modular {
                 };
                 boxes.push(read.and_then(|()| part()).ok_or_else(|| {
                     let place = format!("row {} of group {}", keys[row].row, keys[row].group);
-                    malformed(component.table.path(), place, "a box with a name and a type", "another row")
+                    DatasetError::malformed(
+                        component.table.path(),
+                        place,
+                        "a box with a name and a type",
+                        "another row",
+                    )
                 })?);
             }
         }
@@ -91,7 +97,7 @@ impl Component {
             for (row, key) in keys.iter().enumerate() {
                 let wrong = |found: String| {
                     let place = format!("{column} of row {} of group {}", key.row, key.group);
-                    malformed(self.table.path(), place, "rows, columns and channels of an image", found)
+                    DatasetError::malformed(self.table.path(), place, "rows, columns and channels of an image", found)
                 };
                 let sides = shapes.numbers(row).zip(values.floats(row));
                 let (sides, values) = sides.ok_or_else(|| wrong("text".to_string()))?;

@@ -6,7 +6,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
-use gs_datasets::{DatasetError, guarded};
+use gs_base::guarded;
+use gs_datasets::DatasetError;
 use parquet::basic::Type;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{ByteArray, DataType};
@@ -14,7 +15,6 @@ use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::pages::Pages;
 use super::thrift::{Event, Walk};
-use crate::error::malformed;
 
 /// Longest file, bytes. Images of a segment have some 330 MB.
 const FILE_MAX: u64 = 16 << 30;
@@ -60,7 +60,7 @@ impl Table {
     /// Reads the metadata of a file.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let mut file = guarded::open_regular(path, FILE_MAX)?;
-        let wrong = |found: String| malformed(path, "the footer", "a whole Parquet file", found);
+        let wrong = |found: String| DatasetError::malformed(path, "the footer", "a whole Parquet file", found);
         let length = file.metadata().map_err(|error| unreadable(path, error))?.len();
         if length < TAIL + MAGIC.len() as u64 {
             return Err(wrong(format!("{length} bytes")));
@@ -124,8 +124,12 @@ impl Table {
         name: &str,
         rows: impl Iterator<Item = usize> + Clone,
     ) -> Result<Cells, DatasetError> {
-        let wrong = |found: String| malformed(&self.path, format!("the column {name}"), "a readable column", found);
-        let column = self.column(name).ok_or_else(|| malformed(&self.path, "the columns", name, "no such column"))?;
+        let wrong = |found: String| {
+            DatasetError::malformed(&self.path, format!("the column {name}"), "a readable column", found)
+        };
+        let column = self
+            .column(name)
+            .ok_or_else(|| DatasetError::malformed(&self.path, "the columns", name, "no such column"))?;
         let chunk = self.metadata.row_group(group).column(column);
         let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset());
         let mut file = guarded::open_regular(&self.path, FILE_MAX)?;
@@ -288,7 +292,7 @@ fn guard<T>(decoder: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
 }
 
 fn unreadable(path: &Path, source: std::io::Error) -> DatasetError {
-    DatasetError::Io { path: path.to_path_buf(), action: "read", source }
+    DatasetError::read(path, source)
 }
 
 /// Bytes of a file, which was at least so long when its metadata was read.

@@ -7,11 +7,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use glam::DMat4;
-use gs_datasets::{DatasetError, guarded};
+use gs_base::guarded;
+use gs_datasets::DatasetError;
 
 use super::wire::{Blob, Piece, Value, doubles, fields};
 use super::{FILE_MAX, RECORD_MAX, Record, Records, crc};
-use crate::error::malformed;
 use crate::waymo::calibration::{CameraCalibration, LaserCalibration};
 use crate::waymo::names::RECORDS;
 use crate::waymo::parts::{CAMERAS, FramePart, ImagePart, LASERS, Parts, rigid};
@@ -41,13 +41,15 @@ impl Records {
         for (index, record) in records.iter().enumerate() {
             let blob = Piece::new(&file, record.start, record.length);
             let frame = frame(&blob, (index == 0).then_some(&mut context));
-            frames
-                .push((frame.map_err(|found| malformed(path, format!("record {index}"), "a frame", found))?, *record));
+            frames.push((
+                frame.map_err(|found| DatasetError::malformed(path, format!("record {index}"), "a frame", found))?,
+                *record,
+            ));
         }
         frames.sort_by_key(|(frame, _)| frame.stamp);
         if let Some(pair) = frames.windows(2).find(|pair| pair[0].0.stamp == pair[1].0.stamp) {
             let place = format!("the frames of the time {}", pair[0].0.stamp);
-            return Err(malformed(path, place, "one frame", "two"));
+            return Err(DatasetError::malformed(path, place, "one frame", "two"));
         }
         if context.name.is_empty() {
             let stem = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -62,7 +64,7 @@ impl Records {
     /// The content of a frame's record.
     pub(super) fn content(&self, frame: usize) -> Result<Vec<u8>, DatasetError> {
         let record = self.records[frame];
-        let io = |source| DatasetError::Io { path: self.path.clone(), action: "read", source };
+        let io = |source| DatasetError::read(&self.path, source);
         let mut file = guarded::open_regular(&self.path, FILE_MAX)?;
         file.seek(SeekFrom::Start(record.start)).map_err(io)?;
         // The record was within the file when it was listed.
@@ -72,7 +74,12 @@ impl Records {
         let sum = bytes.get(record.length..).and_then(|tail| tail.first_chunk()).map(|tail| u32::from_le_bytes(*tail));
         bytes.truncate(record.length);
         if sum != Some(crc::masked(&bytes)) {
-            return Err(malformed(&self.path, place, "a content that agrees with its checksum", "another"));
+            return Err(DatasetError::malformed(
+                &self.path,
+                place,
+                "a content that agrees with its checksum",
+                "another",
+            ));
         }
         Ok(bytes)
     }
@@ -80,11 +87,13 @@ impl Records {
 
 /// The records of a file. Only their heads are read.
 fn list(path: &Path, file: &mut File) -> Result<Vec<Record>, DatasetError> {
-    let io = |source| DatasetError::Io { path: path.to_path_buf(), action: "read", source };
+    let io = |source| DatasetError::read(path, source);
     let end = file.metadata().map_err(io)?.len();
     let (mut records, mut at) = (Vec::new(), 0_u64);
     while at < end {
-        let wrong = |found: &str| malformed(path, format!("the record from byte {at} on"), "a whole record", found);
+        let wrong = |found: &str| {
+            DatasetError::malformed(path, format!("the record from byte {at} on"), "a whole record", found)
+        };
         let mut head = [0; HEAD as usize];
         if at + HEAD + TAIL > end {
             return Err(wrong("the end of the file"));

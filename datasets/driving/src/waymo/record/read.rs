@@ -8,7 +8,6 @@ use gs_datasets::DatasetError;
 
 use super::Records;
 use super::wire::{Value, fields, integers};
-use crate::error::malformed;
 use crate::waymo::parts::{BoxPart, RangeImage, Scan, TOP};
 
 /// Longest content of a compressed image, bytes. The poses of the TOP laser have 4 MB.
@@ -69,7 +68,7 @@ impl Records {
         let content = self.content(frame)?;
         read(&content).map_err(|found| {
             let place = format!("the record of {} bytes from {} on", content.len(), self.records[frame].start);
-            malformed(&self.path, place, "a frame", found)
+            DatasetError::malformed(&self.path, place, "a frame", found)
         })
     }
 }

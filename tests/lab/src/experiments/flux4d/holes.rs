@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use gs_datasets::image_io::write_atomic;
+use gs_base::write_atomic;
 use gs_worlds::driving::StreetOptions;
 
 use super::trial::{Outcome, applied, network, street};

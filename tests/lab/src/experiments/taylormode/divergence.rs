@@ -4,9 +4,10 @@
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
 use glam::DVec3;
+use gs_base::least_squares::least_squares;
 use gs_models::taylormode::window::powers;
 use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
-use gs_multiview::{Centre, Track, Trajectory, least_squares};
+use gs_multiview::{Centre, Track, Trajectory};
 use gs_train::fit::parameters::{from_host, to_host};
 use gs_train::pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 use gs_train::report::charts::{Chart, Series};

@@ -3,13 +3,13 @@
 use anyhow::Result;
 use burn::module::Param;
 use burn::tensor::Tensor;
+use gs_base::median;
 use gs_datasets::Scene;
 use gs_models::taylormode::{Kinks, TaylorScene};
 use gs_train::fit::photos::to_tensor;
 use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::pipelines::taylormode::figures::blur_over;
 use gs_train::report::charts::{Chart, Series};
-use gs_train::run::metrics::median;
 use gs_worlds::deblur::World;
 
 use super::Trial;

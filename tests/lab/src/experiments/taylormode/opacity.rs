@@ -111,8 +111,8 @@ fn static_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)
 
 /// Classic density control with an opacity policy, as `--set` overrides.
 fn strategy(lab: &Lab, policy: &str) -> [String; 4] {
-    let policy = format!("density.opacity_policy={policy}");
-    let reset = format!("density.reset_every={}", reset_interval(lab));
+    let policy = format!("density.default.opacity_policy={policy}");
+    let reset = format!("density.default.reset_every={}", reset_interval(lab));
     ["density.strategy=default".into(), "density.stop=0.7".into(), policy, reset]
 }
 

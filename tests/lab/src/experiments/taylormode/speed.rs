@@ -1,9 +1,9 @@
 //! How much motion per exposure can be deblurred?
 
 use anyhow::Result;
+use gs_base::median;
 use gs_datasets::Scene;
 use gs_train::report::charts::{Chart, Series};
-use gs_train::run::metrics::median;
 use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::Trial;

@@ -1,7 +1,8 @@
 //! Eigenvalues and eigenvectors of a small symmetric matrix by Jacobi's method: planes are turned until it is diagonal.
 
-/// Makes the symmetric `matrix` `[N, N]` diagonal in `sweeps` sweeps over its planes: its eigenvalues are then on the diagonal, and the columns
-/// of `vectors` `[N, N]`, whatever it held before, are their eigenvectors. Convergence is quadratic.
+/// Makes the symmetric `matrix` `[N, N]` diagonal in `sweeps` sweeps over its planes: its eigenvalues are then on the
+/// diagonal, and the columns of `vectors` `[N, N]`, whatever it held before, are their eigenvectors. Convergence is
+/// quadratic.
 pub fn diagonalise<R: AsMut<[f64]>>(matrix: &mut [R], vectors: &mut [R], sweeps: usize) {
     let count = matrix.len();
     for (index, row) in vectors.iter_mut().enumerate() {

@@ -1,6 +1,8 @@
 //! Positions far from the origin of their world. `f32` has seven digits, so a scene in map coordinates is kept as local
 //! positions and an offset of three `f64`, which is added to each of them.
 
+use crate::statistics::median;
+
 /// A scene is moved to the origin when the mean of its camera centres, or the middle of its Gaussians, is farther from
 /// it than this, in scene units. At 1000 the spacing of f32 is 6e-5: in metres, millimetres survive a few dozen
 /// roundings. City coordinates (1e4 and more) would lose them, while an ordinary scene stays in its file's world, where
@@ -24,7 +26,7 @@ pub fn is_offset(offset: [f64; 3]) -> bool {
 /// offset stays as it is where it is far and the positions are not; it is zero where the world's origin is near the
 /// middle of the scene.
 pub fn localised(positions: &[[f64; 3]], offset: [f64; 3]) -> (Vec<[f32; 3]>, [f64; 3]) {
-    let own = choose(median(positions), offset);
+    let own = choose(middle(positions), offset);
     let shift = [0, 1, 2].map(|axis| offset[axis] - own[axis]);
     // The difference of two f32 may be more than an f32 holds.
     let local = |x: f64| x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32;
@@ -42,12 +44,8 @@ fn choose(middle: [f64; 3], offset: [f64; 3]) -> [f64; 3] {
 }
 
 /// The median along each axis: a few broken positions do not move it. Zeros without positions.
-fn median(positions: &[[f64; 3]]) -> [f64; 3] {
-    [0, 1, 2].map(|axis| {
-        let mut values: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
-        let middle = values.len() / 2;
-        if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    })
+fn middle(positions: &[[f64; 3]]) -> [f64; 3] {
+    [0, 1, 2].map(|axis| median(positions.iter().map(|position| position[axis]).collect()).unwrap_or(0.0))
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 ///
 /// ```
 /// use glam::DVec3;
-/// use gs_multiview::least_squares;
+/// use gs_base::least_squares::least_squares;
 ///
 /// let times = [-1.0, 0.0, 1.0_f64];
 /// let columns = [times.map(|_| 1.0).to_vec(), times.to_vec(), vec![0.0; 3]];
@@ -78,6 +78,6 @@ pub fn weighted_least_squares(columns: &[Vec<f64>], targets: &[DVec3], weights: 
 }
 
 /// The sum of the columns at one point.
-pub(crate) fn combined(columns: &[Vec<f64>], coefficients: &[DVec3], point: usize) -> DVec3 {
+pub fn combined(columns: &[Vec<f64>], coefficients: &[DVec3], point: usize) -> DVec3 {
     columns.iter().zip(coefficients).map(|(column, coefficient)| column[point] * *coefficient).sum()
 }

@@ -1,7 +1,7 @@
 //! Reading files that somebody else wrote: regular files only, and never more than a limit.
 //!
-//! A name in a data set, or on a command line, may lead to a device that never ends (`/dev/zero`), to a pipe that nobody writes to,
-//! or to a file of terabytes that takes no room on its disk. All of them are refused before anything is read.
+//! A name in a data set, or on a command line, may lead to a device that never ends (`/dev/zero`), to a pipe that nobody
+//! writes to, or to a file of terabytes that takes no room on its disk. All of them are refused before anything is read.
 //!
 //! # Limits
 //!
@@ -18,7 +18,7 @@ use std::fs::{File, FileType};
 use std::io::Read;
 use std::path::Path;
 
-use crate::error::DatasetError;
+use crate::error::FileError;
 
 /// Largest JSON file, bytes.
 pub const DESCRIPTION_MAX: u64 = 256 << 20;
@@ -35,17 +35,17 @@ pub const IMAGE_MAX: u64 = 1 << 30;
 /// Opens a file for reading, if it is a regular file (or a link to one) of at most `limit` bytes.
 ///
 /// # Errors
-/// When it is a folder, a device, a pipe or a socket, is longer than `limit`, or cannot be opened. A pipe is not opened, because
-/// that waits for a writer.
-pub fn open_regular(path: &Path, limit: u64) -> Result<File, DatasetError> {
-    let unreadable = |error| DatasetError::read(path, error);
+/// When it is a folder, a device, a pipe or a socket, is longer than `limit`, or cannot be opened. A pipe is not opened,
+/// because that waits for a writer.
+pub fn open_regular(path: &Path, limit: u64) -> Result<File, FileError> {
+    let unreadable = |error| FileError::read(path, error);
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
-        return Err(DatasetError::NotAFile { path: path.to_path_buf(), found: name_of(metadata.file_type()) });
+        return Err(FileError::NotAFile { path: path.to_path_buf(), found: name_of(metadata.file_type()) });
     }
     if metadata.len() > limit {
         let found = size(metadata.len());
-        return Err(DatasetError::TooLarge { path: path.to_path_buf(), limit: size(limit), found });
+        return Err(FileError::TooLarge { path: path.to_path_buf(), limit: size(limit), found });
     }
     File::open(path).map_err(unreadable)
 }
@@ -54,8 +54,8 @@ pub fn open_regular(path: &Path, limit: u64) -> Result<File, DatasetError> {
 ///
 /// # Errors
 /// As [`open_regular`], when reading fails, and when the file grows beyond `limit` meanwhile or there is no memory for it.
-pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, DatasetError> {
-    let unreadable = |error| DatasetError::read(path, error);
+pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, FileError> {
+    let unreadable = |error| FileError::read(path, error);
     let file = open_regular(path, limit)?;
     let length = file.metadata().map_err(unreadable)?.len().min(limit);
     let mut bytes = Vec::new();
@@ -65,7 +65,7 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, DatasetError> {
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 > limit {
         let found = format!("more than {}", size(limit));
-        return Err(DatasetError::TooLarge { path: path.to_path_buf(), limit: size(limit), found });
+        return Err(FileError::TooLarge { path: path.to_path_buf(), limit: size(limit), found });
     }
     Ok(bytes)
 }
@@ -75,10 +75,10 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, DatasetError> {
 ///
 /// # Errors
 /// As [`read`], and when the file is not in UTF-8.
-pub fn read_to_string(path: &Path, limit: u64) -> Result<String, DatasetError> {
+pub fn read_to_string(path: &Path, limit: u64) -> Result<String, FileError> {
     let mut text = String::from_utf8(read(path, limit)?).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
-        DatasetError::malformed(path, format!("byte {offset}"), "text in UTF-8", "bytes that are not UTF-8")
+        FileError::malformed(path, format!("byte {offset}"), "text in UTF-8", "bytes that are not UTF-8")
     })?;
     if text.starts_with('\u{feff}') {
         text.drain(..'\u{feff}'.len_utf8());
@@ -86,9 +86,9 @@ pub fn read_to_string(path: &Path, limit: u64) -> Result<String, DatasetError> {
     Ok(text)
 }
 
-/// Whether something that could be read is there: anything but a folder. What is no file either is refused when it is read, and
-/// not passed over as if it did not exist.
-pub(crate) fn is_there(path: &Path) -> bool {
+/// Whether something that could be read is there: anything but a folder. A device or a pipe is refused when it is read,
+/// and not passed over as if it did not exist.
+pub fn is_there(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_dir())
 }
 

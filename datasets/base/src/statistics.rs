@@ -1,4 +1,6 @@
-//! Mean, median and range of a few numbers.
+//! Mean, median and range.
+
+use std::cmp::Ordering;
 
 use glam::DVec3;
 
@@ -8,13 +10,18 @@ pub fn mean(points: &[DVec3]) -> Option<DVec3> {
 }
 
 /// The median, the upper of the two in the middle; `None` of an empty list.
-pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    median_by(&mut values, f64::total_cmp)
+}
+
+/// [`median`] in any order. Reorders `values`.
+pub fn median_by<T: Copy>(values: &mut [T], order: impl FnMut(&T, &T) -> Ordering) -> Option<T> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
 }
 
 /// The smallest and the largest; `None` of an empty list.
-pub(crate) fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+pub fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.fold(None, |range, value| match range {
         Some((low, high)) => Some((value.min(low), value.max(high))),
         None => Some((value, value)),

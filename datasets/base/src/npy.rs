@@ -7,15 +7,14 @@
 
 use std::path::Path;
 
-use exr::prelude::f16;
+use half::f16;
 
-use super::map::Map;
-use crate::error::DatasetError;
+use crate::atomic::write_atomic;
+use crate::error::FileError;
 use crate::guarded;
-use crate::image_io::write_atomic;
 
 /// The first bytes of every file.
-pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
+pub const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Longest header that is read, bytes. NumPy itself refuses more than 10 000.
 const HEADER_MAX: usize = 1 << 16;
@@ -27,9 +26,10 @@ const AXES_MAX: usize = 64;
 const VALUES_MAX: usize = 1 << 26;
 
 /// An array as its file holds it.
-pub(crate) struct Array {
+pub struct Array {
     /// Lengths of the axes, outermost first. The values are always in C order.
     pub shape: Vec<usize>,
+    /// All values.
     pub values: Vec<f64>,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct Array {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_npy<const C: usize>(path: &Path, rows: &[[f32; C]]) -> Result<(), DatasetError> {
+pub fn write_npy<const C: usize>(path: &Path, rows: &[[f32; C]]) -> Result<(), FileError> {
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {C}), }}", rows.len());
     // NumPy asks for values at a multiple of 64 bytes, and for a header that ends with a line.
     let before = MAGIC.len() + 4;
@@ -50,15 +50,14 @@ pub fn write_npy<const C: usize>(path: &Path, rows: &[[f32; C]]) -> Result<(), D
 }
 
 /// Reads a file.
-pub(crate) fn read(path: &Path) -> Result<Array, DatasetError> {
+pub fn read(path: &Path) -> Result<Array, FileError> {
     let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
     parse(path, &bytes)
 }
 
 /// Reads a file's bytes; `path` is for messages.
-pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Array, DatasetError> {
-    let wrong =
-        |location: &str, expected: &str, found: String| DatasetError::malformed(path, location, expected, found);
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Array, FileError> {
+    let wrong = |location: &str, expected: &str, found: String| FileError::malformed(path, location, expected, found);
     let cut = |location: &str| wrong(location, "more bytes", "the end of the file".to_string());
     let rest = bytes
         .strip_prefix(MAGIC)
@@ -82,33 +81,20 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Array, DatasetError> {
     let header = String::from_utf8_lossy(header);
     let header = Header::parse(&header)
         .ok_or_else(|| wrong("header", "a dictionary with descr, fortran_order and shape", shortened(&header)))?;
-    let number = Number::from_descr(&header.descr)
+    let number = Number::parse(&header.descr)
         .ok_or_else(|| wrong("descr", "a plain number type (f2 f4 f8 u1 u2 u4 i1 .. i8 b1)", header.descr.clone()))?;
     if header.shape.len() > AXES_MAX {
         return Err(wrong("shape", &format!("at most {AXES_MAX} axes"), header.shape.len().to_string()));
     }
     let count = header.shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
     let count = count.filter(|count| *count <= VALUES_MAX);
-    let needed = count.and_then(|count| count.checked_mul(number.bytes));
+    let needed = count.and_then(|count| count.checked_mul(number.bytes()));
     let data = needed.and_then(|needed| data.get(..needed)).ok_or_else(|| {
         wrong("values", &format!("an array of {:?} {}", header.shape, header.descr), format!("{} bytes", data.len()))
     })?;
-    let values: Vec<f64> = data.chunks_exact(number.bytes).map(|bytes| number.read(bytes)).collect();
+    let values: Vec<f64> = data.chunks_exact(number.bytes()).map(|bytes| number.read(bytes)).collect();
     let values = if header.fortran { to_c_order(&values, &header.shape) } else { values };
     Ok(Array { shape: header.shape, values })
-}
-
-impl Array {
-    /// The array as one plane, `(H, W)`, `(1, H, W)` or `(H, W, 1)`, or with `channels` above 1 as `(H, W, channels)`.
-    pub(super) fn into_map(self, channels: usize) -> Option<Map<f32>> {
-        let (height, width) = match *self.shape.as_slice() {
-            [height, width] if channels == 1 => (height, width),
-            [1, height, width] if channels == 1 => (height, width),
-            [height, width, last] if last == channels => (height, width),
-            _ => return None,
-        };
-        Map::new(width, height, channels, self.values.into_iter().map(|value| value as f32).collect())
-    }
 }
 
 struct Header {
@@ -138,7 +124,7 @@ impl Header {
     }
 }
 
-/// What follows `'key':` in the text of a dictionary.
+/// The text behind `'key':` in the text of a dictionary.
 fn value_of<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     let quoted = [format!("'{key}'"), format!("\"{key}\"")];
     let after = quoted.iter().find_map(|quoted| text.split_once(quoted.as_str()))?.1;
@@ -149,17 +135,20 @@ fn shortened(text: &str) -> String {
     format!("{:?}", text.chars().take(60).collect::<String>())
 }
 
-/// A number type: `kind` is NumPy's letter.
-struct Number {
+/// A plain number type, little-endian or big-endian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Number {
+    /// NumPy's letter.
     kind: u8,
     bytes: usize,
     big_endian: bool,
 }
 
 impl Number {
-    fn from_descr(descr: &str) -> Option<Self> {
-        let (order, rest) = descr.as_bytes().split_first()?;
-        let (kind, size) = rest.split_first()?;
+    /// The type of NumPy's text for it, `<f4` or without the order of its bytes `f4`; `None` for one of no plain numbers.
+    pub fn parse(descr: &str) -> Option<Self> {
+        let name = descr.strip_prefix(['<', '>', '|', '=']).unwrap_or(descr);
+        let (kind, size) = name.as_bytes().split_first()?;
         let bytes: usize = std::str::from_utf8(size).ok()?.parse().ok()?;
         let known = match kind {
             b'f' => [2, 4, 8].contains(&bytes),
@@ -167,29 +156,52 @@ impl Number {
             b'b' => bytes == 1,
             _ => false,
         };
-        (known && b"<>|=".contains(order)).then_some(Self { kind: *kind, bytes, big_endian: *order == b'>' })
+        known.then_some(Self { kind: *kind, bytes, big_endian: descr.starts_with('>') })
     }
 
-    /// Reads one value of `self.bytes` bytes.
-    fn read(&self, bytes: &[u8]) -> f64 {
+    /// Bytes of a value.
+    pub fn bytes(self) -> usize {
+        self.bytes
+    }
+
+    /// Whether values have a fraction.
+    pub fn is_float(self) -> bool {
+        self.kind == b'f'
+    }
+
+    /// The value in the first bytes of `bytes`.
+    pub fn read(self, bytes: &[u8]) -> f64 {
+        let raw = self.raw(bytes);
+        match (self.kind, self.bytes) {
+            (b'f', 2) => f64::from(f16::from_bits(raw as u16).to_f32()),
+            (b'f', 4) => f64::from(f32::from_bits(raw as u32)),
+            (b'f', _) => f64::from_bits(raw),
+            (b'i', _) => self.read_integer(bytes) as f64,
+            _ => raw as f64,
+        }
+    }
+
+    /// The whole number in the first bytes of `bytes`.
+    pub fn read_integer(self, bytes: &[u8]) -> i64 {
+        let raw = self.raw(bytes);
+        match (self.kind, self.bytes) {
+            (b'i', 1) => i64::from(raw as u8 as i8),
+            (b'i', 2) => i64::from(raw as u16 as i16),
+            (b'i', 4) => i64::from(raw as u32 as i32),
+            _ => raw as i64,
+        }
+    }
+
+    /// The bits of the value, zeros above.
+    fn raw(self, bytes: &[u8]) -> u64 {
         let mut raw = [0_u8; 8];
-        for (slot, byte) in raw.iter_mut().zip(bytes) {
+        for (slot, byte) in raw.iter_mut().zip(&bytes[..self.bytes]) {
             *slot = *byte;
         }
         if self.big_endian {
             raw[..self.bytes].reverse();
         }
-        let unsigned = u64::from_le_bytes(raw);
-        match (self.kind, self.bytes) {
-            (b'f', 2) => f64::from(f16::from_bits(unsigned as u16).to_f32()),
-            (b'f', 4) => f64::from(f32::from_bits(unsigned as u32)),
-            (b'f', _) => f64::from_bits(unsigned),
-            (b'i', 1) => f64::from(unsigned as u8 as i8),
-            (b'i', 2) => f64::from(unsigned as u16 as i16),
-            (b'i', 4) => f64::from(unsigned as u32 as i32),
-            (b'i', _) => unsigned as i64 as f64,
-            _ => unsigned as f64,
-        }
+        u64::from_le_bytes(raw)
     }
 }
 

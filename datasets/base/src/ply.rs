@@ -1,0 +1,197 @@
+//! The text header of a PLY file, and the numbers behind it.
+
+use std::path::Path;
+
+use crate::error::FileError;
+
+/// Longest header that is read, bytes; a header of Gaussians has 2 KB.
+pub const HEADER_MAX: usize = 1 << 16;
+
+/// Encoding of values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Text.
+    Ascii,
+    /// Bytes, the lowest first.
+    LittleEndian,
+    /// Bytes, the highest first.
+    BigEndian,
+}
+
+impl Encoding {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "ascii" => Self::Ascii,
+            "binary_little_endian" => Self::LittleEndian,
+            "binary_big_endian" => Self::BigEndian,
+            _ => return None,
+        })
+    }
+}
+
+/// Type of a property: signed and unsigned whole numbers, and floats, by their bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are those of Rust's types")]
+pub enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes in a binary file.
+    pub fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// Whether values have a fraction.
+    pub fn is_float(self) -> bool {
+        matches!(self, Self::F32 | Self::F64)
+    }
+
+    /// The value at the start of `bytes`.
+    pub fn decode(self, bytes: &[u8], encoding: Encoding) -> f64 {
+        /// Reads `$type` in the file's byte order.
+        macro_rules! value {
+            ($type:ty) => {{
+                let mut array = [0; size_of::<$type>()];
+                array.copy_from_slice(&bytes[..size_of::<$type>()]);
+                match encoding {
+                    Encoding::BigEndian => <$type>::from_be_bytes(array),
+                    _ => <$type>::from_le_bytes(array),
+                }
+            }};
+        }
+        match self {
+            Self::I8 => value!(i8).into(),
+            Self::U8 => value!(u8).into(),
+            Self::I16 => value!(i16).into(),
+            Self::U16 => value!(u16).into(),
+            Self::I32 => value!(i32).into(),
+            Self::U32 => value!(u32).into(),
+            Self::F32 => value!(f32).into(),
+            Self::F64 => value!(f64),
+        }
+    }
+}
+
+/// A property of an element.
+#[derive(Clone, Debug)]
+pub struct Property {
+    /// Its name.
+    pub name: String,
+    /// `None` for a list, whose length is in the data.
+    pub scalar: Option<Scalar>,
+}
+
+/// An element: `count` records of its properties.
+#[derive(Clone, Debug)]
+pub struct Element {
+    /// Its name, `vertex` or `face`.
+    pub name: String,
+    /// How many records there are.
+    pub count: u64,
+    /// The properties of a record, in their order.
+    pub properties: Vec<Property>,
+}
+
+impl Element {
+    /// Bytes of a binary record; `None` for a record with a list.
+    pub fn stride(&self) -> Option<usize> {
+        self.properties.iter().map(|property| property.scalar.map(Scalar::size)).sum()
+    }
+}
+
+/// The content of a header.
+#[derive(Clone, Debug)]
+pub struct Header {
+    /// Encoding of the values behind the header.
+    pub encoding: Encoding,
+    /// Elements in the order of their records.
+    pub elements: Vec<Element>,
+    /// Texts of the comments.
+    pub comments: Vec<String>,
+    /// Bytes up to and including the line `end_header`.
+    pub len: usize,
+}
+
+impl Header {
+    /// Reads up to and including `end_header` in the first [`HEADER_MAX`] of a file's `bytes`; `path` is for messages.
+    ///
+    /// # Errors
+    /// When a line is none of a PLY header's, or the end is missing.
+    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self, FileError> {
+        let wrong = |number: usize, expected: &str, found: &str| {
+            FileError::malformed(
+                path,
+                format!("line {number} of the header"),
+                expected,
+                format!("`{}`", start_of(found)),
+            )
+        };
+        let (mut encoding, mut elements, mut comments) = (None, Vec::<Element>::new(), Vec::new());
+        let mut len = 0;
+        for (index, line) in bytes[..bytes.len().min(HEADER_MAX)].split_inclusive(|byte| *byte == b'\n').enumerate() {
+            len += line.len();
+            let text = String::from_utf8_lossy(line);
+            let (number, text) = (index + 1, text.trim_end());
+            let unclear = |expected: &str| wrong(number, expected, text);
+            match text.split_whitespace().collect::<Vec<_>>()[..] {
+                ["ply"] if number == 1 => {}
+                _ if number == 1 => return Err(unclear("a PLY file, which begins with `ply`")),
+                ["format", name, ..] => encoding = Some(Encoding::parse(name).ok_or_else(|| unclear("a PLY format"))?),
+                ["comment", ..] => comments.push(text.trim_start()["comment".len()..].trim_start().to_owned()),
+                ["obj_info", ..] | [] => {}
+                ["element", name, count] => {
+                    let count = count.parse().map_err(|_| unclear("a number of elements"))?;
+                    elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+                }
+                ["property", ref words @ .., name] => {
+                    let scalar = match words {
+                        ["list", _, _] => None,
+                        [scalar] => Some(Scalar::parse(scalar).ok_or_else(|| unclear("a PLY scalar type"))?),
+                        _ => return Err(unclear("a type and a name")),
+                    };
+                    let element = elements.last_mut().ok_or_else(|| unclear("an element before"))?;
+                    element.properties.push(Property { name: name.to_owned(), scalar });
+                }
+                ["end_header"] if line.ends_with(b"\n") => {
+                    let encoding = encoding.ok_or_else(|| unclear("a line `format` before"))?;
+                    return Ok(Self { encoding, elements, comments, len });
+                }
+                _ => return Err(unclear("a line of a PLY header")),
+            }
+        }
+        let found = "none; the file is cut short or no PLY file";
+        Err(FileError::malformed(path, "header", "the line `end_header`", found))
+    }
+}
+
+/// At most 80 characters: a file of another kind may hold lines of any length.
+pub fn start_of(text: &str) -> String {
+    text.chars().take(80).collect()
+}
