@@ -1,6 +1,6 @@
 //! Findings of an experiment: bounds compared with measured values, figures, remarks.
 
-use gs_train::report::charts::Chart;
+use gsburn::report::charts::Chart;
 use serde::Serialize;
 
 use crate::experiments::Experiment;

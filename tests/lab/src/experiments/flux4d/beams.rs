@@ -1,8 +1,8 @@
 //! What do fewer beams cost, and other rigs? The Gaussians begin at LiDAR points, and motion is read off them.
 
 use anyhow::Result;
-use gs_train::report::charts::{Chart, Series};
 use gs_worlds::driving::StreetOptions;
+use gsburn::report::charts::{Chart, Series};
 
 use super::trial::{applied, network, street};
 use crate::experiments::findings::largest;

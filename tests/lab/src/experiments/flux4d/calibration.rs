@@ -1,8 +1,8 @@
 //! What do wrong camera poses and wrong times cost? Colours are read off images at projected points.
 
 use anyhow::Result;
-use gs_train::report::charts::{Chart, Series};
 use gs_worlds::driving::StreetOptions;
+use gsburn::report::charts::{Chart, Series};
 
 use super::trial::{Outcome, applied, network, street};
 use crate::experiments::findings::largest;

@@ -4,8 +4,8 @@
 //! coefficients of zero. They are drawn to show that nothing else depends on the degree; the comparison is of 0 and 1.
 
 use anyhow::Result;
-use gs_train::pipelines::flux4d::network::FluxNetwork;
-use gs_train::report::charts::{Chart, Series};
+use gs_pipelines::flux4d::network::FluxNetwork;
+use gsburn::report::charts::{Chart, Series};
 
 use super::trial::{applied, network, streets};
 use crate::experiments::{Criterion, Experiment, Findings, Lab};

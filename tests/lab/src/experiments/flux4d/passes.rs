@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use gs_train::report::charts::{Chart, Series};
+use gsburn::report::charts::{Chart, Series};
 
 use super::trial::{applied, network, streets};
 use crate::experiments::{Criterion, Experiment, Findings, Lab};

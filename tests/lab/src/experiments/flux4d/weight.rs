@@ -4,13 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use gs_train::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
-use gs_train::pipelines::flux4d::feed::{Draws, Feed, Library};
-use gs_train::pipelines::flux4d::logs::Logs;
-use gs_train::pipelines::flux4d::network::FluxNetwork;
-use gs_train::pipelines::flux4d::trainer::Trainer;
-use gs_train::report::charts::{Chart, Series};
+use gs_pipelines::flux4d::config::{FluxConfig, VelocityChoice};
+use gs_pipelines::flux4d::feed::{Draws, Feed, Library};
+use gs_pipelines::flux4d::logs::Logs;
+use gs_pipelines::flux4d::network::FluxNetwork;
+use gs_pipelines::flux4d::trainer::Trainer;
 use gs_train::run::interrupt;
+use gsburn::report::charts::{Chart, Series};
 
 use super::trial::{Outcome, applied, network, street};
 use crate::experiments::{Criterion, Experiment, Findings, Interrupted, Lab};

@@ -1,8 +1,8 @@
 //! How many Gaussians and colours do few cameras determine? More of either fit the photos that are seen and not those that are held out.
 
 use anyhow::Result;
-use gs_train::report::charts::{Chart, Series};
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
+use gsburn::report::charts::{Chart, Series};
 
 use super::trial::{Film, STEPS_QUICK, Trial, means, scores, small};
 use crate::experiments::findings::{largest, smallest};
