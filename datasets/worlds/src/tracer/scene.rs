@@ -1,13 +1,13 @@
-//! A room with static and moving objects under one area lamp: what a ray sees at a given time.
+//! A scene of static and moving bodies under one area lamp: the colour that a ray sees at a given time.
 //!
 //! Lambert's law, soft shadows, light from the sky; all surfaces are matt, so a position has one colour in every view. The
-//! still part of a shot does not depend on time: a [`StaticPoint`] keeps what a ray meets there and which positions on the
-//! lamp light it, and at each instant only what moving objects cover or shade is worked out again.
+//! still part of a shot does not depend on time: a [`StaticPoint`] keeps the point that a ray meets there and the positions
+//! on the lamp that light it, and at each instant only points that moving bodies cover or shade are worked out again.
 
 use glam::DVec3;
 
-use super::super::shapes::Ray;
 use super::motion::{Motion, Pose};
+use super::shape::Ray;
 use super::solid::{Hit, Solid};
 use super::texture::Texture;
 
@@ -55,7 +55,7 @@ pub(crate) struct Plane {
     pub texture: Texture,
 }
 
-/// An object's pose, and the lamp as the object sees it: shadow rays are then tested in its coordinates without being
+/// A body's pose, and the lamp as the body sees it: shadow rays are then tested in its coordinates without being
 /// turned one by one.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
@@ -63,10 +63,10 @@ pub(crate) struct Placed {
     lamp: [DVec3; LAMP_RAYS],
 }
 
-/// A moving object.
+/// A moving body.
 #[derive(Debug, Clone)]
-pub(crate) struct MovingObject {
-    pub name: &'static str,
+pub(crate) struct MovingBody {
+    pub name: String,
     pub solid: Solid,
     pub motion: Motion,
 }
@@ -84,20 +84,22 @@ fn sky(direction: DVec3) -> DVec3 {
     DVec3::new(0.50, 0.60, 0.70).lerp(DVec3::new(0.22, 0.38, 0.66), direction.z.clamp(0.0, 1.0))
 }
 
-/// Everything there is. The camera stands inside the planes, which throw no shadows.
+/// Planes, bodies and light. The camera stands inside the planes, which throw no shadows.
 #[derive(Debug, Clone)]
-pub(crate) struct Stage {
+pub(crate) struct Scene {
     pub planes: Vec<Plane>,
     pub still: Vec<(Placed, Solid)>,
-    pub objects: Vec<MovingObject>,
+    pub moving: Vec<MovingBody>,
     pub lamp: Lamp,
     /// Light that arrives at a surface facing the lamp.
     pub lamp_color: DVec3,
     /// Light from straight above and from straight below.
-    pub sky: [DVec3; 2],
+    pub ambient: [DVec3; 2],
+    /// Rays that meet nothing show a sky; without one they show nothing.
+    pub has_sky: bool,
 }
 
-/// The surface point that a ray meets without moving objects.
+/// The surface point that a ray meets without moving bodies.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StaticPoint {
     /// Infinite when the ray meets nothing but the sky.
@@ -105,7 +107,7 @@ pub(crate) struct StaticPoint {
     pub position: DVec3,
     normal: DVec3,
     albedo: DVec3,
-    /// The positions on the lamp that this ray asks for, and those of them that no static object hides.
+    /// The positions on the lamp that this ray asks for, and those of them that no static body hides.
     lamp: Lit,
     lit: Lit,
     /// Linear light.
@@ -117,8 +119,14 @@ pub(crate) struct StaticPoint {
 pub(crate) struct RaySample {
     /// Linear light.
     pub color: DVec3,
-    /// The moving object that is met and where, if one is.
-    pub object: Option<(usize, f64)>,
+    /// The moving body that is met and where, if one is.
+    pub body: Option<(usize, f64)>,
+}
+
+impl StaticPoint {
+    pub fn is_met(&self) -> bool {
+        self.t.is_finite()
+    }
 }
 
 impl Lamp {
@@ -134,20 +142,20 @@ impl Lamp {
         Self { centre, radius, positions }
     }
 
-    /// An object at `pose` under this lamp.
+    /// A body at `pose` under this lamp.
     pub fn posed(&self, pose: Pose) -> Placed {
         let back = pose.rotation.conjugate();
         Placed { pose, lamp: self.positions.map(|position| back * (position - pose.position)) }
     }
 }
 
-impl Stage {
-    /// All moving objects at time `t`.
+impl Scene {
+    /// All moving bodies at time `t`.
     pub fn placed(&self, t: f64) -> Vec<Placed> {
-        self.objects.iter().map(|object| self.lamp.posed(object.motion.pose(t))).collect()
+        self.moving.iter().map(|body| self.lamp.posed(body.motion.pose(t))).collect()
     }
 
-    /// The point of planes and static objects that a ray meets, lit as `lamp` says.
+    /// The point of planes and static bodies that a ray meets, lit as `lamp` says.
     pub fn still(&self, ray: &Ray, lamp: Lit) -> StaticPoint {
         let (mut t, mut normal, mut albedo) = (f64::INFINITY, DVec3::Z, DVec3::ZERO);
         let mut own = None;
@@ -162,7 +170,7 @@ impl Stage {
         for (index, (placed, solid)) in self.still.iter().enumerate() {
             if let Some(hit) = solid.intersect(ray, &placed.pose).filter(|hit| hit.t < t) {
                 (t, normal) = (hit.t, hit.normal);
-                albedo = solid.parts[hit.part].texture.color(hit.local);
+                albedo = solid.parts[hit.part].paint.color(hit.local);
                 own = Some((index, hit.part));
             }
         }
@@ -182,29 +190,31 @@ impl Stage {
         StaticPoint { t, position, normal, albedo, lamp, lit, color: self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// The point that a ray meets with the moving objects at `objects`; `still` is the point without them.
-    pub fn sample(&self, ray: &Ray, still: &StaticPoint, objects: &[Placed]) -> RaySample {
+    /// The point that a ray meets with the moving bodies at `bodies`; `still` is the point without them.
+    pub fn sample(&self, ray: &Ray, still: &StaticPoint, bodies: &[Placed]) -> RaySample {
         let mut nearest: Option<(usize, Hit)> = None;
-        for (index, (object, placed)) in self.objects.iter().zip(objects).enumerate() {
+        for (index, (body, placed)) in self.moving.iter().zip(bodies).enumerate() {
             let limit = nearest.map_or(still.t, |(_, hit)| hit.t);
-            if let Some(hit) = object.solid.intersect(ray, &placed.pose).filter(|hit| hit.t < limit) {
+            if let Some(hit) = body.solid.intersect(ray, &placed.pose).filter(|hit| hit.t < limit) {
                 nearest = Some((index, hit));
             }
         }
         let Some((index, hit)) = nearest else {
-            return RaySample { color: self.shaded(still, objects), object: None };
+            return RaySample { color: self.shaded(still, bodies), body: None };
         };
         let position = ray.at(hit.t);
-        let albedo = self.objects[index].solid.parts[hit.part].texture.color(hit.local);
+        let albedo = self.moving[index].solid.parts[hit.part].paint.color(hit.local);
         let lit = self.lit_by_still(position, hit.normal, still.lamp, None);
-        let lit = self.lit_by_objects(position, hit.normal, lit, objects, Some((index, hit.part)));
-        RaySample { color: self.reflect(position, hit.normal, albedo, still.lamp, lit), object: Some((index, hit.t)) }
+        let lit = self.lit_by_moving(position, hit.normal, lit, bodies, Some((index, hit.part)));
+        RaySample { color: self.reflect(position, hit.normal, albedo, still.lamp, lit), body: Some((index, hit.t)) }
     }
 
-    /// Whether a moving object within `radius` of `centre` may cover or shade what a ray meets.
+    /// Whether a moving body within `radius` of `centre` may cover or shade the point that a ray meets.
     pub fn may_touch(&self, ray: &Ray, still: &StaticPoint, centre: DVec3, radius: f64) -> bool {
         let ahead = (centre - ray.origin).dot(ray.direction).clamp(0.0, still.t.min(1e9));
-        ray.at(ahead).distance_squared(centre) <= radius * radius || self.may_shade(still.position, centre, radius)
+        let may_cover = ray.at(ahead).distance_squared(centre) <= radius * radius;
+        // Where nothing is met, nothing is shaded.
+        may_cover || (still.is_met() && self.may_shade(still.position, centre, radius))
     }
 
     /// Whether a ball may stand between a position and any part of the lamp. A segment to a position on the lamp is, at share
@@ -219,31 +229,31 @@ impl Stage {
         (position + ahead.clamp(0.0, length) * direction).distance_squared(centre) <= reach * reach
     }
 
-    /// The colour of a still position under the moving objects' shadows.
-    fn shaded(&self, still: &StaticPoint, objects: &[Placed]) -> DVec3 {
+    /// The colour of a still position under the moving bodies' shadows.
+    fn shaded(&self, still: &StaticPoint, bodies: &[Placed]) -> DVec3 {
         let StaticPoint { position, normal, albedo, lamp, .. } = *still;
-        let lit = self.lit_by_objects(position, normal, still.lit, objects, None);
+        let lit = self.lit_by_moving(position, normal, still.lit, bodies, None);
         if lit == still.lit { still.color } else { self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// The positions in `lit` that moving objects do not hide; `own` is the moving object and part that the position is on.
-    fn lit_by_objects(
+    /// The positions in `lit` that moving bodies do not hide; `own` is the moving body and part that the position is on.
+    fn lit_by_moving(
         &self,
         position: DVec3,
         normal: DVec3,
         mut lit: Lit,
-        objects: &[Placed],
+        bodies: &[Placed],
         own: Option<(usize, usize)>,
     ) -> Lit {
         let origin = position + LIFT * normal;
-        for (index, (object, placed)) in self.objects.iter().zip(objects).enumerate() {
+        for (index, (body, placed)) in self.moving.iter().zip(bodies).enumerate() {
             let except = own.filter(|(own, _)| *own == index).map(|(_, part)| part);
-            lit = self.unhidden(origin, lit, &object.solid, placed, except);
+            lit = self.unhidden(origin, lit, &body.solid, placed, except);
         }
         lit
     }
 
-    /// The positions in `lamp` that a surface faces and no static object hides; `own` as above, among static objects.
+    /// The positions in `lamp` that a surface faces and no static body hides; `own` as above, among static bodies.
     fn lit_by_still(&self, position: DVec3, normal: DVec3, lamp: Lit, own: Option<(usize, usize)>) -> Lit {
         let origin = position + LIFT * normal;
         let mut lit = lamp.keep(|i| normal.dot(self.lamp.positions[i] - origin) > 0.0);
@@ -254,7 +264,7 @@ impl Stage {
         lit
     }
 
-    /// The positions in `lit` that an object does not hide from `origin`; `except` is the part of the object it is on.
+    /// The positions in `lit` that a body does not hide from `origin`; `except` is the part of the body it is on.
     fn unhidden(&self, origin: DVec3, lit: Lit, solid: &Solid, placed: &Placed, except: Option<usize>) -> Lit {
         let is_alone = except.is_some() && solid.parts.len() == 1;
         if lit.0 == 0 || is_alone || !self.may_shade(origin, placed.pose.position, solid.radius) {
@@ -273,7 +283,7 @@ impl Stage {
             left &= left - 1;
         }
         let direct = direct / f64::from(lamp.0.count_ones());
-        let sky = self.sky[1].lerp(self.sky[0], 0.5 + 0.5 * normal.z);
-        (albedo * (self.lamp_color * direct + sky)).clamp(DVec3::ZERO, DVec3::ONE)
+        let ambient = self.ambient[1].lerp(self.ambient[0], 0.5 + 0.5 * normal.z);
+        (albedo * (self.lamp_color * direct + ambient)).clamp(DVec3::ZERO, DVec3::ONE)
     }
 }
