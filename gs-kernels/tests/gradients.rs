@@ -1,11 +1,9 @@
 //! Backward passes against central differences in `f64`, and singles against doubles.
 
-mod scenes;
-
+use crate::scenes::{Random, Scene};
 use gs_kernels::config::{RasterizeConfig, ShConfig};
 use gs_kernels::cpu::rasterize::RasterizeGradients;
 use gs_kernels::cpu::{Real, intersect, projection, rasterize, sh, ssim};
-use scenes::{Random, Scene};
 
 /// Step of the central difference. Its error is `h^2 f'''` (about 1e-10 here) plus rounding `1e-16 / h` (1e-10).
 const H: f64 = 1e-6;

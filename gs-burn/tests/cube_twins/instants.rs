@@ -7,7 +7,7 @@ use gs_kernels::cpu::intersect::Intersections;
 use gs_kernels::cube::intersect::{FoundInstants, InstantRows, intersect, intersect_instants};
 use gs_kernels::rows::PROJECTED;
 
-use crate::support::{Random, Scene, client, down_u32, up, up_u32};
+use super::support::{Random, Scene, client, down_u32, up, up_u32};
 
 /// A table of rows: `scene` at the first instant, then the rows `moving` at each further one.
 struct Table {

@@ -5,7 +5,7 @@ use gs_kernels::cpu;
 use gs_kernels::cube::intersect::{Intersections, PAIRS_OF_A_UNIT};
 use gs_kernels::cube::rasterize::{self, Inputs, RasterizeGradients};
 
-use crate::support::{Random, Scene, assert_gradient, client, down, up, up_u32, wide};
+use super::support::{Random, Scene, assert_gradient, client, down, up, up_u32, wide};
 
 struct Case {
     config: RasterizeConfig,
