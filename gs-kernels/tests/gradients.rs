@@ -202,7 +202,7 @@ fn assert_same<F: Real>(a: &RasterizeGradients<F>, b: &RasterizeGradients<F>) {
     }
 }
 
-/// What the forward pass saves spares the backward pass a search and changes no bit, where pixels end too.
+/// The state that the forward pass saves spares the backward pass a search and changes no bit, where pixels end too.
 #[test]
 fn saved_blocks_change_no_bit() {
     for scale in [1.0, 8.0] {

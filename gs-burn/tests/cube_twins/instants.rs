@@ -117,8 +117,8 @@ impl Table {
         }
     }
 
-    /// The device's lists are those of each instant alone and, but for pairs that rounding decides, the CPU's; room changes no number, and
-    /// with too little all lists are empty.
+    /// The device's lists are those of each instant alone and, but for pairs that rounding decides, the CPU's; room
+    /// changes no number, and with too little all lists are empty.
     fn check(&self) {
         let (want, shares) = self.on_cpu();
         let counted = self.found(None);

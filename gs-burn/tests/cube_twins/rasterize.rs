@@ -234,7 +234,8 @@ fn over_all_tiles() {
     assert_eq!(down(&whole.features), down(&part.features), "little memory");
 }
 
-/// No unit that adds pairs, and none that emits them, does much more than the others, however many tiles a Gaussian has.
+/// No unit that adds pairs, and none that emits them, does much more than the others, however many tiles a Gaussian
+/// has.
 #[test]
 fn long_lists_are_shared_among_units() {
     let chunk = rasterize::CHUNK;
