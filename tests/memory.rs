@@ -1,5 +1,6 @@
 //! Training does not grow: tensors that never reach a backward pass, or a graph that outlives its step, would add up.
-#![recursion_limit = "256"]
+
+use std::process::Command;
 
 use gs_burn::render;
 use gs_tests::devices::singles;
@@ -20,12 +21,24 @@ fn resident() -> Option<i64> {
     Some(line.trim().strip_suffix("kB")?.trim().parse::<i64>().ok()? << 10)
 }
 
+/// In a process of its own, because other tests would show in its memory.
 #[test]
 fn two_thousand_steps_take_no_more_memory_than_five_hundred() {
     if resident().is_none() {
         println!("skipped: no /proc/self/status on this system");
         return;
     }
+    let program = std::env::current_exe().expect("this program");
+    let alone = ["--ignored", "--exact", "--nocapture", "memory::steps_alone"];
+    let output = Command::new(program).args(alone).output().expect("the program runs");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert!(text.contains("1 passed"), "the test was not found:\n{text}");
+}
+
+#[test]
+#[ignore = "run by the test above, alone in a process"]
+fn steps_alone() {
     // A GPU's memory is not the process's, and software GPUs need minutes for this many steps.
     for place in singles().iter().filter(|place| ["flex", "ndarray"].iter().any(|cpu| place.name.starts_with(cpu))) {
         let scene = Scene::random(60, 1);

@@ -1,5 +1,4 @@
 //! Values: hand-computed numbers, twin against twin, hostile input, equality to the bit.
-#![recursion_limit = "256"]
 
 mod adam;
 mod channels;

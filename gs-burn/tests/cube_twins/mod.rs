@@ -1,7 +1,6 @@
 //! The CubeCL kernels against their CPU twins, on the default device of the CubeCL runtime that the features choose
 //! (Mesa's software Vulkan where there is no GPU). The CPU twins in `f64` are the judge; scenes are small, because a
 //! software device is slow.
-#![cfg(feature = "cube")]
 
 mod support;
 

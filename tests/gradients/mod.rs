@@ -1,5 +1,4 @@
 //! Derivatives: central differences in `f64`, twin against twin, and a fit that only right gradients can make.
-#![recursion_limit = "256"]
 
 mod bilinear;
 mod channels;
