@@ -1,8 +1,8 @@
 //! The smallest kernel with shared memory, for `docs/upstream/cubecl-spirv-shared-memory.md`: 64 numbers are reversed.
 //!
 //! `cargo run --release -p gs-burn --features vulkan --example spirv_shared_memory` crashes the driver where it lacks
-//! `VK_KHR_workgroup_memory_explicit_layout`; with `--features wgpu` (WGSL) it prints `reversed` there. Nothing of this project's is
-//! used but the version of CubeCL.
+//! `VK_KHR_workgroup_memory_explicit_layout`; with `--features wgpu` (WGSL) it prints `reversed` there. Nothing of this
+//! project's is used but the version of CubeCL.
 
 use burn_cubecl::cubecl;
 use burn_cubecl::cubecl::prelude::*;

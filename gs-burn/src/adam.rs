@@ -1,8 +1,8 @@
 //! Adam (Kingma and Ba 2015) for any module, with a rate for each path and moments that follow rows.
 //!
-//! Burn's own optimisers keep moments by parameter id and tensor shape. Training copies and removes Gaussians, and an optimiser
-//! that cannot follow would restart each time. The moments are therefore kept here by path, and [`Adam::follow`] changes their
-//! rows. The update itself is [`adam_step`], which works in place.
+//! Burn's own optimisers keep moments by parameter id and tensor shape. Training copies and removes Gaussians, and an
+//! optimiser that cannot follow would restart each time. The moments are therefore kept here by path, and
+//! [`Adam::follow`] changes their rows. The update itself is [`adam_step`], which works in place.
 //!
 //! ```
 //! use burn::module::Module;
@@ -44,14 +44,14 @@ pub struct AdamRate {
     pub beta2: f64,
     /// Added to the root of the second moment; keeps a parameter without gradients where it is.
     pub eps: f64,
-    /// Number of first columns of the parameter's table with a learning rate of their own, and that rate. The SH coefficients are
-    /// one tensor with two rates, one for the base colour and one for the rest.
+    /// Number of first columns of the parameter's table with a learning rate of their own, and that rate. The SH
+    /// coefficients are one tensor with two rates, one for the base colour and one for the rest.
     pub first_columns: Option<(usize, f64)>,
 }
 
 impl AdamRate {
-    /// `lr` with the values of 3DGS: 0.9, 0.999 and 1e-15. Gradients of a mean over a million pixels are tiny, so the usual `eps`
-    /// of 1e-8 would dominate them.
+    /// `lr` with the values of 3DGS: 0.9, 0.999 and 1e-15. Gradients of a mean over a million pixels are tiny, so the
+    /// usual `eps` of 1e-8 would dominate them.
     pub fn new(lr: f64) -> Self {
         Self { lr, beta1: 0.9, beta2: 0.999, eps: 1e-15, first_columns: None }
     }
@@ -75,8 +75,8 @@ pub struct Moments {
 pub struct Adam {
     /// Moments by path; a parameter that was never updated has none, which means zero.
     pub moments: BTreeMap<String, Moments>,
-    /// Updates so far. One count serves all paths: a parameter whose moments begin late, or are reset, has the bias correction of
-    /// the others.
+    /// Updates so far. One count serves all paths: a parameter whose moments begin late, or are reset, has the bias
+    /// correction of the others.
     pub updates: u64,
 }
 
@@ -86,7 +86,8 @@ impl Adam {
         Self::default()
     }
 
-    /// One update of each parameter of `module` that has a gradient and a rate; all others, and their moments, do not change.
+    /// One update of each parameter of `module` that has a gradient and a rate; all others, and their moments, do not
+    /// change.
     ///
     /// # Panics
     /// When a gradient or the moments have another shape than the parameter.
@@ -105,8 +106,8 @@ impl Adam {
         self.updates += 1;
     }
 
-    /// The part of an update for the module at the path `root` of a tree; gradients, moments and rates are keyed by the path in the
-    /// tree. The gradients used are removed.
+    /// The part of an update for the module at the path `root` of a tree; gradients, moments and rates are keyed by the
+    /// path in the tree. The gradients used are removed.
     ///
     /// # Panics
     /// As [`step`](Self::step); and before the first [`advance`](Self::advance).

@@ -1,4 +1,6 @@
-//! The operations of [`crate::ops`] on Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`]. Everything computes in `f32`. Only the numbers of intersections and drawn tiles leave the device, where no room for them was given.
+//! The operations of [`crate::ops`] on Burn's CubeCL backends: tensors become device buffers of [`gs_kernels::cube`].
+//! Everything computes in `f32`. Only the numbers of intersections and drawn tiles leave the device, where no room for
+//! them was given.
 
 mod dispatches;
 mod images;

@@ -29,8 +29,8 @@ use burn::tensor::{Device, Tensor};
 /// A backend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceKind {
-    /// The best GPU of this build that can train, else Flex, else NdArray. Cards go before GPUs in the processor, then CUDA before
-    /// Metal, Vulkan and wgpu. A software adapter is never taken, since it is slower than the CPU backends.
+    /// The best GPU of this build that can train, else Flex, else NdArray. Cards go before GPUs in the processor, then
+    /// CUDA before Metal, Vulkan and wgpu. A software adapter is never taken, since it is slower than the CPU backends.
     Auto,
     /// CPU, Burn's Flex.
     Flex,
@@ -118,8 +118,8 @@ pub enum DeviceError {
 pub struct Selected {
     /// The device, without gradient tracking.
     pub device: Device,
-    /// What `auto` took and what it passed over, as a sentence without its full stop; `None` where there was nothing to choose from:
-    /// for every other name, and in a build for the CPU alone.
+    /// The choice of `auto` and the adapters that it passed over, as a sentence without its full stop; `None` where there was nothing to
+    /// choose from: for every other name, and in a build for the CPU alone.
     pub why: Option<String>,
 }
 
@@ -190,7 +190,8 @@ impl DeviceChoice {
         let unavailable = |reason| DeviceError::Unavailable { choice: self, reason };
         let listed = || quietly(|| self.kind.list()).map_err(unavailable);
         let device = match self.index {
-            // Without the driver CUDA would panic on a thread of its own, and this thread would only see that it hangs up.
+            // Without the driver CUDA would panic on a thread of its own, and this thread would only see that it hangs
+            // up.
             None if self.kind == Cuda && listed()?.is_empty() => {
                 return Err(unavailable("found no GPU of NVIDIA's with its driver".to_owned()));
             }
@@ -324,9 +325,9 @@ fn innermost(message: &str) -> String {
 
 /// Runs `task`; a panic becomes its message.
 ///
-/// Opening a GPU is lazy in Burn and panics without an adapter or a driver; no call returns an error instead. The panic hook is
-/// silenced meanwhile, because it would print a backtrace for an ordinary result. The hook belongs to the whole process, so open
-/// devices before starting threads.
+/// Opening a GPU is lazy in Burn and panics without an adapter or a driver; no call returns an error instead. The panic
+/// hook is silenced meanwhile, because it would print a backtrace for an ordinary result. The hook belongs to the whole
+/// process, so open devices before starting threads.
 fn quietly<T>(task: impl FnOnce() -> T) -> Result<T, String> {
     // Two at once would each restore the hook they found, and the second would find the silent one of the first.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());

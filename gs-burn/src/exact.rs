@@ -6,9 +6,9 @@ use crate::device::is_gpu;
 
 /// `a b`, `[N, K]` by `[K, M]` to `[N, M]`, with full precision: for positions, rotations, poses.
 ///
-/// On CUDA, Burn's `matmul` may round `f32` factors to the ten bits of TF32 (a relative error of 5e-4), if its autotuner finds that
-/// kernel fastest. On a GPU this function multiplies and sums element by element instead, in memory of `N K M` numbers; on a CPU it
-/// is `matmul`. Both are differentiable.
+/// On CUDA, Burn's `matmul` may round `f32` factors to the ten bits of TF32 (a relative error of 5e-4), if its
+/// autotuner finds that kernel fastest. On a GPU this function multiplies and sums element by element instead, in
+/// memory of `N K M` numbers; on a CPU it is `matmul`. Both are differentiable.
 ///
 /// # Panics
 /// When the inner dimensions disagree.

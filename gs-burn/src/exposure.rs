@@ -1,9 +1,11 @@
-//! The image that a camera records while its shutter is open: the mean over several instants, with the static Gaussians drawn once.
+//! The image that a camera records while its shutter is open: the mean over several instants, with the static Gaussians
+//! drawn once.
 //!
-//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMoDe-GS, Eq. 12, with renderings
-//! instead of warped ones). Only some Gaussians move between instants, and they touch only some tiles. The static ones are
-//! therefore projected, coloured and listed once, and a tile is drawn once for every set of instants at which it looks the same.
-//! The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the gradients.
+//! The mean over `n` instants of a scene is the integral of the light by the midpoint rule (TaylorMoDe-GS, Eq. 12, with
+//! renderings instead of warped ones). Only some Gaussians move between instants, and they touch only some tiles. The
+//! static ones are therefore projected, coloured and listed once, and a tile is drawn once for every set of instants at
+//! which it looks the same. The result is that of `n` calls of [`render`](crate::render()), to rounding, and so are the
+//! gradients.
 
 use crate::ops::rows::{add_rows, take_rows};
 use burn::tensor::{DType, Device, Int, Tensor, assert_shape};
@@ -31,8 +33,8 @@ pub struct MovingSample {
     pub quats: Tensor<2>,
 }
 
-/// The moving Gaussians at all instants, one after another: one tensor each, so that a GPU gets few launches whatever the number of
-/// instants. A list of [`MovingSample`] is one too.
+/// The moving Gaussians at all instants, one after another: one tensor each, so that a GPU gets few launches whatever
+/// the number of instants. A list of [`MovingSample`] is one too.
 #[derive(Clone, Debug)]
 pub struct MovingSamples {
     /// Number of instants, `n`.
@@ -71,9 +73,10 @@ pub struct ExposureOptions {
     pub render: RenderOptions,
     /// Average the light of colours (through the curve of sRGB), as a sensor does, instead of the colours.
     pub linear: bool,
-    /// Pairs and tiles for which a GPU makes room, so that it need not wait for their numbers; see [`intersect_instants`]. An exposure that
-    /// needs more shows the background alone, and [`ExposureRendering::intersections`] or [`ExposureRendering::tiles`] tells. Room that no
-    /// buffer holds is not used.
+    /// Pairs and tiles for which a GPU makes room, so that it need not wait for their numbers; see
+    /// [`intersect_instants`]. An exposure that needs more shows the background alone, and
+    /// [`ExposureRendering::intersections`] or [`ExposureRendering::tiles`] tells. Room that no buffer holds is not
+    /// used.
     pub room: Option<Room>,
 }
 
@@ -86,8 +89,8 @@ pub struct ExposureRendering {
     pub alpha: Tensor<3>,
     /// Mean over the instants of the depth summed with the blending weights, `[H, W, 1]`, if requested.
     pub depth: Option<Tensor<3>>,
-    /// Rows of [`project`], `[N + (n - 1) M, 8]`: the scene at the middle instant, then the moving Gaussians at each other instant
-    /// in order.
+    /// Rows of [`project`], `[N + (n - 1) M, 8]`: the scene at the middle instant, then the moving Gaussians at each
+    /// other instant in order.
     pub projected: Tensor<2>,
     /// Number of (tile, Gaussian) pairs that were blended.
     pub intersections: DeviceCount,
@@ -117,8 +120,8 @@ impl ExposureRendering {
         }
     }
 
-    /// Bounding radii in the image, `[N]`, pixels: the largest over the instants for a moving Gaussian; 0 for one that is culled at
-    /// all of them. Not differentiable.
+    /// Bounding radii in the image, `[N]`, pixels: the largest over the instants for a moving Gaussian; 0 for one that
+    /// is culled at all of them. Not differentiable.
     pub fn radii(&self) -> Tensor<1> {
         let radii = columns::radius(self.projected.clone().inner());
         let ([count, _], [moving_count]) = (radii.dims(), self.moving.dims());
@@ -137,10 +140,10 @@ impl ExposureRendering {
 
 /// Renders the mean over `samples` of a scene whose Gaussians `moving` have the means and orientations of each sample.
 ///
-/// `moving` holds ascending row numbers; each sample has as many rows. The means and orientations of these rows in `gaussians` are
-/// not used, and get a gradient of zero; their scales, opacities and colours hold at all instants. `screen` `[N, 4]` is as in
-/// [`render_with_screen_gradients`](crate::render_with_screen_gradients()), summed over the instants. Differentiable with respect
-/// to every parameter, the samples and the camera's `viewmat`.
+/// `moving` holds ascending row numbers; each sample has as many rows. The means and orientations of these rows in
+/// `gaussians` are not used, and get a gradient of zero; their scales, opacities and colours hold at all instants.
+/// `screen` `[N, 4]` is as in [`Extras::screen`](crate::Extras::screen), summed over the instants. Differentiable with
+/// respect to every parameter, the samples and the camera's `viewmat`.
 ///
 /// # Panics
 /// When there is no sample, shapes disagree, `moving` does not ascend or the image has no pixels.
@@ -283,7 +286,8 @@ impl Table {
         moving.reshape([1, numbers]).expand([instants, numbers]).reshape(shape)
     }
 
-    /// Colours of all rows. The coefficients of the scene, by far the most numbers of a Gaussian, are not copied; those of what moves are.
+    /// Colours of all rows. The coefficients of the scene, by far the most numbers of a Gaussian, are not copied; those
+    /// of what moves are.
     fn colors(&self, sh: Tensor<3>, viewmat: &Tensor<2>, projected: &Tensor<2>, degree: usize) -> Tensor<2> {
         let part = |first: usize, count: usize, sh: Tensor<3>| {
             let [means, rows] = [&self.means, projected].map(|rows| match self.further {

@@ -1,7 +1,8 @@
 //! Every kernel launch of a piece of work on a GPU: which, with how many cubes, for how long. A tool for development.
 //!
-//! A launch that runs on a few units is slow on any GPU and cannot be seen on a software one; the list shows it without a GPU.
-//! CubeCL's profiling log is the source, because it is the only place where a launch of Burn's own kernels shows its cubes.
+//! A launch that runs on a few units is slow on any GPU and cannot be seen on a software one; the list shows it without
+//! a GPU. CubeCL's profiling log is the source, because it is the only place where a launch of Burn's own kernels shows
+//! its cubes.
 
 use std::fs;
 use std::io;
@@ -12,13 +13,15 @@ use burn::tensor::Device;
 use burn_cubecl::cubecl::config::profiling::ProfilingLogLevel;
 use burn_cubecl::cubecl::config::{CubeClRuntimeConfig, RuntimeConfig};
 
-/// The log counts as complete when it has not grown for this long after a synchronisation: its writer is a thread of CubeCL's.
+/// The log counts as complete when it has not grown for this long after a synchronisation: its writer is a thread of
+/// CubeCL's.
 const QUIET: Duration = Duration::from_millis(300);
 
 /// One launch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KernelLaunch {
-    /// The kernel's function, as in `sort::sort_move_kernel`; Burn's kernels with their operation, as in `kernel_binop<MulOp>`.
+    /// The kernel's function, as in `sort::sort_move_kernel`; Burn's kernels with their operation, as in
+    /// `kernel_binop<MulOp>`.
     pub kernel: String,
     /// Cubes along three axes.
     pub cubes: [u32; 3],
@@ -40,7 +43,8 @@ pub struct LaunchRecorder {
 }
 
 impl LaunchRecorder {
-    /// Records into the file `log`, which is overwritten. Every launch of the process is timed from now on, which slows it down.
+    /// Records into the file `log`, which is overwritten. Every launch of the process is timed from now on, which slows
+    /// it down.
     ///
     /// # Errors
     /// When a GPU was opened before, or the file cannot be written.
@@ -119,8 +123,8 @@ fn duration(text: &str) -> Option<Duration> {
     Some(Duration::from_secs_f64(text[..unit].parse::<f64>().ok()? * seconds))
 }
 
-/// `gs_kernels::cube::sort::sort_move_kernel::SortMoveKernel: ..` as `sort::sort_move_kernel`: the last two modules, and the last part
-/// of each type argument.
+/// `gs_kernels::cube::sort::sort_move_kernel::SortMoveKernel: ..` as `sort::sort_move_kernel`: the last two modules,
+/// and the last part of each type argument.
 fn short_name(kernel: &str) -> String {
     let name = kernel.split(": ").next().unwrap_or(kernel);
     let (path, arguments) = name.split_once('<').map_or((name, ""), |(path, rest)| (path, rest.trim_end_matches('>')));

@@ -1,4 +1,5 @@
-//! Gaussian splatting for [Burn](https://burn.dev): a differentiable rasterizer of 3D Gaussians on its CPU and GPU backends.
+//! Gaussian splatting for [Burn](https://burn.dev): a differentiable rasterizer of 3D Gaussians on its CPU and GPU
+//! backends.
 //!
 //! [`Gaussians`] is a Burn module; [`render()`] turns it and a [`Camera`] into an image through which gradients flow to
 //! every parameter and to the camera's pose. The steps between are [`ops`] of their own, each with an accelerated
@@ -31,8 +32,8 @@
 //! # Ok::<(), gs_burn::device::DeviceError>(())
 //! ```
 #![recursion_limit = "256"]
-// Burn 0.22 deprecates NdArray in favour of Flex. It is supported here until the release that removes it, and the dispatch macros
-// name it in every op, so the warnings cannot be allowed in a smaller scope.
+// Burn 0.22 deprecates NdArray in favour of Flex. It is supported here until the release that removes it, and the
+// dispatch macros name it in every op, so the warnings cannot be allowed in a smaller scope.
 #![cfg_attr(feature = "ndarray", allow(deprecated))]
 
 /// The README's example compiles and runs.
@@ -77,5 +78,5 @@ pub use gs_kernels::constants;
 pub use named_parameters::{
     NamedGradients, NamedParameter, map_parameters, named_parameters, parameter_bytes, try_map_parameters,
 };
-pub use render::{Extras, RenderOptions, Rendering, render, render_with, render_with_screen_gradients};
+pub use render::{Extras, RenderOptions, Rendering, render, render_with};
 pub use row_map::RowMap;

@@ -22,8 +22,8 @@ pub fn largest_buffer(_: &Device) -> Option<u64> {
     None
 }
 
-/// Bytes of a Gaussian in the largest buffer of a scene: its coefficients of spherical harmonics, or up to degree 1 the gradients of the
-/// rasterizer, which are one buffer (8 of the projected row, opacity, 3 colours, 4 of the screen).
+/// Bytes of a Gaussian in the largest buffer of a scene: its coefficients of spherical harmonics, or up to degree 1 the
+/// gradients of the rasterizer, which are one buffer (8 of the projected row, opacity, 3 colours, 4 of the screen).
 fn bytes_of_a_gaussian(sh_degree: usize) -> u64 {
     4 * (3 * (sh_degree as u64 + 1).pow(2)).max(16)
 }

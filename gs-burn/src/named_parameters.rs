@@ -67,10 +67,10 @@ pub fn parameter_bytes<M: Module>(module: &M) -> usize {
 
 /// The module with `f(path, table)` in place of each learned tensor.
 ///
-/// `f` receives and returns values outside autodiff; a parameter on an autodiff device becomes a leaf of a new graph, which
-/// requires a gradient if it did before. The module is consumed, so that `f` is the only owner of a tensor without other owners and
-/// can change it in place. The first axis may change its length; among the others, the second absorbs a change of the number of
-/// columns (a table of SH coefficients grows by whole coefficients).
+/// `f` receives and returns values outside autodiff; a parameter on an autodiff device becomes a leaf of a new graph,
+/// which requires a gradient if it did before. The module is consumed, so that `f` is the only owner of a tensor
+/// without other owners and can change it in place. The first axis may change its length; among the others, the second
+/// absorbs a change of the number of columns (a table of SH coefficients grows by whole coefficients).
 ///
 /// # Panics
 /// When the columns of a returned table do not fit the parameter's other axes.
@@ -147,8 +147,8 @@ pub struct NamedGradients {
 }
 
 impl NamedGradients {
-    /// Takes the gradients of `module`'s leaves out of a finished backward pass. A leaf that the loss does not reach has
-    /// gradient zero; a parameter outside autodiff, or one that is frozen, has none.
+    /// Takes the gradients of `module`'s leaves out of a finished backward pass. A leaf that the loss does not reach
+    /// has gradient zero; a parameter outside autodiff, or one that is frozen, has none.
     pub fn take<M: Module>(module: &M, gradients: &mut Gradients) -> Self {
         struct Visitor<'a> {
             path: Path,
@@ -186,7 +186,8 @@ impl NamedGradients {
         self.tables.insert(path.into(), table);
     }
 
-    /// Adds gradients to those of the same path; others are inserted. For parts of a backward pass that were computed apart.
+    /// Adds gradients to those of the same path; others are inserted. For parts of a backward pass that were computed
+    /// apart.
     pub fn add(&mut self, others: Self) {
         for (path, table) in others.tables {
             let sum = match self.tables.remove(&path) {
@@ -212,7 +213,8 @@ impl NamedGradients {
         self.tables.iter().map(|(path, table)| (path.as_str(), table))
     }
 
-    /// One number `[1]` that is finite only if every gradient is, for a caller that reads other numbers too; see [`finiteness`].
+    /// One number `[1]` that is finite only if every gradient is, for a caller that reads other numbers too; see
+    /// [`finiteness`].
     pub fn finiteness(&self) -> Option<Tensor<1>> {
         finiteness(self.tables.values().cloned())
     }

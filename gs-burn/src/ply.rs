@@ -1,12 +1,13 @@
 //! Scenes as PLY files in the layout of 3DGS, which other viewers and trainers read.
 //!
-//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel by
-//! channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as little-endian
-//! binary; read also as big-endian binary or text, with properties in any order and any others beside them.
+//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel
+//! by channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as
+//! little-endian binary; read also as big-endian binary or text, with properties in any order and any others beside
+//! them.
 //!
-//! A comment `SplatRenderMode: default` or `mip` says whether small Gaussians are brightened by the blur of a pixel; PlayCanvas' and
-//! other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is read. Harmonics of degree 4 are read
-//! up to degree 3.
+//! A comment `SplatRenderMode: default` or `mip` says whether small Gaussians are brightened by the blur of a pixel;
+//! PlayCanvas' and other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is
+//! read. Harmonics of degree 4 are read up to degree 3.
 //!
 //! A scene far from its world's origin has local positions and a comment `SplatOffset: x y z`, which is added to each
 //! of them.
@@ -25,7 +26,7 @@ use gs_base::sentence::shown;
 pub use read::{PlyScene, read_ply, read_ply_scene};
 pub use write::{encoded_len, write_ply, write_ply_as};
 
-/// What the comment `SplatRenderMode` of a file says.
+/// The comment `SplatRenderMode` of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SplatRenderMode {
     /// `default`: as in 3DGS, small Gaussians are brightened by the blur of a pixel.
@@ -138,8 +139,8 @@ pub enum PlyError {
     },
 }
 
-/// Most Gaussians that are read: 67 million, which take 16 GB at degree 3 before anything is done with them. A file may be of any length
-/// and take no room on its disk, so that its length alone does not bound what its header may ask for.
+/// Most Gaussians that are read: 67 million, which take 16 GB at degree 3 before anything is done with them. A file may
+/// be of any length and take no room on its disk, so that its length alone does not bound what its header may ask for.
 const VERTICES_MAX: u64 = 1 << 26;
 
 /// Coefficients above degree 0 that a file may hold per channel: those of degrees 0 to 4.
@@ -148,8 +149,8 @@ const REST_PER_CHANNEL: [usize; 5] = [0, 3, 8, 15, 24];
 /// Most coefficients above degree 0 per channel that a scene holds: those of degree 3. More in a file are left out.
 const REST_KEPT: usize = 15;
 
-/// Names of the properties of a Gaussian in a file with `rest` coefficients per channel above degree 0, in the order of the
-/// packed record that reader and writer share: means, quats, log_scales, opacity logit, sh `[S, 3]`.
+/// Names of the properties of a Gaussian in a file with `rest` coefficients per channel above degree 0, in the order of
+/// the packed record that reader and writer share: means, quats, log_scales, opacity logit, sh `[S, 3]`.
 fn record_names(rest: usize) -> Vec<String> {
     let fixed = ["x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity"];
     let dc = ["f_dc_0", "f_dc_1", "f_dc_2"];

@@ -1,10 +1,10 @@
 //! Time of each stage of a step: wall-clock and processor seconds, measured on the thread that starts the work.
 //!
-//! Stages nest, and each is charged only for time outside its inner stages, so the stages of a [`step`] add up to it; outside a
-//! step nothing is charged. The operations of [`ops`](crate::ops) are stages already, forward and backward; a caller adds its own.
-//! A recording belongs to the thread that began it, which calls the operations and runs the backward pass. The threads of an
-//! operation are included in the processor time, which is that of the whole process. Without a recording a stage costs the reading
-//! of one thread-local flag.
+//! Stages nest, and each is charged only for time outside its inner stages, so the stages of a [`step`] add up to it;
+//! outside a step nothing is charged. The operations of [`ops`](crate::ops) are stages already, forward and backward; a
+//! caller adds its own. A recording belongs to the thread that began it, which calls the operations and runs the
+//! backward pass. The threads of an operation are included in the processor time, which is that of the whole process.
+//! Without a recording a stage costs the reading of one thread-local flag.
 //!
 //! ```
 //! use gs_burn::profile;
@@ -28,8 +28,8 @@ pub const REST: &str = "everything else";
 pub struct Clock {
     /// Processor time of the process so far, all threads, seconds; `None` if the system does not report it.
     pub cpu: fn() -> Option<f64>,
-    /// Waits until the device has finished its work. Nothing on the CPU; on a GPU, whose work is queued, a stage would otherwise be
-    /// charged for queueing alone. The waits slow a profiled step down.
+    /// Waits until the device has finished its work. Nothing on the CPU; on a GPU, whose work is queued, a stage would
+    /// otherwise be charged for queueing alone. The waits slow a profiled step down.
     pub wait: Box<dyn Fn()>,
 }
 
@@ -159,11 +159,6 @@ pub fn so_far() -> Vec<StageTime> {
     RECORDER.with_borrow(|recorder| recorder.as_ref().map_or_else(Vec::new, |recorder| recorder.stages.clone()))
 }
 
-/// Whether this thread records.
-pub fn is_on() -> bool {
-    ON.get()
-}
-
 /// A stage in progress; it ends when this is dropped.
 #[derive(Debug)]
 #[must_use = "the stage ends where this is dropped"]
@@ -268,7 +263,7 @@ mod tests {
 
     #[test]
     fn without_a_recording_nothing_is_kept() {
-        assert!(!is_on());
+        assert!(!ON.get());
         assert_eq!(timed("nothing", || 3), 3);
         assert!(end().is_empty());
         // A recording may also end or begin inside a stage.

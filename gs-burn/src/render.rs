@@ -76,7 +76,8 @@ impl Rendering {
     }
 }
 
-/// Renders the Gaussians as seen by the camera; differentiable with respect to every parameter and the camera's `viewmat`.
+/// Renders the Gaussians as seen by the camera; differentiable with respect to every parameter and the camera's
+/// `viewmat`.
 ///
 /// # Panics
 /// When the parameters' shapes disagree or the image has no pixels.
@@ -87,30 +88,17 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -
 /// Optional inputs of a rendering beside colour.
 #[derive(Clone, Debug, Default)]
 pub struct Extras {
-    /// One row of any numbers per Gaussian, `[N, F]`, blended in the same pass as the colours over a background of zero:
-    /// velocities (velocity splatting, TaylorMoDe-GS Eq. 4), labels, network features.
+    /// One row of any numbers per Gaussian, `[N, F]`, blended in the same pass as the colours over a background of
+    /// zero: velocities (velocity splatting, TaylorMoDe-GS Eq. 4), labels, network features.
     pub features: Option<Tensor<2>>,
-    /// The input of [`render_with_screen_gradients`], `[N, 4]`.
+    /// Zeros `[N, 4]` that require a gradient, for the statistic of density control. After the backward pass the
+    /// gradient is, per Gaussian, the gradient of the loss with respect to its 2D mean in pixels (x, y), and the sum
+    /// over pixels of the absolute contributions to it.
     pub screen: Option<Tensor<2>>,
-    /// Pairs of tile and Gaussian for which a GPU makes room, so that it need not wait for their number; see [`intersect_within`]. A
-    /// rendering with more pairs shows the background alone, and [`Rendering::intersections`] tells.
+    /// Pairs of tile and Gaussian for which a GPU makes room, so that it need not wait for their number; see
+    /// [`intersect_within`]. A rendering with more pairs shows the background alone, and [`Rendering::intersections`]
+    /// tells.
     pub room: Option<usize>,
-}
-
-/// Like [`render`], with the statistic that density control needs.
-///
-/// `screen` `[N, 4]` holds zeros and requires a gradient. After the backward pass its gradient is, per Gaussian, the gradient of
-/// the loss with respect to its 2D mean in pixels (x, y), and the sum over pixels of the absolute contributions to it.
-///
-/// # Panics
-/// When the parameters' shapes disagree or the image has no pixels.
-pub fn render_with_screen_gradients(
-    gaussians: &Gaussians,
-    camera: &Camera,
-    options: &RenderOptions,
-    screen: Tensor<2>,
-) -> Rendering {
-    render_with(gaussians, camera, options, Extras { screen: Some(screen), ..Extras::default() })
 }
 
 /// Like [`render`], with [`Extras`]; differentiable with respect to the features too.

@@ -3,15 +3,8 @@
 //! A short run goes with all other tests. The long one is asked for:
 //!
 //! ```text
-//! GS_FUZZ_CASES=100000 cargo test --release -p gs-burn --test fuzz_ply -- --ignored
+//! GS_FUZZ_CASES=100000 cargo test --release -p gs-burn --test all fuzz_ply -- --ignored
 //! ```
-#![cfg(any(feature = "flex", feature = "ndarray"))]
-#![recursion_limit = "256"]
-
-#[path = "../../datasets/tests/fuzz/bounded.rs"]
-mod bounded;
-#[path = "../../tests/src/mutate.rs"]
-mod mutate;
 
 use std::fs;
 

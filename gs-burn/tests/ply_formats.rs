@@ -73,7 +73,8 @@ fn the_render_mode_comes_back() {
     assert!(text.contains("comment SplatRenderMode: mip\n"));
 }
 
-/// Two Gaussians by hand: the ends of their chunk's ranges, a turn by 180 degrees about x, and harmonics at 0, 128 and 255.
+/// Two Gaussians by hand: the ends of their chunk's ranges, a turn by 180 degrees about x, and harmonics at 0, 128 and
+/// 255.
 #[test]
 fn compressed_files_are_read() {
     let folder = tempfile::tempdir().expect("no error");

@@ -162,7 +162,8 @@ pub struct StatisticsConfig {
 }
 
 impl StatisticsConfig {
-    /// Factors from a gradient by pixels to one by image coordinates from -1 to 1, which one threshold serves at every resolution.
+    /// Factors from a gradient by pixels to one by image coordinates from -1 to 1, which one threshold serves at every
+    /// resolution.
     pub fn halves(&self) -> [f64; 2] {
         [self.width, self.height].map(|pixels| 0.5 * f64::from(pixels))
     }
@@ -173,8 +174,8 @@ impl StatisticsConfig {
     }
 }
 
-/// The position noise of one step of 3DGS-MCMC (Kheradmand et al. 2024, Eq. 8): `mean += Sigma n strength gate`, with the
-/// covariance `Sigma`, `n` standard normal and `gate = sigmoid(steepness (opacity_half - opacity))`.
+/// The position noise of one step of 3DGS-MCMC (Kheradmand et al. 2024, Eq. 8): `mean += Sigma n strength gate`, with
+/// the covariance `Sigma`, `n` standard normal and `gate = sigmoid(steepness (opacity_half - opacity))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseConfig {
     /// Factor of the noise, one over scene units.

@@ -12,14 +12,16 @@ pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 /// translucent; 0.999 keeps `1 / (1 - alpha)` below 1000, which `f32` carries.
 pub const ALPHA_MAX: f64 = 0.999;
 
-/// A pixel ends at the Gaussian that would bring its transmittance below this; that Gaussian is not blended (3DGS). Gaussians
-/// behind could change the pixel by at most this much, 1/40 of an 8-bit step.
+/// A pixel ends at the Gaussian that would bring its transmittance below this; that Gaussian is not blended (3DGS).
+/// Gaussians behind could change the pixel by at most this much, 1/40 of an 8-bit step.
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 
-/// Default variance in square pixels added to every projected Gaussian, so that none falls between pixel centres (3DGS).
+/// Default variance in square pixels added to every projected Gaussian, so that none falls between pixel centres
+/// (3DGS).
 pub const EPS2D: f64 = 0.3;
 
-/// Default near plane, scene units: below it the perspective Jacobian is no longer a local approximation (gsplat's value).
+/// Default near plane, scene units: below it the perspective Jacobian is no longer a local approximation (gsplat's
+/// value).
 pub const NEAR: f64 = 0.01;
 
 /// Default far plane, scene units (gsplat's value; effectively none).
@@ -48,8 +50,8 @@ pub const COMPENSATION_RATIO_MIN: f64 = 1e-10;
 /// A Gaussian with a feature that is not smaller than this in magnitude is left out: sums over a pixel could overflow.
 pub const FEATURE_MAX: f64 = 1e30;
 
-/// The colour of a Gaussian whose computed colour is not finite. It is finite itself, and the intersection test rejects it because
-/// its magnitude is above [`FEATURE_MAX`].
+/// The colour of a Gaussian whose computed colour is not finite. It is finite itself, and the intersection test rejects
+/// it because its magnitude is above [`FEATURE_MAX`].
 pub const INVALID_FEATURE: f64 = -1e38;
 
 /// Edge of the SSIM window in pixels (Wang et al. 2004).

@@ -5,9 +5,9 @@
 //! the same file names. Both share the thresholds of [`constants`], the packed rows of [`rows`] and the launch
 //! descriptions of [`config`].
 //!
-//! The data path, in order: [`cpu::projection`] (3D Gaussian to 2D ellipse) and [`cpu::sh`] (colour seen from the camera),
-//! [`cpu::intersect`] (which ellipse touches which tile, in depth order), [`cpu::rasterize`] (blending), [`cpu::ssim`]
-//! (photometric loss), [`cpu::adam`] (parameter update).
+//! The data path, in order: [`cpu::projection`] (3D Gaussian to 2D ellipse) and [`cpu::sh`] (colour seen from the
+//! camera), [`cpu::intersect`] (which ellipse touches which tile, in depth order), [`cpu::rasterize`] (blending),
+//! [`cpu::ssim`] (photometric loss), [`cpu::adam`] (parameter update).
 //!
 //! ```
 //! use gs_kernels::config::ProjectionConfig;

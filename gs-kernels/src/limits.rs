@@ -1,5 +1,5 @@
-//! The limits of the kernels, as sentences. Operations of a tensor library return tensors, not results, so these end in panics; a
-//! program distinguishes them from faults by [`is_limit`].
+//! The limits of the kernels, as sentences. Operations of a tensor library return tensors, not results, so these end in
+//! panics; a program distinguishes them from faults by [`is_limit`].
 
 /// The end of every such sentence.
 const ADVICE: &str = "use fewer or smaller Gaussians, or a smaller image";

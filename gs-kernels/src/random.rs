@@ -1,8 +1,8 @@
-//! Random numbers by counter: a draw is a function of its key and its counter, so that every row draws alone, in any order and on
-//! any device.
+//! Random numbers by counter: a draw is a function of its key and its counter, so that every row draws alone, in any
+//! order and on any device.
 //!
-//! The generator is Threefry-2x32 with 20 rounds (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"): additions,
-//! rotations and exclusive ors of 32 bits, which every GPU has. The CubeCL twin gives the same bits.
+//! The generator is Threefry-2x32 with 20 rounds (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"):
+//! additions, rotations and exclusive ors of 32 bits, which every GPU has. The CubeCL twin gives the same bits.
 
 /// Rotations of the rounds.
 pub const ROTATIONS: [u32; 8] = [13, 15, 26, 6, 17, 29, 16, 24];
@@ -35,7 +35,8 @@ pub const UNIFORM_BITS: u32 = 24;
 /// Two independent standard normal numbers from two words (Box and Muller 1958).
 pub fn normal_pair(words: [u32; 2]) -> [f64; 2] {
     let unit = f64::from(1u32 << UNIFORM_BITS);
-    // The radius is drawn from (0, 1], where the logarithm is finite; the angle from [-pi, pi), where shaders are most exact.
+    // The radius is drawn from (0, 1], where the logarithm is finite; the angle from [-pi, pi), where shaders are most
+    // exact.
     let [radius, angle] = words.map(|word| f64::from(word >> (32 - UNIFORM_BITS)) / unit);
     let radius = (-2.0 * (radius + 1.0 / unit).ln()).sqrt();
     let (sin, cos) = (std::f64::consts::TAU * angle - std::f64::consts::PI).sin_cos();

@@ -3,8 +3,8 @@
 /// Floats in a projected row.
 pub const PROJECTED: usize = 8;
 
-/// Floats in a screen-gradient row: the gradient with respect to the 2D mean in pixels (x, y), summed over pixels, and the sum over
-/// pixels of its absolute contributions (x, y). Density control reads it.
+/// Floats in a screen-gradient row: the gradient with respect to the 2D mean in pixels (x, y), summed over pixels, and
+/// the sum over pixels of its absolute contributions (x, y). Density control reads it.
 pub const SCREEN: usize = 4;
 
 /// A projected Gaussian.
@@ -22,7 +22,8 @@ pub struct ProjectedRow<F> {
     pub depth: F,
     /// Factor of the opacity that compensates the dilation's brightening (1 unless anti-aliased).
     pub compensation: F,
-    /// Bounding radius in pixels of the opaque ellipse at the alpha cut-off; 0 for a culled Gaussian, whose other fields are 0 too.
+    /// Bounding radius in pixels of the opaque ellipse at the alpha cut-off; 0 for a culled Gaussian, whose other
+    /// fields are 0 too.
     pub radius: F,
 }
 

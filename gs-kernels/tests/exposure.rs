@@ -1,7 +1,6 @@
 //! Several instants of a scene at once against each of them alone.
 
-mod scenes;
-
+use crate::scenes::{Random, Scene};
 use gs_kernels::config::{AverageConfig, RasterizeConfig, ShConfig};
 use gs_kernels::constants::TILE;
 use gs_kernels::cpu::exposure::{TileShares, average, average_backward, intersect_instants};
@@ -9,7 +8,6 @@ use gs_kernels::cpu::intersect::Intersections;
 use gs_kernels::cpu::light::{to_encoded, to_linear};
 use gs_kernels::cpu::{Real, intersect, rasterize, sh};
 use gs_kernels::rows::PROJECTED;
-use scenes::{Random, Scene};
 
 const SH: ShConfig = ShConfig { degree: 3, coefficients: 16 };
 const BACKGROUND: [f64; 3] = [0.2, 0.4, 0.6];

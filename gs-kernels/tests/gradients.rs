@@ -1,11 +1,9 @@
 //! Backward passes against central differences in `f64`, and singles against doubles.
 
-mod scenes;
-
+use crate::scenes::{Random, Scene};
 use gs_kernels::config::{RasterizeConfig, ShConfig};
 use gs_kernels::cpu::rasterize::RasterizeGradients;
 use gs_kernels::cpu::{Real, intersect, projection, rasterize, sh, ssim};
-use scenes::{Random, Scene};
 
 /// Step of the central difference. Its error is `h^2 f'''` (about 1e-10 here) plus rounding `1e-16 / h` (1e-10).
 const H: f64 = 1e-6;
@@ -204,7 +202,7 @@ fn assert_same<F: Real>(a: &RasterizeGradients<F>, b: &RasterizeGradients<F>) {
     }
 }
 
-/// What the forward pass saves spares the backward pass a search and changes no bit, where pixels end too.
+/// The state that the forward pass saves spares the backward pass a search and changes no bit, where pixels end too.
 #[test]
 fn saved_blocks_change_no_bit() {
     for scale in [1.0, 8.0] {

@@ -1,11 +1,9 @@
 //! Whatever goes in, nothing that is not finite comes out, and one bad Gaussian does not touch the others.
 
-mod scenes;
-
+use crate::scenes::Scene;
 use gs_kernels::config::{RasterizeConfig, ShConfig};
 use gs_kernels::cpu::{intersect, projection, rasterize, sh, ssim};
 use proptest::prelude::*;
-use scenes::Scene;
 
 /// Renders and goes back; every value checked for finiteness on the way. Returns the image and all gradients.
 fn run(scene: &Scene<f32>) -> (Vec<f32>, [Vec<f32>; 5]) {

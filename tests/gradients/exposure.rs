@@ -1,4 +1,5 @@
-//! `gs_burn::exposure`, from a loss over colour, alpha and depth to every parameter, the samples, the pose and the screen.
+//! `gs_burn::exposure`, from a loss over colour, alpha and depth to every parameter, the samples, the pose and the
+//! screen.
 
 use burn::tensor::Tensor;
 use gs_burn::{ExposureRendering, render_exposure};

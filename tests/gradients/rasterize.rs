@@ -106,7 +106,8 @@ fn doubles_are_the_central_differences() {
     }
 }
 
-/// [`assert_gradient`] for each column of the gradient by projected rows; nothing where the image does not depend on a column.
+/// [`assert_gradient`] for each column of the gradient by projected rows; nothing where the image does not depend on a
+/// column.
 #[track_caller]
 fn assert_columns(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
     for c in 0..PROJECTED {

@@ -115,7 +115,8 @@ fn a_bad_gaussian_leaves_the_others_bit_equal() {
         let scene = Scene::random(30, 2);
         for (group, columns) in COLUMNS.into_iter().enumerate() {
             for (at, entry, bad) in [(0, 0, f64::NAN), (17, 47, f64::INFINITY), (29, 1, f64::NEG_INFINITY)] {
-                // An infinite logit is an opacity of exactly 0 or 1 and an infinitely small scale is a point: both legal.
+                // An infinite logit is an opacity of exactly 0 or 1 and an infinitely small scale is a point: both
+                // legal.
                 let legal = (group == 3 && bad.is_infinite()) || (group == 2 && bad == f64::NEG_INFINITY);
                 let mut with = scene.clone();
                 with.groups_mut()[group][at * columns + entry % columns] = if legal { f64::NAN } else { bad };

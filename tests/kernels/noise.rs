@@ -29,8 +29,8 @@ fn moved(inputs: &[Vec<f64>; 4], place: &gs_tests::devices::Place, config: &Nois
     ))
 }
 
-/// Words are equal to the bit everywhere; the normal numbers made of them, of order 1, follow the `ln`, `sin` and `cos` of the
-/// device, of which WGSL promises 2^-11 absolute for the last two.
+/// Words are equal to the bit everywhere; the normal numbers made of them, of order 1, follow the `ln`, `sin` and `cos`
+/// of the device, of which WGSL promises 2^-11 absolute for the last two.
 const NORMALS_F32: f64 = 1e-3;
 
 #[test]

@@ -8,7 +8,7 @@ use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
 use gs_tests::scenes::{Random, Scene};
 use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_image, assert_near, assert_near_scaled, bits, values};
 
-/// What is blended, on the host.
+/// The buffers that are blended, on the host.
 struct Inputs {
     rows: Vec<f64>,
     opacities: Vec<f64>,

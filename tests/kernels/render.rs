@@ -62,7 +62,8 @@ fn expected_depth_is_the_depth_of_what_is_there() {
         let rendering = render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(true));
         let (depth, alpha) = (values(&rendering.expected_depth().unwrap()), values(&rendering.alpha));
         let expected: Vec<f64> = alpha.iter().map(|alpha| if *alpha > 0.0 { 2.0 } else { 0.0 }).collect();
-        // Alpha is 1 - T and rounded as T is, by 2^-24; that is a share of the faintest alpha. Depth is rounded as well.
+        // Alpha is 1 - T and rounded as T is, by 2^-24; that is a share of the faintest alpha. Depth is rounded as
+        // well.
         let bound = 2.0 * 2.0 * f64::from(f32::EPSILON) / 2.0 / ALPHA_MIN;
         assert_near(&place.name, &depth, &expected, bound);
         assert!(rendering.intersections.get() > 0 && values(&rendering.radii())[0] > 0.0, "{}", place.name);

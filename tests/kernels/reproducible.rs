@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::render_with_screen_gradients;
+use gs_burn::{Extras, render_with};
 use gs_tests::devices::{Place, everywhere, singles};
 use gs_tests::scenes::{GROUPS, Random, Scene};
 use gs_tests::tolerance::values;
@@ -17,7 +17,8 @@ fn everything(scene: &Scene, place: &Place) -> Vec<(&'static str, Vec<u64>)> {
     let leaves = scene.leaves(place);
     let screen = place.leaf(&vec![0.0; 4 * scene.count()], [scene.count(), 4]);
     let camera = scene.camera(leaves.viewmat.clone());
-    let rendering = render_with_screen_gradients(&leaves.gaussians(), &camera, &scene.options(true), screen.clone());
+    let extras = Extras { screen: Some(screen.clone()), ..Extras::default() };
+    let rendering = render_with(&leaves.gaussians(), &camera, &scene.options(true), extras);
     let shape = rendering.color.dims();
     let target: Tensor<3> = place.tensor(&Random::new(2).values(shape.iter().product(), 0.0, 1.0), shape).autodiff();
     let loss = photometric_loss(rendering.color.clone(), target, 0.2);

@@ -10,7 +10,8 @@ use gs_kernels::rows::{PROJECTED, ProjectedRow};
 /// Relative distance from a threshold within which a pixel is undecided. In `f32` the exponent of alpha is off by the
 /// position's rounding (4e-6 pixels) times its slope (up to 6 a pixel), which is 2e-5; four times that for margin.
 const ALPHA_BAND: f64 = 1e-4;
-/// The same for the transmittance before anything is blended; each Gaussian adds its alpha's band as `1 - alpha` feels it.
+/// The same for the transmittance before anything is blended; each Gaussian adds its alpha's band as `1 - alpha` feels
+/// it.
 const TRANSMITTANCE_BAND: f64 = 1e-5;
 
 /// Largest share of a scene's pixels that may be undecided: more would hide an error.
@@ -18,8 +19,8 @@ pub const SHARE: f64 = 0.01;
 /// The same for a stack of hundreds of nearly equal Gaussians, whose pixels each come near many thresholds.
 pub const SHARE_IN_STACKS: f64 = 0.05;
 
-/// Whether each pixel of a `width` x `height` image is undecided, row by row, for Gaussians with the given `[N, 8]` rows
-/// and opacities.
+/// Whether each pixel of a `width` x `height` image is undecided, row by row, for Gaussians with the given `[N, 8]`
+/// rows and opacities.
 ///
 /// # Panics
 /// When more than a `share` of the pixels is, and more than one pixel.

@@ -20,7 +20,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// With the feature on, the device must be there: a test that passes because it did not run is worse than one that fails.
+    /// With the feature on, the device must be there: a test that passes because it did not run is worse than one that
+    /// fails.
     fn new(kind: DeviceKind, dtype: DType) -> Self {
         let device = select(kind.name());
         let device = device.unwrap_or_else(|error| panic!("the build has this device, so it must work: {error}"));
@@ -46,8 +47,8 @@ impl Place {
 /// Names a part of a build's backends, as in `flex,vulkan`; without it tests run on all of them.
 const TEST_BACKENDS: &str = "GSBURN_TEST_BACKENDS";
 
-/// The backends of this build, or those that [`TEST_BACKENDS`] names, those on the CPU first. A misspelt name fails here, one
-/// that is not built where it is opened.
+/// The backends of this build, or those that [`TEST_BACKENDS`] names, those on the CPU first. A misspelt name fails
+/// here, one that is not built where it is opened.
 fn built() -> impl Iterator<Item = DeviceKind> {
     let kind =
         |name: &str| name.parse::<DeviceChoice>().unwrap_or_else(|error| panic!("{TEST_BACKENDS}: {error}")).kind;

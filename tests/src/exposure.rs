@@ -1,7 +1,7 @@
 //! Scenes of which a part moves, and the slow reading of an exposure: one rendering an instant.
 
 use burn::tensor::{DType, IndexingUpdateOp, Int, Tensor};
-use gs_burn::{ExposureOptions, Gaussians, MovingSample, RenderOptions, render, render_with_screen_gradients};
+use gs_burn::{ExposureOptions, Extras, Gaussians, MovingSample, RenderOptions, render_with};
 
 use crate::devices::Place;
 use crate::scenes::{Leaves, Random, Scene};
@@ -83,10 +83,8 @@ impl Moving {
         let options = RenderOptions { depth: true, ..self.scene.options(true) };
         let one = |sample: &MovingSample| {
             let gaussians = self.at(leaves, sample);
-            let rendering = match screen {
-                Some(screen) => render_with_screen_gradients(&gaussians, &camera, &options, screen.clone()),
-                None => render(&gaussians, &camera, &options),
-            };
+            let extras = Extras { screen: screen.cloned(), ..Extras::default() };
+            let rendering = render_with(&gaussians, &camera, &options, extras);
             Tensor::cat(vec![rendering.color, rendering.alpha, rendering.depth.expect("depth was asked for")], 2)
         };
         samples.iter().map(one).collect()

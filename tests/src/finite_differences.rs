@@ -2,8 +2,8 @@
 
 use crate::tolerance::{GRADIENT_DIFFERENCES, largest};
 
-/// Steps tried in turn until one agrees. The best differs by element: curvature wants a small one, rounding a large one,
-/// and an image jumps where a pixel crosses the alpha cut-off within the step. A wrong gradient agrees with none.
+/// Steps tried in turn until one agrees. The best differs by element: curvature wants a small one, rounding a large
+/// one, and an image jumps where a pixel crosses the alpha cut-off within the step. A wrong gradient agrees with none.
 const STEPS: [f64; 4] = [1e-5, 1e-6, 1e-4, 1e-7];
 
 /// Asserts that `gradient` is the derivative of `f` at `at`, for about `samples` elements spread over all of them, to

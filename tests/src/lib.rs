@@ -1,8 +1,9 @@
-//! What the tests and benchmarks of the whole workspace share.
+//! Shared code of the tests of the whole workspace.
 //!
-//! Each test compares, for every device of this build ([`devices`]), the accelerated op with its reference body in `f64`,
-//! within the bounds of [`tolerance`], on the seeded scenes of [`scenes`]; gradients also with [`finite_differences`].
-//! Test files carry the name of the file they check: `kernels/` for values, `gradients/` for derivatives.
+//! Each test compares, for every device of this build ([`devices`]), the accelerated op with its reference body in
+//! `f64`, within the bounds of [`tolerance`], on the seeded scenes of [`scenes`]; gradients also with
+//! [`finite_differences`]. Test files carry the name of the file they check: `kernels/` for values, `gradients/` for
+//! derivatives.
 #![recursion_limit = "256"]
 
 pub mod cutoff;

@@ -1,4 +1,5 @@
-//! Damage to the bytes of a file, for tests of readers: bits turned over, cuts, insertions, and numbers in place of numbers.
+//! Damage to the bytes of a file, for tests of readers: bits turned over, cuts, insertions, and numbers in place of
+//! numbers.
 //!
 //! This file has no dependency, so that a crate below this one includes it by its path:
 //!
@@ -10,7 +11,7 @@
 //! A [`Step`] is three plain numbers, which proptest makes and makes smaller:
 //! `prop::collection::vec((any::<u8>(), any::<u32>(), any::<u64>()), 1..6)`.
 
-/// What is done (modulo the number of kinds), where (modulo the length), and with which value.
+/// The change (modulo the number of kinds), where (modulo the length), and with which value.
 pub type Step = (u8, u32, u64);
 
 /// Numbers at which arithmetic on sizes breaks: around the ends of each type, and far too many of anything.

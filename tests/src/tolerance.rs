@@ -20,17 +20,19 @@ pub const GRADIENT_F64: f64 = 1e-8;
 /// in a 50 pixel image are rounded to 4e-6 pixels, and alpha falls by at most its half per pixel for the smallest
 /// Gaussian there is (a dilation of 0.3 square pixels); 1e-5 is 1/400 of a step of an 8-bit image.
 ///
-/// Vendors round sums and products alike. With the accuracies CUDA states (`exp` 2 ULP, `log` 1, `sqrt` and division 0.5) alpha is off
-/// by 6e-6 at most: 4.4e-6 through the mean, 1.5e-6 through the conic, 4e-7 by the exponential. WGSL states less (`exp` 3 + 2|x| ULP,
-/// `log` 3, `sqrt` 4.5, division 2.5): its division adds 9e-6 pixels to a mean at the edge, so 1.6e-5 in the worst place for a driver
-/// that uses all of it. The bound is not widened for that; BENCHMARKS.md has the chain.
+/// Vendors round sums and products alike. With the accuracies CUDA states (`exp` 2 ULP, `log` 1, `sqrt` and division
+/// 0.5) alpha is off by 6e-6 at most: 4.4e-6 through the mean, 1.5e-6 through the conic, 4e-7 by the exponential. WGSL
+/// states less (`exp` 3 + 2|x| ULP, `log` 3, `sqrt` 4.5, division 2.5): its division adds 9e-6 pixels to a mean at the
+/// edge, so 1.6e-5 in the worst place for a driver that uses all of it. The bound is not widened for that;
+/// BENCHMARKS.md has the chain.
 pub const FORWARD_F32: f64 = 1e-5;
 
 /// Gradients in `f32` against the reference in `f64`, relative to the largest of the group: the rounding of the forward
 /// pass times the gain of the inverse covariance (a hundred for the thinnest Gaussians of the scenes).
 ///
-/// By WGSL's accuracies a variance is off by 2.9e-6 of itself (`exp` of log scales down to -4.5: 12 ULP, twice) and a conic by 4e-6:
-/// 4e-4 after that gain. The division in `1 / (1 - alpha)` adds 3e-7 of its value, however large that is.
+/// By WGSL's accuracies a variance is off by 2.9e-6 of itself (`exp` of log scales down to -4.5: 12 ULP, twice) and a
+/// conic by 4e-6: 4e-4 after that gain. The division in `1 / (1 - alpha)` adds 3e-7 of its value, however large that
+/// is.
 pub const GRADIENT_F32: f64 = 1e-3;
 
 /// [`FORWARD_F32`] for needles of 1:1000, opaque stacks and Gaussians across the frustum edge or near plane: their
@@ -59,8 +61,8 @@ pub fn bits<const D: usize>(tensor: &Tensor<D>) -> Vec<u32> {
     tensor.to_data().iter::<f32>().map(f32::to_bits).collect()
 }
 
-/// One column of rows of `columns` values. Columns in units of their own (pixels, inverse square pixels, scene units) are compared
-/// one by one, or the smaller would be held to a share of the larger.
+/// One column of rows of `columns` values. Columns in units of their own (pixels, inverse square pixels, scene units)
+/// are compared one by one, or the smaller would be held to a share of the larger.
 pub fn column(rows: &[f64], columns: usize, column: usize) -> Vec<f64> {
     rows.iter().skip(column).step_by(columns).copied().collect()
 }
@@ -105,8 +107,8 @@ pub fn assert_near_scaled(what: &str, actual: &[f64], expected: &[f64], bound: f
     assert_near(what, actual, expected, bound * largest(expected).max(1.0));
 }
 
-/// Asserts that an image of `channels` values a pixel is the expected one: all channels to `bound` itself, but for that of
-/// depth, which counts in units of length: to `bound` of the largest depth, or to `bound` if that is below 1.
+/// Asserts that an image of `channels` values a pixel is the expected one: all channels to `bound` itself, but for that
+/// of depth, which counts in units of length: to `bound` of the largest depth, or to `bound` if that is below 1.
 #[track_caller]
 pub fn assert_image(what: &str, actual: &[f64], expected: &[f64], channels: usize, depth: Option<usize>, bound: f64) {
     assert_eq!(actual.len(), expected.len(), "number of values of {what}");

@@ -147,7 +147,8 @@ fn paths_end_at_dots() {
     assert!(!is_under("a.bc", "a.b") && !is_under("a", "a.b"));
 }
 
-/// A parameter's numbers keep their address through a whole step: the graph of the step releases them, and nothing copies them.
+/// A parameter's numbers keep their address through a whole step: the graph of the step releases them, and nothing
+/// copies them.
 #[cfg(feature = "flex")]
 #[test]
 fn parameters_are_updated_in_place() {

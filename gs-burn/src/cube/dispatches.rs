@@ -1,18 +1,20 @@
 //! How much one launch may do before a driver takes the device for hung.
 //!
-//! Windows resets a GPU after two seconds in one launch, and a desktop stutters long before; the aim is half a second on a small GPU
-//! in a processor. By the model in BENCHMARKS.md the backward pass of the rasterizer is the longest launch. Its pairs are processed in
-//! ranges of tiles, so their bytes bound its time, and the bound does not change a bit of the result.
+//! Windows resets a GPU after two seconds in one launch, and a desktop stutters long before; the aim is half a second
+//! on a small GPU in a processor. By the model in BENCHMARKS.md the backward pass of the rasterizer is the longest
+//! launch. Its pairs are processed in ranges of tiles, so their bytes bound its time, and the bound does not change a
+//! bit of the result.
 
 use burn_cubecl::CubeDevice;
 use gs_kernels::cube::rasterize::PAIR_BYTES;
 
-/// Most bytes of pair rows in a launch where the device may be a GPU in a processor: 4.6 million pairs of three channels, which take
-/// 480 warp instructions each if no pixel ends before them, at 4.8 G a second (24 units of 8 lanes at 1.15 GHz, 70 % used) 0.46 s.
+/// Most bytes of pair rows in a launch where the device may be a GPU in a processor: 4.6 million pairs of three
+/// channels, which take 480 warp instructions each if no pixel ends before them, at 4.8 G a second (24 units of 8 lanes
+/// at 1.15 GHz, 70 % used) 0.46 s.
 const PAIR_BYTES_OF_SMALL: usize = 192 << 20;
 
-/// Most bytes of pair rows in a launch of the rasterizer's backward pass on this device. A scene with more pairs reads the tiles'
-/// offsets back, which waits for the device.
+/// Most bytes of pair rows in a launch of the rasterizer's backward pass on this device. A scene with more pairs reads
+/// the tiles' offsets back, which waits for the device.
 pub(super) fn pair_bytes(device: &CubeDevice) -> usize {
     if may_be_small(device) { PAIR_BYTES_OF_SMALL } else { PAIR_BYTES }
 }

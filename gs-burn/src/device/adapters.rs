@@ -25,7 +25,7 @@ pub(super) fn class_of(device: &Device) -> AdapterClass {
     }
 }
 
-/// What a device states of itself. It is opened for that.
+/// The statement of a device about itself. It is opened for that.
 pub(super) fn abilities(device: &Device) -> Option<Abilities> {
     let client = cube_of(device)?.client();
     let (hardware, memory) = (&client.properties().hardware, &client.properties().memory);

@@ -35,8 +35,8 @@ fn why_cpu(_: DeviceKind, _: &[String]) -> Option<String> {
     None
 }
 
-/// The first of the [candidates](choice::candidates) that can train; the others are added to `passed`, each with its reason. Only
-/// candidates are opened, one after the other.
+/// The first of the [candidates](choice::candidates) that can train; the others are added to `passed`, each with its
+/// reason. Only candidates are opened, one after the other.
 #[cfg(feature = "cube")]
 fn best_gpu(passed: &mut Vec<String>) -> Option<Selected> {
     let (mut described, mut devices) = (Vec::new(), Vec::new());

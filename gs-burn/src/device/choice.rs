@@ -31,7 +31,7 @@ pub(super) struct Adapter {
     pub class: AdapterClass,
 }
 
-/// What an open adapter states of itself.
+/// The statement of an open adapter about itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Abilities {
     /// As the driver names it.
@@ -50,10 +50,11 @@ pub(super) struct Abilities {
     pub cubes: u32,
 }
 
-/// What training needs: WebGPU's default limits, which the kernels keep, and room for a scene.
+/// The needs of training: WebGPU's default limits, which the kernels keep, and room for a scene.
 pub(super) const NEEDS: Abilities = Abilities {
     name: String::new(),
-    // Half a million Gaussians of SH degree 3 take 0.5 GB with gradients and moments (944 bytes each), and their pairs 0.4 GB.
+    // Half a million Gaussians of SH degree 3 take 0.5 GB with gradients and moments (944 bytes each), and their pairs
+    // 0.4 GB.
     memory: Some(1 << 30),
     binding: 128 << 20,
     bindings: 7,
@@ -65,7 +66,8 @@ pub(super) const NEEDS: Abilities = Abilities {
 /// Names of software that some drivers list as another sort of device (a virtual machine that passes lavapipe on, say).
 const SOFTWARE: [&str; 5] = ["llvmpipe", "lavapipe", "softpipe", "swiftshader", "basic render"];
 
-/// The adapters that `auto` tries, best first: by class, then by the order of `kinds`, then as listed. Software is not among them.
+/// The adapters that `auto` tries, best first: by class, then by the order of `kinds`, then as listed. Software is not
+/// among them.
 pub(super) fn candidates(adapters: &[Adapter], kinds: &[DeviceKind]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..adapters.len()).filter(|i| adapters[*i].class != AdapterClass::Software).collect();
     let place = |kind| kinds.iter().position(|known| *known == kind);
@@ -95,13 +97,13 @@ pub(super) fn software(adapters: &[Adapter]) -> impl Iterator<Item = String> {
     software.map(|adapter| format!("{adapter} is software, which is slower than the CPU backends"))
 }
 
-/// What `auto` took and why: a GPU that `has` these abilities, after it `passed` over others.
+/// The choice of `auto` and its reason: a GPU that `has` these abilities, after it `passed` over others.
 pub(super) fn took_gpu(adapter: &Adapter, has: &Abilities, passed: &[String]) -> String {
     let memory = has.memory.map_or(String::new(), |bytes| format!(", {:.1} GB", bytes as f64 / 1e9));
     with_passed(format!("auto took {adapter}, {} ({}{memory})", has.name, adapter.class), passed)
 }
 
-/// What `auto` took and why: the CPU, because it `passed` over every adapter.
+/// The choice of `auto` and its reason: the CPU, because it `passed` over every adapter.
 pub(super) fn took_cpu(kind: DeviceKind, passed: &[String]) -> String {
     with_passed(format!("auto took {kind}, on the CPU"), passed)
 }

@@ -4,8 +4,8 @@ use burn::tensor::Device;
 
 use super::{DeviceChoice, DeviceError, DeviceKind, quietly};
 
-/// The devices that follow the one called `name`, `count` with that one: of a GPU kind those with the next indices, of a CPU kind
-/// the same one again.
+/// The devices that follow the one called `name`, `count` with that one: of a GPU kind those with the next indices, of
+/// a CPU kind the same one again.
 ///
 /// # Errors
 /// When one of them does not exist or does not work; when `name` is auto and `count` more than one.

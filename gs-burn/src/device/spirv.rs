@@ -1,9 +1,9 @@
 //! Adapters on which kernels in SPIR-V would crash the driver.
 //!
 //! A build with `vulkan` compiles to SPIR-V on every Vulkan adapter, also for `--device wgpu`. Without
-//! `VK_KHR_workgroup_memory_explicit_layout` CubeCL 0.11.3 makes a module that is not valid for every kernel with shared memory
-//! (`docs/upstream/cubecl-spirv-shared-memory.md`), and drivers need not survive one. The extension can be asked of the adapter only
-//! while the device is opened, because CubeCL gives its adapter to no one afterwards.
+//! `VK_KHR_workgroup_memory_explicit_layout` CubeCL 0.11.3 makes a module that is not valid for every kernel with
+//! shared memory (`docs/upstream/cubecl-spirv-shared-memory.md`), and drivers need not survive one. The extension can
+//! be asked of the adapter only while the device is opened, because CubeCL gives its adapter to no one afterwards.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -20,8 +20,8 @@ const LAYOUT: &std::ffi::CStr = c"VK_KHR_workgroup_memory_explicit_layout";
 /// The adapters asked so far, with their refusals.
 static ASKED: Mutex<Vec<(WgpuDevice, Option<String>)>> = Mutex::new(Vec::new());
 
-/// Opens `device` and says why its driver must not be given a kernel in SPIR-V, if so. A device that the process has opened by other
-/// means before cannot be asked; it is not refused.
+/// Opens `device` and says why its driver must not be given a kernel in SPIR-V, if so. A device that the process has
+/// opened by other means before cannot be asked; it is not refused.
 pub(super) fn refusal(device: &Device) -> Option<String> {
     let Some(CubeDevice::Wgpu(own)) = cube_of(device) else { return None };
     let mut asked = ASKED.lock().unwrap_or_else(PoisonError::into_inner);

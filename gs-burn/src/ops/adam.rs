@@ -12,8 +12,8 @@ use crate::slices::{HostBackend, HostTensor, with_float};
 
 /// Updates a parameter and its two moments (Kingma and Ba 2015).
 ///
-/// All four tensors have one shape and float type; gradient tracking is dropped. The CPU backends write into `param`, `m` and `v`
-/// if they have no other owner, so pass them by value: a clone kept elsewhere costs a copy of the tensor.
+/// All four tensors have one shape and float type; gradient tracking is dropped. The CPU backends write into `param`,
+/// `m` and `v` if they have no other owner, so pass them by value: a clone kept elsewhere costs a copy of the tensor.
 ///
 /// Returns the new `(param, m, v)`.
 ///

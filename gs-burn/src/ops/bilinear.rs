@@ -1,8 +1,8 @@
 //! An image between its pixels: bilinear sampling, differentiable by image and position.
 //!
-//! The gradient of Burn's `select`, which the reference is made of, adds rows in one thread a channel on a GPU: seconds for an image
-//! that is looked up at each pixel. Here every value of the image has one writer, which adds its lookups in a fixed order, so results are
-//! equal to the bit from run to run.
+//! The gradient of Burn's `select`, which the reference is made of, adds rows in one thread a channel on a GPU: seconds
+//! for an image that is looked up at each pixel. Here every value of the image has one writer, which adds its lookups
+//! in a fixed order, so results are equal to the bit from run to run.
 
 mod reference;
 #[cfg(test)]
@@ -19,12 +19,12 @@ use super::operation::{Operation, Output, State, differentiable};
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
-/// Values of `image` `[H, W, C]` at `positions` `[P, 2]` (x, y in pixels, the first pixel's centre at (0.5, 0.5)), `[P, C]`.
-/// Differentiable by both.
+/// Values of `image` `[H, W, C]` at `positions` `[P, 2]` (x, y in pixels, the first pixel's centre at (0.5, 0.5)), `[P,
+/// C]`. Differentiable by both.
 ///
 /// Beyond the outermost centres the image goes on as it is at its border. The gradient by position is the slope of the
-/// bilinear patch, zero beyond the border; on a line between two patches the right or lower patch counts. A position that is not a
-/// number gives values that are none.
+/// bilinear patch, zero beyond the border; on a line between two patches the right or lower patch counts. A position
+/// that is not a number gives values that are none.
 ///
 /// # Panics
 /// When the image has no pixels, the float types disagree, or the positions are not pairs.

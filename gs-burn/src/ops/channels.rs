@@ -1,7 +1,7 @@
 //! A range of an image's channels, as an image.
 //!
-//! `narrow` returns a strided view that every later op must make contiguous, and its gradient takes three passes over the image;
-//! for an image of Gaussians that took as long as projecting them. This op takes one pass in each direction.
+//! `narrow` returns a strided view that every later op must make contiguous, and its gradient takes three passes over
+//! the image; for an image of Gaussians that took as long as projecting them. This op takes one pass in each direction.
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};
@@ -56,7 +56,8 @@ impl Operation<1> for Channels {
     }
 }
 
-/// Copies `count` channels of every pixel from channel `from_first` of `from_total` to channel `to_first` of `to_total`.
+/// Copies `count` channels of every pixel from channel `from_first` of `from_total` to channel `to_first` of
+/// `to_total`.
 fn copy<F: Copy + Send + Sync>(
     from: &[F],
     from_total: usize,

@@ -1,4 +1,5 @@
-//! Several instants of a scene in one image: the mean of the drawn tiles. [`instants`](super::instants) makes their lists.
+//! Several instants of a scene in one image: the mean of the drawn tiles. [`instants`](super::instants) makes their
+//! lists.
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::tensor::{Tensor, assert_shape};
@@ -14,8 +15,8 @@ use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
 /// The mean image `[H, W, C]` over all instants, from the tiles drawn for them, `[tiles, 256, C]`.
 ///
-/// The first [`AverageConfig::encoded`] channels are averaged as light (through the curve of sRGB), the others as they are. A tile
-/// of the image with a single drawn tile is copied. Differentiable.
+/// The first [`AverageConfig::encoded`] channels are averaged as light (through the curve of sRGB), the others as they
+/// are. A tile of the image with a single drawn tile is copied. Differentiable.
 ///
 /// # Panics
 /// When shapes disagree.

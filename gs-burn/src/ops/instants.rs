@@ -20,8 +20,8 @@ pub struct TileShares {
     pub instants: usize,
     /// Tiles of the image.
     pub grid: usize,
-    /// `[grid + 1 + tiles]`, `i32`: the offsets of the further tiles that show each tile of the image, then the number of instants of each
-    /// drawn tile; see [`cpu::TileShares`].
+    /// `[grid + 1 + tiles]`, `i32`: the offsets of the further tiles that show each tile of the image, then the number
+    /// of instants of each drawn tile; see [`cpu::TileShares`].
     pub numbers: Tensor<1, Int>,
 }
 
@@ -52,18 +52,20 @@ pub struct InstantIntersections {
 
 /// The lists of all instants of a table of rows, and the shares of the drawn tiles.
 ///
-/// - `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`: first the `scene` rows at the first instant, then the `M` rows
-///   `moving` at each further one
+/// - `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`: first the `scene` rows at the first instant, then
+///   the `M` rows `moving` at each further one
 /// - `moving` `[M]`: ascending row numbers of the Gaussians that move
-/// - `room`: a GPU makes lists of this size and does not wait for the numbers of pairs and tiles. Places behind the last are empty. With too
-///   little room all lists are empty, and [`DeviceCount::overflows`] tells so once the numbers are read. The CPU takes no notice of it.
+/// - `room`: a GPU makes lists of this size and does not wait for the numbers of pairs and tiles. Places behind the
+///   last are empty. With too little room all lists are empty, and [`DeviceCount::overflows`] tells so once the numbers
+///   are read. The CPU takes no notice of it.
 ///
-/// A list equals that of [`intersect`](super::intersect::intersect) for the whole scene at that instant. Tiles that look alike at
-/// several instants have one list. Not differentiable.
+/// A list equals that of [`intersect`](super::intersect::intersect) for the whole scene at that instant. Tiles that
+/// look alike at several instants have one list. Not differentiable.
 ///
 /// # Panics
-/// When shapes or float types disagree, and when there are more than 2^31 pairs; on a CPU, when `moving` does not ascend below `scene`. A
-/// GPU does not check that, as it checks no row of [`take_rows`](super::rows::take_rows), and its lists would mean nothing.
+/// When shapes or float types disagree, and when there are more than 2^31 pairs; on a CPU, when `moving` does not
+/// ascend below `scene`. A GPU does not check that, as it checks no row of [`take_rows`](super::rows::take_rows), and
+/// its lists would mean nothing.
 pub fn intersect_instants(
     projected: Tensor<2>,
     opacities: Tensor<1>,
@@ -102,9 +104,9 @@ pub fn intersect_instants(
     InstantIntersections { lists, shares, tiles }
 }
 
-/// [`intersect_instants`] as a computation on projected rows, opacities, features and the rows of what moves. The results are the lists of
-/// [`TileIntersections`], [`TileShares::numbers`], and the words of the numbers of pairs and of tiles ([`DeviceCount`]), none where they are
-/// known.
+/// [`intersect_instants`] as a computation on projected rows, opacities, features and the rows of what moves. The
+/// results are the lists of [`TileIntersections`], [`TileShares::numbers`], and the words of the numbers of pairs and
+/// of tiles ([`DeviceCount`]), none where they are known.
 pub(crate) struct Instants {
     /// Width and height of the image.
     pub(crate) size: [u32; 2],

@@ -1,4 +1,5 @@
-//! Tile intersections: the Gaussians that touch each tile, in depth order; the test is in [`gs_kernels::cpu::intersect`].
+//! Tile intersections: the Gaussians that touch each tile, in depth order; the test is in
+//! [`gs_kernels::cpu::intersect`].
 
 mod count;
 mod reference;
@@ -43,8 +44,9 @@ pub struct TileIntersections {
 /// - `opacities` `[N]`: 0 to 1
 /// - `features` `[N, C]`: the values to blend
 ///
-/// Left out are culled Gaussians, those whose opacity is below the cut-off or not finite, and those with a feature that is not
-/// finite or not below [`gs_kernels::constants::FEATURE_MAX`] in magnitude. Not differentiable: the lists are integers.
+/// Left out are culled Gaussians, those whose opacity is below the cut-off or not finite, and those with a feature that
+/// is not finite or not below [`gs_kernels::constants::FEATURE_MAX`] in magnitude. Not differentiable: the lists are
+/// integers.
 ///
 /// # Panics
 /// When shapes or float types disagree, and when there are more than 2^31 pairs.
@@ -60,9 +62,9 @@ pub fn intersect(
 
 /// Like [`intersect`]; with `room`, a GPU makes lists of this length and does not wait for the number of pairs.
 ///
-/// Places of the lists behind the last pair belong to no tile and no Gaussian. If there are more pairs than `room`, all lists are empty
-/// and [`DeviceCount::overflows`] tells so once the number is read. The CPU, and a GPU whose buffers do not hold `room` pairs, take no
-/// notice of `room`.
+/// Places of the lists behind the last pair belong to no tile and no Gaussian. If there are more pairs than `room`, all
+/// lists are empty and [`DeviceCount::overflows`] tells so once the number is read. The CPU, and a GPU whose buffers do
+/// not hold `room` pairs, take no notice of `room`.
 ///
 /// # Panics
 /// As [`intersect`].
@@ -100,8 +102,8 @@ fn check(projected: &Tensor<2>, opacities: &Tensor<1>, features: &Tensor<2>) {
     assert_same_dtype("features", features, "projected", projected);
 }
 
-/// [`intersect_within`] as a computation on projected rows, opacities and features. The results are the lists of [`TileIntersections`] and the
-/// words of [`DeviceCount`], none where the number of pairs is known.
+/// [`intersect_within`] as a computation on projected rows, opacities and features. The results are the lists of
+/// [`TileIntersections`] and the words of [`DeviceCount`], none where the number of pairs is known.
 pub(crate) struct Intersection {
     /// Width and height of the image.
     pub(crate) size: [u32; 2],

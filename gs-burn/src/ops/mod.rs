@@ -5,11 +5,11 @@
 //! - a function on Burn tensors (`project`, `rasterize`, ...), which checks shapes at the door;
 //! - a `..._reference` in plain Burn tensor operations, differentiable by Burn itself, slow and obvious: it defines
 //!   what is correct;
-//! - a struct of its settings with the raw forward and backward, on primitives without gradients. The CPU backends (Flex, NdArray) share one
-//!   body over slices; that of CubeCL's backends is in `cube`.
+//! - a struct of its settings with the raw forward and backward, on primitives without gradients. The CPU backends
+//!   (Flex, NdArray) share one body over slices; that of CubeCL's backends is in `cube`.
 //!
-//! The way through Burn, its dispatch and its graph of gradients, is written once for all of them, in `operation`. **A new backend is a
-//! body for each struct and nothing else.**
+//! The way through Burn, its dispatch and its graph of gradients, is written once for all of them, in `operation`. **A
+//! new backend is a body for each struct and nothing else.**
 //!
 //! Counts may be zero: an empty scene has `[0, ...]` tensors, and kernels must return what the shapes say.
 

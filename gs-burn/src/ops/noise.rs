@@ -13,8 +13,9 @@ use crate::slices::{HostBackend, HostTensor, with_float};
 
 /// `means` `[N, 3]` with the noise of one step (Kheradmand et al. 2024, Eq. 8): `mean + Sigma n strength gate`.
 ///
-/// `quats` `[N, 4]`, `log_scales` `[N, 3]` and `logits` `[N]` are those of [`Gaussians`]. `n` is a function of seed, step and row
-/// alone, so backends draw the same and nothing is stored. A Gaussian whose move is not finite stays. Gradient tracking is dropped.
+/// `quats` `[N, 4]`, `log_scales` `[N, 3]` and `logits` `[N]` are those of [`Gaussians`]. `n` is a function of seed,
+/// step and row alone, so backends draw the same and nothing is stored. A Gaussian whose move is not finite stays.
+/// Gradient tracking is dropped.
 ///
 /// # Panics
 /// When shapes or float types disagree.

@@ -8,8 +8,8 @@ use gs_kernels::cpu::opacity as cpu;
 use super::operation::{Operation, Output, State, differentiable};
 use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
-/// Opacities `[N]`, 0 to 1, of `logits` `[N]`: `1 / (1 + exp(-logit))`; 0 where the logit is not a number, and that logit receives no
-/// gradient. Differentiable.
+/// Opacities `[N]`, 0 to 1, of `logits` `[N]`: `1 / (1 + exp(-logit))`; 0 where the logit is not a number, and that
+/// logit receives no gradient. Differentiable.
 pub fn opacities(logits: Tensor<1>) -> Tensor<1> {
     differentiable(Opacities, [logits.into_dispatch()], [])
 }

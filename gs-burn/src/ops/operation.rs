@@ -1,8 +1,8 @@
-//! The way of an operation through Burn, written once for all of them: dispatch to the backend of the tensors, and the step in the
-//! graph of gradients.
+//! The way of an operation through Burn, written once for all of them: dispatch to the backend of the tensors, and the
+//! step in the graph of gradients.
 //!
-//! An operation is a struct of its settings. [`Operation`] has its two directions on the CPU backends, [`OnCube`] the same on CubeCL's;
-//! [`differentiable`] runs it. A [`Computation`] has no gradient and may return several tensors.
+//! An operation is a struct of its settings. [`Operation`] has its two directions on the CPU backends, [`OnCube`] the
+//! same on CubeCL's; [`differentiable`] runs it. A [`Computation`] has no gradient and may return several tensors.
 
 use std::fmt::Debug;
 
@@ -99,7 +99,7 @@ impl<B: Backend> Output<B> {
     }
 }
 
-/// What a backward pass reads.
+/// The tensors that a backward pass reads.
 #[derive(Clone, Debug)]
 pub struct State<B: Backend, const N: usize, const M: usize> {
     inputs: Option<[FloatTensor<B>; N]>,
@@ -116,8 +116,8 @@ impl<B: Backend, const N: usize, const M: usize> State<B, N, M> {
     }
 }
 
-/// A differentiable operation on `N` tensors of floats and `M` of whole numbers, with its two directions on the CPU backends. There all
-/// tensors arrive contiguous.
+/// A differentiable operation on `N` tensors of floats and `M` of whole numbers, with its two directions on the CPU
+/// backends. There all tensors arrive contiguous.
 pub trait Operation<const N: usize, const M: usize = 0>: OnCube<N, M> + Clone + Debug + Send + 'static {
     /// The stage of the profile that the backward pass is charged to, if it has one of its own.
     const BACKWARD: Option<&'static str> = None;
@@ -132,7 +132,8 @@ pub trait Operation<const N: usize, const M: usize = 0>: OnCube<N, M> + Clone + 
         tracked: bool,
     ) -> Output<B>;
 
-    /// The gradients by the inputs from that by the result, `v`. Those that are not `wanted` may be `None` or are not used.
+    /// The gradients by the inputs from that by the result, `v`. Those that are not `wanted` may be `None` or are not
+    /// used.
     fn backward<B: HostBackend>(
         &self,
         state: State<B, N, M>,
@@ -141,7 +142,8 @@ pub trait Operation<const N: usize, const M: usize = 0>: OnCube<N, M> + Clone + 
     ) -> [Option<FloatTensor<B>>; N];
 }
 
-/// An operation without gradient on `N` tensors of floats and `M` of whole numbers. On the CPU backends all tensors arrive contiguous.
+/// An operation without gradient on `N` tensors of floats and `M` of whole numbers. On the CPU backends all tensors
+/// arrive contiguous.
 pub trait Computation<const N: usize, const M: usize = 0>: ComputeOnCube<N, M> {
     fn compute<B: HostBackend>(&self, inputs: [FloatTensor<B>; N], lists: [IntTensor<B>; M]) -> Tensors<B>;
 }

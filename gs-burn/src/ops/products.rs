@@ -1,7 +1,8 @@
 //! Products whose gradients are sums over many rows.
 //!
-//! On a GPU, Burn gives such a sum to one unit per result: the gradient of a bias over all pixels of an image is a loop of a million
-//! additions in 32 units. Here the rows are cut into groups, in one order. On a CPU the operations are Burn's own.
+//! On a GPU, Burn gives such a sum to one unit per result: the gradient of a bias over all pixels of an image is a loop
+//! of a million additions in 32 units. Here the rows are cut into groups, in one order. On a CPU the operations are
+//! Burn's own.
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, TensorMetadata};
@@ -10,8 +11,8 @@ use burn::tensor::{Shape, Tensor, assert_shape};
 use super::operation::{Computation, Operation, Output, State, Tensors, computed_tensor, differentiable};
 use crate::slices::HostBackend;
 
-/// `rows weight + bias`, `[R, out]`, of `rows` `[R, in]`, `weight` `[in, out]` and `bias` `[out]`: a layer of a network. Differentiable
-/// by all three. On CUDA the product may be computed in TF32.
+/// `rows weight + bias`, `[R, out]`, of `rows` `[R, in]`, `weight` `[in, out]` and `bias` `[out]`: a layer of a
+/// network. Differentiable by all three. On CUDA the product may be computed in TF32.
 ///
 /// # Panics
 /// When shapes disagree.
@@ -37,7 +38,8 @@ pub fn transposed_product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     computed_tensor(TransposedProduct, [a, b].map(|tensor| tensor.inner().into_dispatch()))
 }
 
-/// The sums over rows on a backend's primitives, without gradient tracking. The default bodies are plain tensor operations.
+/// The sums over rows on a backend's primitives, without gradient tracking. The default bodies are plain tensor
+/// operations.
 pub(crate) trait RowSums: Backend {
     /// `a^T b`, `[I, O]`, of `a` `[R, I]` and `b` `[R, O]`.
     fn transposed(a: FloatTensor<Self>, b: FloatTensor<Self>) -> FloatTensor<Self> {

@@ -24,8 +24,8 @@ pub use reference::project_reference;
 /// - `log_scales` `[N, 3]`: logarithms of the standard deviations, scene units
 /// - `viewmat` `[4, 4]`: world to camera
 ///
-/// Returns packed rows `[N, 8]`, see [`gs_kernels::rows::ProjectedRow`]; the row of a Gaussian that cannot be seen is zero.
-/// Differentiable with respect to all four tensors; the radius has no gradient.
+/// Returns packed rows `[N, 8]`, see [`gs_kernels::rows::ProjectedRow`]; the row of a Gaussian that cannot be seen is
+/// zero. Differentiable with respect to all four tensors; the radius has no gradient.
 ///
 /// # Panics
 /// When shapes or float types disagree.

@@ -27,14 +27,15 @@ pub use reference::rasterize_reference;
 /// - `opacities` `[N]`: 0 to 1
 /// - `features` `[N, C]`: colours or anything else to blend
 /// - `background` `[C]`: colour behind all Gaussians
-/// - `screen` `[N, 4]`: zeros; their gradient is a statistic for density control: the gradient with respect to the 2D mean in
-///   pixels (x, y) summed over pixels, and the sum over pixels of its absolute contributions (x, y)
+/// - `screen` `[N, 4]`: zeros; their gradient is a statistic for density control: the gradient with respect to the 2D
+///   mean in pixels (x, y) summed over pixels, and the sum over pixels of its absolute contributions (x, y)
 /// - `intersections`: from [`intersect`](super::intersect::intersect) with the same rows, opacities and features
 ///
-/// Returns `[H, W, C + depth + 1]`: features over the background, accumulated depth (no background) if requested, and alpha. For
-/// intersections with `places` it returns `[tiles, 256, C + depth + 1]`, the pixels of one tile per list. A contribution under
-/// `ALPHA_MIN` is dropped, alpha is capped at `ALPHA_MAX` and a pixel ends at `TRANSMITTANCE_MIN`, see [`gs_kernels::constants`].
-/// Differentiable with respect to all float tensors; the compensation and radius columns have no gradient.
+/// Returns `[H, W, C + depth + 1]`: features over the background, accumulated depth (no background) if requested, and
+/// alpha. For intersections with `places` it returns `[tiles, 256, C + depth + 1]`, the pixels of one tile per list. A
+/// contribution under `ALPHA_MIN` is dropped, alpha is capped at `ALPHA_MAX` and a pixel ends at `TRANSMITTANCE_MIN`,
+/// see [`gs_kernels::constants`]. Differentiable with respect to all float tensors; the compensation and radius columns
+/// have no gradient.
 ///
 /// # Panics
 /// When shapes or float types disagree.
@@ -85,8 +86,8 @@ fn check(
     assert_same_dtype("background", background, "projected", projected);
 }
 
-/// [`rasterize`] as an operation. Its inputs are projected rows, opacities, features, background and the screen tensor, whose numbers are
-/// never read; its lists are those of [`TileIntersections`]. What it saves is the backend's own.
+/// [`rasterize`] as an operation. Its inputs are projected rows, opacities, features, background and the screen tensor,
+/// whose numbers are never read; its lists are those of [`TileIntersections`]. What it saves is the backend's own.
 #[derive(Clone, Debug)]
 pub(crate) struct Rasterization(pub(crate) RasterizeConfig);
 

@@ -1,8 +1,8 @@
 //! Distinct rows of a table: taken out, and added to.
 //!
-//! On a GPU, Burn's `select_assign`, which is also the gradient of its `select`, walks all rows in one thread a column. Here each
-//! operation is the other's backward, with one unit a value; because the rows are distinct, no two units write one number and
-//! results are equal to the bit. For rows that repeat there are [`segments`](super::segments).
+//! On a GPU, Burn's `select_assign`, which is also the gradient of its `select`, walks all rows in one thread a column.
+//! Here each operation is the other's backward, with one unit a value; because the rows are distinct, no two units
+//! write one number and results are equal to the bit. For rows that repeat there are [`segments`](super::segments).
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};
@@ -15,7 +15,8 @@ use crate::slices::{HostBackend, HostTensor, float_tensor, with_float};
 
 /// Rows `rows` `[M]` of `table` `[N, ..]`, `[M, ..]`. Differentiable.
 ///
-/// The rows must be distinct; a GPU does not check it, and the gradient of a row named twice would be that of one of them.
+/// The rows must be distinct; a GPU does not check it, and the gradient of a row named twice would be that of one of
+/// them.
 ///
 /// # Panics
 /// On a CPU, when a row is not in the table.
@@ -25,8 +26,8 @@ pub fn take_rows<const D: usize>(table: Tensor<D>, rows: &Tensor<1, Int>) -> Ten
     differentiable(operation, [table.into_dispatch()], [whole(rows).into_dispatch()])
 }
 
-/// `table` `[N, ..]` with `more` `[M, ..]` added to its rows `rows` `[M]`. Differentiable with respect to both; the rows as in
-/// [`take_rows`].
+/// `table` `[N, ..]` with `more` `[M, ..]` added to its rows `rows` `[M]`. Differentiable with respect to both; the
+/// rows as in [`take_rows`].
 ///
 /// # Panics
 /// When shapes disagree; on a CPU, when a row is not in the table.

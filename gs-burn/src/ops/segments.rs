@@ -43,8 +43,8 @@ pub fn take_rows(input: Tensor<2>, segments: &Segments) -> Tensor<2> {
     differentiable(AlongSegments::Take(segments.lists().clone()), [input.into_dispatch()], segments.tables())
 }
 
-/// [`segment_mean`] and [`take_rows`] as operations; each is the backward of the other, but for the factors of the mean. Their lists are the
-/// tables of [`Segments`], which are empty on a CPU.
+/// [`segment_mean`] and [`take_rows`] as operations; each is the backward of the other, but for the factors of the
+/// mean. Their lists are the tables of [`Segments`], which are empty on a CPU.
 #[derive(Clone, Debug)]
 pub(crate) enum AlongSegments {
     Mean(Arc<SegmentLists>),

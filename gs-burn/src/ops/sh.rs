@@ -23,12 +23,13 @@ pub use reference::sh_colors_reference;
 /// - `means` `[N, 3]`: centres, world, scene units
 /// - `sh` `[N, S, 3]`: coefficients, `S` = 1, 4, 9 or 16
 /// - `viewmat` `[4, 4]`: world to camera
-/// - `projected` `[N, 8]`: rows of [`project`](super::projection::project); read only to know which Gaussians are culled
+/// - `projected` `[N, 8]`: rows of [`project`](super::projection::project); read only to know which Gaussians are
+///   culled
 /// - `degree`: active degree, at most the stored one
 ///
-/// Returns `[N, 3]`, 0 for culled Gaussians. Differentiable with respect to `sh`, and through the view direction with respect to
-/// `means` and `viewmat`. A Gaussian whose colour is not finite gets [`gs_kernels::constants::INVALID_FEATURE`], which
-/// [`intersect`](super::intersect::intersect) leaves out.
+/// Returns `[N, 3]`, 0 for culled Gaussians. Differentiable with respect to `sh`, and through the view direction with
+/// respect to `means` and `viewmat`. A Gaussian whose colour is not finite gets
+/// [`gs_kernels::constants::INVALID_FEATURE`], which [`intersect`](super::intersect::intersect) leaves out.
 ///
 /// # Panics
 /// When shapes or float types disagree, or `degree` exceeds the stored degree.

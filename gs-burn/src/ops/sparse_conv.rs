@@ -57,7 +57,8 @@ fn check(input: &Tensor<2>, weights: &Tensor<3>, map: &KernelMap) {
     assert_same_dtype("weights", weights, "input", input);
 }
 
-/// [`sparse_conv`] as an operation on features and weights. Its lists are the tables of the map in both directions, which are empty on a CPU.
+/// [`sparse_conv`] as an operation on features and weights. Its lists are the tables of the map in both directions,
+/// which are empty on a CPU.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseConv {
     pub(crate) pairs: Arc<PairMap>,

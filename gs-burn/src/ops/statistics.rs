@@ -12,7 +12,7 @@ use crate::slices::{HostBackend, HostTensor, with_float};
 
 /// Adds one view to the statistics `gradient` `[N]` and `views` `[N]`, and returns them.
 ///
-/// - `screen` `[N, 4]`: the gradient of [`render_with_screen_gradients`](crate::render_with_screen_gradients()). The length of its
+/// - `screen` `[N, 4]`: the gradient of [`Extras::screen`](crate::Extras::screen). The length of its
 ///   signed or absolute part (`config.absolute`), by image coordinates from -1 to 1, is added to `gradient`.
 /// - `rows` `[N, config.columns]`: their last column is the radius of a Gaussian in the image, as in the rows of
 ///   [`project`](super::projection::project); where it is positive, 1 is added to `views`.

@@ -1,7 +1,8 @@
 //! Sums of all numbers of a tensor in a fixed order, and whether all are finite.
 //!
-//! On a GPU, Burn's `sum` and `mean` run on one thread or on four cubes (without its autotuner), or add with float atomics, whose
-//! order changes from run to run. These sums take two launches of many cubes and have one order, so equal inputs give equal bits.
+//! On a GPU, Burn's `sum` and `mean` run on one thread or on four cubes (without its autotuner), or add with float
+//! atomics, whose order changes from run to run. These sums take two launches of many cubes and have one order, so
+//! equal inputs give equal bits.
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, TensorMetadata};
@@ -26,13 +27,14 @@ pub fn mean<const D: usize>(tensor: Tensor<D>) -> Tensor<1> {
     sum(tensor) * (1.0 / count as f64)
 }
 
-/// `factor` times the sum of the activations of all numbers of `tensor`, `[1]`: a regulariser in one pass each way. Differentiable.
+/// `factor` times the sum of the activations of all numbers of `tensor`, `[1]`: a regulariser in one pass each way.
+/// Differentiable.
 pub fn activated_sum<const D: usize>(tensor: Tensor<D>, activation: Activation, factor: f64) -> Tensor<1> {
     differentiable(ActivatedSum { activation, factor }, [tensor.into_dispatch()], [])
 }
 
-/// `mark` `[1]` (0 if `None`), made NaN if a number of `tensor` is not finite. Gradient tracking is dropped. A chain of marks takes
-/// one launch a tensor and is read once.
+/// `mark` `[1]` (0 if `None`), made NaN if a number of `tensor` is not finite. Gradient tracking is dropped. A chain of
+/// marks takes one launch a tensor and is read once.
 pub fn mark_not_finite<const D: usize>(mark: Option<Tensor<1>>, tensor: Tensor<D>) -> Tensor<1> {
     let tensor = tensor.inner();
     let mark = mark.unwrap_or_else(|| Tensor::zeros([1], (&tensor.device(), tensor.dtype())));

@@ -1,9 +1,10 @@
-//! The compressed PLY of PlayCanvas: chunks of 256 Gaussians with the range of their values, and per Gaussian four words of 32 bits.
+//! The compressed PLY of PlayCanvas: chunks of 256 Gaussians with the range of their values, and per Gaussian four
+//! words of 32 bits.
 //!
-//! Element `chunk`: `min_` and `max_` of x, y, z, of the logarithms `scale_x`, `scale_y`, `scale_z`, and in newer files of r, g, b.
-//! Element `vertex`: `packed_position` and `packed_scale` (11, 10, 11 bits between the chunk's ends), `packed_rotation` (2 bits for
-//! the largest component of w x y z, 10 bits for each other), `packed_color` (8 bits each: red, green, blue, opacity). An element
-//! `sh` has bytes `f_rest_*`, -4 to 4.
+//! Element `chunk`: `min_` and `max_` of x, y, z, of the logarithms `scale_x`, `scale_y`, `scale_z`, and in newer files
+//! of r, g, b. Element `vertex`: `packed_position` and `packed_scale` (11, 10, 11 bits between the chunk's ends),
+//! `packed_rotation` (2 bits for the largest component of w x y z, 10 bits for each other), `packed_color` (8 bits
+//! each: red, green, blue, opacity). An element `sh` has bytes `f_rest_*`, -4 to 4.
 
 use std::f64::consts::SQRT_2;
 use std::io::{self, Read};

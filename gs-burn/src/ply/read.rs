@@ -33,7 +33,8 @@ pub struct PlyScene {
 /// not.
 ///
 /// # Errors
-/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
+/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not
+/// finite.
 pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, PlyError> {
     let PlyScene { gaussians, offset, .. } = read_ply_scene(path, device)?;
     if offset == [0.0; 3] {

@@ -12,7 +12,8 @@ use crate::Gaussians;
 
 /// Writes a scene as little-endian binary in the layout of 3DGS.
 ///
-/// The file is written under a temporary name and then renamed, so it is complete or does not exist. Its folder is made.
+/// The file is written under a temporary name and then renamed, so it is complete or does not exist. Its folder is
+/// made.
 ///
 /// # Errors
 /// When the file cannot be written, or a Gaussian holds a value that is not finite, which no viewer could show.

@@ -90,7 +90,8 @@ fn a_scene_out_of_sight_shows_the_background() {
 fn screen_gradient_is_the_gradient_by_the_centre() {
     let scene = smooth_scene();
     let screen = tensor(vec![0.0; 16], [4, 4]).require_grad();
-    let rendering = render_with_screen_gradients(&scene.gaussians(), &scene.camera(), &options(), screen.clone());
+    let extras = Extras { screen: Some(screen.clone()), ..Extras::default() };
+    let rendering = render_with(&scene.gaussians(), &scene.camera(), &options(), extras);
     let gradients = loss(&rendering).backward();
     let screen = values(&screen.grad(&gradients).unwrap());
     for row in screen.chunks(4) {

@@ -4,7 +4,7 @@ use gs_kernels::config::AdamConfig;
 use gs_kernels::cpu;
 use gs_kernels::cube::adam;
 
-use crate::support::{Random, assert_values, client, down, up, wide};
+use super::support::{Random, assert_values, client, down, up, wide};
 
 #[test]
 fn three_steps() {

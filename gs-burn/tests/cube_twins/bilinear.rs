@@ -3,7 +3,7 @@
 use gs_kernels::cpu::bilinear as cpu;
 use gs_kernels::cube::bilinear;
 
-use crate::support::{Random, assert_gradient, assert_values, client, down, up, wide};
+use super::support::{Random, assert_gradient, assert_values, client, down, up, wide};
 
 /// Positions are up to 60 pixels, whose place in `f32` is off by 4e-6 of a pixel, and values are of order 1.
 const TOLERANCE: f64 = 1e-4;

@@ -2,7 +2,7 @@
 
 use gs_kernels::cube::channels;
 
-use crate::support::{client, down, up};
+use super::support::{client, down, up};
 
 #[test]
 fn there_and_back() {

@@ -8,8 +8,8 @@ use gs_kernels::cpu::exposure as cpu;
 use gs_kernels::cpu::exposure::TileShares;
 use gs_kernels::cube::exposure as cube;
 
-use crate::render::{gpu, values};
-use crate::support::{Random, Scene, assert_gradient, assert_values, client, data, down, up, up_u32, wide};
+use super::render::{gpu, values};
+use super::support::{Random, Scene, assert_gradient, assert_values, client, data, down, up, up_u32, wide};
 
 const WIDTH: usize = 70;
 const HEIGHT: usize = 45;

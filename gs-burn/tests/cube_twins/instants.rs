@@ -7,7 +7,7 @@ use gs_kernels::cpu::intersect::Intersections;
 use gs_kernels::cube::intersect::{FoundInstants, InstantRows, intersect, intersect_instants};
 use gs_kernels::rows::PROJECTED;
 
-use crate::support::{Random, Scene, client, down_u32, up, up_u32};
+use super::support::{Random, Scene, client, down_u32, up, up_u32};
 
 /// A table of rows: `scene` at the first instant, then the rows `moving` at each further one.
 struct Table {
@@ -117,8 +117,8 @@ impl Table {
         }
     }
 
-    /// The device's lists are those of each instant alone and, but for pairs that rounding decides, the CPU's; room changes no number, and
-    /// with too little all lists are empty.
+    /// The device's lists are those of each instant alone and, but for pairs that rounding decides, the CPU's; room
+    /// changes no number, and with too little all lists are empty.
     fn check(&self) {
         let (want, shares) = self.on_cpu();
         let counted = self.found(None);

@@ -9,7 +9,7 @@ use gs_kernels::cpu;
 use gs_kernels::cube::intersect::{self, Intersections};
 use gs_kernels::rows::ProjectedRow;
 
-use crate::support::{Random, Scene, client, down_u32, up};
+use super::support::{Random, Scene, client, down_u32, up};
 
 /// Lists on the host, as the CPU twin has them.
 fn lists(found: &Intersections) -> cpu::intersect::Intersections {

@@ -4,7 +4,7 @@ use gs_kernels::cpu;
 use gs_kernels::cube::projection::{self, ProjectionGradients};
 use gs_kernels::rows::PROJECTED;
 
-use crate::support::{Random, Scene, assert_gradient, assert_values, client, down, up, wide};
+use super::support::{Random, Scene, assert_gradient, assert_values, client, down, up, wide};
 
 fn forward(scene: &Scene) -> Vec<f32> {
     let (means, quats, log_scales) = (up(&scene.means), up(&scene.quats), up(&scene.log_scales));

@@ -5,7 +5,7 @@ use gs_kernels::cpu;
 use gs_kernels::cube::intersect::{Intersections, PAIRS_OF_A_UNIT};
 use gs_kernels::cube::rasterize::{self, Inputs, RasterizeGradients};
 
-use crate::support::{Random, Scene, assert_gradient, client, down, up, up_u32, wide};
+use super::support::{Random, Scene, assert_gradient, client, down, up, up_u32, wide};
 
 struct Case {
     config: RasterizeConfig,
@@ -234,7 +234,8 @@ fn over_all_tiles() {
     assert_eq!(down(&whole.features), down(&part.features), "little memory");
 }
 
-/// No unit that adds pairs, and none that emits them, does much more than the others, however many tiles a Gaussian has.
+/// No unit that adds pairs, and none that emits them, does much more than the others, however many tiles a Gaussian
+/// has.
 #[test]
 fn long_lists_are_shared_among_units() {
     let chunk = rasterize::CHUNK;

@@ -6,7 +6,7 @@ use gs_burn::ops::intersect::DeviceCount;
 use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::{Extras, RenderOptions, Rendering, device, render_with};
 
-use crate::support::{Random, Scene, assert_gradient, assert_values, data, wide};
+use super::support::{Random, Scene, assert_gradient, assert_values, data, wide};
 
 const WIDTH: usize = 50;
 const HEIGHT: usize = 37;

@@ -2,7 +2,7 @@
 
 use gs_kernels::cube::scan::exclusive_scan;
 
-use crate::support::{Random, client, down_u32, up_u32};
+use super::support::{Random, client, down_u32, up_u32};
 
 fn expected(values: &[u32], out_len: usize) -> Vec<u32> {
     let mut sum = 0u32;

@@ -5,7 +5,7 @@ use gs_kernels::constants::INVALID_FEATURE;
 use gs_kernels::cpu;
 use gs_kernels::cube::sh;
 
-use crate::support::{Random, Scene, assert_gradient, assert_values, client, down, up, wide};
+use super::support::{Random, Scene, assert_gradient, assert_values, client, down, up, wide};
 
 fn check(degree: u32, coefficients: usize) {
     let scene = Scene::random(20 + u64::from(degree), 300, 64, 48);

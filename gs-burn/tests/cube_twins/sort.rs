@@ -2,7 +2,7 @@
 
 use gs_kernels::cube::sort::sort_pairs;
 
-use crate::support::{Random, client, down_u32, up_u32};
+use super::support::{Random, client, down_u32, up_u32};
 
 fn check(keys: &[u32], bits: u32) {
     let values: Vec<u32> = (0..keys.len() as u32).collect();

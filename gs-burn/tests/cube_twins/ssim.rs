@@ -3,7 +3,7 @@
 use gs_kernels::cpu;
 use gs_kernels::cube::ssim;
 
-use crate::support::{Random, assert_gradient, assert_values, client, down, up, wide};
+use super::support::{Random, assert_gradient, assert_values, client, down, up, wide};
 
 fn check(width: usize, height: usize, channels: usize) {
     let mut random = Random(40);

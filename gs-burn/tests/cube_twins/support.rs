@@ -1,8 +1,9 @@
 //! A device, reproducible numbers, scenes and comparisons.
 //!
-//! Bounds are those of `tests/src/tolerance.rs`: 1e-5 for values and 1e-3 for gradients, thirty times as much for needles and stacks.
-//! They are argued there for the accuracies that CUDA and WGSL state of `exp`, `log`, `sqrt` and division. Adam's 1e-6 is eight ULP of
-//! a parameter of 1: three products, a root (4.5 ULP by WGSL, of a step of 0.01) and a division (2.5 ULP, likewise).
+//! Bounds are those of `tests/src/tolerance.rs`: 1e-5 for values and 1e-3 for gradients, thirty times as much for
+//! needles and stacks. They are argued there for the accuracies that CUDA and WGSL state of `exp`, `log`, `sqrt` and
+//! division. Adam's 1e-6 is eight ULP of a parameter of 1: three products, a root (4.5 ULP by WGSL, of a step of 0.01)
+//! and a division (2.5 ULP, likewise).
 
 use std::sync::OnceLock;
 

@@ -1,7 +1,7 @@
 //! An image between its pixels: bilinear lookups of all channels at once, forward and backward.
 //!
-//! A lookup reads the four pixels of a patch, named by its first pixel. In the backward pass the lookups are ordered by the row of
-//! their patch, so that each row of the image's gradient has one writer and one order of additions.
+//! A lookup reads the four pixels of a patch, named by its first pixel. In the backward pass the lookups are ordered by
+//! the row of their patch, so that each row of the image's gradient has one writer and one order of additions.
 
 use rayon::prelude::*;
 
@@ -57,8 +57,8 @@ impl<F: Real> Patch<F> {
     }
 }
 
-/// Values of `image` `[H, W, C]` at `positions` `[P, 2]` (x, y in pixels; the first pixel's centre is (0.5, 0.5)), `[P, C]`. Beyond the
-/// outermost centres the image goes on as at its border.
+/// Values of `image` `[H, W, C]` at `positions` `[P, 2]` (x, y in pixels; the first pixel's centre is (0.5, 0.5)), `[P,
+/// C]`. Beyond the outermost centres the image goes on as at its border.
 ///
 /// # Panics
 /// When the slices disagree in length or the image has no pixel.

@@ -1,8 +1,8 @@
-//! One Gaussian at one block of 4 x 4 pixels: alpha and transmittance. The forward walk and its replay in the backward pass both
-//! call it, so they agree to the bit.
+//! One Gaussian at one block of 4 x 4 pixels: alpha and transmittance. The forward walk and its replay in the backward
+//! pass both call it, so they agree to the bit.
 //!
-//! Blocks are squares instead of rows of sixteen because most Gaussians are a few pixels wide, and touch a third fewer blocks than
-//! rows.
+//! Blocks are squares instead of rows of sixteen because most Gaussians are a few pixels wide, and touch a third fewer
+//! blocks than rows.
 
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 use crate::cpu::Real;
@@ -55,9 +55,9 @@ impl<F: Real> TileGaussian<F> {
         Blocks { dx, dy: dy.to_array(), skew: skew.to_array(), power: L::splat(F::ZERO).sub(power).to_array() }
     }
 
-    /// Blocks that can reach the cut-off, as bits: `|dx + l dy|` and `|dy|` are each at least what they are at the nearest
-    /// point of the block. (The two need not be the same point; the exact test takes three times as long, and spares a
-    /// thirtieth of the blocks.) `limit` is `log2(opacity / ALPHA_MIN)`.
+    /// Blocks that can reach the cut-off, as bits: `|dx + l dy|` and `|dy|` are each at least what they are at the
+    /// nearest point of the block. (The two need not be the same point; the exact test takes three times as long, and
+    /// spares a thirtieth of the blocks.) `limit` is `log2(opacity / ALPHA_MIN)`.
     #[inline(always)]
     pub fn reached<L: Lanes<Real = F>>(&self, limit: F) -> u16 {
         let zero = L::splat(F::ZERO);
@@ -83,8 +83,9 @@ impl<F: Real> TileGaussian<F> {
         let raw = power.exp2_nonpositive().mul(L::splat(self.opacity));
         let zero = L::splat(F::ZERO);
         let visible = raw.ge(L::splat(F::of(ALPHA_MIN)));
-        // Lanes that are not visible leave t unchanged, to the bit. (The selection is here and not at the end: a choice between new
-        // and old t would be compiled to a masked store, which the next load of this block would have to wait for.)
+        // Lanes that are not visible leave t unchanged, to the bit. (The selection is here and not at the end: a choice
+        // between new and old t would be compiled to a masked store, which the next load of this block would have to
+        // wait for.)
         let alpha = L::select(visible, raw.min(L::splat(F::of(ALPHA_MAX))), zero);
         let next = alpha.neg_mul_add(t, t);
         let open = next.ge(L::splat(F::of(TRANSMITTANCE_MIN)));
@@ -93,8 +94,8 @@ impl<F: Real> TileGaussian<F> {
     }
 }
 
-/// The shared values of a tile's blocks: one per column, one per row. Block `b` is the `b % 4`th from the left and the `b / 4`th
-/// from the top; its lane `i` is the pixel `i % 4` to the right and `i / 4` down.
+/// The shared values of a tile's blocks: one per column, one per row. Block `b` is the `b % 4`th from the left and the
+/// `b / 4`th from the top; its lane `i` is the pixel `i % 4` to the right and `i / 4` down.
 #[derive(Clone, Copy, Debug)]
 pub struct Blocks<L: Lanes> {
     /// Horizontal distance of each lane's pixel from the mean, by column of blocks.

@@ -1,9 +1,9 @@
-//! From rotation, scales and the camera's Jacobian to the conic of the projected Gaussian (EWA splatting, Zwicker 2001),
-//! sixteen Gaussians at once.
+//! From rotation, scales and the camera's Jacobian to the conic of the projected Gaussian (EWA splatting, Zwicker
+//! 2001), sixteen Gaussians at once.
 //!
-//! `C = A R S S R^T A^T + eps I` with `A = J W` the Jacobian in world axes, `[2][3]`. With `m_i = S R^T a_i` the entries
-//! are `C_ij = m_i . m_j`. The determinant is not formed from them, since for a needle `xx yy - xy^2` cancels; instead
-//! `det C0 = |m_1 x m_2|^2` and `m_1 x m_2 = diag(s_2 s_3, s_3 s_1, s_1 s_2) R^T (a_1 x a_2)`.
+//! `C = A R S S R^T A^T + eps I` with `A = J W` the Jacobian in world axes, `[2][3]`. With `m_i = S R^T a_i` the
+//! entries are `C_ij = m_i . m_j`. The determinant is not formed from them, since for a needle `xx yy - xy^2` cancels;
+//! instead `det C0 = |m_1 x m_2|^2` and `m_1 x m_2 = diag(s_2 s_3, s_3 s_1, s_1 s_2) R^T (a_1 x a_2)`.
 
 use crate::constants::{COMPENSATION_RATIO_MIN, COV2D_MAX};
 use crate::cpu::lanes::Lanes;

@@ -1,9 +1,10 @@
 //! One exposure: the scene at several instants, with the work for static Gaussians done once.
 //!
-//! Rows are one table: the whole scene at the first instant `[N]`, then for every further instant the rows that move, `[M]` each.
-//! [`intersect_instants`] lists the Gaussians of the image's tiles at the first instant, and adds a list for every tile that looks
-//! different at another one; [`crate::cpu::rasterize`] draws all these tiles; [`average`] averages them. A list equals that of the
-//! whole scene at its instant, in the same order, so a tile equals that of a separate rendering, bit for bit.
+//! Rows are one table: the whole scene at the first instant `[N]`, then for every further instant the rows that move,
+//! `[M]` each. [`intersect_instants`] lists the Gaussians of the image's tiles at the first instant, and adds a list
+//! for every tile that looks different at another one; [`crate::cpu::rasterize`] draws all these tiles; [`average`]
+//! averages them. A list equals that of the whole scene at its instant, in the same order, so a tile equals that of a
+//! separate rendering, bit for bit.
 
 use rayon::prelude::*;
 
@@ -25,7 +26,8 @@ pub struct TileShares {
     /// `[grid + 1]`: tile `t` of the image is shown by tile `t` and by the tiles
     /// `grid + extra_offsets[t]..grid + extra_offsets[t + 1]`.
     pub extra_offsets: Vec<u32>,
-    /// `[tiles]`: number of instants at which the image shows this tile. The counts of one tile of the image add up to `instants`.
+    /// `[tiles]`: number of instants at which the image shows this tile. The counts of one tile of the image add up to
+    /// `instants`.
     pub counts: Vec<u32>,
 }
 
@@ -122,10 +124,10 @@ struct Extra {
 
 /// Lists for all instants of a table of rows: `scene` rows at the first, then the rows `moving` at each further one.
 ///
-/// `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`, `moving` ascending numbers below `scene`; `R = scene + instants *
-/// M`. The first lists are those of the image's tiles at the first instant. A tile of the image has one more for each further
-/// instant at which a moving row touches it. If one touches it at the first instant, it also has a list without moving rows, for
-/// all the instants at which none does. Leaves out the same rows as [`intersect`].
+/// `projected` `[R, 8]`, `opacities` `[R]`, `features` `[R, C]`, `moving` ascending numbers below `scene`; `R = scene +
+/// instants * M`. The first lists are those of the image's tiles at the first instant. A tile of the image has one more
+/// for each further instant at which a moving row touches it. If one touches it at the first instant, it also has a
+/// list without moving rows, for all the instants at which none does. Leaves out the same rows as [`intersect`].
 ///
 /// # Panics
 /// When the slices disagree in length, `moving` does not ascend, and on the conditions of [`intersect`].
@@ -273,8 +275,8 @@ fn append(first: Intersections, count: usize, grid: usize, extras: &[Extra], mer
 
 /// The mean image `[H, W, C]` over all instants, from the drawn tiles, `[tiles, 16, 16, C]`.
 ///
-/// The first [`AverageConfig::encoded`] channels are averaged as light, the others as they are. A tile of the image with a single
-/// drawn tile is copied.
+/// The first [`AverageConfig::encoded`] channels are averaged as light, the others as they are. A tile of the image
+/// with a single drawn tile is copied.
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -301,7 +303,8 @@ pub fn average<F: Real>(config: &AverageConfig, shares: &TileShares, tiles: &[F]
     image
 }
 
-/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside the image.
+/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside
+/// the image.
 ///
 /// # Panics
 /// When the slices disagree in length.
@@ -365,8 +368,8 @@ impl<'a> Walk<'a> {
         self.config.width as usize * self.config.height as usize * self.config.channels
     }
 
-    /// Calls `visit` for each pixel row of the image's tile that is inside the image, with its number, its offsets in the drawn
-    /// tile of the same number and in the image, and its length, all in values.
+    /// Calls `visit` for each pixel row of the image's tile that is inside the image, with its number, its offsets in
+    /// the drawn tile of the same number and in the image, and its length, all in values.
     fn rows(&self, tile: usize, mut visit: impl FnMut(usize, usize, usize, usize)) {
         let AverageConfig { width, height, channels, .. } = *self.config;
         let [x, y] = [tile % self.columns * TILE, tile / self.columns * TILE];

@@ -1,5 +1,5 @@
-//! From an encoded image to its light and back: the curve of sRGB (IEC 61966-2-1), continued below 0 and above 1, so that a value
-//! slightly out of range passes its gradient like any other.
+//! From an encoded image to its light and back: the curve of sRGB (IEC 61966-2-1), continued below 0 and above 1, so
+//! that a value slightly out of range passes its gradient like any other.
 
 use crate::constants::{SRGB_GAMMA, SRGB_KNEE, SRGB_LIGHT_KNEE, SRGB_OFFSET, SRGB_SLOPE};
 use crate::cpu::Real;

@@ -1,6 +1,6 @@
-//! Three-vectors, rotations and quaternions, with the vector-Jacobian products of the backward passes; for one number or for
-//! sixteen at once ([`crate::cpu::wide::Wide`]). Nothing here is a closure, because a closure that is not inlined is compiled
-//! without the processor's vector instructions.
+//! Three-vectors, rotations and quaternions, with the vector-Jacobian products of the backward passes; for one number
+//! or for sixteen at once ([`crate::cpu::wide::Wide`]). Nothing here is a closure, because a closure that is not
+//! inlined is compiled without the processor's vector instructions.
 
 use crate::cpu::wide::Number;
 

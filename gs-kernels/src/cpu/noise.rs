@@ -41,8 +41,8 @@ fn logit(share: f64) -> f64 {
     (share / (1.0 - share)).ln()
 }
 
-/// Moves every mean by `Sigma n strength gate`, with `Sigma` the Gaussian's covariance and `n` the [`normals`] of its row. A gate
-/// under `config.gate_min` moves nothing, and neither does a Gaussian whose move is not finite.
+/// Moves every mean by `Sigma n strength gate`, with `Sigma` the Gaussian's covariance and `n` the [`normals`] of its
+/// row. A gate under `config.gate_min` moves nothing, and neither does a Gaussian whose move is not finite.
 ///
 /// # Panics
 /// When the slices disagree in length.

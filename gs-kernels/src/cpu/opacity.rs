@@ -18,8 +18,8 @@ pub fn forward<F: Real>(logits: &[F]) -> Vec<F> {
     opacities
 }
 
-/// The gradient by `logits` from `v` by the opacities: `v e / (1 + e)^2` with `e = exp(-|logit|)`, which does not cancel where the
-/// opacity is near 1; 0 where the logit is not a number.
+/// The gradient by `logits` from `v` by the opacities: `v e / (1 + e)^2` with `e = exp(-|logit|)`, which does not
+/// cancel where the opacity is near 1; 0 where the logit is not a number.
 pub fn backward<F: Real>(logits: &[F], v: &[F]) -> Vec<F> {
     assert_eq!(logits.len(), v.len(), "a gradient for each logit");
     let mut v_logits = vec![F::ZERO; logits.len()];

@@ -2,7 +2,8 @@
 
 use std::marker::PhantomData;
 
-/// Items per task of a sum over all items: fixed, so that the order of partial sums does not depend on the number of threads.
+/// Items per task of a sum over all items: fixed, so that the order of partial sums does not depend on the number of
+/// threads.
 pub const CHUNK: usize = 2048;
 
 /// A mutable slice that several tasks write in ranges that do not overlap (pixels of different tiles).

@@ -1,7 +1,7 @@
 //! Fused L1 and SSIM (Wang et al. 2004) of two images, forward and backward.
 //!
-//! 11 x 11 Gaussian window (sigma 1.5) applied as two passes of 11 taps, zero padding, per channel, mean over pixels and
-//! channels. With `mu = w * x`, `E_xx = w * x^2`, `E_xy = w * x y`:
+//! 11 x 11 Gaussian window (sigma 1.5) applied as two passes of 11 taps, zero padding, per channel, mean over pixels
+//! and channels. With `mu = w * x`, `E_xx = w * x^2`, `E_xy = w * x y`:
 //! `A1 = 2 mu_x mu_y + C1`, `A2 = 2 (E_xy - mu_x mu_y) + C2`, `B1 = mu_x^2 + mu_y^2 + C1`,
 //! `B2 = (E_xx - mu_x^2) + (E_yy - mu_y^2) + C2`, `SSIM = A1 A2 / (B1 B2)`.
 //!
@@ -35,7 +35,8 @@ pub struct SsimForward<F> {
     pub l1: F,
     /// Mean structural similarity, -1 to 1; 1 for equal images and for an empty one.
     pub ssim: F,
-    /// Derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx`, `E_xy`, one map after the other, `[3, H, W, C]`.
+    /// Derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx`, `E_xy`, one map after the other, `[3, H, W,
+    /// C]`.
     pub saved: Vec<F>,
 }
 
@@ -67,8 +68,8 @@ pub fn forward<F: Real>(image: &[F], target: &[F], width: usize, height: usize, 
     SsimForward { l1: F::of(l1 / len as f64), ssim: F::of(ssim / len as f64), saved }
 }
 
-/// Gradient with respect to `image` `[H, W, C]` from the gradients with respect to the two means of [`forward`], whose `saved` maps
-/// it needs.
+/// Gradient with respect to `image` `[H, W, C]` from the gradients with respect to the two means of [`forward`], whose
+/// `saved` maps it needs.
 ///
 /// SSIM and L1 are symmetric: for the gradient with respect to `target`, call both with the images swapped.
 ///
@@ -287,7 +288,8 @@ fn horizontal_moments<L: Lanes>(
     }
 }
 
-/// The derivatives with respect to `mu_x`, `E_xx`, `E_xy`, and SSIM itself, from the shifted `[mu_x, mu_y, E_xx, E_yy, E_xy]`.
+/// The derivatives with respect to `mu_x`, `E_xx`, `E_xy`, and SSIM itself, from the shifted `[mu_x, mu_y, E_xx, E_yy,
+/// E_xy]`.
 #[inline(always)]
 fn similarity<L: Lanes>([mx, my, exx, eyy, exy]: [L; 5]) -> [L; 4] {
     let c = |x: f64| L::splat(L::Real::of(x));

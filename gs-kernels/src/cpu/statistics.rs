@@ -9,8 +9,8 @@ use crate::rows::SCREEN;
 /// Rows per task; a task is about 20 microseconds.
 const BLOCK: usize = 8192;
 
-/// Adds one view: to `gradient` `[N]` the length of the screen gradient `screen` `[N, 4]` in half image sizes, to `views` `[N]` 1 where
-/// the radius, the last column of `rows` `[N, C]`, is positive.
+/// Adds one view: to `gradient` `[N]` the length of the screen gradient `screen` `[N, 4]` in half image sizes, to
+/// `views` `[N]` 1 where the radius, the last column of `rows` `[N, C]`, is positive.
 ///
 /// # Panics
 /// When the slices disagree in length.

@@ -61,7 +61,8 @@ pub fn activated_backward<F: Real>(values: &[F], v: F, activation: Activation, f
     out
 }
 
-/// Numbers per task where each takes an exponential; a task is about 10 microseconds, and an `f32` sum of so few is exact to 1e-5.
+/// Numbers per task where each takes an exponential; a task is about 10 microseconds, and an `f32` sum of so few is
+/// exact to 1e-5.
 const ACTIVATED: usize = 1 << 11;
 
 /// Whether every number is finite.

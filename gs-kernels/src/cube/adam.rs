@@ -11,7 +11,7 @@ use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 struct AdamScalars {
     /// Learning rate over the first moment's bias correction.
     rate: f32,
-    /// That of the first columns of a row.
+    /// The rate of the first columns of a row.
     first_rate: f32,
     /// Values in a row.
     row: u32,

@@ -1,8 +1,9 @@
 //! An image between its pixels; the twin of [`crate::cpu::bilinear`].
 //!
-//! Forward and by the positions: one unit per lookup. By the image: the lookups are sorted by the first pixel of their patch, and one
-//! unit per value of the image adds the lookups of the four patches that the pixel is part of. The sort is stable, so the order of
-//! additions, and every bit of the result, is the same in each run. Burn's `select` leaves its gradient to one thread a column.
+//! Forward and by the positions: one unit per lookup. By the image: the lookups are sorted by the first pixel of their
+//! patch, and one unit per value of the image adds the lookups of the four patches that the pixel is part of. The sort
+//! is stable, so the order of additions, and every bit of the result, is the same in each run. Burn's `select` leaves
+//! its gradient to one thread a column.
 
 use cubecl::prelude::*;
 
@@ -266,8 +267,8 @@ pub fn by_positions(
     Ok(out)
 }
 
-/// The gradient by the image, `[H, W, C]`, from `v` `[P, C]`. A pixel's unit adds its lookups one after the other: the time grows with
-/// the most lookups of one pixel.
+/// The gradient by the image, `[H, W, C]`, from `v` `[P, C]`. A pixel's unit adds its lookups one after the other: the
+/// time grows with the most lookups of one pixel.
 ///
 /// # Errors
 /// When the result or the sorted lookups exceed one buffer.

@@ -108,8 +108,8 @@ pub(crate) fn slope(p: f32, z: f32, low: f32, high: f32) -> Slope {
     Slope { value: held, free: select(below || above, 0.0f32, 1.0f32) }
 }
 
-/// Row of `J R` for one image axis: `focal / z (axis - slope forward)`, where `axis` and `forward` are the camera's x (or
-/// y) and z rows.
+/// Row of `J R` for one image axis: `focal / z (axis - slope forward)`, where `axis` and `forward` are the camera's x
+/// (or y) and z rows.
 #[cube]
 pub(crate) fn jacobian_row(focal: f32, z: f32, slope: f32, axis: Vec3, forward: Vec3) -> Vec3 {
     let scale = focal / z;

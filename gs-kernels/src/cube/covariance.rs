@@ -1,8 +1,9 @@
-//! From rotation, scales and the camera's Jacobian to the conic of the projected Gaussian (EWA splatting, Zwicker 2001).
+//! From rotation, scales and the camera's Jacobian to the conic of the projected Gaussian (EWA splatting, Zwicker
+//! 2001).
 //!
-//! `C = A R S S R^T A^T + eps I` with `A = J W` the Jacobian in world axes, `[2][3]`. With `m_i = S R^T a_i` the entries
-//! are `C_ij = m_i . m_j`. The determinant is not formed from them, since for a needle `xx yy - xy^2` cancels; instead
-//! `det C0 = |m_1 x m_2|^2` and `m_1 x m_2 = diag(s_2 s_3, s_3 s_1, s_1 s_2) R^T (a_1 x a_2)`.
+//! `C = A R S S R^T A^T + eps I` with `A = J W` the Jacobian in world axes, `[2][3]`. With `m_i = S R^T a_i` the
+//! entries are `C_ij = m_i . m_j`. The determinant is not formed from them, since for a needle `xx yy - xy^2` cancels;
+//! instead `det C0 = |m_1 x m_2|^2` and `m_1 x m_2 = diag(s_2 s_3, s_3 s_1, s_1 s_2) R^T (a_1 x a_2)`.
 
 use cubecl::prelude::*;
 
@@ -97,12 +98,13 @@ pub(crate) struct ProjectVjp {
     pub a_y: Vec3,
 }
 
-/// Backward of [`project`] and [`compensation`] (pass 0 for `v_compensation` if it is not used); `v_conic` holds the gradients with
-/// respect to `d1`, `l` and `d2`.
+/// Backward of [`project`] and [`compensation`] (pass 0 for `v_compensation` if it is not used); `v_conic` holds the
+/// gradients with respect to `d1`, `l` and `d2`.
 ///
-/// The gradients with respect to the covariance's entries are never formed: for a needle they are huge and cancel. With `w = m_1 +
-/// l m_2` the conic's part of `v_{m_1}` is `-2 v_d1 d1^2 w - v_l d2 m_2`, and the one of `v_{m_2}` is `l v_{m_1} - v_l d2 w - 2
-/// v_d2 d2^2 m_2`; `w = (m_2 x (m_1 x m_2) + eps m_1) / C_yy` has no difference of large numbers either.
+/// The gradients with respect to the covariance's entries are never formed: for a needle they are huge and cancel. With
+/// `w = m_1 + l m_2` the conic's part of `v_{m_1}` is `-2 v_d1 d1^2 w - v_l d2 m_2`, and the one of `v_{m_2}` is `l
+/// v_{m_1} - v_l d2 w - 2 v_d2 d2^2 m_2`; `w = (m_2 x (m_1 x m_2) + eps m_1) / C_yy` has no difference of large numbers
+/// either.
 #[cube]
 pub(crate) fn project_vjp(
     rotation: Mat3,

@@ -13,8 +13,8 @@ use crate::cube::light::{to_encoded, to_encoded_slope, to_linear, to_linear_slop
 const PIXELS: u32 = (TILE * TILE) as u32;
 const EDGE: u32 = TILE as u32;
 
-/// Mean over the instants of one value of a tile of the image, of light if encoded. `shares` holds the offsets of the further tiles
-/// of each tile of the image, `[grid + 1]`, then the number of instants for which each drawn tile stands.
+/// Mean over the instants of one value of a tile of the image, of light if encoded. `shares` holds the offsets of the
+/// further tiles of each tile of the image, `[grid + 1]`, then the number of instants for which each drawn tile stands.
 #[cube]
 fn mean_of(
     tiles: &[f32],
@@ -74,8 +74,8 @@ fn average_forward_kernel(
     image[index as usize] = value;
 }
 
-/// One unit per value of the image's own tiles writes it and the same value of the further tiles; pixels outside the image get
-/// zero.
+/// One unit per value of the image's own tiles writes it and the same value of the further tiles; pixels outside the
+/// image get zero.
 #[cube(launch)]
 fn average_backward_kernel(
     tiles: &[f32],
@@ -179,8 +179,8 @@ pub fn average(
     Ok(image)
 }
 
-/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside the image and in
-/// tiles that nothing shows.
+/// Backward of [`average`] from `v_image` `[H, W, C]`: the gradient with respect to the tiles, zero in pixels outside
+/// the image and in tiles that nothing shows.
 ///
 /// # Errors
 /// When a buffer would be too large.

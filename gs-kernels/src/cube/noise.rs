@@ -1,5 +1,5 @@
-//! The position noise of 3DGS-MCMC (Kheradmand et al. 2024, Eq. 8), in place; the twin of [`crate::cpu::noise`]. Rows draw the same
-//! words as there; their normal numbers differ by the rounding of `ln`, `sin` and `cos`.
+//! The position noise of 3DGS-MCMC (Kheradmand et al. 2024, Eq. 8), in place; the twin of [`crate::cpu::noise`]. Rows
+//! draw the same words as there; their normal numbers differ by the rounding of `ln`, `sin` and `cos`.
 
 use cubecl::prelude::*;
 

@@ -5,7 +5,8 @@ use cubecl::prelude::*;
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 use crate::cube::error::CubeError;
 
-/// Whether `value` is a number or infinite. Read off the bits, because a shader compiler may assume that NaN never occurs.
+/// Whether `value` is a number or infinite. Read off the bits, because a shader compiler may assume that NaN never
+/// occurs.
 #[cube]
 fn is_number(value: f32) -> bool {
     (u32::reinterpret(value) & 0x7fff_ffffu32) <= 0x7f80_0000u32

@@ -1,5 +1,5 @@
-//! Products whose sums run over many rows: by groups of rows, one unit per group and result, then groups of groups. The order of
-//! additions depends on the number of rows alone, so results are equal to the bit from run to run.
+//! Products whose sums run over many rows: by groups of rows, one unit per group and result, then groups of groups. The
+//! order of additions depends on the number of rows alone, so results are equal to the bit from run to run.
 //!
 //! A tensor library on a CPU has these as matrix products; its GPU backends give such a sum to one unit per result.
 

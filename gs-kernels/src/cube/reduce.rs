@@ -4,8 +4,8 @@ use cubecl::prelude::*;
 
 use crate::cube::buffer::UNITS;
 
-/// Sum of `value` over the [`UNITS`] units of the cube, returned to all of them. `slots` holds [`UNITS`] values. All units must
-/// call this.
+/// Sum of `value` over the [`UNITS`] units of the cube, returned to all of them. `slots` holds [`UNITS`] values. All
+/// units must call this.
 #[cube]
 pub(crate) fn cube_sum(value: f32, slots: &mut Shared<[f32]>) -> f32 {
     let unit = UNIT_POS as usize;

@@ -1,5 +1,6 @@
-//! Rows of a table taken out, and put back, one unit per value; the twin of [`crate::cpu::rows`]. The rows are distinct, so no two
-//! units write one number, and results are equal to the bit from run to run. Accesses are checked, because numbers of rows are data.
+//! Rows of a table taken out, and put back, one unit per value; the twin of [`crate::cpu::rows`]. The rows are
+//! distinct, so no two units write one number, and results are equal to the bit from run to run. Accesses are checked,
+//! because numbers of rows are data.
 
 use cubecl::prelude::*;
 

@@ -1,7 +1,8 @@
 //! Exclusive prefix sums of any length.
 //!
-//! One cube scans 2048 values in shared memory and writes their sum. Up to 2048 sums are added up by each cube that needs them; more
-//! are scanned in the same way, level by level, and added back. Sums saturate at `u32::MAX`, so that an overflow is detected instead of wrapping round.
+//! One cube scans 2048 values in shared memory and writes their sum. Up to 2048 sums are added up by each cube that
+//! needs them; more are scanned in the same way, level by level, and added back. Sums saturate at `u32::MAX`, so that
+//! an overflow is detected instead of wrapping round.
 
 use cubecl::prelude::*;
 
@@ -25,8 +26,9 @@ pub(super) fn saturating_sum(a: u32, b: u32) -> u32 {
 /// Where [`sums_over_units`] leaves its sums.
 pub(super) const SUMS: usize = (STEPS % 2) * UNITS;
 
-/// Sums of `own` over each unit of a cube and those before it, from [`SUMS`] on in `totals`, which holds `2 UNITS` values: two halves, read
-/// from one and written to the other, so that one barrier a step is enough. All units must call this.
+/// Sums of `own` over each unit of a cube and those before it, from [`SUMS`] on in `totals`, which holds `2 UNITS`
+/// values: two halves, read from one and written to the other, so that one barrier a step is enough. All units must
+/// call this.
 #[cube]
 pub(super) fn sums_over_units(own: u32, totals: &mut Shared<[u32]>) {
     let unit = UNIT_POS as usize;

@@ -1,9 +1,10 @@
 //! Stable radix sort of `u32` keys with `u32` values, any length, eight bits per pass.
 //!
-//! A pass counts digits in blocks of 2048 keys, turns the counts into positions by one prefix sum, and moves every key to its
-//! digit's position plus its rank among equal digits before it in the block. A cube first sorts its block by the digit in shared memory,
-//! four bits at a time, so that the keys of a digit are written side by side. Ranks are prefix sums over units and assume neither the width
-//! of a plane nor an order of arrival, so the result is the same on every device.
+//! A pass counts digits in blocks of 2048 keys, turns the counts into positions by one prefix sum, and moves every key
+//! to its digit's position plus its rank among equal digits before it in the block. A cube first sorts its block by the
+//! digit in shared memory, four bits at a time, so that the keys of a digit are written side by side. Ranks are prefix
+//! sums over units and assume neither the width of a plane nor an order of arrival, so the result is the same on every
+//! device.
 
 use cubecl::prelude::*;
 
@@ -21,8 +22,8 @@ const ROWS: usize = 8;
 const BLOCK: usize = UNITS * ROWS;
 /// Bits of half a digit, by which a cube sorts its block at once.
 const HALF_BITS: u32 = DIGIT_BITS / 2;
-/// Words of counters for each unit: two counters of 16 bits in one, for the values of half a digit and for those with its highest bit. A
-/// counter is at most [`BLOCK`].
+/// Words of counters for each unit: two counters of 16 bits in one, for the values of half a digit and for those with
+/// its highest bit. A counter is at most [`BLOCK`].
 const WORDS: usize = 1 << (HALF_BITS - 1);
 
 #[cube]
@@ -50,8 +51,8 @@ fn sort_count_kernel(keys: &[u32], counts: &mut [u32], count: u32, blocks: u32, 
     counts[unit * blocks as usize + CUBE_POS] = bins[unit].load();
 }
 
-/// The stable places in the block of a unit's `keys`, sorted by the four bits from `shift` on. `counters` and `scratch` are shared; a
-/// barrier is behind the last use of both.
+/// The stable places in the block of a unit's `keys`, sorted by the four bits from `shift` on. `counters` and `scratch`
+/// are shared; a barrier is behind the last use of both.
 #[cube]
 fn places_by_half(
     keys: &Array<u32>,
@@ -145,8 +146,8 @@ fn sort_move_kernel(
     let mut own_values = Array::<u32>::new(ROWS);
     let mut places = Array::<u32>::new(ROWS);
 
-    // Neighbouring units read neighbouring keys; then each unit has keys that follow one another. Keys behind the last have the largest
-    // digit and come behind all others of it.
+    // Neighbouring units read neighbouring keys; then each unit has keys that follow one another. Keys behind the last
+    // have the largest digit and come behind all others of it.
     #[unroll]
     for k in 0..ROWS {
         let index = k * UNITS + unit;
@@ -211,8 +212,8 @@ fn sort_move_kernel(
     }
 }
 
-/// Sorts `keys` by their lowest `bits` bits and moves `values` along; equal keys keep their order. The buffers given are
-/// used as scratch.
+/// Sorts `keys` by their lowest `bits` bits and moves `values` along; equal keys keep their order. The buffers given
+/// are used as scratch.
 ///
 /// # Errors
 /// When a buffer would be too large.
@@ -249,7 +250,8 @@ pub fn sort_pairs(
             );
         }
         let offsets = exclusive_scan(client, &counts, DIGITS * blocks)?;
-        // SAFETY: as above; positions are a permutation of the `count` pairs, because the offsets are the sums of their digits' counts.
+        // SAFETY: as above; positions are a permutation of the `count` pairs, because the offsets are the sums of their
+        // digits' counts.
         unsafe {
             sort_move_kernel::launch_unchecked(
                 client,

@@ -1,7 +1,7 @@
 //! Fused L1 and SSIM (Wang et al. 2004) of two images, forward and backward; formulas as in [`crate::cpu::ssim`].
 //!
-//! One cube handles a tile of 16 x 16 pixels in one channel: it stages the tile with a margin of five pixels, filters it along x
-//! into shared memory, then along y in registers; one unit per pixel.
+//! One cube handles a tile of 16 x 16 pixels in one channel: it stages the tile with a margin of five pixels, filters
+//! it along x into shared memory, then along y in registers; one unit per pixel.
 
 use cubecl::prelude::*;
 
@@ -213,8 +213,8 @@ pub struct SsimForward {
     pub saved: Buffer,
 }
 
-/// Compares `image` with `target`, both `[H, W, C]`; the twin of [`crate::cpu::ssim::forward`]. Values that are not finite
-/// or beyond [`constants::PIXEL_MAX`] count as 0.
+/// Compares `image` with `target`, both `[H, W, C]`; the twin of [`crate::cpu::ssim::forward`]. Values that are not
+/// finite or beyond [`constants::PIXEL_MAX`] count as 0.
 ///
 /// # Errors
 /// When the saved maps exceed one buffer.
@@ -335,8 +335,8 @@ fn ssim_backward_kernel(
     }
 }
 
-/// Gradient with respect to `image` `[H, W, C]` from `v_means` `[2]`, the gradient with respect to the means of [`forward`], whose
-/// `saved` maps it needs; the twin of [`crate::cpu::ssim::backward`].
+/// Gradient with respect to `image` `[H, W, C]` from `v_means` `[2]`, the gradient with respect to the means of
+/// [`forward`], whose `saved` maps it needs; the twin of [`crate::cpu::ssim::backward`].
 ///
 /// # Errors
 /// When the gradient exceeds one buffer.

@@ -1,7 +1,8 @@
-//! The sum of many numbers in a fixed order, and the search for a number that is not finite; the twin of [`crate::cpu::sum`].
+//! The sum of many numbers in a fixed order, and the search for a number that is not finite; the twin of
+//! [`crate::cpu::sum`].
 //!
-//! A sum takes two launches: at most 1,024 cubes add parts of equal length, then one cube adds the parts. The order depends on
-//! the length alone.
+//! A sum takes two launches: at most 1,024 cubes add parts of equal length, then one cube adds the parts. The order
+//! depends on the length alone.
 
 use cubecl::prelude::*;
 
@@ -18,8 +19,8 @@ const PARTS: usize = 1024;
 /// Fewest numbers a unit adds: with less, launching the cube would cost more than its work.
 const ITEMS: usize = 4;
 
-/// Each cube adds `rows` rows of [`UNITS`] numbers, from row `rows * CUBE_POS` on, each through the activation, and multiplies the sum
-/// by `factor`. Neighbouring units read neighbouring numbers.
+/// Each cube adds `rows` rows of [`UNITS`] numbers, from row `rows * CUBE_POS` on, each through the activation, and
+/// multiplies the sum by `factor`. Neighbouring units read neighbouring numbers.
 #[cube(launch_unchecked)]
 fn sum_kernel(
     values: &[f32],
@@ -230,7 +231,8 @@ fn mark_kernel(values: &[f32], flag: &[Atomic<u32>], count: u32, cubes: u32) {
     }
 }
 
-/// Makes `flag` `[1]`, which holds 0 or NaN, NaN if a number of `values` is not finite. The order of the units does not matter.
+/// Makes `flag` `[1]`, which holds 0 or NaN, NaN if a number of `values` is not finite. The order of the units does not
+/// matter.
 pub fn mark_not_finite(client: &Client, values: &Buffer, flag: &Buffer) {
     if values.is_empty() {
         return;

@@ -2,20 +2,13 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `worlds.rs` | the worlds |
-//! | `rig.rs` | the cameras |
-//! | `shutter.rs` | exposures: blurry, sharp, depth, velocity, masks |
+//! | `scenes/deblur/*.toml` | the worlds; `room.toml` is common to all |
 //! | `priors.rs` | depth, masks and pseudo-sharp images with faults |
-//! | `points.rs` | points to start from |
-//! | `write.rs` | the folder and its JSON |
+//! | `write.rs` | cameras, exposures, the files of a photo |
 //!
 //! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these images.
 
-mod points;
 mod priors;
-mod rig;
-mod shutter;
-mod worlds;
 mod write;
 
 #[cfg(test)]
@@ -26,6 +19,13 @@ use std::str::FromStr;
 
 pub use priors::{PriorFault, PriorFaults};
 pub use write::write;
+
+/// Descriptions of the worlds.
+const CUBE: &str = include_str!("../../scenes/deblur/cube.toml");
+const LYCHEE: &str = include_str!("../../scenes/deblur/lychee.toml");
+const MONKEY: &str = include_str!("../../scenes/deblur/monkey.toml");
+const SPHERE: &str = include_str!("../../scenes/deblur/sphere.toml");
+const PAIR: &str = include_str!("../../scenes/deblur/pair.toml");
 
 /// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one moving object
 /// in a room with static objects; the last has two.
@@ -47,26 +47,25 @@ impl World {
     /// All worlds.
     pub const ALL: [Self; 5] = [Self::Cube, Self::Lychee, Self::Monkey, Self::Sphere, Self::Pair];
 
+    /// The name, the motion in a few words, and the description.
+    fn row(self) -> [&'static str; 3] {
+        match self {
+            Self::Cube => ["cube", "A box slides and turns", CUBE],
+            Self::Lychee => ["lychee", "A bumpy fruit spins", LYCHEE],
+            Self::Monkey => ["monkey", "A head of several parts speeds up", MONKEY],
+            Self::Sphere => ["sphere", "A ball bounces", SPHERE],
+            Self::Pair => ["pair", "A box and a bumpy ball, each on its own way", PAIR],
+        }
+    }
+
     /// The world's name in lower case, as [`FromStr`] reads it.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Cube => "cube",
-            Self::Lychee => "lychee",
-            Self::Monkey => "monkey",
-            Self::Sphere => "sphere",
-            Self::Pair => "pair",
-        }
+        self.row()[0]
     }
 
     /// The motion in it, in a few words.
     pub fn in_words(self) -> &'static str {
-        match self {
-            Self::Cube => "A box slides and turns",
-            Self::Lychee => "A bumpy fruit spins",
-            Self::Monkey => "A head of several parts speeds up",
-            Self::Sphere => "A ball bounces",
-            Self::Pair => "A box and a bumpy ball, each on its own way",
-        }
+        self.row()[1]
     }
 }
 

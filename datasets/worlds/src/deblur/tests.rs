@@ -4,16 +4,16 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::super::tracer::stage::{Lit, Stage};
-use super::rig::{Rig, cameras};
-use super::{DeblurOptions, World, worlds};
+use super::write::{cameras, scene};
+use super::{DeblurOptions, World};
+use crate::tracer::scene::{Lit, Scene};
 
-fn rig(cameras: usize, held_out: usize, width: usize, height: usize) -> Rig {
-    Rig { cameras, held_out, ring: false, width, height }
+fn rig(cameras: usize, held_out: usize, width: usize, height: usize) -> DeblurOptions {
+    DeblurOptions { cameras, held_out, width, height, ..DeblurOptions::default() }
 }
 
-fn stage(world: World, speed: f64) -> Stage {
-    worlds::stage(world, speed, false, &mut ChaCha8Rng::seed_from_u64(3))
+fn stage(world: World, speed: f64) -> Scene {
+    scene(world, speed, false, &mut ChaCha8Rng::seed_from_u64(3))
 }
 
 /// A ray is traced to a surface point of the moving object; the point is carried along by the pose at other times. Its central
@@ -25,7 +25,7 @@ fn velocity_is_the_derivative_of_traced_surface_points() {
     let h = 1e-5;
     for (world, speed) in World::ALL.into_iter().flat_map(|world| [1.0, -2.5].map(|speed| (world, speed))) {
         let stage = stage(world, speed);
-        for (index, object) in stage.objects.iter().enumerate() {
+        for (index, object) in stage.moving.iter().enumerate() {
             let mut seen = 0;
             let mut rng = ChaCha8Rng::seed_from_u64(0);
             let cameras = cameras(&rig(3, 0, 64, 48), &mut rng);
@@ -36,7 +36,7 @@ fn velocity_is_the_derivative_of_traced_surface_points() {
                 let camera = &cameras[step % 3];
                 let (u, v, _) = camera.project(pose.position + DVec3::new(0.1, 0.05, 0.12));
                 let ray = camera.ray(u, v);
-                let sample = stage.sample(&ray, &stage.still(&ray, Lit::ALL), &placed).object;
+                let sample = stage.sample(&ray, &stage.still(&ray, Lit::ALL), &placed).body;
                 let Some((_, distance)) = sample.filter(|(met, _)| *met == index) else {
                     continue;
                 };
@@ -67,8 +67,8 @@ fn marched_forms_are_met_where_a_dense_walk_meets_them() {
         let (mut met, mut differ) = (0, 0);
         for i in 0..48 * 36 {
             let ray = camera.ray((i % 48) as f64 + 0.5, (i / 48) as f64 + 0.5);
-            let hit = stage.objects[0].solid.intersect(&ray, &pose).map(|hit| hit.t);
-            let walked = stage.objects[0].solid.walk(&ray, &pose, 2.0, 6.0, 2e-3);
+            let hit = stage.moving[0].solid.intersect(&ray, &pose).map(|hit| hit.t);
+            let walked = stage.moving[0].solid.walk(&ray, &pose, 2.0, 6.0, 2e-3);
             match (hit, walked) {
                 (Some(hit), Some(walked)) => {
                     met += 1;
@@ -98,11 +98,11 @@ fn blur_is_visible_and_bounded() {
             let placed = stage.placed(t);
             for i in 0..64 * 48 {
                 let ray = camera.ray((i % 64) as f64 * 4.0 + 2.0, (i / 64) as f64 * 4.0 + 2.0);
-                let Some((index, distance)) = stage.sample(&ray, &stage.still(&ray, Lit::ALL), &placed).object else {
+                let Some((index, distance)) = stage.sample(&ray, &stage.still(&ray, Lit::ALL), &placed).body else {
                     continue;
                 };
                 let position = ray.at(distance);
-                let way = 0.5 * tau * stage.objects[index].motion.twist(t).at(position, &placed[index].pose);
+                let way = 0.5 * tau * stage.moving[index].motion.twist(t).at(position, &placed[index].pose);
                 let ((u0, v0, _), (u1, v1, _)) = (camera.project(position - way), camera.project(position + way));
                 lengths.push((u1 - u0).hypot(v1 - v0));
             }
@@ -122,7 +122,7 @@ fn movers_stay_in_view_and_in_the_room() {
         let stage = stage(world, 1.0);
         let cameras =
             cameras(&rig(options.cameras, 1, options.width, options.height), &mut ChaCha8Rng::seed_from_u64(0));
-        for (step, object) in (-1..=33).flat_map(|step| stage.objects.iter().map(move |object| (step, object))) {
+        for (step, object) in (-1..=33).flat_map(|step| stage.moving.iter().map(move |object| (step, object))) {
             let pose = object.motion.pose(step as f64 / 32.0);
             for camera in &cameras {
                 let (u, v, z) = camera.project(pose.position);
@@ -137,7 +137,7 @@ fn movers_stay_in_view_and_in_the_room() {
                 let gap = still.pose.position.distance(pose.position) - solid.radius - object.solid.radius;
                 assert!(gap > -0.25, "{world} at step {step}: balls around bodies overlap by {gap}");
             }
-            for other in stage.objects.iter().filter(|other| other.name != object.name) {
+            for other in stage.moving.iter().filter(|other| other.name != object.name) {
                 let gap = other.motion.pose(step as f64 / 32.0).position.distance(pose.position);
                 assert!(gap > other.solid.radius + object.solid.radius, "{world} at step {step}: objects meet");
             }

@@ -1,30 +1,52 @@
-//! The data set on disk: the D-NeRF layout with more keys.
+//! Writes a world: its cameras, its exposures, and the files of each photo.
 
-use std::ops::RangeInclusive;
+use std::f64::consts::TAU;
 use std::path::Path;
 
+use glam::DVec3;
 use gs_base::write_atomic;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-use serde_json::{Value, json};
-
-use super::super::tracer::camera::Camera;
-use super::super::tracer::stage::Stage;
-use super::super::tracer::truth::movers;
-use super::rig::{ANGLE_X, Rig, cameras};
-use super::shutter::{ExposurePoses, Shot, photograph};
-use super::{DeblurOptions, points, priors, worlds};
 use gs_datasets::DatasetError;
-use gs_datasets::image_io::{write_exr, write_png};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::json;
 
-/// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 16 frames of 640 x 480
-/// fit; of larger sets the still part is traced again for every few frames.
-const PIXELS_MAX: usize = 5_000_000;
+use super::{DeblurOptions, World, priors};
+use crate::film::{Exposure, Order, Shot};
+use crate::points::Points;
+use crate::set::{Image, Photo, Set, check_ranges};
+use crate::tracer::camera::{Camera, Rig};
+use crate::tracer::scene::Scene;
+
+/// The room, its lamp and the paints of its furniture.
+const ROOM: &str = include_str!("../../scenes/deblur/room.toml");
+
+/// Bodies are at the same position at this time for any speed.
+const MIDDLE: f64 = 0.5;
+
+/// Radius of the floor in the open, metres.
+const GROUND: f64 = 5.0;
+
+/// The point that the cameras look at, and their distance from it, metres.
+const TARGET: DVec3 = DVec3::new(0.0, 0.0, 0.62);
+const DISTANCE: f64 = 3.7;
+
+/// Horizontal angle of view, radians. A metre at the target is then about 76 pixels of a 256 pixel wide image, so a metre
+/// per unit of time is about 4.6 pixels per exposure of 0.06.
+const ANGLE_X: f64 = 0.85;
+
+/// The arc around the target, radians; the outermost cameras stand at half of it on either side.
+const ARC: f64 = 1.4;
+
+/// Height above the floor's plane as seen from the target, radians: every second camera stands higher by the step.
+const ELEVATION: f64 = 0.30;
+const ELEVATION_STEP: f64 = 0.12;
+
+/// Cameras are out of line by up to this much, radians: nobody hangs them exactly.
+const JITTER: f64 = 0.02;
 
 /// Independent random sequences of one seed, so that a change of one option leaves the rest of the world as it is.
 enum Draws {
-    Stage,
+    Scene,
     Rig,
     Points,
     /// Faults of frame `.0`, counted over all cameras.
@@ -35,7 +57,7 @@ impl Draws {
     fn rng(&self, seed: u64) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(match self {
-            Self::Stage => 0,
+            Self::Scene => 0,
             Self::Rig => 1,
             Self::Points => 2,
             Self::Frame(index) => 16 + index,
@@ -68,57 +90,38 @@ impl Draws {
 pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize)) -> Result<(), DatasetError> {
     check(dir, options)?;
     let seed = options.seed;
-    let stage = worlds::stage(options.world, options.speed, options.ring, &mut Draws::Stage.rng(seed));
-    let (width, height) = (options.width, options.height);
-    let rig = Rig { cameras: options.cameras, held_out: options.held_out, ring: options.ring, width, height };
-    let cameras = cameras(&rig, &mut Draws::Rig.rng(seed));
-    let exposures: Vec<ExposurePoses> = (0..options.frames)
-        .map(|i| {
-            let (time, partly) = (options.time(i), options.priors.sharp_blur);
-            ExposurePoses::new(&stage, time, options.exposure_time(), options.subframes, partly)
-        })
-        .collect();
-    let together = (PIXELS_MAX / (width * height)).max(1);
-    let total = cameras.len() * options.frames;
-    progress(0, total);
-    for (number, camera) in cameras.iter().enumerate() {
-        let mut done = 0;
-        for exposures in exposures.chunks(together) {
-            let shots = photograph(&stage, camera, exposures);
-            let written: Vec<Result<(), DatasetError>> = shots
-                .par_iter()
-                .enumerate()
-                .map(|(i, shot)| {
-                    let draws = Draws::Frame((number * options.frames + done + i) as u64);
-                    write_shot(dir, camera, done + i, shot, options, &mut draws.rng(seed))
-                })
-                .collect();
-            // Collected first, so that the error of the first frame is reported and not of the fastest.
-            written.into_iter().collect::<Result<(), _>>()?;
-            done += exposures.len();
-            progress(number * options.frames + done, total);
-        }
-    }
+    let scene = scene(options.world, options.speed, options.ring, &mut Draws::Scene.rng(seed));
+    let cameras = cameras(options, &mut Draws::Rig.rng(seed));
+    let times: Vec<f64> = (0..options.frames).map(|frame| options.time(frame)).collect();
+    let partly = options.priors.sharp_blur;
+    let expose = |time: &f64| Exposure::new(&scene, *time, options.exposure_time(), options.subframes, partly);
+    let exposures: Vec<Exposure> = times.iter().map(expose).collect();
+    let set = Set { dir, scene: &scene, cameras: &cameras, times: &times, order: Order::Bayer };
+    let write = |photo: &mut Photo<'_>, shot: &Shot| {
+        let draws = Draws::Frame((photo.number * options.frames + photo.frame) as u64);
+        files(photo, shot, options, &mut draws.rng(seed))
+    };
+    let list = |camera: &Camera, _| if camera.is_test { "test" } else { "train" };
+    let photos = set.photograph(&exposures, list, write, progress)?;
+    let mut top = json!({
+        "exposure": options.exposure_time(),
+        "blur_space": "linear",
+        "mask_meaning": "dynamic",
+        "depth_kind": options.priors.depth_kind(),
+        "world": options.world.name(),
+    });
     if options.points > 0 {
         let middle = options.time(options.frames / 2);
-        let text = points::ply(&stage, &cameras, options.points, middle, &mut Draws::Points.rng(seed));
-        write_atomic(&dir.join("points3d.ply"), text.as_bytes())?;
+        let points = Points::matched(&scene, &cameras, options.points, middle, &mut Draws::Points.rng(seed));
+        write_atomic(&dir.join("points3d.ply"), &points.ascii())?;
+        top["ply_file_path"] = json!("points3d.ply");
     }
-    for is_test in [true, false] {
-        let cameras: Vec<&Camera> = cameras.iter().filter(|camera| camera.is_test == is_test).collect();
-        if !cameras.is_empty() {
-            let text = format!("{:#}\n", transforms(&stage, &cameras, options));
-            write_atomic(&dir.join(format!("transforms_{}.json", part(is_test))), text.as_bytes())?;
-        }
-    }
-    Ok(())
+    set.describe(photos, &["test", "train"], top)
 }
 
 fn check(dir: &Path, options: &DeblurOptions) -> Result<(), DatasetError> {
-    let wrong = |option: &'static str, expected: String, found: String| {
-        Err(DatasetError::Option { path: dir.to_path_buf(), option, expected, found })
-    };
-    let counts: [(&'static str, usize, RangeInclusive<usize>); 7] = [
+    let faults = &options.priors;
+    let counts = [
         ("width", options.width, 8..=8192),
         ("height", options.height, 8..=8192),
         ("cameras", options.cameras, 1..=1000),
@@ -127,13 +130,8 @@ fn check(dir: &Path, options: &DeblurOptions) -> Result<(), DatasetError> {
         ("subframes", options.subframes, 16..=4096),
         ("points", options.points, 0..=10_000_000),
     ];
-    for (option, value, range) in counts {
-        if !range.contains(&value) {
-            return wrong(option, format!("{} to {}", range.start(), range.end()), value.to_string());
-        }
-    }
-    let faults = &options.priors;
-    let numbers: [(&'static str, f64, RangeInclusive<f64>); 9] = [
+    check_ranges(dir, &counts)?;
+    let numbers = [
         ("exposure", options.exposure, 0.0..=2.0),
         ("speed", options.speed, -10.0..=10.0),
         ("priors.depth_scale", faults.depth_scale, 0.0..=10.0),
@@ -144,106 +142,61 @@ fn check(dir: &Path, options: &DeblurOptions) -> Result<(), DatasetError> {
         ("priors.sharp_blur", faults.sharp_blur, 0.0..=1.0),
         ("priors.sharp_noise", faults.sharp_noise, 0.0..=1.0),
     ];
-    for (option, value, range) in numbers {
-        // NaN is in no range.
-        if !range.contains(&value) {
-            return wrong(option, format!("{} to {}", range.start(), range.end()), value.to_string());
-        }
+    check_ranges(dir, &numbers)
+}
+
+/// A world in its room or in the `open`; textures and the turns of the furniture come from `rng`.
+pub(super) fn scene(world: World, speed: f64, open: bool, rng: &mut ChaCha8Rng) -> Scene {
+    let mut scene = Scene::described(&[world.row()[2], ROOM], rng);
+    if open {
+        scene.planes.truncate(1);
+        scene.planes[0].reach = GROUND;
     }
-    Ok(())
+    for body in &mut scene.moving {
+        (body.motion.zero, body.motion.speed) = (MIDDLE, speed);
+    }
+    scene
 }
 
-fn part(is_test: bool) -> &'static str {
-    if is_test { "test" } else { "train" }
+/// Cameras at even steps on an arc in front of the scene or all around it.
+pub(super) fn cameras(options: &DeblurOptions, rng: &mut ChaCha8Rng) -> Vec<Camera> {
+    let DeblurOptions { cameras: count, held_out, ring, width, height, .. } = *options;
+    let mut jitter = || rng.random_range(-JITTER..JITTER);
+    let direction = |index: usize| {
+        let around = match count {
+            _ if ring => TAU * index as f64 / count as f64,
+            1 => 0.0,
+            _ => ARC * (index as f64 / (count - 1) as f64 - 0.5),
+        };
+        (around + jitter(), ELEVATION + ELEVATION_STEP * (index % 2) as f64 + jitter())
+    };
+    let directions: Vec<(f64, f64)> = (0..count).map(direction).collect();
+    let rig = Rig { target: TARGET, distance: DISTANCE, angle_x: ANGLE_X, width, height };
+    rig.cameras(held_out, &directions)
 }
 
-/// "train/cam00/0000", which all of a photo's files are named after.
-fn stem(camera: &Camera, frame: usize) -> String {
-    format!("{}/{}/{frame:04}", part(camera.is_test), camera.id)
-}
-
-fn write_shot(
-    dir: &Path,
-    camera: &Camera,
-    frame: usize,
+/// Writes the files of a photo: blurry ones of training cameras, sharp ones of held-out ones.
+fn files(
+    photo: &mut Photo<'_>,
     shot: &Shot,
     options: &DeblurOptions,
     rng: &mut ChaCha8Rng,
 ) -> Result<(), DatasetError> {
-    let (width, height) = (options.width, options.height);
-    let stem = stem(camera, frame);
-    let png = |path: String, data: &[u8]| write_png(&dir.join(path), width, height, data);
-    let exr = |path: String, channels: &[(&str, &[f32])]| write_exr(&dir.join(path), width, height, channels);
-    let (photo, other, counterpart) =
-        if camera.is_test { (&shot.sharp, &shot.blurry, "blurry") } else { (&shot.blurry, &shot.sharp, "sharp") };
-    png(format!("{stem}.png"), photo)?;
-    png(format!("truth/{counterpart}/{stem}.png"), other)?;
-    png(format!("truth/masks/{stem}.png"), &shot.moving)?;
-    png(format!("truth/masks_union/{stem}.png"), &shot.moving_union)?;
-    exr(format!("truth/depth/{stem}.exr"), &[("Z", &shot.depth)])?;
-    let [x, y, z] = &shot.velocity;
-    exr(format!("truth/velocity/{stem}.exr"), &[("X", x), ("Y", y), ("Z", z)])?;
-    if camera.is_test {
+    if photo.camera.is_test {
+        photo.photo(Some("sharp_path"), &shot.sharp)?;
+        photo.truth("blurry_path", "blurry", Image::Png(&shot.blurry))?;
+    } else {
+        photo.photo(Some("blurry_path"), &shot.blurry)?;
+        photo.truth("sharp_path", "sharp", Image::Png(&shot.sharp))?;
+    }
+    photo.truth("mask_path", "masks", Image::Png(&shot.moving))?;
+    photo.truth("mask_union_path", "masks_union", Image::Png(&shot.moving_union))?;
+    photo.motion(shot)?;
+    if photo.camera.is_test {
         return Ok(());
     }
-    let faults = &options.priors;
-    exr(format!("priors/depth/{stem}.exr"), &[("Z", &priors::depth(&shot.depth, width, faults, rng))])?;
-    png(format!("priors/masks/{stem}.png"), &priors::mask(&shot.moving, width, faults, rng))?;
-    Ok(png(format!("priors/sharp/{stem}.png"), &priors::sharp(&shot.partly, faults, rng))?)
-}
-
-fn transforms(stage: &Stage, cameras: &[&Camera], options: &DeblurOptions) -> Value {
-    let mut frames = Vec::new();
-    for camera in cameras {
-        let rows = [0, 1, 2, 3].map(|row| camera.c2w.row(row).to_array());
-        for frame in 0..options.frames {
-            let stem = stem(camera, frame);
-            let (sharp, blurry) = if camera.is_test {
-                (format!("{stem}.png"), format!("truth/blurry/{stem}.png"))
-            } else {
-                (format!("truth/sharp/{stem}.png"), format!("{stem}.png"))
-            };
-            let mut entry = json!({
-                "file_path": format!("{stem}.png"),
-                "time": options.time(frame),
-                "transform_matrix": rows,
-                "camera_id": camera.id,
-                "truth": {
-                    "sharp_path": sharp,
-                    "blurry_path": blurry,
-                    "depth_path": format!("truth/depth/{stem}.exr"),
-                    "velocity_path": format!("truth/velocity/{stem}.exr"),
-                    "mask_path": format!("truth/masks/{stem}.png"),
-                    "mask_union_path": format!("truth/masks_union/{stem}.png"),
-                },
-            });
-            if !camera.is_test {
-                entry["mask_path"] = json!(format!("priors/masks/{stem}.png"));
-                entry["depth_file_path"] = json!(format!("priors/depth/{stem}.exr"));
-                entry["pseudo_sharp_path"] = json!(format!("priors/sharp/{stem}.png"));
-            }
-            frames.push(entry);
-        }
-    }
-    let focal = cameras.first().map_or(0.0, |camera| camera.focal);
-    let mut top = json!({
-        "camera_angle_x": ANGLE_X,
-        "fl_x": focal,
-        "fl_y": focal,
-        "cx": 0.5 * options.width as f64,
-        "cy": 0.5 * options.height as f64,
-        "w": options.width,
-        "h": options.height,
-        "exposure": options.exposure_time(),
-        "blur_space": "linear",
-        "mask_meaning": "dynamic",
-        "depth_kind": options.priors.depth_kind(),
-        "world": options.world.name(),
-        "movers": movers(stage, (0..options.frames).map(|frame| options.time(frame))),
-        "frames": frames,
-    });
-    if options.points > 0 {
-        top["ply_file_path"] = json!("points3d.ply");
-    }
-    top
+    let (width, faults) = (options.width, &options.priors);
+    photo.prior("depth_file_path", "depth", Image::Exr(&[("Z", &priors::depth(&shot.depth, width, faults, rng))]))?;
+    photo.prior("mask_path", "masks", Image::Png(&priors::mask(&shot.moving, width, faults, rng)))?;
+    photo.prior("pseudo_sharp_path", "sharp", Image::Png(&priors::sharp(&shot.partly, faults, rng)))
 }

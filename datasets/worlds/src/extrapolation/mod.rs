@@ -5,23 +5,13 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `objects.rs`, `room.rs` | the worlds |
-//! | `scene.rs` | a world with its light |
-//! | `rig.rs` | the cameras |
-//! | `film.rs` | sharp images with transparency, depth, velocity, masks |
+//! | `scenes/extrapolation/*.toml` | the worlds; `light.toml` is common to all but the room |
 //! | `priors.rs` | depth and confidence with the errors of a feed-forward reconstructor |
-//! | `points.rs` | the points that these priors place |
-//! | `write.rs` | the folder and its JSON |
+//! | `write.rs` | cameras, the files of a photo, the points that the priors place |
 //!
 //! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these images.
 
-mod film;
-mod objects;
-mod points;
 mod priors;
-mod rig;
-mod room;
-mod scene;
 mod write;
 
 #[cfg(test)]
@@ -35,6 +25,17 @@ pub use write::write;
 
 /// Frames up to this time are for training; NVFi's split.
 pub const LAST_TRAINING_TIME: f64 = 0.75;
+
+/// Descriptions of the worlds.
+const FAN: &str = include_str!("../../scenes/extrapolation/fan.toml");
+const FALLING_BALL: &str = include_str!("../../scenes/extrapolation/falling-ball.toml");
+const SLIDER: &str = include_str!("../../scenes/extrapolation/slider.toml");
+const PENDULUM: &str = include_str!("../../scenes/extrapolation/pendulum.toml");
+const HINGE: &str = include_str!("../../scenes/extrapolation/hinge.toml");
+const TELESCOPE: &str = include_str!("../../scenes/extrapolation/telescope.toml");
+const SPINNER: &str = include_str!("../../scenes/extrapolation/spinner.toml");
+const DUO: &str = include_str!("../../scenes/extrapolation/duo.toml");
+const ROOM: &str = include_str!("../../scenes/extrapolation/room.toml");
 
 /// The worlds. All but the last are objects before a transparent background.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -73,34 +74,29 @@ impl World {
         Self::Room,
     ];
 
+    /// The name, the motion in a few words, and the description.
+    fn row(self) -> [&'static str; 3] {
+        match self {
+            Self::Fan => ["fan", "A rotor turns steadily on a stand", FAN],
+            Self::FallingBall => ["falling-ball", "A ball falls freely beside a still object", FALLING_BALL],
+            Self::Slider => ["slider", "A box slides past a still object and slows down", SLIDER],
+            Self::Pendulum => ["pendulum", "A bob on a rod swings in a frame", PENDULUM],
+            Self::Hinge => ["hinge", "The lid of a box opens ever faster", HINGE],
+            Self::Telescope => ["telescope", "Three nested bodies move apart at steady velocities", TELESCOPE],
+            Self::Spinner => ["spinner", "A lopsided body turns ever faster", SPINNER],
+            Self::Duo => ["duo", "A thrown ball, and a box that drifts and turns", DUO],
+            Self::Room => ["room", "A room with a sliding box, a spinning top, a pendulum and a rising box", ROOM],
+        }
+    }
+
     /// The world's name in lower case, as [`FromStr`] reads it.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Fan => "fan",
-            Self::FallingBall => "falling-ball",
-            Self::Slider => "slider",
-            Self::Pendulum => "pendulum",
-            Self::Hinge => "hinge",
-            Self::Telescope => "telescope",
-            Self::Spinner => "spinner",
-            Self::Duo => "duo",
-            Self::Room => "room",
-        }
+        self.row()[0]
     }
 
     /// The motion in it, in a few words.
     pub fn in_words(self) -> &'static str {
-        match self {
-            Self::Fan => "A rotor turns steadily on a stand",
-            Self::FallingBall => "A ball falls freely beside a still object",
-            Self::Slider => "A box slides past a still object and slows down",
-            Self::Pendulum => "A bob on a rod swings in a frame",
-            Self::Hinge => "The lid of a box opens ever faster",
-            Self::Telescope => "Three nested bodies move apart at steady velocities",
-            Self::Spinner => "A lopsided body turns ever faster",
-            Self::Duo => "A thrown ball, and a box that drifts and turns",
-            Self::Room => "A room with a sliding box, a spinning top, a pendulum and a rising box",
-        }
+        self.row()[1]
     }
 
     /// Whether the world is a room. The others are objects before a transparent background.

@@ -123,9 +123,9 @@ fn options_out_of_range_are_named() {
 fn movers_stay_in_view() {
     for world in World::ALL {
         let options = ExtrapolationOptions::of(world);
-        let stage = scene::stage(world, &mut ChaCha8Rng::seed_from_u64(0));
-        let cameras = rig::cameras(&options, &mut ChaCha8Rng::seed_from_u64(0));
-        for object in &stage.objects {
+        let stage = write::scene(world, &mut ChaCha8Rng::seed_from_u64(0));
+        let cameras = write::cameras(&options, &mut ChaCha8Rng::seed_from_u64(0));
+        for object in &stage.moving {
             for frame in 0..=options.frames {
                 let pose = object.motion.pose(options.time(frame));
                 for camera in &cameras {
@@ -145,8 +145,8 @@ fn movers_stay_in_view() {
 fn alpha_is_the_share_of_rays_that_meet_the_ball() {
     let options = ExtrapolationOptions { width: 96, height: 96, ..small(World::Duo) };
     let folder = written(&options);
-    let stage = scene::stage(options.world, &mut ChaCha8Rng::seed_from_u64(0));
-    let cameras = rig::cameras(&options, &mut ChaCha8Rng::seed_from_u64(1));
+    let stage = write::scene(options.world, &mut ChaCha8Rng::seed_from_u64(0));
+    let cameras = write::cameras(&options, &mut ChaCha8Rng::seed_from_u64(1));
     let (mut full, mut clear, mut between) = (0, 0, 0);
     for (camera, frame) in cameras.iter().filter(|camera| !camera.is_test).zip([0, 3, 6, 9]) {
         let image = image::open(folder.path().join(format!("train/{}/{frame:04}.png", camera.id))).expect("a photo");
@@ -154,7 +154,7 @@ fn alpha_is_the_share_of_rays_that_meet_the_ball() {
             let (u, v) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
             // Distance from the outlines of the balls around both bodies, pixels; the cameras of another seed stand 0.02 radians off,
             // which is 0.08 m or 3 pixels.
-            let far = stage.objects.iter().all(|object| {
+            let far = stage.moving.iter().all(|object| {
                 let (cx, cy, z) = camera.project(object.motion.pose(options.time(frame)).position);
                 (u - cx).hypot(v - cy) > camera.focal * object.solid.radius / z * 1.1 + 8.0
             });
@@ -206,9 +206,9 @@ fn points_are_the_priors_of_all_training_cameras() {
         let folder = written(&ExtrapolationOptions { priors: errors, ..base.clone() });
         loaded(folder.path()).points.expect("points")
     };
-    let stage = scene::stage(base.world, &mut ChaCha8Rng::seed_from_u64(0));
-    let pose = stage.objects[0].motion.pose(0.0);
-    let radius = stage.objects[0].solid.radius;
+    let stage = write::scene(base.world, &mut ChaCha8Rng::seed_from_u64(0));
+    let pose = stage.moving[0].motion.pose(0.0);
+    let radius = stage.moving[0].solid.radius;
     let off = |points: &gs_datasets::PointCloud| {
         let near = points.positions.iter().map(|p| DVec3::from(p.map(f64::from)).distance(pose.position) - radius);
         let near: Vec<f64> = near.filter(|off| off.abs() < 0.2).collect();

@@ -1,32 +1,52 @@
-//! The data set on disk: the D-NeRF layout with more keys.
+//! Writes a world: its cameras, the files of each photo, and the points that the priors place.
 
-use std::ops::RangeInclusive;
+use std::f64::consts::TAU;
 use std::path::Path;
 
+use glam::DVec3;
 use gs_base::write_atomic;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-use serde_json::{Value, json};
-
-use super::super::tracer::camera::Camera;
-use super::super::tracer::stage::Stage;
-use super::super::tracer::truth::movers;
-use super::film::{Moment, Shot, film};
-use super::points::Points;
-use super::priors::prior;
-use super::rig::{angle_x, cameras};
-use super::{ExtrapolationOptions, scene};
 use gs_datasets::DatasetError;
-use gs_datasets::image_io::{write_exr, write_png};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::json;
 
-/// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 60 frames of 280 x 280 fit; of larger
-/// sets the still part is traced again for every few frames.
-const PIXELS_MAX: usize = 5_000_000;
+use super::priors::prior;
+use super::{ExtrapolationOptions, World};
+use crate::film::{Exposure, Order, Shot};
+use crate::points::Points;
+use crate::set::{Image, Photo, Set, check_ranges};
+use crate::tracer::camera::{Camera, Rig};
+use crate::tracer::scene::Scene;
+
+/// The light of all worlds but the room.
+const LIGHT: &str = include_str!("../../scenes/extrapolation/light.toml");
+
+/// Cameras on a dome: the point that they look at and their distance from it, metres; lowest and highest elevation as seen
+/// from there and horizontal angle of view, radians.
+struct Dome {
+    target: DVec3,
+    distance: f64,
+    elevations: (f64, f64),
+    angle_x: f64,
+}
+
+/// Elevations of 10 to 50 degrees. Half the image is 1.46 m wide at the target, which holds the objects.
+const AROUND_OBJECTS: Dome = Dome { target: DVec3::ZERO, distance: 4.0, elevations: (0.175, 0.87), angle_x: 0.7 };
+
+/// Inside the walls, which are 3 m from the middle, and under the ceiling at 3 m.
+const IN_ROOM: Dome =
+    Dome { target: DVec3::new(0.0, 0.0, 0.8), distance: 2.7, elevations: (0.17, 0.70), angle_x: 1.15 };
+
+/// Share of the range of elevations from one camera to the next, modulo the range: the golden section spreads any number
+/// evenly.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+
+/// Cameras are out of line by up to this much, radians.
+const JITTER: f64 = 0.02;
 
 /// Independent random sequences of one seed, so that a change of one option leaves the rest of the world as it is.
 enum Draws {
-    Stage,
+    Scene,
     Rig,
     /// Errors of the prior of camera `.0`.
     Prior(u64),
@@ -36,37 +56,11 @@ impl Draws {
     fn rng(&self, seed: u64) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(match self {
-            Self::Stage => 0,
+            Self::Scene => 0,
             Self::Rig => 1,
             Self::Prior(index) => 16 + index,
         });
         rng
-    }
-}
-
-/// The list that a frame is in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
-    Train,
-    Validation,
-    Test,
-}
-
-impl Part {
-    fn of(camera: &Camera, frame: usize, options: &ExtrapolationOptions) -> Self {
-        match (frame < options.training_frames(), camera.is_test) {
-            (false, _) => Self::Test,
-            (true, true) => Self::Validation,
-            (true, false) => Self::Train,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Validation => "val",
-            Self::Test => "test",
-        }
     }
 }
 
@@ -94,57 +88,26 @@ impl Part {
 /// When an option is out of its range or a file cannot be written.
 pub fn write(dir: &Path, options: &ExtrapolationOptions, progress: impl Fn(usize, usize)) -> Result<(), DatasetError> {
     check(dir, options)?;
-    let stage = scene::stage(options.world, &mut Draws::Stage.rng(options.seed));
+    let scene = scene(options.world, &mut Draws::Scene.rng(options.seed));
     let cameras = cameras(options, &mut Draws::Rig.rng(options.seed));
-    let moments: Vec<Moment> = (0..options.frames).map(|frame| Moment::new(&stage, options.time(frame))).collect();
-    let together = (PIXELS_MAX / (options.width * options.height)).max(1);
-    let total = cameras.len() * options.frames;
-    let mut points = Points::default();
-    progress(0, total);
-    for (number, camera) in cameras.iter().enumerate() {
-        let mut done = 0;
-        for moments in moments.chunks(together) {
-            let shots = film(&stage, camera, moments, options.world.is_room());
-            let written: Vec<Result<(), DatasetError>> = shots
-                .par_iter()
-                .enumerate()
-                .map(|(i, shot)| write_shot(dir, camera, done + i, shot, options))
-                .collect();
-            // Collected first, so that the error of the first frame is reported and not of the fastest.
-            written.into_iter().collect::<Result<(), _>>()?;
-            if done == 0
-                && !camera.is_test
-                && let Some(first) = shots.first()
-            {
-                write_prior(
-                    dir,
-                    camera,
-                    first,
-                    options,
-                    &mut Draws::Prior(number as u64).rng(options.seed),
-                    &mut points,
-                )?;
-            }
-            done += moments.len();
-            progress(number * options.frames + done, total);
-        }
-    }
-    write_atomic(&dir.join("points3d.ply"), &points.ply())?;
-    for part in [Part::Test, Part::Validation, Part::Train] {
-        let frames = frames(&cameras, part, options);
-        if !frames.is_empty() {
-            let text = format!("{:#}\n", transforms(&stage, &cameras, frames, options));
-            write_atomic(&dir.join(format!("transforms_{}.json", part.name())), text.as_bytes())?;
-        }
-    }
-    Ok(())
+    let times: Vec<f64> = (0..options.frames).map(|frame| options.time(frame)).collect();
+    let exposures: Vec<Exposure> = times.iter().map(|time| Exposure::instant(&scene, *time)).collect();
+    let set = Set { dir, scene: &scene, cameras: &cameras, times: &times, order: Order::Rows };
+    let list = |camera: &Camera, frame| match (frame < options.training_frames(), camera.is_test) {
+        (false, _) => "test",
+        (true, true) => "val",
+        (true, false) => "train",
+    };
+    let mut photos = set.photograph(&exposures, list, |photo, shot| files(photo, shot, options), progress)?;
+    let points = Points::union(photos.iter_mut().map(|photo| std::mem::take(&mut photo.points)));
+    write_atomic(&dir.join("points3d.ply"), &points.binary())?;
+    let top = json!({ "depth_kind": "depth", "world": options.world.name(), "ply_file_path": "points3d.ply" });
+    set.describe(photos, &["test", "val", "train"], top)
 }
 
 fn check(dir: &Path, options: &ExtrapolationOptions) -> Result<(), DatasetError> {
-    let wrong = |option: &'static str, expected: String, found: String| {
-        Err(DatasetError::Option { path: dir.to_path_buf(), option, expected, found })
-    };
-    let counts: [(&'static str, usize, RangeInclusive<usize>); 6] = [
+    let errors = &options.priors;
+    let counts = [
         ("width", options.width, 8..=8192),
         ("height", options.height, 8..=8192),
         ("cameras", options.cameras, 1..=1000),
@@ -153,117 +116,52 @@ fn check(dir: &Path, options: &ExtrapolationOptions) -> Result<(), DatasetError>
         ("frames", options.frames, 8..=10_000),
         ("truth_every", options.truth_every, 1..=10_000),
     ];
-    for (option, value, range) in counts {
-        if !range.contains(&value) {
-            return wrong(option, format!("{} to {}", range.start(), range.end()), value.to_string());
-        }
-    }
-    let errors = &options.priors;
-    let numbers: [(&'static str, f64, RangeInclusive<f64>); 4] = [
+    check_ranges(dir, &counts)?;
+    let numbers = [
         ("priors.scale", errors.scale, 0.0..=0.9),
         ("priors.shift", errors.shift, 0.0..=0.9),
         ("priors.noise", errors.noise, 0.0..=1.0),
         ("priors.outliers", errors.outliers, 0.0..=1.0),
     ];
-    for (option, value, range) in numbers {
-        // NaN is in no range.
-        if !range.contains(&value) {
-            return wrong(option, format!("{} to {}", range.start(), range.end()), value.to_string());
-        }
+    check_ranges(dir, &numbers)
+}
+
+/// A world; textures come from `rng`.
+pub(super) fn scene(world: World, rng: &mut ChaCha8Rng) -> Scene {
+    let description = world.row()[2];
+    if world.is_room() { Scene::described(&[description], rng) } else { Scene::described(&[description, LIGHT], rng) }
+}
+
+/// Cameras all around, at even steps of the azimuth: on a dome outside of objects, or under the ceiling of a room.
+pub(super) fn cameras(options: &ExtrapolationOptions, rng: &mut ChaCha8Rng) -> Vec<Camera> {
+    let ExtrapolationOptions { width, height, cameras: count, held_out, .. } = *options;
+    let Dome { target, distance, elevations: (low, high), angle_x } =
+        if options.world.is_room() { IN_ROOM } else { AROUND_OBJECTS };
+    let mut jitter = || rng.random_range(-JITTER..JITTER);
+    let direction = |index: usize| {
+        let azimuth = TAU * index as f64 / count as f64 + jitter();
+        (azimuth, low + (high - low) * (0.5 + GOLDEN * index as f64).fract() + jitter())
+    };
+    let directions: Vec<(f64, f64)> = (0..count).map(direction).collect();
+    Rig { target, distance, angle_x, width, height }.cameras(held_out, &directions)
+}
+
+/// Writes the files of a photo; of the first photo of a training camera also the prior, whose points it keeps.
+fn files(photo: &mut Photo<'_>, shot: &Shot, options: &ExtrapolationOptions) -> Result<(), DatasetError> {
+    match options.world.is_room() {
+        true => photo.photo(None, &shot.sharp)?,
+        false => photo.photo(None, &shot.rgba())?,
     }
-    Ok(())
-}
-
-/// "train/cam00/0000", the name of all files of a photo.
-fn stem(camera: &Camera, frame: usize, options: &ExtrapolationOptions) -> String {
-    format!("{}/{}/{frame:04}", Part::of(camera, frame, options).name(), camera.id)
-}
-
-/// Whether depth and velocity of a frame are written.
-fn has_maps(frame: usize, options: &ExtrapolationOptions) -> bool {
-    frame.is_multiple_of(options.truth_every) || frame + 1 == options.frames
-}
-
-fn write_shot(
-    dir: &Path,
-    camera: &Camera,
-    frame: usize,
-    shot: &Shot,
-    options: &ExtrapolationOptions,
-) -> Result<(), DatasetError> {
-    let (width, height) = (options.width, options.height);
-    let stem = stem(camera, frame, options);
-    write_png(&dir.join(format!("{stem}.png")), width, height, &shot.image)?;
-    write_png(&dir.join(format!("truth/masks/{stem}.png")), width, height, &shot.moving)?;
-    if has_maps(frame, options) {
-        let [x, y, z] = &shot.velocity;
-        write_exr(&dir.join(format!("truth/depth/{stem}.exr")), width, height, &[("Z", &shot.depth)])?;
-        let velocity: [(&str, &[f32]); 3] = [("X", x), ("Y", y), ("Z", z)];
-        write_exr(&dir.join(format!("truth/velocity/{stem}.exr")), width, height, &velocity)?;
+    photo.truth("mask_path", "masks", Image::Png(&shot.moving))?;
+    if photo.frame.is_multiple_of(options.truth_every) || photo.frame + 1 == options.frames {
+        photo.motion(shot)?;
     }
-    Ok(())
-}
-
-/// The prior of a camera's first frame, and its points.
-fn write_prior(
-    dir: &Path,
-    camera: &Camera,
-    shot: &Shot,
-    options: &ExtrapolationOptions,
-    rng: &mut ChaCha8Rng,
-    points: &mut Points,
-) -> Result<(), DatasetError> {
-    let (width, height) = (options.width, options.height);
-    let stem = stem(camera, 0, options);
-    let prior = prior(&shot.depth, width, &options.priors, rng);
-    points.add(camera, &prior.depth, &shot.color);
-    write_exr(&dir.join(format!("priors/depth/{stem}.exr")), width, height, &[("Z", &prior.depth)])?;
-    let confidence = dir.join(format!("priors/confidence/{stem}.exr"));
-    Ok(write_exr(&confidence, width, height, &[("Y", &prior.confidence)])?)
-}
-
-/// The entries of one list.
-fn frames(cameras: &[Camera], part: Part, options: &ExtrapolationOptions) -> Vec<Value> {
-    let mut frames = Vec::new();
-    for camera in cameras {
-        let rows = [0, 1, 2, 3].map(|row| camera.c2w.row(row).to_array());
-        for frame in (0..options.frames).filter(|frame| Part::of(camera, *frame, options) == part) {
-            let stem = stem(camera, frame, options);
-            let mut entry = json!({
-                "file_path": format!("{stem}.png"),
-                "time": options.time(frame),
-                "transform_matrix": rows,
-                "camera_id": camera.id,
-                "truth": { "mask_path": format!("truth/masks/{stem}.png") },
-            });
-            if has_maps(frame, options) {
-                entry["truth"]["depth_path"] = json!(format!("truth/depth/{stem}.exr"));
-                entry["truth"]["velocity_path"] = json!(format!("truth/velocity/{stem}.exr"));
-            }
-            if frame == 0 && part == Part::Train {
-                entry["depth_file_path"] = json!(format!("priors/depth/{stem}.exr"));
-                entry["confidence_file_path"] = json!(format!("priors/confidence/{stem}.exr"));
-            }
-            frames.push(entry);
-        }
+    if photo.frame > 0 || photo.camera.is_test {
+        return Ok(());
     }
-    frames
-}
-
-fn transforms(stage: &Stage, cameras: &[Camera], frames: Vec<Value>, options: &ExtrapolationOptions) -> Value {
-    let focal = cameras.first().map_or(0.0, |camera| camera.focal);
-    json!({
-        "camera_angle_x": angle_x(options.world.is_room()),
-        "fl_x": focal,
-        "fl_y": focal,
-        "cx": 0.5 * options.width as f64,
-        "cy": 0.5 * options.height as f64,
-        "w": options.width,
-        "h": options.height,
-        "depth_kind": "depth",
-        "world": options.world.name(),
-        "movers": movers(stage, (0..options.frames).map(|frame| options.time(frame))),
-        "ply_file_path": "points3d.ply",
-        "frames": frames,
-    })
+    let mut rng = Draws::Prior(photo.number as u64).rng(options.seed);
+    let prior = prior(&shot.depth, options.width, &options.priors, &mut rng);
+    photo.points = Points::of_view(photo.camera, &prior.depth, &shot.sharp);
+    photo.prior("depth_file_path", "depth", Image::Exr(&[("Z", &prior.depth)]))?;
+    photo.prior("confidence_file_path", "confidence", Image::Exr(&[("Y", &prior.confidence)]))
 }

@@ -1,17 +1,20 @@
-//! An analytic ray tracer of rigid objects: the parts that all moving worlds share.
+//! An analytic ray tracer of rigid bodies.
 //!
 //! | file | holds |
 //! |---|---|
+//! | `shape.rs`, `solid.rs` | shapes and where rays meet them; bodies of painted parts |
 //! | `motion.rs` | rigid motion in closed form, with its velocity |
-//! | `texture.rs`, `solid.rs`, `stage.rs` | paint; forms and where rays meet them; light and shadows at an instant |
+//! | `texture.rs`, `scene.rs` | paint; light and shadows at an instant |
+//! | `description.rs`, `vector.rs` | scenes from TOML |
 //! | `camera.rs` | pinhole cameras |
-//! | `truth.rs` | poses and velocities of moving objects as JSON |
 //!
 //! Light is added up in linear light with the curve of [`gs_datasets::light`].
 
-pub(super) mod camera;
-pub(super) mod motion;
-pub(super) mod solid;
-pub(super) mod stage;
-pub(super) mod texture;
-pub(super) mod truth;
+pub(crate) mod camera;
+pub(crate) mod description;
+pub(crate) mod motion;
+pub(crate) mod scene;
+pub(crate) mod shape;
+pub(crate) mod solid;
+pub(crate) mod texture;
+mod vector;

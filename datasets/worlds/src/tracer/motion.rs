@@ -4,6 +4,9 @@
 //! spin below has its derivative beside it, so that this velocity is exact.
 
 use glam::{DQuat, DVec3};
+use serde::Deserialize;
+
+use super::vector::vector;
 
 /// The pose of an object: object coordinates to world.
 #[derive(Debug, Clone, Copy)]
@@ -30,26 +33,64 @@ impl Twist {
 }
 
 /// The path of an object's origin over `s`, time since [`Motion::zero`].
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub(crate) enum Path {
     /// `centre + swing sin(rate s)`: nearly straight through the middle, and in view at any speed.
-    Sway { centre: DVec3, swing: DVec3, rate: f64 },
+    Sway {
+        #[serde(deserialize_with = "vector")]
+        centre: DVec3,
+        #[serde(deserialize_with = "vector")]
+        swing: DVec3,
+        rate: f64,
+    },
     /// Along a level circle at the angle `start + rate s + acceleration s^2 / 2`.
-    Orbit { centre: DVec3, radius: f64, start: f64, rate: f64, acceleration: f64 },
+    Orbit {
+        #[serde(deserialize_with = "vector")]
+        centre: DVec3,
+        radius: f64,
+        start: f64,
+        rate: f64,
+        acceleration: f64,
+    },
     /// Swaying sideways while bouncing on the floor.
-    Bounce { centre: DVec3, swing: DVec3, rate: f64, bounce: Bounce },
+    Bounce {
+        #[serde(deserialize_with = "vector")]
+        centre: DVec3,
+        #[serde(deserialize_with = "vector")]
+        swing: DVec3,
+        rate: f64,
+        bounce: Bounce,
+    },
     /// `start + velocity s + acceleration s^2 / 2`: a steady or braked slide, free fall, a throw; without both, rest.
-    Line { start: DVec3, velocity: DVec3, acceleration: DVec3 },
-    /// At the end of an arm that turns with the object around a pivot: a door, a wing, a pendulum. `arm` is from the pivot to the
-    /// object's origin at the angle 0.
-    Arm { pivot: DVec3, arm: DVec3 },
+    Line {
+        #[serde(deserialize_with = "vector")]
+        start: DVec3,
+        #[serde(default, deserialize_with = "vector")]
+        velocity: DVec3,
+        #[serde(default, deserialize_with = "vector")]
+        acceleration: DVec3,
+    },
+    /// At the end of an arm that turns with the body around a pivot: a door, a wing, a pendulum. `arm` is from the pivot
+    /// to the body's origin at the angle 0.
+    Arm {
+        #[serde(deserialize_with = "vector")]
+        pivot: DVec3,
+        #[serde(deserialize_with = "vector")]
+        arm: DVec3,
+    },
 }
 
 /// The angle of a turn around a fixed axis over `s`, radians.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub(crate) enum Turn {
     /// `rate s + acceleration s^2 / 2`.
-    Steady { rate: f64, acceleration: f64 },
+    Steady {
+        rate: f64,
+        #[serde(default)]
+        acceleration: f64,
+    },
     /// `amplitude cos(rate s + phase)`: a pendulum, by the law of small angles.
     Swing { amplitude: f64, rate: f64, phase: f64 },
 }
@@ -69,7 +110,8 @@ impl Turn {
 
 /// A ball on a floor: free flight, and a short contact in which an even force turns its velocity round. A contact of no
 /// duration would have no velocity at its instant.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Bounce {
     /// How far it falls, metres.
     pub height: f64,

@@ -6,6 +6,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
+use serde::Deserialize;
 
 /// A pattern in three colours (linear light, 0 to 1).
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +19,8 @@ pub(crate) struct Texture {
 }
 
 /// How a texture's colours are laid out.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Pattern {
     /// Cubes of random colours with dark joints.
     Mosaic,

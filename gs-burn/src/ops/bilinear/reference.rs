@@ -2,7 +2,8 @@
 
 use burn::tensor::Tensor;
 
-/// Reference of [`bilinear`](super::bilinear()): the same arguments, result and gradients, one tensor operation at a time.
+/// Reference of [`bilinear`](super::bilinear()): the same arguments, result and gradients, one tensor operation at a
+/// time.
 ///
 /// # Panics
 /// When the image has no pixels, the float types disagree, or the positions are not pairs.

@@ -8,11 +8,11 @@ use super::{DeviceCount, TileIntersections};
 use crate::ops::columns;
 use crate::ops::pixels::{depth_order, drawn, raw_alphas};
 
-/// Reference of [`intersect`](super::intersect): every Gaussian at every pixel, so for small scenes only. Depth order and alphas
-/// are tensor operations; the lists, which have no gradient, are assembled on the host.
+/// Reference of [`intersect`](super::intersect): every Gaussian at every pixel, so for small scenes only. Depth order
+/// and alphas are tensor operations; the lists, which have no gradient, are assembled on the host.
 ///
-/// A pair is listed if the Gaussian reaches the alpha cut-off at the centre of some pixel of the tile. The kernels list a few pairs
-/// more, because they test ellipses instead of pixels and allow for rounding; those change no pixel.
+/// A pair is listed if the Gaussian reaches the alpha cut-off at the centre of some pixel of the tile. The kernels list
+/// a few pairs more, because they test ellipses instead of pixels and allow for rounding; those change no pixel.
 ///
 /// # Panics
 /// When shapes or float types disagree.

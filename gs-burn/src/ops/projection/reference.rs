@@ -23,8 +23,8 @@ pub fn project_reference(
     }
     let fixed = [&means, &quats, &log_scales, &viewmat].map(|tensor| tensor.clone().detach());
     let culled = culled(&fixed, config);
-    // Culled Gaussians are replaced by one in front of the camera before the differentiable pass: even a masked result would
-    // otherwise send back 0 * inf = NaN.
+    // Culled Gaussians are replaced by one in front of the camera before the differentiable pass: even a masked result
+    // would otherwise send back 0 * inf = NaN.
     let [_, _, _, fixed_viewmat] = fixed;
     let spare = Tensor::<2>::from_data([[1.0, 0.0, 0.0, 0.0]], (&quats.device(), quats.dtype()));
     let means = means.mask_where(wide(&culled, 3), in_front(fixed_viewmat).expand([count, 3]));

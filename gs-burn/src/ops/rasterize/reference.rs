@@ -7,11 +7,11 @@ use super::RasterizeConfig;
 use crate::ops::columns;
 use crate::ops::pixels::{depth_order, drawn, raw_alphas};
 
-/// Reference of [`rasterize`](super::rasterize): every pixel against every Gaussian in depth order, so it needs no lists, and
-/// memory for pixels x Gaussians.
+/// Reference of [`rasterize`](super::rasterize): every pixel against every Gaussian in depth order, so it needs no
+/// lists, and memory for pixels x Gaussians.
 ///
-/// Only the first two columns of `screen` get a gradient. The absolute columns are not a derivative: they are the sum over pixels
-/// of the magnitude of each pixel's contribution to the first two.
+/// Only the first two columns of `screen` get a gradient. The absolute columns are not a derivative: they are the sum
+/// over pixels of the magnitude of each pixel's contribution to the first two.
 ///
 /// # Panics
 /// When shapes or float types disagree.
@@ -55,8 +55,8 @@ pub fn rasterize_reference(
     let dropped = raw.clone().lower_elem(ALPHA_MIN);
     let alpha = raw.clamp_max(ALPHA_MAX).mask_fill(dropped, 0.0);
 
-    // Transmittance only decreases, so the Gaussian that would bring it below the floor and all behind it are those after which the
-    // unstopped product is below the floor.
+    // Transmittance only decreases, so the Gaussian that would bring it below the floor and all behind it are those
+    // after which the unstopped product is below the floor.
     let unstopped = (-alpha.clone() + 1.0).detach().cumprod(1);
     let alpha = alpha.mask_fill(unstopped.lower_elem(TRANSMITTANCE_MIN), 0.0);
     let after = (-alpha.clone() + 1.0).cumprod(1);

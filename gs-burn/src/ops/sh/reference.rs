@@ -31,8 +31,8 @@ pub fn sh_colors_reference(
     let culled = columns::radius(projected.inner()).equal_elem(0.0);
     let plain = colors(means.clone().detach(), sh.clone().detach()).detach();
     let broken = !plain.is_finite().all_dim(1) & !culled.clone();
-    // Gaussians that are not drawn are replaced by harmless values before the differentiable pass, or they would send back 0 * inf
-    // = NaN.
+    // Gaussians that are not drawn are replaced by harmless values before the differentiable pass, or they would send
+    // back 0 * inf = NaN.
     let skipped = culled.clone() | broken.clone();
     let [_, coefficients, _] = sh.dims();
     let sh = sh.mask_fill(skipped.clone().unsqueeze_dim::<3>(2).expand([count, coefficients, 3]), 0.0);

@@ -26,8 +26,8 @@ pub struct Intersections {
     pub gaussian_offsets: Vec<i32>,
     /// `[M]`: positions in `gaussian_ids`, ascending for each Gaussian.
     pub positions: Vec<i32>,
-    /// Empty if the tiles are those of the image, in order. Otherwise `[tiles]`: the image's tile of each list; a tile of the image
-    /// may then have several lists, or none (see [`crate::cpu::exposure`]).
+    /// Empty if the tiles are those of the image, in order. Otherwise `[tiles]`: the image's tile of each list; a tile
+    /// of the image may then have several lists, or none (see [`crate::cpu::exposure`]).
     pub places: Vec<i32>,
 }
 
@@ -62,7 +62,8 @@ impl Intersections {
 /// Finds all (tile, Gaussian) pairs.
 ///
 /// `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`. Left out are culled Gaussians, those whose opacity is
-/// below the cut-off or infinite, and those with a feature that is not finite or not below [`FEATURE_MAX`](crate::constants::FEATURE_MAX).
+/// below the cut-off or infinite, and those with a feature that is not finite or not below
+/// [`FEATURE_MAX`](crate::constants::FEATURE_MAX).
 ///
 /// # Panics
 /// When the slices disagree in length, when an image side exceeds 2^20 pixels, or when there are more than 2^31 pairs
@@ -105,8 +106,8 @@ pub fn intersect<F: Real>(
     deal(&runs, &order, gaussian_offsets, columns * rows, columns, total as usize)
 }
 
-/// Distributes the Gaussians to the tiles in `order`. The order is cut into as many pieces as there are threads; counts give the
-/// offset of each piece's entries in every tile, so the result does not depend on the cut.
+/// Distributes the Gaussians to the tiles in `order`. The order is cut into as many pieces as there are threads; counts
+/// give the offset of each piece's entries in every tile, so the result does not depend on the cut.
 fn deal(
     runs: &[Spans],
     order: &[u32],

@@ -7,8 +7,8 @@ use crate::cpu::real::LaneTask;
 use crate::cpu::wide::{Number, Wide};
 use crate::rows::ProjectedRow;
 
-/// Relative and absolute slack of the cut-off, in units of sigma. The exact decision is made per pixel; the slack only ensures that
-/// rounding never omits a tile.
+/// Relative and absolute slack of the cut-off, in units of sigma. The exact decision is made per pixel; the slack only
+/// ensures that rounding never omits a tile.
 pub(crate) const SLACK: (f64, f64) = (1e-5, 1e-3);
 /// Slack of a pixel bound, pixels.
 pub(crate) const PIXEL_SLACK: f64 = 0.02;
@@ -67,7 +67,8 @@ struct FindSpans<'a, F> {
     size: [u32; 2],
 }
 
-/// Edges of sixteen ellipses in one row of tiles each, pixels; a lane without any has its right edge left of the left one.
+/// Edges of sixteen ellipses in one row of tiles each, pixels; a lane without any has its right edge left of the left
+/// one.
 #[derive(Clone, Copy)]
 struct Edges<F> {
     left: [F; LANES],
@@ -139,11 +140,11 @@ impl<F: Real> FindSpans<'_, F> {
         usable && ProjectedRow::read(self.projected, id).radius > F::ZERO
     }
 
-    /// Edges of the ellipses `d1 (dx + l dy)^2 + d2 dy^2 <= k` about their means, in as many rows of tiles as the tallest
-    /// has, each from its own first row on. Returns the rows of tiles of each, `first..end`.
+    /// Edges of the ellipses `d1 (dx + l dy)^2 + d2 dy^2 <= k` about their means, in as many rows of tiles as the
+    /// tallest has, each from its own first row on. Returns the rows of tiles of each, `first..end`.
     ///
-    /// In a strip of `dy`, the rightmost point is the whole ellipse's rightmost point clamped to the strip, because the right edge
-    /// is a concave function of `dy`; likewise on the left.
+    /// In a strip of `dy`, the rightmost point is the whole ellipse's rightmost point clamped to the strip, because the
+    /// right edge is a concave function of `dy`; likewise on the left.
     #[inline(always)]
     fn edges<L: Lanes<Real = F>>(&self, ids: &[usize; LANES], edges: &mut Vec<Edges<F>>) -> [(u32, u32); LANES] {
         let mut columns = [[F::ZERO; LANES]; 6];

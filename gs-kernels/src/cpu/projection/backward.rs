@@ -84,8 +84,8 @@ impl<F: Real> LaneTask<F> for ChunkBackward<'_, F> {
         let end = self.first + self.means.len() / MEAN;
         let mut next = self.first;
         loop {
-            // Lanes are filled with the next Gaussians that are drawn and have a gradient: in a trained scene many are hidden
-            // behind others, and the rest of the pass is linear in v.
+            // Lanes are filled with the next Gaussians that are drawn and have a gradient: in a trained scene many are
+            // hidden behind others, and the rest of the pass is linear in v.
             let (mut ids, mut count) = ([0_u32; LANES], 0);
             while next < end && count < LANES {
                 let v = &self.v_projected[next * PROJECTED..][..PROJECTED];

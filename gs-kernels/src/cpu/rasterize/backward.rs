@@ -1,15 +1,16 @@
 //! Blending backward.
 //!
-//! Per tile, the forward walk is replayed, at the blocks that it changed, and every alpha and transmittance is kept (a pixel blends at
-//! most 2,346 Gaussians, because each takes 1/255 of the light and the pixel ends at 1e-4), so that nothing is recomputed by division.
-//! Then the list is walked back to front with the light behind each Gaussian as one running number `R` per pixel:
+//! Per tile, the forward walk is replayed, at the blocks that it changed, and every alpha and transmittance is kept (a
+//! pixel blends at most 2,346 Gaussians, because each takes 1/255 of the light and the pixel ends at 1e-4), so that
+//! nothing is recomputed by division. Then the list is walked back to front with the light behind each Gaussian as one
+//! running number `R` per pixel:
 //!
-//! `q = f . v`, `v_alpha = T (q - R)`, `R += alpha (q - R)`, where `v` is the gradient with respect to the pixel's channels. (The
-//! usual form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
+//! `q = f . v`, `v_alpha = T (q - R)`, `R += alpha (q - R)`, where `v` is the gradient with respect to the pixel's
+//! channels. (The usual form carries the sum `S = T (1 - alpha) R` and divides it by `1 - alpha`.)
 //!
-//! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients with respect to the ellipse are moments of `s` over the
-//! tile. Every (tile, Gaussian) pair has a gradient row of its own, and a Gaussian's rows are added in tile order
-//! ([`super::gather`]), so that sums do not depend on the timing of threads.
+//! With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients with respect to the ellipse are moments of
+//! `s` over the tile. Every (tile, Gaussian) pair has a gradient row of its own, and a Gaussian's rows are added in
+//! tile order ([`super::gather`]), so that sums do not depend on the timing of threads.
 
 use rayon::prelude::*;
 
@@ -26,8 +27,9 @@ use crate::cpu::real::LaneTask;
 use crate::cpu::wide::Number;
 use crate::rows::ProjectedRow;
 
-/// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read. `changed` `[M]` is
-/// that of [`super::forward_saving`] for the same inputs; without it the blocks are searched again, with the same result.
+/// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read.
+/// `changed` `[M]` is that of [`super::forward_saving`] for the same inputs; without it the blocks are searched again,
+/// with the same result.
 ///
 /// A Gaussian whose gradient is not finite receives zero.
 ///
@@ -147,7 +149,8 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         }
     }
 
-    /// Repeats the forward walk, keeping every step; returns the final transmittance, signs as in [`crate::cpu::blend`].
+    /// Repeats the forward walk, keeping every step; returns the final transmittance, signs as in
+    /// [`crate::cpu::blend`].
     #[inline(always)]
     fn replay<L: Lanes<Real = F>>(&mut self, origin: [usize; 2]) -> TilePlane<F> {
         let inputs = self.inputs;
@@ -201,7 +204,8 @@ impl<F: Real, const UNROLL: usize> TileBackward<'_, F, UNROLL> {
         transmittance
     }
 
-    /// `R` behind the last Gaussian, `background . v - v_alpha`, and the gradient with respect to the background, `sum T v`.
+    /// `R` behind the last Gaussian, `background . v - v_alpha`, and the gradient with respect to the background, `sum
+    /// T v`.
     #[inline(always)]
     fn behind_everything<L: Lanes<Real = F>>(&self, transmittance: &TilePlane<F>) -> (TilePlane<F>, Vec<F>) {
         let channels = self.channels();

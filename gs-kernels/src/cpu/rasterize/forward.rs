@@ -12,9 +12,9 @@ use crate::cpu::real::LaneTask;
 
 /// Renders.
 ///
-/// `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]`. Returns `[H, W, C + depth + 1]`: the features
-/// over the background, the accumulated depth (no background) if requested, and `alpha = 1 - T`. For lists with `places` it returns
-/// `[tiles, 16, 16, C + depth + 1]`: one tile per list, zero in its pixels outside the image.
+/// `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`, `background` `[C]`. Returns `[H, W, C + depth + 1]`:
+/// the features over the background, the accumulated depth (no background) if requested, and `alpha = 1 - T`. For lists
+/// with `places` it returns `[tiles, 16, 16, C + depth + 1]`: one tile per list, zero in its pixels outside the image.
 ///
 /// # Panics
 /// When the slices disagree in length, or a list is for a tile outside the image.
@@ -29,8 +29,8 @@ pub fn forward<F: Real>(
     walk(&Inputs::new(config, projected, opacities, features, background, lists), None)
 }
 
-/// Like [`forward`], with what spares [`backward`](super::backward()) the search for it: for each pair `[M]` the blocks of its tile that it
-/// may have changed, as bits; 0 for pairs behind the last visible one.
+/// Like [`forward`], with what spares [`backward`](super::backward()) the search for it: for each pair `[M]` the blocks
+/// of its tile that it may have changed, as bits; 0 for pairs behind the last visible one.
 ///
 /// # Panics
 /// As [`forward`].

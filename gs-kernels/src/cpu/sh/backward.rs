@@ -56,7 +56,8 @@ pub fn backward<F: Real>(
     ShGradients { means: v_means, sh: v_sh, viewmat: centre_vjp(&pose, v_centre).into_viewmat() }
 }
 
-/// As many Gaussians as the gradients hold. It is a lane task only for the processor's instructions, as in the forward pass.
+/// As many Gaussians as the gradients hold. It is a lane task only for the processor's instructions, as in the forward
+/// pass.
 struct ChunkBackward<'a, F, const USED: usize> {
     chunk: Chunk<'a, F>,
     v_colors: &'a [F],

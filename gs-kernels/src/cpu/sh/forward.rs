@@ -32,8 +32,8 @@ pub fn forward<F: Real>(means: &[F], sh: &[F], viewmat: &[F], projected: &[F], c
     colours
 }
 
-/// As many Gaussians as `colours` holds. It is a lane task only for the processor's instructions: the compiler vectorises over the
-/// coefficients.
+/// As many Gaussians as `colours` holds. It is a lane task only for the processor's instructions: the compiler
+/// vectorises over the coefficients.
 struct ChunkForward<'a, F, const USED: usize> {
     chunk: Chunk<'a, F>,
     colours: &'a mut [F],

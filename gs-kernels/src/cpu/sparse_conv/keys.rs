@@ -58,7 +58,7 @@ pub enum SparseError {
         kernel: usize,
         /// Stride.
         stride: usize,
-        /// What is accepted.
+        /// The accepted values.
         expected: &'static str,
     },
     /// A table of neighbours beyond the size of one buffer.
@@ -109,7 +109,7 @@ pub(super) fn unpack(key: u64) -> [i32; 4] {
     [(key >> (3 * AXIS_BITS)) as i32, axis(2 * AXIS_BITS), axis(AXIS_BITS), axis(0)]
 }
 
-/// What to add to a key to move by `[x, y, z]`.
+/// The number to add to a key to move by `[x, y, z]`.
 pub(super) fn shift([x, y, z]: [i64; 3]) -> i64 {
     (x << (2 * AXIS_BITS)) + (y << AXIS_BITS) + z
 }

@@ -14,8 +14,8 @@ use crate::rows::PROJECTED;
 /// Tiles and the Gaussians that touch them, on the device; see [`crate::cpu::intersect::Intersections`].
 #[derive(Clone, Debug)]
 pub struct Intersections {
-    /// `[tiles + 1]`. For lists with [places](crate::cpu::intersect::Intersections::places), those `[tiles]` follow in the same
-    /// buffer, because the backward kernel has no binding left.
+    /// `[tiles + 1]`. For lists with [places](crate::cpu::intersect::Intersections::places), those `[tiles]` follow in
+    /// the same buffer, because the backward kernel has no binding left.
     pub tile_offsets: Buffer,
     /// Number of lists with `places`; 0 if the tiles are those of the image in order.
     pub placed: usize,
@@ -36,8 +36,8 @@ pub struct Found {
     pub words: Option<Buffer>,
 }
 
-/// One unit per Gaussian and one behind: `counts_in_order[k] = counts[order[k]]` and a copy of `offsets`, all zero if the pairs, whose
-/// number the offsets end with, exceed `room`. Unit 0 writes that number's higher and lower 16 bits.
+/// One unit per Gaussian and one behind: `counts_in_order[k] = counts[order[k]]` and a copy of `offsets`, all zero if
+/// the pairs, whose number the offsets end with, exceed `room`. Unit 0 writes that number's higher and lower 16 bits.
 #[cube(launch_unchecked)]
 fn admit_kernel(
     counts: &[u32],
@@ -65,14 +65,15 @@ fn admit_kernel(
     }
 }
 
-/// Pairs that a unit writes: enough to pay for the search for the first one's Gaussian, few enough that a Gaussian over all tiles is
-/// written by many units.
+/// Pairs that a unit writes: enough to pay for the search for the first one's Gaussian, few enough that a Gaussian over
+/// all tiles is written by many units.
 pub const PAIRS_OF_A_UNIT: u32 = 16;
 
-/// One unit per [`PAIRS_OF_A_UNIT`] pairs in depth order of their Gaussians: writes them. `pairs` has three parts of one length: the tile
-/// of each pair, the pair's slot in the list by Gaussian, and the Gaussian of each slot. The unit searches the Gaussian of its first pair
-/// and walks over that Gaussian's tile rows up to the pair, so a unit walks over at most a column of tiles more than it writes. Places
-/// behind the last pair, up to `room`, go to a tile behind the last.
+/// One unit per [`PAIRS_OF_A_UNIT`] pairs in depth order of their Gaussians: writes them. `pairs` has three parts of
+/// one length: the tile of each pair, the pair's slot in the list by Gaussian, and the Gaussian of each slot. The unit
+/// searches the Gaussian of its first pair and walks over that Gaussian's tile rows up to the pair, so a unit walks
+/// over at most a column of tiles more than it writes. Places behind the last pair, up to `room`, go to a tile behind
+/// the last.
 #[cube(launch_unchecked)]
 fn emit_kernel(
     projected: &[f32],
@@ -132,8 +133,8 @@ fn emit_kernel(
             above = below;
             tile_row += 1u32;
         }
-        // A compiler may round this kernel and the counting one differently. If a tile is missing now, its pair goes to a tile behind
-        // the last, which is never drawn.
+        // A compiler may round this kernel and the counting one differently. If a tile is missing now, its pair goes to
+        // a tile behind the last, which is never drawn.
         while pair < stop {
             pairs[pair as usize] = tiles;
             pairs[(start_slots + pair) as usize] = slot + (pair - begin);
@@ -284,8 +285,8 @@ pub(super) fn by_tile(
 
     let slab = Buffer::slab(client, "pairs of tile and Gaussian", [pairs; 3])?;
     if pairs > 0 {
-        // SAFETY: ranks and Gaussians are below `count`, as the sort permutes them; pairs and slots are below `pairs`, because the
-        // admitted offsets end there or before; the slab's parts are that long.
+        // SAFETY: ranks and Gaussians are below `count`, as the sort permutes them; pairs and slots are below `pairs`,
+        // because the admitted offsets end there or before; the slab's parts are that long.
         unsafe {
             emit_kernel::launch_unchecked(
                 client,
@@ -317,13 +318,13 @@ pub(super) fn by_tile(
 /// Finds all (tile, Gaussian) pairs: `projected` `[N, 8]`, `opacities` `[N]`, `features` `[N, C]`; the twin of
 /// [`crate::cpu::intersect::intersect`].
 ///
-/// Without `room` the number of pairs is read back. With it, the lists have this length and nothing waits for the device: places behind
-/// the last pair belong to no tile and no Gaussian, and if there are more pairs than `room`, all lists are empty. Room that does not fit
-/// into a buffer is not used.
+/// Without `room` the number of pairs is read back. With it, the lists have this length and nothing waits for the
+/// device: places behind the last pair belong to no tile and no Gaussian, and if there are more pairs than `room`, all
+/// lists are empty. Room that does not fit into a buffer is not used.
 ///
 /// # Errors
-/// When there are 2^31 pairs or more, a buffer would be too large, an image side exceeds 2^20 pixels, or the device fails
-/// while the number of pairs is read.
+/// When there are 2^31 pairs or more, a buffer would be too large, an image side exceeds 2^20 pixels, or the device
+/// fails while the number of pairs is read.
 ///
 /// # Panics
 /// When the buffers disagree in length.

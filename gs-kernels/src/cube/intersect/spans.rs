@@ -61,7 +61,8 @@ pub(super) fn ellipse(row: DeviceRow, opacity: f32, height: f32) -> Ellipse {
     Ellipse { k: cut.k, reach_y: cut.reach_y, turn: cut.turn, rows }
 }
 
-/// The size of the ellipse `d1 (dx + l dy)^2 + d2 dy^2 <= k` beyond which alpha is under the cut-off, with slack for rounding.
+/// The size of the ellipse `d1 (dx + l dy)^2 + d2 dy^2 <= k` beyond which alpha is under the cut-off, with slack for
+/// rounding.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(in crate::cube) struct CutOff {
@@ -82,8 +83,8 @@ pub(in crate::cube) fn cut_off(row: DeviceRow, opacity: f32) -> CutOff {
     CutOff { k, reach_y, turn }
 }
 
-/// Whether the ellipse, about its mean, touches the rectangle of pixel centres `left..=left + wide`, `top..=top + high`; with the
-/// slack of the tiles, so that no pixel whose alpha reaches the cut-off is left out.
+/// Whether the ellipse, about its mean, touches the rectangle of pixel centres `left..=left + wide`, `top..=top +
+/// high`; with the slack of the tiles, so that no pixel whose alpha reaches the cut-off is left out.
 #[cube]
 pub(in crate::cube) fn touches(
     d1: f32,
@@ -110,8 +111,8 @@ fn edge(d1: f32, l: f32, d2: f32, k: f32, dy: f32, side: f32) -> f32 {
     side * rest.sqrt() - l * dy
 }
 
-/// Columns of tiles that the ellipse touches in tile row `tile_row`. The rightmost point in the strip is the whole ellipse's
-/// rightmost point clamped to the strip; likewise on the left.
+/// Columns of tiles that the ellipse touches in tile row `tile_row`. The rightmost point in the strip is the whole
+/// ellipse's rightmost point clamped to the strip; likewise on the left.
 #[cube]
 pub(super) fn columns_in(row: DeviceRow, ellipse: Ellipse, tile_row: u32, width: f32, height: f32) -> Range {
     let top = f32::cast_from(tile_row) * EDGE + 0.5f32;

@@ -1,6 +1,7 @@
 //! From gradients with respect to the rows to gradients with respect to the parameters and the pose.
 //!
-//! The camera's gradient is a sum over all Gaussians: each cube writes one row of twelve sums, and a last cube adds the rows.
+//! The camera's gradient is a sum over all Gaussians: each cube writes one row of twelve sums, and a last cube adds the
+//! rows.
 
 use cubecl::prelude::*;
 
@@ -44,8 +45,8 @@ fn pose_sums(
     }
 }
 
-/// Backward: one unit per Gaussian reads 26 values and writes 10; all outputs are parts of one buffer, to stay within eight
-/// bindings.
+/// Backward: one unit per Gaussian reads 26 values and writes 10; all outputs are parts of one buffer, to stay within
+/// eight bindings.
 #[cube(launch_unchecked)]
 fn projection_backward_kernel(
     means: &[f32],
@@ -137,8 +138,8 @@ fn masked(v: Vec3, kept: bool) -> Vec3 {
     Vec3 { x: select(kept, v.x, 0.0f32), y: select(kept, v.y, 0.0f32), z: select(kept, v.z, 0.0f32) }
 }
 
-/// One cube: adds the cubes' rows of pose sums `[rows, 12]` into the gradient of `viewmat` `[4, 4]`, which is zero if a sum is not
-/// finite.
+/// One cube: adds the cubes' rows of pose sums `[rows, 12]` into the gradient of `viewmat` `[4, 4]`, which is zero if a
+/// sum is not finite.
 #[cube(launch_unchecked)]
 fn pose_sum_kernel(sums: &[f32], viewmat: &mut [f32], rows: u32) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
@@ -174,9 +175,9 @@ pub struct ProjectionGradients {
     pub viewmat: Option<Buffer>,
 }
 
-/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient with respect to it; the twin of
-/// [`crate::cpu::projection::backward`]. Culled Gaussians receive zero, and so does one whose gradient is not finite.
-/// That of the camera is made only if `of_pose`.
+/// Backward of [`super::forward`]: `projected` is its result, `v_projected` `[N, 8]` the gradient with respect to it;
+/// the twin of [`crate::cpu::projection::backward`]. Culled Gaussians receive zero, and so does one whose gradient is
+/// not finite. The camera's gradient is made only if `of_pose`.
 ///
 /// # Errors
 /// When the gradients exceed one buffer.

@@ -63,8 +63,8 @@ fn projection_forward_kernel(
     write_row(projected, index, row, path.drawable && row_finite && seen_x && seen_y);
 }
 
-/// Projects every Gaussian: `means` `[N, 3]`, `quats` `[N, 4]`, `log_scales` `[N, 3]`, `viewmat` `[4, 4]` to packed rows
-/// `[N, 8]`; the twin of [`crate::cpu::projection::forward`].
+/// Projects every Gaussian: `means` `[N, 3]`, `quats` `[N, 4]`, `log_scales` `[N, 3]`, `viewmat` `[4, 4]` to packed
+/// rows `[N, 8]`; the twin of [`crate::cpu::projection::forward`].
 ///
 /// # Errors
 /// When the rows exceed one buffer.

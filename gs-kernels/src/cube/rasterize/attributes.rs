@@ -1,8 +1,8 @@
-//! The rows that a tile stages: all values of a Gaussian that a pixel needs, contiguous, so that a batch is read in few cache lines
-//! and through one binding.
+//! The rows that a tile stages: all values of a Gaussian that a pixel needs, contiguous, so that a batch is read in few
+//! cache lines and through one binding.
 //!
-//! Row: mean x, mean y, d1, l, d2, opacity, the size of the cut-off ellipse (`k`, `reach_y`, `turn`), then the blended channels
-//! (features, and depth if it is accumulated). With three channels a row is 48 bytes.
+//! Row: mean x, mean y, d1, l, d2, opacity, the size of the cut-off ellipse (`k`, `reach_y`, `turn`), then the blended
+//! channels (features, and depth if it is accumulated). With three channels a row is 48 bytes.
 
 use cubecl::prelude::*;
 

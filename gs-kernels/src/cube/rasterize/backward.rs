@@ -1,18 +1,18 @@
 //! Blending backward. One cube of 64 units per tile, four pixels per unit.
 //!
-//! The forward pass has saved every pixel's final transmittance and the position of its last Gaussian. The walk goes back to front
-//! with the light `S` behind each Gaussian as one running number per pixel:
+//! The forward pass has saved every pixel's final transmittance and the position of its last Gaussian. The walk goes
+//! back to front with the light `S` behind each Gaussian as one running number per pixel:
 //!
 //! `T = T_behind / (1 - alpha)`, `q = f . v`, `v_alpha = T q - S / (1 - alpha)`, `S += alpha T q`,
 //!
-//! where `v` is the gradient with respect to the pixel's channels. The division is harmless because alpha is at most 0.999, and no
-//! value is a difference of large sums. With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all gradients with respect to the
-//! ellipse are moments of `s` over pixels.
+//! where `v` is the gradient with respect to the pixel's channels. The division is harmless because alpha is at most
+//! 0.999, and no value is a difference of large sums. With `s = -alpha v_alpha = v_sigma` and `u = dx + l dy`, all
+//! gradients with respect to the ellipse are moments of `s` over pixels.
 //!
-//! Every (tile, Gaussian) pair has a row of moments of its own, written by its tile alone, and the rows of a Gaussian are added in
-//! a fixed order ([`super::pair_sum`]): no atomic addition of floats, so equal inputs give equal bits. Inside the tile a unit first adds
-//! its four pixels in registers; the 64 units' sums are then added in shared memory, for as many Gaussians at once as fit there. No
-//! plane operation is used, so the width of a plane does not matter.
+//! Every (tile, Gaussian) pair has a row of moments of its own, written by its tile alone, and the rows of a Gaussian
+//! are added in a fixed order ([`super::pair_sum`]): no atomic addition of floats, so equal inputs give equal bits.
+//! Inside the tile a unit first adds its four pixels in registers; the 64 units' sums are then added in shared memory,
+//! for as many Gaussians at once as fit there. No plane operation is used, so the width of a plane does not matter.
 
 use cubecl::prelude::*;
 
@@ -37,7 +37,8 @@ const COLUMN_OF_BLOCKS: u32 = 0b0101_0101;
 /// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
 const STAGE: usize = 896;
 
-/// One cube per tile: writes a row of moments for every pair of the tile, and the tile's part of the background's gradient.
+/// One cube per tile: writes a row of moments for every pair of the tile, and the tile's part of the background's
+/// gradient.
 #[cube(launch_unchecked)]
 fn rasterize_backward_kernel(
     attributes: &[f32],
@@ -264,8 +265,8 @@ fn rasterize_backward_kernel(
 }
 
 /// Backward of [`super::forward`] from `v_output` in the shape of its result, with what that `saved`; the twin of
-/// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero. The gradient of the background is made
-/// only if it is wanted.
+/// [`crate::cpu::rasterize::backward`]. A Gaussian whose gradient is not finite receives zero. The gradient of the
+/// background is made only if it is wanted.
 ///
 /// # Errors
 /// When a buffer would be too large, or the device fails while the tiles' offsets are read.
@@ -283,8 +284,8 @@ pub fn backward(
     backward_within(client, config, inputs, saved, v_output, of_background, PAIR_BYTES)
 }
 
-/// [`backward`] with at most `pair_bytes` of pair rows at once (or those of one tile, if they are more). The sums keep their order,
-/// so the limit does not change a bit of the result.
+/// [`backward`] with at most `pair_bytes` of pair rows at once (or those of one tile, if they are more). The sums keep
+/// their order, so the limit does not change a bit of the result.
 ///
 /// # Errors
 /// As [`backward`].

@@ -1,7 +1,8 @@
 //! The eight blocks of 8 x 4 pixels of a tile, and which Gaussians reach them.
 //!
-//! Thirty-two consecutive units own a block, or in the backward pass four blocks below each other, so whether a Gaussian is skipped is
-//! one decision for all of them. The test is that of the tiles, with its slack: a pair is skipped only where alpha is under the cut-off.
+//! Thirty-two consecutive units own a block, or in the backward pass four blocks below each other, so whether a
+//! Gaussian is skipped is one decision for all of them. The test is that of the tiles, with its slack: a pair is
+//! skipped only where alpha is under the cut-off.
 
 use cubecl::prelude::*;
 

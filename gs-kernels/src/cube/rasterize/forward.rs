@@ -18,8 +18,8 @@ const STAGE: usize = 2048;
 /// Above this many channels the loops over them are not unrolled: the code would no longer fit an instruction cache.
 pub(super) const UNROLLED: usize = 40;
 
-/// One cube per tile. A pixel ends when a Gaussian would bring its transmittance under the floor; the tile ends when all its pixels
-/// have. `saved` is [`Saved::pixels`].
+/// One cube per tile. A pixel ends when a Gaussian would bring its transmittance under the floor; the tile ends when
+/// all its pixels have. `saved` is [`Saved::pixels`].
 #[cube(launch_unchecked)]
 fn rasterize_forward_kernel(
     attributes: &[f32],
@@ -182,7 +182,7 @@ fn rasterize_forward_kernel(
     }
 }
 
-/// What is blended.
+/// The buffers that are blended.
 #[derive(Clone, Copy, Debug)]
 pub struct Inputs<'a> {
     /// `[N, 8]`
@@ -197,14 +197,14 @@ pub struct Inputs<'a> {
     pub lists: &'a Intersections,
 }
 
-/// What the backward pass reads of the forward one.
+/// The results of the forward pass that the backward one reads.
 #[derive(Clone, Debug)]
 pub struct Saved {
     /// The packed rows, `[N, 9 + blended]`.
     pub attributes: Buffer,
-    /// Bits of each pixel's final transmittance `[pixels]`, one past the place of its last Gaussian in the lists `[pixels]`, and bits of
-    /// the background `[C]`, zero where it is not finite. Bits, because a shader may flush a small whole number read as a float to
-    /// zero; one buffer, because the backward kernel has no binding left.
+    /// Bits of each pixel's final transmittance `[pixels]`, one past the place of its last Gaussian in the lists
+    /// `[pixels]`, and bits of the background `[C]`, zero where it is not finite. Bits, because a shader may flush a
+    /// small whole number read as a float to zero; one buffer, because the backward kernel has no binding left.
     pub pixels: Buffer,
 }
 
@@ -218,8 +218,8 @@ pub struct Rendered {
 }
 
 /// Renders the inputs to `[H, W, C + depth + 1]`, or for
-/// lists with `places` to `[tiles, 16, 16, C + depth + 1]`; the twin of [`crate::cpu::rasterize::forward`]. With `save` it keeps what
-/// [`super::backward`] needs.
+/// lists with `places` to `[tiles, 16, 16, C + depth + 1]`; the twin of [`crate::cpu::rasterize::forward`]. With `save`
+/// it keeps what [`super::backward`] needs.
 ///
 /// # Errors
 /// When a buffer would be too large.
@@ -235,8 +235,8 @@ pub fn forward(client: &Client, config: &RasterizeConfig, inputs: &Inputs, save:
     let kept = if save { 2 * pixels + plan.channels } else { 0 };
     let state = Buffer::empty(client, "transmittances of the rendered image", kept)?;
     if pixels > 0 {
-        // SAFETY: the lists hold numbers of Gaussians below N and places below their own length, as `intersect` made them; the rows
-        // are `[N, stride]`; every other index is a pixel's inside the image or the tiles.
+        // SAFETY: the lists hold numbers of Gaussians below N and places below their own length, as `intersect` made
+        // them; the rows are `[N, stride]`; every other index is a pixel's inside the image or the tiles.
         unsafe {
             rasterize_forward_kernel::launch_unchecked(
                 client,

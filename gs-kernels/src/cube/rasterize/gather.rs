@@ -32,11 +32,12 @@ pub struct RasterizeGradients {
     pub screen: Buffer,
 }
 
-/// Most bytes of pair rows held at once; a scene with more is processed in ranges of tiles. At three channels this is twelve
-/// million pairs.
+/// Most bytes of pair rows held at once; a scene with more is processed in ranges of tiles. At three channels this is
+/// twelve million pairs.
 pub const PAIR_BYTES: usize = 512 << 20;
 
-/// One unit per Gaussian: from moments to gradients; all zero if one is not finite. All outputs are parts of one buffer.
+/// One unit per Gaussian: from moments to gradients; all zero if one is not finite. All outputs are parts of one
+/// buffer.
 #[cube(launch_unchecked)]
 fn finish_kernel(
     sums: &[f32],
@@ -127,8 +128,8 @@ fn background_sum_kernel(backgrounds: &[f32], v_background: &mut [f32], tiles: u
     }
 }
 
-/// Cuts the tiles into ranges of at most `pairs` pairs each; also returns the most pairs of a range. Only if one range is not
-/// enough are the tiles' offsets read back.
+/// Cuts the tiles into ranges of at most `pairs` pairs each; also returns the most pairs of a range. Only if one range
+/// is not enough are the tiles' offsets read back.
 #[allow(clippy::single_range_in_vec_init)] // one range is meant, not its numbers
 pub(super) fn tile_ranges(
     client: &Client,

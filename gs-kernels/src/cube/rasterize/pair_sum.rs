@@ -1,9 +1,9 @@
 //! The sums of a Gaussian's pair rows, in one order whatever the ranges of tiles they are made in.
 //!
-//! The list by Gaussian is cut into chunks of [`CHUNK`] pairs at fixed places. A chunk that lies within one Gaussian is added by units of
-//! its own, a column each; the Gaussian's unit adds the pairs before its first such chunk and behind its last, and at the end the chunks.
-//! So a unit reads at most `2 CHUNK - 2` pairs and a value for each of the Gaussian's chunks, where a Gaussian over all 8,160 tiles of
-//! an image of 1920 x 1080 was one chain of 8,160 reads.
+//! The list by Gaussian is cut into chunks of [`CHUNK`] pairs at fixed places. A chunk that lies within one Gaussian is
+//! added by units of its own, a column each; the Gaussian's unit adds the pairs before its first such chunk and behind
+//! its last, and at the end the chunks. So a unit reads at most `2 CHUNK - 2` pairs and a value for each of the
+//! Gaussian's chunks, where a Gaussian over all 8,160 tiles of an image of 1920 x 1080 was one chain of 8,160 reads.
 
 use std::ops::Range;
 
@@ -15,7 +15,8 @@ use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 use crate::cube::error::CubeError;
 use crate::cube::intersect::Intersections;
 
-/// Pairs of a chunk: near the square root of the most tiles in use, so that neither the chunk nor the sum of chunks is long.
+/// Pairs of a chunk: near the square root of the most tiles in use, so that neither the chunk nor the sum of chunks is
+/// long.
 pub const CHUNK: u32 = 64;
 
 /// The chunks that lie within a Gaussian's pairs `begin..end`.
@@ -36,14 +37,15 @@ fn chunks_within(begin: u32, end: u32) -> Chunks {
     Chunks { first, last }
 }
 
-/// How many values the unit of a Gaussian adds whose pairs are `begin..end` of the list by Gaussian: the bound on the longest chain.
+/// How many values the unit of a Gaussian adds whose pairs are `begin..end` of the list by Gaussian: the bound on the
+/// longest chain.
 pub fn added_by_a_unit(begin: u32, end: u32) -> u32 {
     let Chunks { first, last } = chunks_within(begin, end);
     end - begin - (last - first) * (CHUNK - 1)
 }
 
-/// One unit per chunk and column: adds the column over the chunk's pairs in tiles `first_tile..last_tile` to the sums of earlier ranges of
-/// tiles, if the chunk is one Gaussian's.
+/// One unit per chunk and column: adds the column over the chunk's pairs in tiles `first_tile..last_tile` to the sums
+/// of earlier ranges of tiles, if the chunk is one Gaussian's.
 #[cube(launch_unchecked)]
 fn chunk_sum_kernel(
     pairs: &[f32],
@@ -82,9 +84,9 @@ fn chunk_sum_kernel(
     }
 }
 
-/// One unit per Gaussian and column: adds the column over the Gaussian's pairs outside its chunks in tiles `first_tile..last_tile`, in
-/// tile order, to the sums of earlier ranges of tiles, and behind the last range the chunks. Neighbouring units read neighbouring columns
-/// of one row.
+/// One unit per Gaussian and column: adds the column over the Gaussian's pairs outside its chunks in tiles
+/// `first_tile..last_tile`, in tile order, to the sums of earlier ranges of tiles, and behind the last range the
+/// chunks. Neighbouring units read neighbouring columns of one row.
 #[cube(launch_unchecked)]
 fn pair_sum_kernel(
     pairs: &[f32],
@@ -161,8 +163,8 @@ impl PairSums {
         let row_len = MOMENTS + plan.blended();
         let (first_tile, last_tile) = (tiles.start as u32, tiles.end as u32);
         if self.chunks > 0 {
-            // SAFETY: the lists hold positions below their own length, as `intersect` made them; `pairs` has a row for each pair of
-            // `tiles`, and only these are read.
+            // SAFETY: the lists hold positions below their own length, as `intersect` made them; `pairs` has a row for
+            // each pair of `tiles`, and only these are read.
             unsafe {
                 chunk_sum_kernel::launch_unchecked(
                     client,

@@ -9,8 +9,8 @@ pub(super) const SLOTS: usize = 48;
 /// One more than the units, so that units adding different values touch different banks.
 pub(super) const SLOT: usize = UNITS + 1;
 
-/// Adds `count` values over the units of the cube and writes them to `out` from `to` on, in order. `slots` holds them as
-/// `[value][unit]`. All units must call this.
+/// Adds `count` values over the units of the cube and writes them to `out` from `to` on, in order. `slots` holds them
+/// as `[value][unit]`. All units must call this.
 #[cube]
 pub(super) fn sum_slots(slots: &Shared<[f32]>, count: u32, out: &mut [f32], to: usize) {
     sync_cube();

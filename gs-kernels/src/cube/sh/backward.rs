@@ -14,8 +14,8 @@ use crate::cube::math::{Vec3, combine, dot, finite3, read3, scaled, write3};
 use crate::cube::reduce::{column_sum, cube_sum};
 use crate::cube::rows::read_radius;
 
-/// Backward: one unit per Gaussian. The coefficients' gradient is a buffer of its own, as large as the largest tensor of a scene; the other
-/// outputs are parts of one, to stay within eight bindings.
+/// Backward: one unit per Gaussian. The coefficients' gradient is a buffer of its own, as large as the largest tensor
+/// of a scene; the other outputs are parts of one, to stay within eight bindings.
 #[cube(launch_unchecked)]
 fn sh_backward_kernel(
     means: &[f32],
@@ -93,8 +93,8 @@ fn sh_backward_kernel(
     }
 }
 
-/// One cube: adds the cubes' sums of the gradient with respect to the means `[rows, 3]`, and propagates the camera centre's
-/// gradient, which is its negative, through `-R^T t` to `v_viewmat` `[4, 4]`; zero if it is not finite.
+/// One cube: adds the cubes' sums of the gradient with respect to the means `[rows, 3]`, and propagates the camera
+/// centre's gradient, which is its negative, through `-R^T t` to `v_viewmat` `[4, 4]`; zero if it is not finite.
 #[cube(launch_unchecked)]
 fn centre_sum_kernel(sums: &[f32], viewmat: &[f32], v_viewmat: &mut [f32], rows: u32) {
     let mut slots = Shared::<[f32]>::new_slice(UNITS);
@@ -136,8 +136,8 @@ pub struct ShGradients {
     pub viewmat: Option<Buffer>,
 }
 
-/// Backward of [`super::forward`] from `v_colors` `[N, 3]`; the twin of [`crate::cpu::sh::backward`]. A channel clamped at 0 passes
-/// no gradient. That of the camera is made only if `of_pose`.
+/// Backward of [`super::forward`] from `v_colors` `[N, 3]`; the twin of [`crate::cpu::sh::backward`]. A channel clamped
+/// at 0 passes no gradient. That of the camera is made only if `of_pose`.
 ///
 /// # Errors
 /// When the gradients exceed one buffer.

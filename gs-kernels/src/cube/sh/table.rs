@@ -1,7 +1,7 @@
 //! Rows of coefficients between device memory and a unit, through shared memory.
 //!
-//! A unit that reads its own row touches another line of memory than its neighbours with every value, 48 times at degree 3. Here
-//! neighbouring units read neighbouring values, and a line is touched once.
+//! A unit that reads its own row touches another line of memory than its neighbours with every value, 48 times at
+//! degree 3. Here neighbouring units read neighbouring values, and a line is touched once.
 
 use cubecl::prelude::*;
 
@@ -10,7 +10,8 @@ use crate::cube::buffer::UNITS;
 /// Rows in shared memory at a time: 12.25 KiB at degree 3, of the 16 KiB that WebGPU promises.
 const BATCH: usize = 64;
 
-/// Values from one row to the next in shared memory: odd, so that units at one column of their rows use different banks.
+/// Values from one row to the next in shared memory: odd, so that units at one column of their rows use different
+/// banks.
 const fn stride(columns: usize) -> usize {
     columns | 1
 }
@@ -26,8 +27,8 @@ fn place(index: usize, #[comptime] columns: usize) -> usize {
     index / columns * comptime!(stride(columns)) + index % columns
 }
 
-/// Each unit of a cube reads the first `used` of the `columns` values of its row; a row from `count` on leaves `row` as it is. The whole
-/// cube takes part.
+/// Each unit of a cube reads the first `used` of the `columns` values of its row; a row from `count` on leaves `row` as
+/// it is. The whole cube takes part.
 #[cube]
 pub(super) fn read_rows(
     table: &[f32],

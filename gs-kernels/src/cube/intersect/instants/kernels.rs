@@ -1,6 +1,7 @@
 //! The steps of [`super::intersect_instants`], one kernel each.
 //!
-//! Classes of rows: 0 moves, at the first instant; `1 + k` moves, at further instant `k`; the last class, `still`, does not move.
+//! Classes of rows: 0 moves, at the first instant; `1 + k` moves, at further instant `k`; the last class, `still`, does
+//! not move.
 
 use cubecl::prelude::*;
 
@@ -9,9 +10,9 @@ use crate::cube::scan::{SUMS, saturating_sum, sums_over_units};
 
 const UNITS_U32: u32 = UNITS as u32;
 
-/// One unit per row: its class, and its key at its place in the order of numbers in the scene. A Gaussian's rows of further instants follow
-/// its own. A stable sort by key then breaks ties as in a list of the whole scene. Its launch is checked, because it indexes by numbers that
-/// come from outside.
+/// One unit per row: its class, and its key at its place in the order of numbers in the scene. A Gaussian's rows of
+/// further instants follow its own. A stable sort by key then breaks ties as in a list of the whole scene. Its launch
+/// is checked, because it indexes by numbers that come from outside.
 #[cube(launch)]
 pub(super) fn arrange_kernel(
     keys: &[u32],
@@ -81,8 +82,8 @@ pub(super) fn entry_kernel(
     }
 }
 
-/// One cube per tile of the image: the number of its pairs of each class, into `table` `[grid, classes]`. A unit counts one class at a
-/// time, so that no two write one number.
+/// One cube per tile of the image: the number of its pairs of each class, into `table` `[grid, classes]`. A unit counts
+/// one class at a time, so that no two write one number.
 #[cube(launch_unchecked)]
 pub(super) fn class_count_kernel(
     entries: &[u32],
@@ -123,7 +124,8 @@ pub(super) fn class_count_kernel(
     }
 }
 
-/// The further instants at which something moving touches a tile of the image, and whether the tile has a list without what moves.
+/// The further instants at which something moving touches a tile of the image, and whether the tile has a list without
+/// what moves.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 struct TileExtras {
@@ -202,10 +204,11 @@ fn totals(
     Totals { pairs, extras, fit: pairs <= room_pairs && extras <= room_extras }
 }
 
-/// One unit per tile of the image or place for a further list, whichever are more: the image's tile, class and length of each list, three parts of
-/// `drawn`, and into `shares` the offsets of further lists and the number of instants of each list. A tile's lists are: the one of the
-/// first instant, the one without what moves, and one for each instant at which something moving touches the tile. Without room for
-/// all lists every list is empty and no tile has further ones.
+/// One unit per tile of the image or place for a further list, whichever are more: the image's tile, class and length
+/// of each list, three parts of `drawn`, and into `shares` the offsets of further lists and the number of instants of
+/// each list. A tile's lists are: the one of the first instant, the one without what moves, and one for each instant at
+/// which something moving touches the tile. Without room for all lists every list is empty and no tile has further
+/// ones.
 #[cube(launch_unchecked)]
 pub(super) fn drawn_kernel(
     table: &[u32],
@@ -272,8 +275,8 @@ pub(super) fn drawn_kernel(
     }
 }
 
-/// One unit per row and one behind: the offsets of rows with their pairs of all lists, zero without room. Unit 0 writes the higher and
-/// lower 16 bits of the numbers of pairs and, from `start_tiles` on, of lists.
+/// One unit per row and one behind: the offsets of rows with their pairs of all lists, zero without room. Unit 0 writes
+/// the higher and lower 16 bits of the numbers of pairs and, from `start_tiles` on, of lists.
 #[cube(launch_unchecked)]
 pub(super) fn offset_kernel(
     base_offsets: &[u32],
@@ -308,8 +311,9 @@ pub(super) fn offset_kernel(
     }
 }
 
-/// One unit per place in the final lists. Of a pair of the first lists it writes where its own pair and its first copy stand in the
-/// list by row, two parts of `targets`. Pairs of no tile, and places behind the last pair, get an entry behind all tiles' lists.
+/// One unit per place in the final lists. Of a pair of the first lists it writes where its own pair and its first copy
+/// stand in the list by row, two parts of `targets`. Pairs of no tile, and places behind the last pair, get an entry
+/// behind all tiles' lists.
 #[cube(launch_unchecked)]
 pub(super) fn target_kernel(
     entries: &[u32],
@@ -350,8 +354,8 @@ pub(super) fn target_kernel(
     }
 }
 
-/// One cube per list: the rows of its tile that stand still or move at its instant, in the order of the tile, and the places of these
-/// pairs in the list by row.
+/// One cube per list: the rows of its tile that stand still or move at its instant, in the order of the tile, and the
+/// places of these pairs in the list by row.
 #[cube(launch_unchecked)]
 pub(super) fn fill_kernel(
     entries: &[u32],

@@ -1,9 +1,10 @@
 //! The lists of the tiles of several instants; the twin of [`crate::cpu::exposure::intersect_instants`].
 //!
-//! The rows of all instants are first listed together, so that a tile's list holds every row that touches it at any instant, by depth,
-//! then by number in the scene. Each list to be drawn is a part of its tile's: the rows that stand still, and those that move at the list's
-//! instant, in the same order. Steps: sort the pairs of all rows into tiles; count the pairs of each instant in every tile, which tells
-//! the lists to be drawn; count the lists in which each pair stands; write each list and its places in the list by row.
+//! The rows of all instants are first listed together, so that a tile's list holds every row that touches it at any
+//! instant, by depth, then by number in the scene. Each list to be drawn is a part of its tile's: the rows that stand
+//! still, and those that move at the list's instant, in the same order. Steps: sort the pairs of all rows into tiles;
+//! count the pairs of each instant in every tile, which tells the lists to be drawn; count the lists in which each pair
+//! stands; write each list and its places in the list by row.
 
 mod kernels;
 
@@ -32,7 +33,8 @@ pub struct InstantRows<'a> {
     pub features: &'a Buffer,
     /// Rows of the scene.
     pub scene: usize,
-    /// Row numbers below `scene`, `[M]`; `R = scene + further instants * M`. They must ascend: nothing checks it, and kernels index by them.
+    /// Row numbers below `scene`, `[M]`; `R = scene + further instants * M`. They must ascend: nothing checks it, and
+    /// kernels index by them.
     pub moving: &'a Buffer,
 }
 
@@ -52,14 +54,16 @@ pub struct FoundInstants {
     /// `[grid + 1]` offsets of the further lists of each tile of the image, then `[T]` numbers of instants; see
     /// [`TileShares`](crate::cpu::exposure::TileShares).
     pub shares: Buffer,
-    /// If room was used, `[2]` each, `f32`: the higher and the lower 16 bits of the number of pairs, and of the number of lists.
+    /// If room was used, `[2]` each, `f32`: the higher and the lower 16 bits of the number of pairs, and of the number
+    /// of lists.
     pub words: Option<[Buffer; 2]>,
 }
 
 /// Lists for all instants of a table of rows, as [`crate::cpu::exposure::intersect_instants`] makes them.
 ///
-/// Without `room` the numbers of pairs and lists are read back. With it nothing waits for the device: there are as many lists as there is
-/// room for, the last ones empty, and with too little room all lists are empty. Room that does not fit into a buffer is not used.
+/// Without `room` the numbers of pairs and lists are read back. With it nothing waits for the device: there are as many
+/// lists as there is room for, the last ones empty, and with too little room all lists are empty. Room that does not
+/// fit into a buffer is not used.
 ///
 /// # Errors
 /// As [`intersect`].
@@ -180,8 +184,8 @@ impl Extended {
         let table = Buffer::empty(client, "pairs of each instant", grid_tiles * class_count)?;
         let extras = Buffer::empty(client, "further lists of tiles", grid_tiles)?;
         let copies = Buffer::empty(client, "copies of pairs", pairs)?;
-        // SAFETY: slots are a permutation of the pairs, owners are rows, and offsets of tiles end at the last pair; the table has a row
-        // for each tile of the image.
+        // SAFETY: slots are a permutation of the pairs, owners are rows, and offsets of tiles end at the last pair; the
+        // table has a row for each tile of the image.
         unsafe {
             if pairs > 0 {
                 entry_kernel::launch_unchecked(
@@ -274,8 +278,8 @@ impl Extended {
         let words = Buffer::slab(client, "numbers of pairs and lists", [2; 2])?;
         let targets = Buffer::slab(client, "places of pairs by row", [base_pairs; 2])?;
         let lists = Buffer::slab(client, "pairs of all lists", [pairs; 2])?;
-        // SAFETY: offsets of rows, slots and tiles end at the `base_pairs`; all that is written is below the room, since lists without room
-        // are empty; the parts of each slab are as long as their kernels index them.
+        // SAFETY: offsets of rows, slots and tiles end at the `base_pairs`; all that is written is below the room,
+        // since lists without room are empty; the parts of each slab are as long as their kernels index them.
         unsafe {
             drawn_kernel::launch_unchecked(
                 client,

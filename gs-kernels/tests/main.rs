@@ -1,0 +1,6 @@
+//! The tests of the crate from outside, one module a subject.
+
+mod exposure;
+mod gradients;
+mod hostile;
+mod scenes;
