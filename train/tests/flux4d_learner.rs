@@ -6,12 +6,13 @@ use std::fs;
 use std::sync::Arc;
 
 use gs_burn::named_parameters;
+use gs_train::fit::training::Training;
 use gs_train::pipelines::flux4d::config::FluxConfig;
 use gs_train::pipelines::flux4d::feed::{Draws, Feed, Library};
 use gs_train::pipelines::flux4d::logs::Logs;
 use gs_train::pipelines::flux4d::network::FluxNetwork;
 use gs_train::pipelines::flux4d::saved::restore;
-use gs_train::pipelines::flux4d::trainer::Trainer;
+use gs_train::pipelines::flux4d::trainer::step;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::Job;
@@ -30,7 +31,7 @@ fn bytes(job: &Job, step: usize) -> Vec<u8> {
     fs::read(job.folder.checkpoint(step)).expect("a checkpoint")
 }
 
-fn restored(job: &Job, step: usize) -> Trainer {
+fn restored(job: &Job, step: usize) -> Training<FluxNetwork> {
     let checkpoint = Checkpoint::load(&job.folder.checkpoint(step)).and_then(Checkpoint::whole).expect("loads");
     restore(&checkpoint, &FluxConfig::from_table(&job.config, "the test").expect("valid"), &job.device).expect("fits")
 }
@@ -46,13 +47,13 @@ fn one_device_has_the_bits_of_the_plain_steps() {
     let config = FluxConfig::from_table(&job.config, "the test").expect("valid");
     let logs = Arc::new(Logs::open(&data, &config.own.logs).expect("logs"));
     let feed = Feed::start(Arc::new(Library::new(logs.clone(), &config)), Draws::from(0)).expect("a thread");
-    let mut plain = Trainer::new(FluxNetwork::new(&config, &job.device));
+    let mut plain = Training::new(FluxNetwork::new(&config, &job.device));
     for _ in 0..3 {
         let snippets = [feed.next().expect("a snippet"), feed.next().expect("a snippet")];
-        plain.step(&snippets, (&logs, &config, &job.device), &mut |_| {});
+        step(&mut plain, &snippets, (&logs, &config, &job.device), &mut |_| {});
     }
     let learned = restored(&job, 3);
-    for (plain, learned) in named_parameters(plain.network()).iter().zip(named_parameters(learned.network())) {
+    for (plain, learned) in named_parameters(plain.module()).iter().zip(named_parameters(learned.module())) {
         // Running statistics are not saved.
         if !plain.path.contains("running") {
             assert_eq!(plain.table.to_data(), learned.table.to_data(), "{}", plain.path);

@@ -2,7 +2,7 @@
 //!
 //! Burn's strategies drive: `single` on one device, `multi` on several, and distributed data parallel (DDP) on several of CUDA's.
 //! Each calls [`TrainStep::step`] for a snippet, adds up the gradients and calls [`TrainStep::optimize`], which ends a step here:
-//! Adam of the trainer, then the run's observers. So a run is saved after any step, by its own checkpoint, and Burn's checkpointers,
+//! Adam of the training, then the run's observers. So a run is saved after any step, by its own checkpoint, and Burn's checkpointers,
 //! loggers and display have nothing to do.
 //!
 //! | file | idea |
@@ -31,30 +31,35 @@ use self::loader::{Nothing, Snippets};
 use self::session::Session;
 use self::silent::Silent;
 use super::feed::Library;
+use super::network::FluxNetwork;
 use super::observer::Observer;
-use super::trainer::Trainer;
+use crate::fit::training::Training;
 use crate::run::watch::Job;
 
 /// Takes steps until the training is over; the run observes.
 ///
 /// # Errors
 /// When a snippet cannot be handed out, a worker panics, or a measurement fails.
-pub fn advance(trainer: Trainer, observer: Observer, job: &Job) -> Result<(Trainer, Observer)> {
-    if observer.is_over(trainer.step) {
-        return Ok((trainer, observer));
+pub fn advance(
+    training: Training<FluxNetwork>,
+    observer: Observer,
+    job: &Job,
+) -> Result<(Training<FluxNetwork>, Observer)> {
+    if observer.is_over(training.step) {
+        return Ok((training, observer));
     }
     let devices: Vec<Device> = std::iter::once(&job.device).chain(&job.more_devices).cloned().collect();
     let config = observer.config.clone();
     let accumulate = config.own.learning.accumulate;
-    let (taken, left) = (trainer.step * accumulate, (config.steps - trainer.step) * accumulate);
+    let (taken, left) = (training.step * accumulate, (config.steps - training.step) * accumulate);
     let library = Arc::new(Library::new(observer.logs.clone(), &config));
     let snippets = Snippets::new(library, taken, left, devices.len());
     let tracked: Vec<Device> = devices.iter().map(|device| device.clone().autodiff()).collect();
     let strategy = strategy(&tracked);
     let interrupter = Interrupter::new();
     let is_distributed = matches!(strategy, ExecutionStrategy::DistributedDataParallel { .. });
-    let model = Learned::new(trainer.network());
-    let session = Arc::new(Session::new((trainer, observer), devices, is_distributed, interrupter.clone()));
+    let model = Learned::new(training.module());
+    let session = Arc::new(Session::new((training, observer), devices, is_distributed, interrupter.clone()));
     // Burn's optimiser and its rate are not used: `Learned::optimize` has its own.
     let learner = Learner::new(model.within(&session), SgdConfig::new().init(), 1.0);
     let training = SupervisedTraining::new(job.folder.path(), Arc::new(snippets), Arc::new(Nothing))
@@ -66,10 +71,10 @@ pub fn advance(trainer: Trainer, observer: Observer, job: &Job) -> Result<(Train
         .renderer(Box::new(Silent))
         .with_training_strategy(strategy.into());
     let result = training.launch(learner);
-    let (trainer, observer) = session.end()?;
+    let (training, observer) = session.end()?;
     match result.error {
         Some(error) => Err(anyhow!("{error}")),
-        None => Ok((trainer, observer)),
+        None => Ok((training, observer)),
     }
 }
 

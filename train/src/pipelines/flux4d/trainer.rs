@@ -4,7 +4,7 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::NamedGradients;
-use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::adam::AdamRate;
 use gs_models::flux4d::FluxError;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
@@ -16,20 +16,8 @@ use super::network::FluxNetwork;
 use super::prepare::{HostSnippet, HostView};
 use super::sample::{Sample, Supervision, target};
 use crate::fit::random::{Purpose, stream};
+use crate::fit::training::Training;
 use crate::sentence::one_sentence;
-
-/// A network in training.
-#[derive(Debug)]
-pub struct Trainer {
-    /// Outside autodiff; `None` within a step alone.
-    network: Option<FluxNetwork>,
-    /// The optimiser.
-    pub adam: Adam,
-    /// Steps taken.
-    pub step: usize,
-    /// Snippets that could not be used and contributed zeros.
-    pub skipped: usize,
-}
 
 /// What a step tells its observers.
 #[derive(Debug, Clone, Copy, Default)]
@@ -59,70 +47,58 @@ pub struct Used {
 /// Data, configuration and device of a training.
 pub type Setting<'a> = (&'a Logs, &'a FluxConfig, &'a Device);
 
-impl Trainer {
-    /// A training before its first step.
-    pub fn new(network: FluxNetwork) -> Self {
-        Self { network: Some(network), adam: Adam::new(), step: 0, skipped: 0 }
+/// One step over some snippets; `say` is told why one was skipped.
+pub fn step(
+    training: &mut Training<FluxNetwork>,
+    snippets: &[Drawn],
+    setting: Setting,
+    say: &mut dyn FnMut(&str),
+) -> StepReport {
+    let tracked = training.module().clone().train();
+    let mut sum = None::<NamedGradients>;
+    let mut outcomes = Vec::new();
+    for drawn in snippets {
+        let outcome = contribution(&tracked, drawn, setting).map(|(found, used)| {
+            match &mut sum {
+                Some(sum) => sum.add(found),
+                None => sum = Some(found),
+            }
+            used
+        });
+        outcomes.push(outcome);
     }
+    drop(tracked);
+    finish(training, sum.unwrap_or_default(), snippets.len(), &outcomes, setting.1, say)
+}
 
-    /// The network, outside autodiff.
-    pub fn network(&self) -> &FluxNetwork {
-        self.network.as_ref().expect("between steps")
+/// Ends a step with the sum of the gradients, of which `count` make the mean. A skipped snippet contributes zeros to the mean;
+/// a step without any other changes nothing.
+pub fn finish(
+    training: &mut Training<FluxNetwork>,
+    sum: NamedGradients,
+    count: usize,
+    outcomes: &[Result<Used, Unusable>],
+    config: &FluxConfig,
+    say: &mut dyn FnMut(&str),
+) -> StepReport {
+    training.step += 1;
+    for reason in outcomes.iter().filter_map(|outcome| outcome.as_ref().err()) {
+        training.skipped += 1;
+        say(&format!("a snippet of step {} was skipped: {reason}", training.step));
     }
-
-    /// One step over some snippets; `say` is told why one was skipped.
-    pub fn step(&mut self, snippets: &[Drawn], setting: Setting, say: &mut dyn FnMut(&str)) -> StepReport {
-        let tracked = self.network().clone().train();
-        let mut sum = None::<NamedGradients>;
-        let mut outcomes = Vec::new();
-        for drawn in snippets {
-            let outcome = contribution(&tracked, drawn, setting).map(|(found, used)| {
-                match &mut sum {
-                    Some(sum) => sum.add(found),
-                    None => sum = Some(found),
-                }
-                used
-            });
-            outcomes.push(outcome);
-        }
-        drop(tracked);
-        self.finish(sum.unwrap_or_default(), snippets.len(), &outcomes, setting.1, say)
+    let used: Vec<&Used> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
+    let Some(last) = used.last() else {
+        return StepReport { loss: f32::NAN, ..StepReport::default() };
+    };
+    let loss = used.iter().map(|used| used.loss).sum::<f64>() / used.len() as f64;
+    let mut mean = NamedGradients::default();
+    for (path, table) in sum.iter() {
+        mean.insert(path, table.clone() / count as f64);
     }
-
-    /// Ends a step with the sum of the gradients, of which `count` make the mean. A skipped snippet contributes zeros to the mean;
-    /// a step without any other changes nothing.
-    pub fn finish(
-        &mut self,
-        sum: NamedGradients,
-        count: usize,
-        outcomes: &[Result<Used, Unusable>],
-        config: &FluxConfig,
-        say: &mut dyn FnMut(&str),
-    ) -> StepReport {
-        self.step += 1;
-        for reason in outcomes.iter().filter_map(|outcome| outcome.as_ref().err()) {
-            self.skipped += 1;
-            say(&format!("a snippet of step {} was skipped: {reason}", self.step));
-        }
-        let used: Vec<&Used> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
-        let Some(last) = used.last() else {
-            return StepReport { loss: f32::NAN, ..StepReport::default() };
-        };
-        let loss = used.iter().map(|used| used.loss).sum::<f64>() / used.len() as f64;
-        self.update(sum, count, config);
-        StepReport { loss: loss as f32, gaussians: last.gaussians, voxels: last.voxels }
-    }
-
-    fn update(&mut self, sum: NamedGradients, count: usize, config: &FluxConfig) {
-        let mut mean = NamedGradients::default();
-        for (path, table) in sum.iter() {
-            mean.insert(path, table.clone() / count as f64);
-        }
-        drop(sum);
-        let rate = AdamRate { eps: ADAM_EPS, ..AdamRate::new(config.own.learning.at(self.step, config.steps)) };
-        let network = self.network.take().expect("between steps");
-        self.network = Some(self.adam.step(network, mean, |_| Some(rate)));
-    }
+    drop(sum);
+    let rate = AdamRate { eps: ADAM_EPS, ..AdamRate::new(config.own.learning.at(training.step, config.steps)) };
+    training.update(mean, |_| Some(rate));
+    StepReport { loss: loss as f32, gaussians: last.gaussians, voxels: last.voxels }
 }
 
 /// The gradients of one snippet by the leaves of `tracked`, summed over its passes.

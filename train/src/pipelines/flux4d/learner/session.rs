@@ -15,7 +15,8 @@ use super::super::config::FluxConfig;
 use super::super::logs::Logs;
 use super::super::network::FluxNetwork;
 use super::super::observer::Observer;
-use super::super::trainer::{Setting, Trainer, Unusable, Used};
+use super::super::trainer::{Setting, Unusable, Used, finish};
+use crate::fit::training::Training;
 use crate::run::resources::Stopwatch;
 
 /// A training by burn-train.
@@ -26,7 +27,7 @@ pub struct Session {
     is_distributed: bool,
     interrupter: Interrupter,
     /// One that updates the network of all devices; with DDP one for each device, and all take the same steps.
-    trainers: Vec<Mutex<Option<Trainer>>>,
+    trainers: Vec<Mutex<Option<Training<FluxNetwork>>>>,
     /// Where the trainers of a step meet.
     meeting: Barrier,
     /// Outcomes of the step at hand by the number of the draw.
@@ -46,7 +47,7 @@ impl fmt::Debug for Session {
 impl Session {
     /// A training before the next step of `trainer`.
     pub fn new(
-        (trainer, observer): (Trainer, Observer),
+        (trainer, observer): (Training<FluxNetwork>, Observer),
         devices: Vec<Device>,
         is_distributed: bool,
         interrupter: Interrupter,
@@ -113,7 +114,7 @@ impl Session {
         let trainer = trainer.as_mut().expect("in training");
         let mut reasons = Vec::new();
         let report =
-            trainer.finish(sum, count, &outcomes, &self.config, &mut |reason| reasons.push(reason.to_string()));
+            finish(trainer, sum, count, &outcomes, &self.config, &mut |reason| reasons.push(reason.to_string()));
         // Every device has read the outcomes.
         self.meeting.wait();
         if own == 0 {
@@ -133,14 +134,14 @@ impl Session {
         }
         // Every device sees the same answer to the question whether the training is over.
         self.meeting.wait();
-        trainer.network().clone()
+        trainer.module().clone()
     }
 
     /// The training after its end.
     ///
     /// # Errors
     /// The failure of an observer.
-    pub fn end(&self) -> Result<(Trainer, Observer)> {
+    pub fn end(&self) -> Result<(Training<FluxNetwork>, Observer)> {
         if let Some(error) = locked(&self.failure).take() {
             return Err(error);
         }
@@ -150,8 +151,8 @@ impl Session {
 }
 
 /// The same training on another device.
-fn copy(trainer: &Trainer, device: &Device) -> Trainer {
-    let mut copy = Trainer::new(trainer.network().clone().to_device(device));
+fn copy(trainer: &Training<FluxNetwork>, device: &Device) -> Training<FluxNetwork> {
+    let mut copy = Training::new(trainer.module().clone().to_device(device));
     (copy.step, copy.skipped, copy.adam.updates) = (trainer.step, trainer.skipped, trainer.adam.updates);
     for (path, Moments { first, second }) in &trainer.adam.moments {
         let moved = Moments { first: first.clone().to_device(device), second: second.clone().to_device(device) };

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::trial::{Outcome, applied, network, street};
+use crate::fit::training::Training;
 use crate::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
 use crate::pipelines::flux4d::feed::{Draws, Feed, Library};
 use crate::pipelines::flux4d::logs::Logs;
 use crate::pipelines::flux4d::network::FluxNetwork;
-use crate::pipelines::flux4d::trainer::Trainer;
+use crate::pipelines::flux4d::trainer::step;
 use crate::report::charts::{Chart, Series};
 use crate::run::interrupt;
 use crate::stability::{Criterion, Experiment, Findings, Interrupted, Lab};
@@ -65,15 +66,15 @@ fn run(lab: &Lab) -> Result<Findings> {
 /// Trains on a street and measures on it.
 fn trained(lab: &Lab, path: &Path, config: &FluxConfig) -> Result<Outcome> {
     let logs = Arc::new(Logs::unseen(path, &config.own.logs)?);
-    let mut trainer = Trainer::new(FluxNetwork::new(config, &lab.device));
+    let mut training = Training::new(FluxNetwork::new(config, &lab.device));
     let feed = Feed::start(Arc::new(Library::new(logs.clone(), config)), Draws::from(0))?;
-    while trainer.step < config.steps {
+    while training.step < config.steps {
         if interrupt::asked() {
             return Err(Interrupted.into());
         }
         let snippets = [feed.next()?];
-        trainer.step(&snippets, (&logs, config, &lab.device), &mut |reason| lab.say(reason));
+        step(&mut training, &snippets, (&logs, config, &lab.device), &mut |reason| lab.say(reason));
         lab.count_step();
     }
-    applied(lab, path, trainer.network(), config)
+    applied(lab, path, training.module(), config)
 }
