@@ -239,8 +239,8 @@ pub fn read_method<M: Method>(
     Ok(method)
 }
 
-/// The module whose parameters have `prefix` before their paths, as `shell` with the values of the file; `fits` compares the shape in
-/// the file with that in the shell.
+/// The module whose parameters have `prefix` before their paths: `shell` with the values of the file. `fits` compares
+/// the shape in the file with that in the shell.
 ///
 /// # Errors
 /// A sentence if a tensor is missing or damaged, or has another shape.

@@ -32,7 +32,8 @@ pub struct Model<M: Module + ModuleDisplay> {
     pub method: M,
 }
 
-/// The state that changes from step to step: a [`Training`] of the model, with what density control and the renderings keep.
+/// The state that changes from step to step: a [`Training`] of the model, and the values that density control and
+/// renderings keep.
 #[derive(Debug, Clone)]
 pub struct Trainer<M: Method> {
     training: Training<Model<M>>,
@@ -41,7 +42,8 @@ pub struct Trainer<M: Method> {
     /// Values fixed by the data set.
     pub facts: SceneFacts,
     room: ListRoom,
-    /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each step.
+    /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each
+    /// step.
     zeros: Option<Tensor<2>>,
 }
 
@@ -174,8 +176,8 @@ impl<M: Method> Trainer<M> {
         StepReport { loss, images, intersections, notes, skipped, changes }
     }
 
-    /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made room for, both are
-    /// done again with lists of the right length.
+    /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made
+    /// room for, both are done again with lists of the right length.
     fn compared(&mut self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
         if self.wants_screen(config) {
             let (shape, device) = ([self.gaussians().len(), SCREEN], self.gaussians().device());
@@ -315,8 +317,8 @@ impl<M: Method> Trainer<M> {
         );
     }
 
-    /// Stores SH coefficients up to the degree of this step; the new ones are zero. An inactive coefficient would have stayed zero
-    /// with zero moments, so storing it earlier would only cost memory and time.
+    /// Stores SH coefficients up to the degree of this step; the new ones are zero. An inactive coefficient would have
+    /// stayed zero with zero moments, so storing it earlier would only cost memory and time.
     fn raise_sh_degree(&mut self, config: &Config) {
         let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
         if degree > self.gaussians().sh_degree() {

@@ -7,7 +7,8 @@ use gs_burn::adam::{Adam, AdamRate};
 /// A module with its optimiser and its counters.
 #[derive(Debug, Clone)]
 pub struct Training<N: Module> {
-    /// The module, outside autodiff. It is taken out only during a change, because an update in place needs a single owner.
+    /// The module, outside autodiff. It is taken out only during a change, because an update in place needs a single
+    /// owner.
     module: Option<N>,
     /// The optimiser's moments.
     pub adam: Adam,

@@ -1,8 +1,8 @@
 //! Polish (`gsburn reconstruct --polish STEPS`, beyond the paper): Adam on the Gaussians and velocities of one snippet.
 //!
-//! The loss is that of the training over the snippet's input images: L1, SSIM, LiDAR depth, reweighting, mean speed. The frames
-//! between the inputs take no part; they are rendered before and after to say what the polish is worth. A row that carries no
-//! velocity by evidence carries none afterwards.
+//! The loss is that of the training over the snippet's input images: L1, SSIM, LiDAR depth, reweighting, mean speed.
+//! The frames between the inputs take no part; they are rendered before and after to say what the polish is worth. A
+//! row that carries no velocity by evidence carries none afterwards.
 
 use std::time::Instant;
 
@@ -28,8 +28,8 @@ use crate::run::interrupt;
 use crate::run::metrics::psnr;
 use crate::run::progress::Progress;
 
-/// The rate of the first step by parameter, in its unit per step: metres for positions and metres per window for velocities, raw
-/// channels for the others. A hundred steps move a Gaussian by some centimetres.
+/// The rate of the first step by parameter, in its unit per step: metres for positions and metres per window for
+/// velocities, raw channels for the others. A hundred steps move a Gaussian by some centimetres.
 const RATES: [(&str, f64); 6] =
     [("positions", 2e-3), ("quats", 2e-3), ("scales", 1e-2), ("opacities", 3e-2), ("colors", 2e-2), (VELOCITY, 5e-3)];
 /// The parameter whose gradient is masked.
@@ -95,7 +95,8 @@ impl Parameters {
     }
 }
 
-/// Polishes what a network says of a snippet by `steps` steps, or fewer after Ctrl-C; `None` and no change with 0 steps.
+/// Polishes what a network says of a snippet by `steps` steps, or fewer after Ctrl-C; `None` and no change with 0
+/// steps.
 pub fn polish(
     inferred: &mut Inferred,
     (host, log): (&HostSnippet, &DrivingLog),
@@ -179,7 +180,8 @@ impl Polish {
     }
 }
 
-/// `[N, 1]`, 1 for the rows that may move: those that the sweeps show to, or all but far ones where velocities start at zero.
+/// `[N, 1]`, 1 for the rows that may move: those that the sweeps show to, or all but far ones where velocities start at
+/// zero.
 fn moves(sample: &Sample) -> Tensor<2> {
     if let Some(start) = &sample.start {
         return start.moves.clone();

@@ -3,17 +3,20 @@
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use burn::tensor::Device;
 use glam::DVec3;
 use gs_base::counted;
 
 use super::NAME;
 use super::config::FluxConfig;
 use super::evaluate::Measurement;
+use super::feed::{Feed, SnippetCache};
 use super::logs::Logs;
 use super::memory;
 use super::network::FluxNetwork;
 use super::observer::Observer;
 use super::saved::{parameters, restore};
+use super::trainer::{Setup, step};
 use crate::fit::snapshot::Snapshot;
 use crate::fit::training::Training;
 use crate::run::checkpoint::Origin;
@@ -52,28 +55,32 @@ pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
     finish(observer, job, &training)
 }
 
-/// Takes steps until the training is over, by burn-train's learner.
-#[cfg(feature = "learner")]
+/// Takes steps until the training is over; the run observes.
 fn advance(
-    training: Training<FluxNetwork>,
-    observer: Observer,
+    mut training: Training<FluxNetwork>,
+    mut observer: Observer,
     job: &Job,
 ) -> Result<(Training<FluxNetwork>, Observer)> {
-    super::learner::advance(training, observer, job)
-}
-
-/// Takes steps until the training is over.
-#[cfg(not(feature = "learner"))]
-fn advance(training: Training<FluxNetwork>, observer: Observer, _: &Job) -> Result<(Training<FluxNetwork>, Observer)> {
-    super::steps::advance(training, observer)
+    let devices: Vec<Device> = std::iter::once(&job.device).chain(&job.more_devices).cloned().collect();
+    let (logs, config) = (observer.logs.clone(), observer.config.clone());
+    let accumulate = config.own.learning.accumulate;
+    let cache = Arc::new(SnippetCache::new(logs.clone(), &config));
+    let mut feed = Feed::start(&cache, training.step * accumulate, devices.len())?;
+    let setup = Setup { logs: &logs, config: &config, devices: &devices };
+    while !observer.is_over(training.step) {
+        let snippets = (0..accumulate).map(|_| feed.next()).collect::<Result<Vec<_>>>()?;
+        let mut reasons = Vec::new();
+        let report = observer
+            .run
+            .timed(|| step(&mut training, &snippets, setup, &mut |reason| reasons.push(reason.to_string())));
+        observer.observe(&training, report, &reasons)?;
+    }
+    Ok((training, observer))
 }
 
 /// Checks that the devices of a job can share its steps.
 fn check_devices(job: &Job, config: &FluxConfig) -> Result<()> {
     let (devices, accumulate) = (job.devices(), config.own.learning.accumulate);
-    if devices > 1 && !cfg!(feature = "learner") {
-        bail!("--devices {devices}: training on several devices is not part of this build: add `--features learner`");
-    }
     if accumulate % devices != 0 {
         bail!(
             "--devices {devices}: expected a multiple of it in learning.accumulate, the snippets of a step, which the \

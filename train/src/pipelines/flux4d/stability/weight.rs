@@ -8,10 +8,10 @@ use anyhow::Result;
 use super::trial::{Outcome, applied, network, street};
 use crate::fit::training::Training;
 use crate::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
-use crate::pipelines::flux4d::feed::{Draws, Feed, Library};
+use crate::pipelines::flux4d::feed::{Feed, SnippetCache};
 use crate::pipelines::flux4d::logs::Logs;
 use crate::pipelines::flux4d::network::FluxNetwork;
-use crate::pipelines::flux4d::trainer::step;
+use crate::pipelines::flux4d::trainer::{Setup, step};
 use crate::report::charts::{Chart, Series};
 use crate::run::interrupt;
 use crate::stability::{Criterion, Experiment, Findings, Interrupted, Lab};
@@ -67,13 +67,14 @@ fn run(lab: &Lab) -> Result<Findings> {
 fn trained(lab: &Lab, path: &Path, config: &FluxConfig) -> Result<Outcome> {
     let logs = Arc::new(Logs::unseen(path, &config.own.logs)?);
     let mut training = Training::new(FluxNetwork::new(config, &lab.device));
-    let feed = Feed::start(Arc::new(Library::new(logs.clone(), config)), Draws::from(0))?;
+    let mut feed = Feed::start(&Arc::new(SnippetCache::new(logs.clone(), config)), 0, 1)?;
+    let setup = Setup { logs: &logs, config, devices: std::slice::from_ref(&lab.device) };
     while training.step < config.steps {
         if interrupt::asked() {
             return Err(Interrupted.into());
         }
         let snippets = [feed.next()?];
-        step(&mut training, &snippets, (&logs, config, &lab.device), &mut |reason| lab.say(reason));
+        step(&mut training, &snippets, setup, &mut |reason| lab.say(reason));
         lab.count_step();
     }
     applied(lab, path, training.module(), config)
