@@ -15,8 +15,6 @@ mod density;
 mod docs;
 mod extrapolate;
 mod flux4d;
-#[cfg(feature = "learner")]
-mod flux4d_learner;
 mod formats;
 mod fuzz;
 mod golden;
