@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
-use burn::tensor::{Gradients, Tensor};
+use burn::tensor::{Device, Gradients, Tensor};
 
 use crate::ops::sum::mark_not_finite;
 
@@ -196,6 +196,11 @@ impl NamedGradients {
             };
             self.tables.insert(path, sum);
         }
+    }
+
+    /// The same gradients on `device`.
+    pub fn to_device(self, device: &Device) -> Self {
+        Self { tables: self.tables.into_iter().map(|(path, table)| (path, table.to_device(device))).collect() }
     }
 
     /// The same gradients with `prefix.` before every path.

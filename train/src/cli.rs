@@ -177,7 +177,7 @@ pub struct TrainArgs {
     pub device: DeviceArgs,
 
     /// Devices that share a step, for networks that are trained on many logs: --device and the ones after it of the same kind; on
-    /// the CPU as many workers (needs the cargo feature `learner`)
+    /// the CPU as many workers
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
     pub devices: usize,
 }

@@ -190,11 +190,11 @@ fn what_no_photo_shows_is_dropped() {
     let mut counts = Vec::new();
     for step in 1..=20 {
         if step == 10 {
-            begun.trainer.change_gaussians(|mut gaussians| {
-                let mut means = gaussians.read(Group::Means);
+            begun.trainer.change(|mut model, _| {
+                let mut means = model.gaussians.read(Group::Means);
                 means[..9].fill(1e4);
-                gaussians.set(Group::Means, from_host(means, 3, &common::device()));
-                gaussians
+                model.gaussians.set(Group::Means, from_host(means, 3, &common::device()));
+                model
             });
         }
         begun.step();

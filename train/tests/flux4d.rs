@@ -15,6 +15,8 @@ use gs_train::pipelines::flux4d::polish::polish;
 use gs_train::pipelines::flux4d::prepare::prepare;
 use gs_train::pipelines::{Reconstruction, of_checkpoint};
 use gs_train::run::checkpoint::Checkpoint;
+#[cfg(unix)]
+use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::{Ending, Job};
 use gs_worlds::driving::{StreetOptions, write};
 
@@ -125,8 +127,8 @@ fn json(path: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(path).expect("text")).expect("JSON")
 }
 
-/// A log whose second snippet has a broken sweep: what was made before is not taken for a reconstruction, and the same command
-/// makes all anew once the sweep is whole. Each time asked for is in the snippet that holds it.
+/// A log whose second snippet has a broken sweep: what was made before is not taken for a reconstruction, and the same
+/// command makes all anew once the sweep is whole. Each time asked for is in the snippet that holds it.
 #[test]
 fn an_interrupted_reconstruction_is_made_anew() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -162,8 +164,8 @@ fn an_interrupted_reconstruction_is_made_anew() {
     assert_eq!((times, has("street-000.ply"), has("street-006.ply")), (2, true, true));
 }
 
-/// A few steps of Adam on the snippet's own input images lower their loss; no step changes nothing, to the bit. What carries no
-/// velocity by evidence carries none afterwards.
+/// A few steps of Adam on the snippet's own input images lower their loss; no step changes nothing, to the bit. What
+/// carries no velocity by evidence carries none afterwards.
 #[test]
 fn a_polish_lowers_the_loss_of_the_inputs() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -239,14 +241,14 @@ fn logs_of_another_data_set_are_all_held_out() {
     }
 }
 
-/// Before any training the sweeps alone show most of the motion, and nothing that rests moves: the bounds are half of what
-/// no motion at all is off by, and the speed at rest that is asked of the method.
+/// Before any training the sweeps alone show most of the motion, and nothing that rests moves: the bounds are half of
+/// what no motion at all is off by, and the speed at rest that is asked of the method.
 #[test]
 fn the_sweeps_show_what_moves() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = streets(temporary.path(), 2);
-    // A rate of almost nothing: the measurement is of the start. All points: a merged point beside a car lends its motion
-    // to what it was merged over.
+    // A rate of almost nothing: the measurement is of the start. All points: a merged point beside a car lends its
+    // motion to what it was merged over.
     let still = ["learning.rate=1e-9", "learning.last_rate=1e-9", "lift.points=0"];
     let measured = |name: &str, velocity: &str| {
         let job = job(&data, &temporary.path().join(name), 1, &[&still[..], &[velocity]].concat());
@@ -260,7 +262,8 @@ fn the_sweeps_show_what_moves() {
     assert!(resting < 0.05, "{resting} m/s at rest");
 }
 
-/// `gsburn flow` needs no image: an array for every sweep, figures where there are labels, and the same by a fit of every pair.
+/// `gsburn flow` needs no image: an array for every sweep, figures where there are labels, and the same by a fit of
+/// every pair.
 #[test]
 fn the_flow_of_sweeps_is_written_and_scored() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -367,7 +370,8 @@ fn the_memory_of_a_network_is_foretold() {
     }
 }
 
-/// A network without the state of its optimiser reconstructs as the run does, and the one that ships reconstructs a log.
+/// A network without the state of its optimiser reconstructs as the run does, and the one that ships reconstructs a
+/// log.
 #[test]
 fn a_network_is_passed_on() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -410,6 +414,72 @@ fn a_resumed_training_is_the_same_to_the_bit() {
     common::finish_interrupted(&stopped, &[1, 3]);
     let bytes = |job: &Job| fs::read(job.folder.checkpoint(4)).expect("a checkpoint");
     assert!(bytes(&whole) == bytes(&stopped), "the checkpoints differ");
+}
+
+/// Snippets on several devices are those of a step on one, and their gradients are added up in the order of the draws.
+/// So the checkpoints are equal to the byte; a stop in between changes nothing. A street without sweeps is skipped and
+/// contributes zeros, on whichever device it comes up.
+#[test]
+fn devices_share_the_snippets_of_a_step() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let data = streets(temporary.path(), 4);
+    for frame in 0..11 {
+        fs::remove_file(data.join("001/lidar").join(format!("{frame:02}.pkl.gz"))).expect("removed");
+    }
+    // Three snippets an epoch, one of them without sweeps: of the twelve draws of three steps four are skipped.
+    let on = |devices: usize, name: &str| {
+        let mut job = job(&data, &temporary.path().join(name), 3, &["learning.accumulate=4"]);
+        job.more_devices = vec![job.device.clone(); devices - 1];
+        job
+    };
+    let (one, two, stopped) = (on(1, "one"), on(2, "two"), on(2, "stopped"));
+    assert_eq!(common::finish(&one).skipped_steps, 4);
+    assert_eq!(common::finish(&two).skipped_steps, 4);
+    common::finish_interrupted(&stopped, &[1, 2]);
+    let bytes = |job: &Job| fs::read(job.folder.checkpoint(3)).expect("a checkpoint");
+    assert!(bytes(&one) == bytes(&two), "two devices differ from one");
+    assert!(bytes(&two) == bytes(&stopped), "a resumed training differs");
+}
+
+/// Refusals of `--devices`, each in one sentence; Ctrl-C saves before a run on two devices leaves.
+#[test]
+fn devices_are_asked_for_by_number() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    streets(folder, 2);
+    let device = common::device_name();
+    let arguments = |devices: &str| -> Vec<String> {
+        let run = ["train", "streets", "--out", "run", "--quiet", "--steps", "100000", "--devices", devices];
+        let keys = SMALL.into_iter().chain(["learning.accumulate=2", "eval.ms_ssim=false"]);
+        let words = run.into_iter().chain(["--device", &device]).map(String::from);
+        words.chain(keys.flat_map(|key| ["--set".into(), key.into()])).collect()
+    };
+    let three = arguments("3");
+    let three = fails(folder, &three.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(three.contains("expected a multiple of it in learning.accumulate"), "{three}");
+    let auto = ["train", "streets", "--devices", "2", "--set", "pipeline=flux4d"];
+    assert!(fails(folder, &auto).contains("expected the name of their kind"));
+    let still = ["train", "streets", "--devices", "2", "--device", &device];
+    assert!(fails(folder, &still).contains("trains on one device"));
+    #[cfg(unix)]
+    interrupted(folder, &arguments("2"));
+}
+
+#[cfg(unix)]
+fn interrupted(folder: &Path, arguments: &[String]) {
+    let mut running = common::program::program(folder).args(arguments).spawn().expect("the program starts");
+    let lines = || fs::read_to_string(folder.join("run/metrics.jsonl")).unwrap_or_default().lines().count();
+    while lines() == 0 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert!(running.try_wait().expect("a process").is_none(), "it runs until it is interrupted");
+    }
+    let id = running.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().expect("kill").success());
+    assert_eq!(running.wait().expect("ended").code(), Some(130));
+    let saved = RunFolder::at(folder.join("run")).saved();
+    let (step, path) = saved.last().expect("it saved");
+    assert!(*step >= 10, "step {step}");
+    assert!(Checkpoint::load(path).and_then(Checkpoint::whole).is_ok());
 }
 
 /// Sky points in the convolutions are voxels of their own and rest, whatever the velocities begin at.
@@ -467,11 +537,6 @@ fn bad_input_is_one_sentence() {
     fs::remove_dir_all(blind.join("camera")).expect("removed");
     let message = told(&blind, &[]);
     assert!(message.contains("camera"), "{message}");
-    if !cfg!(feature = "learner") {
-        let mut two = job(&data, &folder.join("run"), 2, &["learning.accumulate=2"]);
-        two.more_devices.push(two.device.clone());
-        assert!(failure(&two).contains("--features learner"), "{}", failure(&two));
-    }
     assert!(!folder.join("run").join("config.toml").exists(), "nothing is half-written");
 }
 

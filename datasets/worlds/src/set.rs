@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use glam::DQuat;
-use gs_datasets::DatasetError;
 use gs_base::write_atomic;
+use gs_datasets::DatasetError;
 use gs_datasets::image_io::{write_exr, write_png};
 use rayon::prelude::*;
 use serde_json::{Value, json};

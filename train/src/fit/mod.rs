@@ -5,6 +5,7 @@
 //! | [`method`] | the trait [`Method`](method::Method): the contribution of a paper to 3D Gaussian Splatting |
 //! | [`session`] | one step, from the choice of its photos to density control, for every driver |
 //! | [`trainer`] | the state and its step: forward, backward, update, density control |
+//! | [`training`] | a module with its optimiser and counters, for this loop and any other |
 //! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
 //! | [`coarse`] | their width over the steps |
 //! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
@@ -40,3 +41,4 @@ pub mod session;
 pub mod snapshot;
 pub mod timetable;
 pub mod trainer;
+pub mod training;

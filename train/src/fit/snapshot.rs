@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::adam::{Adam, Moments};
 use gs_burn::{Gaussians, NamedParameter, named_parameters, try_map_parameters};
@@ -12,6 +13,7 @@ use super::facts::SceneFacts;
 use super::method::Method;
 use super::parameters::Group;
 use super::trainer::{Model, Trainer};
+use super::training::Training;
 use crate::config::{FitConfig, Strategy};
 
 /// A tensor on its way to or from a file.
@@ -47,15 +49,38 @@ impl Column {
     }
 }
 
-/// The JSON text beside the tensors.
+/// The counters of any training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Notes {
+pub struct Counters {
     /// Steps taken.
     pub step: usize,
-    /// Steps skipped.
+    /// Steps or contributions skipped.
     pub skipped: usize,
     /// Updates of the optimiser.
     pub updates: u64,
+}
+
+impl Counters {
+    /// The counters of a training.
+    pub fn of<N: Module>(training: &Training<N>) -> Self {
+        Self { step: training.step, skipped: training.skipped, updates: training.adam.updates }
+    }
+
+    /// The counters of a snapshot.
+    ///
+    /// # Errors
+    /// A sentence if they are not in this version's format.
+    pub fn read(source: &dyn Source) -> Result<Self, String> {
+        serde_json::from_value(source.notes().clone()).map_err(|error| error.to_string())
+    }
+}
+
+/// The JSON text beside the tensors of a scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Notes {
+    /// The counters.
+    #[serde(flatten)]
+    pub counters: Counters,
     /// Values fixed by the data set.
     facts: FactBits,
     /// The method's frame.
@@ -108,7 +133,7 @@ impl Notes {
 pub struct Snapshot {
     /// Tensors by name.
     pub columns: BTreeMap<String, Column>,
-    /// [`Notes`].
+    /// The JSON text beside them: [`Counters`] or, of a scene, [`Notes`].
     pub notes: serde_json::Value,
 }
 
@@ -134,30 +159,43 @@ const SECOND: &str = "second.";
 const DENSITY: [&str; 2] = ["density.gradient", "density.views"];
 
 impl Snapshot {
-    /// The state of `trainer`.
-    pub fn of<M: Method>(trainer: &Trainer<M>) -> Self {
+    /// The state of a training of any module: its learned tensors, the moments of its optimiser and its counters.
+    pub fn of_training<N: Module>(training: &Training<N>) -> Self {
         let mut columns = BTreeMap::new();
-        for NamedParameter { path, shape, table } in named_parameters(trainer.model()) {
+        for NamedParameter { path, shape, table } in learned(training.module()) {
             columns.insert(format!("{MODEL}{path}"), Column::of_table(table, shape));
         }
-        for (path, moments) in &trainer.adam.moments {
+        for (path, moments) in &training.adam.moments {
             columns.insert(format!("{FIRST}{path}"), Column::new(moments.first.clone()));
             columns.insert(format!("{SECOND}{path}"), Column::new(moments.second.clone()));
         }
+        Self { columns, notes: serde_json::to_value(Counters::of(training)).expect("numbers are JSON") }
+    }
+
+    /// The state of `trainer`.
+    pub fn of<M: Method>(trainer: &Trainer<M>) -> Self {
+        let mut columns = Self::of_training(trainer).columns;
         if let Density::Adaptive(adaptive) = &trainer.density {
             for (name, tensor) in DENSITY.into_iter().zip([&adaptive.gradient, &adaptive.views]) {
                 columns.insert(name.into(), Column::new(tensor.clone()));
             }
         }
         let notes = Notes {
-            step: trainer.step,
-            skipped: trainer.skipped,
-            updates: trainer.adam.updates,
+            counters: Counters::of(trainer),
             facts: FactBits::of(&trainer.facts),
             frame: trainer.method().frame(),
         };
         Self { columns, notes: serde_json::to_value(notes).expect("notes are JSON") }
     }
+}
+
+/// The learned tensors of a module. Running statistics are left out: batch norm takes those of the snippet at hand.
+pub fn learned<N: Module>(module: &N) -> impl Iterator<Item = NamedParameter> + use<N> {
+    named_parameters(module).into_iter().filter(|parameter| is_learned(&parameter.path))
+}
+
+fn is_learned(path: &str) -> bool {
+    !path.ends_with("running_mean") && !path.ends_with("running_var")
 }
 
 /// The Gaussians of a snapshot on `device` (without autodiff).
@@ -194,18 +232,49 @@ pub fn read_method<M: Method>(
     device: &Device,
 ) -> Result<M, String> {
     let shell = M::from_frame(&Notes::read(source)?.frame, config, device)?;
-    let method = try_map_parameters(shell, |parameter| {
-        let name = format!("{MODEL}method.{}", parameter.path);
+    // Rows and columns are those of the file.
+    let fits = |found: &[usize], own: &[usize]| found.len() == own.len() && found.iter().skip(2).eq(own.iter().skip(2));
+    let method = read_module(source, "method.", shell, fits, device)?;
+    method.fits(gaussians)?;
+    Ok(method)
+}
+
+/// The module whose parameters have `prefix` before their paths: `shell` with the values of the file. `fits` compares
+/// the shape in the file with that in the shell.
+///
+/// # Errors
+/// A sentence if a tensor is missing or damaged, or has another shape.
+pub fn read_module<N: Module>(
+    source: &dyn Source,
+    prefix: &str,
+    shell: N,
+    fits: impl Fn(&[usize], &[usize]) -> bool,
+    device: &Device,
+) -> Result<N, String> {
+    try_map_parameters(shell, |NamedParameter { path, shape: own, table }| {
+        if !is_learned(&path) {
+            return Ok(table);
+        }
+        let name = format!("{MODEL}{prefix}{path}");
         let (values, shape) = source.read(&name)?;
-        let same = shape.len() == parameter.shape.len() && shape.iter().skip(2).eq(parameter.shape.iter().skip(2));
-        if !same {
-            return Err(format!("{name} has shape {shape:?}"));
+        if !fits(&shape, &own) {
+            return Err(format!("{name} has the shape {shape:?}, the configuration says {own:?}"));
         }
         let columns = shape[1..].iter().product::<usize>();
         Ok(Tensor::from_data(TensorData::new(values, [shape[0], columns]), device))
-    })?;
-    method.fits(gaussians)?;
-    Ok(method)
+    })
+}
+
+/// The training of a module that was read, on `device`.
+///
+/// # Errors
+/// A sentence when counters or moments are missing or damaged, or do not fit the module.
+pub fn read_training<N: Module>(source: &dyn Source, module: N, device: &Device) -> Result<Training<N>, String> {
+    let Counters { step, skipped, updates } = Counters::read(source)?;
+    let adam = read_moments(source, &module, updates, device)?;
+    let mut training = Training::new(module);
+    (training.adam, training.step, training.skipped) = (adam, step, skipped);
+    Ok(training)
 }
 
 /// The trainer of a snapshot, on `device` (without autodiff).
@@ -220,11 +289,8 @@ pub fn restore<M: Method>(
     let gaussians = read_gaussians(source, device)?;
     let rows = gaussians.len();
     let method = read_method::<M>(source, rows, config, device)?;
-    let notes = Notes::read(source)?;
-    let mut trainer = Trainer::from_model(Model { gaussians, method }, notes.facts(), config);
-    trainer.step = notes.step;
-    trainer.skipped = notes.skipped;
-    trainer.adam = read_moments(source, trainer.model(), notes.updates, device)?;
+    let training = read_training(source, Model { gaussians, method }, device)?;
+    let mut trainer = Trainer::from_training(training, Notes::read(source)?.facts(), config);
     if config.density.strategy == Strategy::Default {
         let statistic = |name: &str| -> Result<Tensor<1>, String> {
             let (values, shape) = source.read(name)?;
@@ -239,14 +305,9 @@ pub fn restore<M: Method>(
     Ok(trainer)
 }
 
-fn read_moments<M: Method>(
-    source: &dyn Source,
-    model: &Model<M>,
-    updates: u64,
-    device: &Device,
-) -> Result<Adam, String> {
+fn read_moments<N: Module>(source: &dyn Source, module: &N, updates: u64, device: &Device) -> Result<Adam, String> {
     let tables: BTreeMap<String, [usize; 2]> =
-        named_parameters(model).into_iter().map(|parameter| (parameter.path, parameter.table.dims())).collect();
+        learned(module).map(|parameter| (parameter.path, parameter.table.dims())).collect();
     let mut adam = Adam { updates, ..Adam::new() };
     for name in source.names() {
         let Some(path) = name.strip_prefix(FIRST) else { continue };

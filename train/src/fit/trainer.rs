@@ -1,5 +1,7 @@
 //! The state of a training and its step: render, compare, backward, update, density control.
 
+use std::ops::{Deref, DerefMut};
+
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
@@ -18,6 +20,7 @@ use super::parameters::{Group, Table, first, widen};
 use super::photos::Photo;
 use super::room::{ListRoom, fitting};
 use super::schedule::{exponential, rate_factor, sh_degree};
+use super::training::Training;
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
 /// All that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
@@ -29,23 +32,18 @@ pub struct Model<M: Module + ModuleDisplay> {
     pub method: M,
 }
 
-/// The state that changes from step to step.
+/// The state that changes from step to step: a [`Training`] of the model, and the values that density control and
+/// renderings keep.
 #[derive(Debug, Clone)]
 pub struct Trainer<M: Method> {
-    /// The model, outside autodiff. It is taken out only during an update, because an update in place needs a single owner.
-    model: Option<Model<M>>,
-    /// The optimiser's moments.
-    pub adam: Adam,
+    training: Training<Model<M>>,
     /// Density control and its statistics.
     pub density: Density,
-    /// Steps taken.
-    pub step: usize,
-    /// Steps whose loss or gradients were not finite; they changed nothing.
-    pub skipped: usize,
     /// Values fixed by the data set.
     pub facts: SceneFacts,
     room: ListRoom,
-    /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each step.
+    /// The input of which density control wants the gradient, `[N, 4]`: zeros, kept because they are the same in each
+    /// step.
     zeros: Option<Tensor<2>>,
 }
 
@@ -80,6 +78,20 @@ struct Backward {
     gradients: Option<NamedGradients>,
 }
 
+impl<M: Method> Deref for Trainer<M> {
+    type Target = Training<Model<M>>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.training
+    }
+}
+
+impl<M: Method> DerefMut for Trainer<M> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.training
+    }
+}
+
 impl<M: Method> Trainer<M> {
     /// The state before the first step, on `device` (without autodiff).
     pub fn begin(
@@ -95,22 +107,18 @@ impl<M: Method> Trainer<M> {
 
     /// The state before the first step of a training that starts from `model`.
     pub fn from_model(model: Model<M>, facts: SceneFacts, config: &Config) -> Self {
-        let density = Density::new(&config.density, &model.gaussians);
-        Self {
-            model: Some(model),
-            adam: Adam::new(),
-            density,
-            step: 0,
-            skipped: 0,
-            facts,
-            room: ListRoom::default(),
-            zeros: None,
-        }
+        Self::from_training(Training::new(model), facts, config)
+    }
+
+    /// The state of a training whose density control has no statistics yet.
+    pub fn from_training(training: Training<Model<M>>, facts: SceneFacts, config: &Config) -> Self {
+        let density = Density::new(&config.density, &training.module().gaussians);
+        Self { training, density, facts, room: ListRoom::default(), zeros: None }
     }
 
     /// The model.
     pub fn model(&self) -> &Model<M> {
-        self.model.as_ref().expect("the model is taken out only within a function")
+        self.module()
     }
 
     /// The Gaussians.
@@ -125,18 +133,7 @@ impl<M: Method> Trainer<M> {
 
     /// Replaces the method's module by `change` of it.
     pub fn change_method(&mut self, change: impl FnOnce(M) -> M) {
-        let Model { gaussians, method } = self.take_model();
-        self.model = Some(Model { gaussians, method: change(method) });
-    }
-
-    /// Replaces the Gaussians by `change` of them, as many as before.
-    pub fn change_gaussians(&mut self, change: impl FnOnce(Gaussians) -> Gaussians) {
-        let Model { gaussians, method } = self.take_model();
-        self.model = Some(Model { gaussians: change(gaussians), method });
-    }
-
-    fn take_model(&mut self) -> Model<M> {
-        self.model.take().expect("the model is taken out only within a function")
+        self.change(|Model { gaussians, method }, _| Model { gaussians, method: change(method) });
     }
 
     /// The current scene, without autodiff.
@@ -179,8 +176,8 @@ impl<M: Method> Trainer<M> {
         StepReport { loss, images, intersections, notes, skipped, changes }
     }
 
-    /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made room for, both are
-    /// done again with lists of the right length.
+    /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made
+    /// room for, both are done again with lists of the right length.
     fn compared(&mut self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
         if self.wants_screen(config) {
             let (shape, device) = ([self.gaussians().len(), SCREEN], self.gaussians().device());
@@ -259,12 +256,13 @@ impl<M: Method> Trainer<M> {
     fn update(&mut self, mut gradients: NamedGradients, cues: &M::Cues, config: &FitConfig<M::Config>) {
         let _stage = profile::whole_stage("Adam");
         let rate = gaussian_rates(&config.optimiser, self.step, config.steps, self.facts.extent);
-        let Model { gaussians, method } = self.take_model();
-        self.adam.advance();
-        let gaussians = self.adam.update_under("gaussians", gaussians, &mut gradients, rate);
         let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
-        let method = method.update(&gaussians, &mut gradients, &mut self.adam, &at);
-        self.model = Some(Model { gaussians, method });
+        self.training.change(|Model { gaussians, method }, adam| {
+            adam.advance();
+            let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
+            let method = method.update(&gaussians, &mut gradients, adam, &at);
+            Model { gaussians, method }
+        });
     }
 
     fn control_density(&mut self, observations: Vec<Observation>, config: &FitConfig<M::Config>) -> Changes {
@@ -277,12 +275,13 @@ impl<M: Method> Trainer<M> {
             means_lr: means_lr(&config.optimiser, self.step, config.steps),
             control: M::control(self.step, config),
         };
-        let Model { mut gaussians, method } = self.take_model();
-        let refinement =
-            self.density.after_step(&mut gaussians, &mut self.adam, observations, &config.density, &context);
-        let method = follow(method, refinement.rows.as_ref(), &mut self.adam);
-        self.model = Some(Model { gaussians, method });
-        refinement.changes
+        let mut changes = Changes::default();
+        self.training.change(|Model { mut gaussians, method }, adam| {
+            let refinement = self.density.after_step(&mut gaussians, adam, observations, &config.density, &context);
+            changes = refinement.changes;
+            Model { gaussians, method: follow(method, refinement.rows.as_ref(), adam) }
+        });
+        changes
     }
 
     /// Prunes Gaussians, then the method's parameters, if it is time.
@@ -290,44 +289,46 @@ impl<M: Method> Trainer<M> {
         if config.density.prune_share > 0.0 && config.density.rests_at(self.step, config.steps) {
             self.prune(views, config);
         }
-        let Model { mut gaussians, method } = self.take_model();
         let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
-        let method = method.simplify(&mut gaussians, &mut self.adam, views, &at);
-        self.model = Some(Model { gaussians, method });
+        self.training.change(|Model { mut gaussians, method }, adam| {
+            let method = method.simplify(&mut gaussians, adam, views, &at);
+            Model { gaussians, method }
+        });
     }
 
     fn prune(&mut self, views: &[View], config: &Config) {
         let _stage = profile::whole_stage("pruning");
         let options = SceneFacts { background: [0.0; 3], ..self.facts }.render_options(&config.render, 0);
         let contributions = contributions(&*self.scene(), views, &options, config.seed);
-        let Model { mut gaussians, method } = self.take_model();
-        let (before, share) = (gaussians.len(), config.density.prune_share);
-        let rows = prune_by_contribution(&mut gaussians, &mut self.adam, &contributions, share);
-        let method = follow(method, rows.as_ref(), &mut self.adam);
-        if rows.is_some() {
-            // Its statistics are of the rows before, and are not used any more.
-            self.density = Density::new(&config.density, &gaussians);
-        }
+        let (before, share) = (self.gaussians().len(), config.density.prune_share);
+        self.training.change(|Model { mut gaussians, method }, adam| {
+            let rows = prune_by_contribution(&mut gaussians, adam, &contributions, share);
+            if rows.is_some() {
+                // Its statistics are of the rows before, and are not used any more.
+                self.density = Density::new(&config.density, &gaussians);
+            }
+            Model { gaussians, method: follow(method, rows.as_ref(), adam) }
+        });
         tracing::info!(
             before,
-            gaussians = gaussians.len(),
+            gaussians = self.gaussians().len(),
             share,
             "Gaussians that contribute next to nothing were pruned"
         );
-        self.model = Some(Model { gaussians, method });
     }
 
-    /// Stores SH coefficients up to the degree of this step; the new ones are zero. An inactive coefficient would have stayed zero
-    /// with zero moments, so storing it earlier would only cost memory and time.
+    /// Stores SH coefficients up to the degree of this step; the new ones are zero. An inactive coefficient would have
+    /// stayed zero with zero moments, so storing it earlier would only cost memory and time.
     fn raise_sh_degree(&mut self, config: &Config) {
         let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
         if degree > self.gaussians().sh_degree() {
-            let Model { mut gaussians, method } = self.take_model();
-            let columns = Group::Sh.columns(degree);
-            let sh = widen(gaussians.group(Group::Sh), columns);
-            gaussians.set(Group::Sh, sh);
-            self.adam.widen(Group::Sh.path(), columns);
-            self.model = Some(Model { gaussians, method });
+            self.change(|Model { mut gaussians, method }, adam| {
+                let columns = Group::Sh.columns(degree);
+                let sh = widen(gaussians.group(Group::Sh), columns);
+                gaussians.set(Group::Sh, sh);
+                adam.widen(Group::Sh.path(), columns);
+                Model { gaussians, method }
+            });
         }
     }
 }

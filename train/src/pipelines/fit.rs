@@ -366,7 +366,7 @@ impl<M: Method> Pipeline for Fit<M> {
         let (mut model, facts, step, origin) = match request.file {
             SceneFile::Checkpoint(checkpoint) => {
                 let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
-                (model, notes.facts(), notes.step, checkpoint.origin.world())
+                (model, notes.facts(), notes.counters.step, checkpoint.origin.world())
             }
             SceneFile::Ply(packed) => {
                 let at = Step { step: 0, config: &config, facts: &found, cues: &cues, room: None };
@@ -417,7 +417,7 @@ fn loaded<M: Method>(
         run: Some(SceneRun {
             pipeline: M::NAME.into(),
             dataset: checkpoint.origin.dataset.clone(),
-            step: notes.step,
+            step: notes.counters.step,
             described: method.described(),
         }),
     }

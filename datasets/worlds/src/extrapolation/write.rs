@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use glam::DVec3;
-use gs_datasets::DatasetError;
 use gs_base::write_atomic;
+use gs_datasets::DatasetError;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;

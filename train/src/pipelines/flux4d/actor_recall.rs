@@ -1,4 +1,5 @@
-//! How many of the moving objects are found as actors, and how many actors are moving objects, by labelled LiDAR points.
+//! How many of the moving objects are found as actors, and how many actors are moving objects, by labelled LiDAR
+//! points.
 //!
 //! A labelled point belongs to the actor of its nearest Gaussian. An object of a snippet counts if its points move by
 //! [`MOVING`] or more on average and some sweep has ten of them.

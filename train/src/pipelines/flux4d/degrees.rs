@@ -1,9 +1,10 @@
 //! The degree of each actor's velocity, by sweeps that were no input: "as simple as what was held out bears out".
 //!
-//! A network gives every point a velocity of one degree. A car that keeps its speed needs none of the higher coefficients, and those it has are
-//! noise. An actor is brought to the times of the sweeps between the inputs, and its points' distances to these sweeps are compared: the lowest
-//! degree whose distances are no larger than those of the full one, to one standard error over the sweeps, is kept. Images take no part, so that
-//! the PSNR of the frames between the inputs judges what it has not chosen.
+//! A network gives every point a velocity of one degree. A car that keeps its speed needs none of the higher
+//! coefficients, and those it has are noise. An actor is brought to the times of the sweeps between the inputs, and its
+//! points' distances to these sweeps are compared: the lowest degree whose distances are no larger than those of the
+//! full one, to one standard error over the sweeps, is kept. Images take no part, so that the PSNR of the frames
+//! between the inputs judges what it has not chosen.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +19,8 @@ use serde::Serialize;
 use super::prepare::{HostSnippet, inverse, sweep};
 use crate::fit::parameters::to_host;
 
-/// Largest distance of a point to a sweep that counts, metres: beyond it the sweep does not show the surface, whose distance says nothing then.
+/// Largest distance of a point to a sweep that counts, metres: beyond it the sweep does not show the surface, whose
+/// distance says nothing then.
 const FARTHEST: f64 = 0.5;
 
 /// Fewest sweeps that judge: two give no scatter to speak of.
@@ -55,8 +57,8 @@ impl Degrees {
     }
 }
 
-/// The lowest degree of each actor that the sweeps between the inputs of `snippet` bear out. `actors` are their moving rows; their velocities are
-/// lowered in `scene`.
+/// The lowest degree of each actor that the sweeps between the inputs of `snippet` bear out. `actors` are their moving
+/// rows; their velocities are lowered in `scene`.
 ///
 /// # Errors
 /// When a sweep is broken.
@@ -133,8 +135,8 @@ fn distance(sweep: &ImmutableKdTree<f32, 3>, point: [f64; 3]) -> f64 {
     f64::from(nearest.distance).sqrt().min(FARTHEST)
 }
 
-/// The lowest degree whose distances, averaged over `rows`, are no larger than those of the full degree, to one standard error of the difference
-/// over the sweeps. `distances` gives those of a row to each sweep.
+/// The lowest degree whose distances, averaged over `rows`, are no larger than those of the full degree, to one
+/// standard error of the difference over the sweeps. `distances` gives those of a row to each sweep.
 fn lowest(
     motion: PolynomialMotion,
     rows: &[Row],
@@ -162,7 +164,8 @@ fn lowest(
 mod tests {
     use super::*;
 
-    /// A plane across the motion whose points are in five sweeps where `truth` (metres per window) takes them; its rows have `found`.
+    /// A plane across the motion whose points are in five sweeps where `truth` (metres per window) takes them; its rows
+    /// have `found`.
     fn degree_of(found: [f64; 2], truth: [f64; 2]) -> usize {
         let motion = PolynomialMotion::new(1).expect("a degree");
         let times = [0.1, 0.3, 0.5, 0.7, 0.9];

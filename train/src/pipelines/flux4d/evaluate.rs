@@ -11,7 +11,7 @@ use gs_models::flux4d::actors::{ActorConfig, find_actors};
 
 use super::actor_recall::ActorScores;
 use super::config::FluxConfig;
-use super::feed::Library;
+use super::feed::prepared;
 use super::flow::{self, FlowScores};
 use super::infer::{Inferred, Ready, infer};
 use super::logs::{Logs, Place};
@@ -89,16 +89,14 @@ struct Baselines {
 pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device: &Device) -> Result<Measurement> {
     let evaluator = Evaluator::new(&config.eval, device);
     let ready = Ready::new(network);
-    // Held-out snippets are read once for each measurement and not kept.
-    let uncached = FluxConfig { own: without_cache(config), ..config.clone() };
-    let library = Library::new(split.logs.clone(), &uncached);
     let mut sums = Sums { clustering: config.own.actors.config(), ..Sums::default() };
     let mut last = String::new();
     let views = split.places.iter().map(|place| place.snippet.targets.len()).sum::<usize>();
     let keep_every = views.div_ceil(split.pictures.max(1)).max(1);
     for place in split.places {
         let log = &split.logs.logs[place.log];
-        let inferred = library.get(place).and_then(|host| {
+        // Held-out snippets are read once for each measurement and not kept.
+        let inferred = prepared(split.logs, place, config).and_then(|host| {
             let inferred = infer(&ready, &host, log, config, device).map_err(|error| one_sentence(&error))?;
             Ok((host, inferred))
         });
@@ -119,12 +117,6 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
         bail!("no snippet of the split {} can be measured: {reason}", split.name);
     }
     Ok(finish(sums, &evaluator, split.name, network))
-}
-
-fn without_cache(config: &FluxConfig) -> super::config::Sections {
-    let mut own = config.own.clone();
-    own.logs.cache_mb = 0;
-    own
 }
 
 /// Renders and compares the targets of one snippet.

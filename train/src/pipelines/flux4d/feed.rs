@@ -1,4 +1,7 @@
-//! Snippets in the order of a training, prepared on a thread of their own while the step before computes.
+//! Snippets in the order of a training, prepared on threads of their own while the step before computes.
+//!
+//! Burn's loader is left aside: its threads queue a hundred items whatever their size, which are gigabytes of snippets,
+//! and it begins with the first item of an epoch, where a resumed training goes on in the middle of one.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -15,13 +18,14 @@ use super::recolour::recoloured;
 use crate::fit::random::{Purpose, stream};
 use crate::sentence::one_sentence;
 
-/// Snippets that wait for the training at most.
+/// Snippets that wait for the training at most, for each thread.
 const AHEAD: usize = 2;
 
-/// Snippets in memory at once beside those that a [`Library`] keeps, for steps over `accumulate` snippets by `feeds` feeds: those
-/// of a step, for each feed those that wait and the one that is being prepared or waits for a place, and the one of a measurement.
-pub fn in_flight(accumulate: usize, feeds: usize) -> usize {
-    accumulate + feeds * (AHEAD + 1) + 1
+/// Snippets in memory at once beside those that a [`SnippetCache`] keeps, for steps over `accumulate` snippets that
+/// some threads prepare: those of a step, for each thread those that wait and the one that is being prepared or waits
+/// for a place, and the one of a measurement.
+pub fn in_flight(accumulate: usize, threads: usize) -> usize {
+    accumulate + threads * (AHEAD + 1) + 1
 }
 
 /// A snippet, or the sentence that says why it cannot be used.
@@ -30,7 +34,8 @@ pub type Prepared = Result<Arc<HostSnippet>, String>;
 /// A draw of the training with its snippet.
 #[derive(Debug, Clone)]
 pub struct Drawn {
-    /// Number of the draw since the first step, from 0. Every random choice about it depends on the seed and this number alone.
+    /// Number of the draw since the first step, from 0. Every random choice about it depends on the seed and this
+    /// number alone.
     pub draw: usize,
     /// The snippet.
     pub place: Place,
@@ -38,58 +43,52 @@ pub struct Drawn {
     pub prepared: Prepared,
 }
 
-/// Draws in equal distances: all of them, or those of one device among several.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Draws {
-    /// The first.
-    pub first: usize,
-    /// Distance of neighbours.
-    pub every: usize,
-}
-
-impl Draws {
-    /// All draws from `first` on.
-    pub fn from(first: usize) -> Self {
-        Self { first, every: 1 }
-    }
-}
-
 /// The snippets of steps to come.
 #[derive(Debug)]
 pub struct Feed {
-    receiver: Receiver<Drawn>,
+    /// One for each thread; they are read in turn.
+    receivers: Vec<Receiver<Drawn>>,
+    next: usize,
 }
 
 impl Feed {
-    /// Starts to prepare the snippets of `draws`.
+    /// Starts to prepare the snippets of the draws from `first` on, with some threads.
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub fn start(library: Arc<Library>, draws: Draws) -> Result<Self> {
-        let (sender, receiver) = sync_channel(AHEAD);
-        let work = move || {
-            let places = &library.logs.train;
-            let mut order = Order::new(places.len(), library.config.seed);
-            for draw in (draws.first..).step_by(draws.every) {
-                let place = places[order.at(draw)].clone();
-                let prepared = library.drawn(&place, draw);
-                if sender.send(Drawn { draw, place, prepared }).is_err() {
-                    break;
-                }
-            }
-        };
-        let started = thread::Builder::new().name("snippets".into()).spawn(work);
-        started.map_err(|error| anyhow!("cannot start the thread that reads snippets: {error}"))?;
-        Ok(Self { receiver })
+    pub fn start(cache: &Arc<SnippetCache>, first: usize, threads: usize) -> Result<Self> {
+        let receivers = (0..threads).map(|thread| prepared_draws(cache.clone(), first + thread, threads));
+        Ok(Self { receivers: receivers.collect::<Result<_>>()?, next: 0 })
     }
 
     /// The next snippet.
     ///
     /// # Errors
-    /// When the thread that reads has ended.
-    pub fn next(&self) -> Result<Drawn> {
-        self.receiver.recv().map_err(|_| anyhow!("the thread that reads snippets has ended"))
+    /// When a thread that reads has ended.
+    pub fn next(&mut self) -> Result<Drawn> {
+        let receiver = &self.receivers[self.next];
+        self.next = (self.next + 1) % self.receivers.len();
+        receiver.recv().map_err(|_| anyhow!("the thread that reads snippets has ended"))
     }
+}
+
+/// The snippets of the draws `first`, `first + every`, ..., prepared on a thread.
+fn prepared_draws(cache: Arc<SnippetCache>, first: usize, every: usize) -> Result<Receiver<Drawn>> {
+    let (sender, receiver) = sync_channel(AHEAD);
+    let work = move || {
+        let places = &cache.logs.train;
+        let mut order = Order::new(places.len(), cache.config.seed);
+        for draw in (first..).step_by(every) {
+            let place = places[order.at(draw)].clone();
+            let prepared = cache.drawn(&place, draw);
+            if sender.send(Drawn { draw, place, prepared }).is_err() {
+                break;
+            }
+        }
+    };
+    let started = thread::Builder::new().name("snippets".into()).spawn(work);
+    started.map_err(|error| anyhow!("cannot start the thread that reads snippets: {error}"))?;
+    Ok(receiver)
 }
 
 /// Which snippet a draw takes: each once an epoch, in an order of the epoch's own.
@@ -117,25 +116,27 @@ impl Order {
     }
 }
 
-/// Prepared snippets under a bound of bytes; the first to come stay. Several feeds may share one.
+/// Prepared snippets under a bound of bytes; the first to come stay.
 #[derive(Debug)]
-pub struct Library {
+pub struct SnippetCache {
     logs: Arc<Logs>,
     config: FluxConfig,
-    shelf: Mutex<Shelf>,
+    kept: Mutex<Kept>,
 }
 
 #[derive(Debug)]
-struct Shelf {
-    kept: BTreeMap<(usize, usize), Arc<HostSnippet>>,
+struct Kept {
+    /// By log and first frame.
+    snippets: BTreeMap<(usize, usize), Arc<HostSnippet>>,
+    /// Bytes that are left.
     room: usize,
 }
 
-impl Library {
+impl SnippetCache {
     /// Nothing is read yet.
     pub fn new(logs: Arc<Logs>, config: &FluxConfig) -> Self {
-        let shelf = Mutex::new(Shelf { kept: BTreeMap::new(), room: config.own.logs.cache_mb << 20 });
-        Self { logs, config: config.clone(), shelf }
+        let kept = Mutex::new(Kept { snippets: BTreeMap::new(), room: config.own.logs.cache_mb << 20 });
+        Self { logs, config: config.clone(), kept }
     }
 
     /// A snippet in the colours of draw `draw`.
@@ -145,28 +146,30 @@ impl Library {
         Ok(if strength > 0.0 { Arc::new(recoloured(&host, strength, self.config.seed, draw)) } else { host })
     }
 
-    /// A snippet.
-    ///
-    /// # Errors
-    /// Why it cannot be used.
-    pub fn get(&self, place: &Place) -> Prepared {
+    fn get(&self, place: &Place) -> Prepared {
         let key = (place.log, place.snippet.frames[0]);
-        let shelf = || self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kept) = shelf().kept.get(&key) {
-            return Ok(kept.clone());
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = kept().snippets.get(&key) {
+            return Ok(found.clone());
         }
-        // Outside the lock: a snippet takes seconds, and another feed may prepare another one.
-        let log = &self.logs.logs[place.log];
-        let name = self.logs.name(place);
-        let made = prepare(log, &place.snippet, &name, &self.config.own.lift, self.config.seed);
-        let made = Arc::new(made.map_err(|error| one_sentence(&error))?);
-        let mut shelf = shelf();
-        if made.bytes() <= shelf.room && !shelf.kept.contains_key(&key) {
-            shelf.room -= made.bytes();
-            shelf.kept.insert(key, made.clone());
+        // Outside the lock: a snippet takes seconds, and another thread may prepare another one.
+        let made = Arc::new(prepared(&self.logs, place, &self.config)?);
+        let mut kept = kept();
+        if made.bytes() <= kept.room && !kept.snippets.contains_key(&key) {
+            kept.room -= made.bytes();
+            kept.snippets.insert(key, made.clone());
         }
         Ok(made)
     }
+}
+
+/// A snippet, read anew.
+///
+/// # Errors
+/// Why it cannot be used.
+pub fn prepared(logs: &Logs, place: &Place, config: &FluxConfig) -> Result<HostSnippet, String> {
+    let (log, name) = (&logs.logs[place.log], logs.name(place));
+    prepare(log, &place.snippet, &name, &config.own.lift, config.seed).map_err(|error| one_sentence(&error))
 }
 
 #[cfg(test)]

@@ -51,8 +51,8 @@ impl Logs {
         Ok(Self::of(described, division))
     }
 
-    /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set are all
-    /// held out, unless the split `is_asked` for.
+    /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set
+    /// are all held out, unless the split `is_asked` for.
     ///
     /// # Errors
     /// As [`Self::open`], but for names that no log of another data set has.

@@ -8,7 +8,8 @@ use super::feed::in_flight;
 use super::logs::{Logs, Place};
 use crate::run::memory::Prediction;
 
-/// Bytes that a Gaussian holds in a step: raw channels, activations, projected rows and their gradients, of one view at a time.
+/// Bytes that a Gaussian holds in a step: raw channels, activations, projected rows and their gradients, of one view at
+/// a time.
 const BYTES_PER_GAUSSIAN: usize = 2000;
 /// Program, thread stacks and allocator.
 const PROGRAM_BYTES: usize = 60 << 20;

@@ -8,7 +8,7 @@
 //! | [`logs`], [`prepare`](mod@prepare), [`feed`], [`recolour`] | the logs of a folder; a snippet on the host; those to come; other colours |
 //! | [`memory`] | prediction of the memory |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
-//! | [`trainer`], [`steps`], `learner` | a step; steps on one device; steps by burn-train's learner (cargo feature `learner`) |
+//! | [`trainer`] | a step, on one device or several |
 //! | [`train`](mod@train), [`observer`], [`saved`] | the run; what follows a step; checkpoints |
 //! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`], [`actor_recall`] | the network applied; held-out figures |
 //! | [`start`] | velocities that the sweeps show |
@@ -25,8 +25,6 @@ pub mod evaluate;
 pub mod feed;
 pub mod flow;
 pub mod infer;
-#[cfg(feature = "learner")]
-pub mod learner;
 pub mod logs;
 pub mod memory;
 pub mod moving;
@@ -40,7 +38,6 @@ pub mod sample;
 pub mod saved;
 mod snippet_page;
 pub mod start;
-pub mod steps;
 pub mod summary;
 pub mod sweep_flow;
 pub mod train;

@@ -8,8 +8,10 @@ use burn::tensor::Device;
 use super::config::FluxConfig;
 use super::evaluate::{Measurement, Split, measure};
 use super::logs::Logs;
-use super::saved::snapshot;
-use super::trainer::{StepReport, Trainer};
+use super::network::FluxNetwork;
+use super::trainer::StepReport;
+use crate::fit::snapshot::Snapshot;
+use crate::fit::training::Training;
 use crate::run::watch::{GAUSSIANS, Run};
 
 /// Reasons for skipped snippets that are shown; more are counted.
@@ -43,20 +45,20 @@ impl Observer {
     ///
     /// # Errors
     /// When a measurement fails.
-    pub fn observe(&mut self, trainer: &Trainer, report: StepReport, reasons: &[String]) -> Result<()> {
+    pub fn observe(&mut self, training: &Training<FluxNetwork>, report: StepReport, reasons: &[String]) -> Result<()> {
         for reason in reasons.iter().take(REASONS_SHOWN.saturating_sub(self.shown)) {
             self.run.say(&format!("warning: {reason}"));
         }
         self.shown += reasons.len();
-        let step = trainer.step;
+        let step = training.step;
         let counts = [(GAUSSIANS, report.gaussians as f64), ("voxels", report.voxels as f64)];
-        self.run.observe(step, (report.loss, trainer.skipped), &counts, || None);
+        self.run.observe(step, (report.loss, training.skipped), &counts, || None);
         if self.config.eval.at.contains(&step) && step < self.config.steps {
-            let measurement = self.measure(trainer, 0)?;
+            let measurement = self.measure(training, 0)?;
             self.run.record(step, measurement.measured).1?;
         }
         if self.run.is_save_due(step) {
-            self.run.save_on_the_way(step, &snapshot(trainer));
+            self.run.save_on_the_way(step, &Snapshot::of_training(training));
         }
         Ok(())
     }
@@ -65,9 +67,9 @@ impl Observer {
     ///
     /// # Errors
     /// When a snippet cannot be read or rendered.
-    pub fn measure(&self, trainer: &Trainer, pictures: usize) -> Result<Measurement> {
+    pub fn measure(&self, training: &Training<FluxNetwork>, pictures: usize) -> Result<Measurement> {
         let logs = &self.logs;
         let split = Split { logs, places: &logs.held_out, name: logs.split, pictures };
-        measure(trainer.network(), &split, &self.config, &self.device)
+        measure(training.module(), &split, &self.config, &self.device)
     }
 }

@@ -1,15 +1,15 @@
 //! Polish (`gsburn reconstruct --polish STEPS`, beyond the paper): Adam on the Gaussians and velocities of one snippet.
 //!
-//! The loss is that of the training over the snippet's input images: L1, SSIM, LiDAR depth, reweighting, mean speed. The frames
-//! between the inputs take no part; they are rendered before and after to say what the polish is worth. A row that carries no
-//! velocity by evidence carries none afterwards.
+//! The loss is that of the training over the snippet's input images: L1, SSIM, LiDAR depth, reweighting, mean speed.
+//! The frames between the inputs take no part; they are rendered before and after to say what the polish is worth. A
+//! row that carries no velocity by evidence carries none afterwards.
 
 use std::time::Instant;
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::NamedGradients;
-use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::adam::AdamRate;
 use gs_driving::DrivingLog;
 use gs_models::flux4d::TargetView;
 use gs_models::flux4d::channels::{CHANNELS, COLOR, OPACITY, POSITION, QUATERNION, SCALE};
@@ -23,12 +23,13 @@ use super::prepare::HostSnippet;
 use super::sample::{Sample, camera, photo, target};
 use crate::fit::random::{Purpose, stream};
 use crate::fit::schedule::exponential;
+use crate::fit::training::Training;
 use crate::run::interrupt;
 use crate::run::metrics::psnr;
 use crate::run::progress::Progress;
 
-/// The rate of the first step by parameter, in its unit per step: metres for positions and metres per window for velocities, raw
-/// channels for the others. A hundred steps move a Gaussian by some centimetres.
+/// The rate of the first step by parameter, in its unit per step: metres for positions and metres per window for
+/// velocities, raw channels for the others. A hundred steps move a Gaussian by some centimetres.
 const RATES: [(&str, f64); 6] =
     [("positions", 2e-3), ("quats", 2e-3), ("scales", 1e-2), ("opacities", 3e-2), ("colors", 2e-2), (VELOCITY, 5e-3)];
 /// The parameter whose gradient is masked.
@@ -94,7 +95,8 @@ impl Parameters {
     }
 }
 
-/// Polishes what a network says of a snippet by `steps` steps, or fewer after Ctrl-C; `None` and no change with 0 steps.
+/// Polishes what a network says of a snippet by `steps` steps, or fewer after Ctrl-C; `None` and no change with 0
+/// steps.
 pub fn polish(
     inferred: &mut Inferred,
     (host, log): (&HostSnippet, &DrivingLog),
@@ -112,84 +114,74 @@ pub fn polish(
     };
     let (loss, seen) = (of_inputs(inferred), psnr_between(inferred, host, log));
     let begun = Instant::now();
-    let mut optimiser = Optimiser::new(inferred, steps);
+    let mut polish = Polish::new(inferred, steps);
     let mut progress = Progress::new(0, steps, false);
     progress.say(&format!("polishing {}", host.name));
-    while optimiser.taken() < steps && !interrupt::asked() {
-        let step = optimiser.taken() + 1;
+    while polish.training.step < steps && !interrupt::asked() {
+        let step = polish.training.step + 1;
         let count = config.own.supervision.input_views.min(views.len());
         let mut random = stream(config.seed, Purpose::Polish, step as u64);
         let drawn = index::sample(&mut random, views.len(), count).into_iter().map(|place| views[place].clone());
-        let loss = optimiser.step(&inferred.sample, &drawn.collect::<Vec<_>>(), config);
+        let loss = polish.step(&inferred.sample, &drawn.collect::<Vec<_>>(), config);
         progress.step(step, loss as f32, None, &[("Gaussians", host.rows.times.len() as f64)]);
     }
     progress.finish();
     let seconds = begun.elapsed().as_secs_f64();
-    (inferred.raw, inferred.velocity) = (optimiser.parameters().raw(), optimiser.parameters().velocity.val());
+    let training = polish.training;
+    (inferred.raw, inferred.velocity) = (training.module().raw(), training.module().velocity.val());
     let psnr = seen.zip(psnr_between(inferred, host, log)).map(|(before, after)| [before, after]);
     Some(Polished {
-        steps: optimiser.taken(),
+        steps: training.step,
         steps_asked: steps,
-        skipped: optimiser.skipped,
+        skipped: training.skipped,
         seconds,
         loss: [loss, of_inputs(inferred)],
         psnr,
     })
 }
 
-/// Parameters with their moments.
-struct Optimiser {
-    /// `None` within a step alone.
-    parameters: Option<Parameters>,
-    adam: Adam,
+/// A polish under way.
+struct Polish {
+    training: Training<Parameters>,
     /// `[N, 1]`, 1 for the rows that may move.
     moves: Tensor<2>,
+    /// Steps asked for.
     steps: usize,
-    skipped: usize,
 }
 
-impl Optimiser {
+impl Polish {
     fn new(inferred: &Inferred, steps: usize) -> Self {
-        let parameters = Some(Parameters::new(&inferred.raw, &inferred.velocity));
-        Self { parameters, adam: Adam::new(), moves: moves(&inferred.sample), steps, skipped: 0 }
-    }
-
-    /// Steps so far, those that changed nothing included.
-    fn taken(&self) -> usize {
-        self.adam.updates as usize + self.skipped
-    }
-
-    fn parameters(&self) -> &Parameters {
-        self.parameters.as_ref().expect("between steps")
+        let training = Training::new(Parameters::new(&inferred.raw, &inferred.velocity));
+        Self { training, moves: moves(&inferred.sample), steps }
     }
 
     /// One step over some input views; returns its loss. A step that is not finite changes nothing.
     fn step(&mut self, sample: &Sample, views: &[TargetView], config: &FluxConfig) -> f64 {
-        let tracked = self.parameters().clone().train();
+        self.training.step += 1;
+        let tracked = self.training.module().clone().train();
         let loss = sample.frame.loss(tracked.raw(), tracked.velocity.val(), views, &config.loss());
         let value: f64 = loss.clone().inner().into_scalar();
         let mut graph = loss.backward();
         let mut gradients = NamedGradients::take(&tracked, &mut graph);
         drop((tracked, graph));
         if !value.is_finite() || !gradients.all_finite() {
-            self.skipped += 1;
+            self.training.skipped += 1;
             return value;
         }
         if let Some(gradient) = gradients.remove(VELOCITY) {
             gradients.insert(VELOCITY, gradient * self.moves.clone());
         }
-        let step = self.taken() + 1;
-        let rate = |path: &str| {
+        let step = self.training.step;
+        self.training.update(gradients, |path| {
             let (_, first) = RATES.iter().find(|(name, _)| *name == path)?;
             Some(AdamRate::new(exponential(*first, LAST_SHARE * first, step, self.steps)))
-        };
-        let parameters = self.parameters.take().expect("between steps");
-        self.parameters = Some(self.adam.step(parameters, gradients, rate));
+        });
         value
     }
 }
 
-/// `[N, 1]`, 1 for the rows that may move: those that the sweeps show to, or all but far ones where velocities start at zero.
+/// `[N, 1]`, 1 for the rows that may move: those that the sweeps show to, or all but far ones where velocities start at
+/// zero.
 fn moves(sample: &Sample) -> Tensor<2> {
     if let Some(start) = &sample.start {
         return start.moves.clone();

@@ -1,8 +1,8 @@
-//! Other colours for a snippet of the training: brightness, contrast and tint of a whole snippet are drawn anew for each step
-//! (`learning.recolour`, beyond the paper).
+//! Other colours for a snippet of the training: brightness, contrast and tint of a whole snippet are drawn anew for
+//! each step (`learning.recolour`, beyond the paper).
 //!
-//! `c' = (g_k c)^gamma`, with the gain `g_k` of a channel and `gamma` drawn once for all images and first Gaussians of the snippet.
-//! Few logs have few lights and paints; a network that saw no others knows them by heart.
+//! `c' = (g_k c)^gamma`, with the gain `g_k` of a channel and `gamma` drawn once for all images and first Gaussians of
+//! the snippet. Few logs have few lights and paints; a network that saw no others knows them by heart.
 
 use gs_datasets::RgbImage8;
 use gs_models::flux4d::channels::{CHANNELS, COLOR};
@@ -12,7 +12,8 @@ use rand::Rng;
 use super::prepare::{HostSnippet, HostView};
 use crate::fit::random::{Purpose, stream};
 
-/// A channel's own part of the logarithm of the gain, of the part that all channels share: light has less colour than brightness.
+/// A channel's own part of the logarithm of the gain, of the part that all channels share: light has less colour than
+/// brightness.
 const TINT: f64 = 0.3;
 
 /// A map of colours.
@@ -64,7 +65,8 @@ mod tests {
     use rand::SeedableRng;
     use rand::rngs::StdRng;
 
-    /// A lifted colour and the pixel that it came from stay the same colour, to half a step of 8 bits and the margin of a logit.
+    /// A lifted colour and the pixel that it came from stay the same colour, to half a step of 8 bits and the margin of
+    /// a logit.
     #[test]
     fn rows_and_images_change_alike() {
         for seed in 0..20 {

@@ -236,8 +236,8 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// The times asked for that snippet `number` of `all` shows, between and beyond the frames, from the camera of the nearest
-    /// input.
+    /// The times asked for that snippet `number` of `all` shows, between and beyond the frames, from the camera of the
+    /// nearest input.
     fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet, (all, number): (&[Snippet], usize)) -> Result<()> {
         let frames = times(&self.log);
         if self.begin.is_none() {
@@ -323,8 +323,8 @@ fn owner(all: &[Snippet], frame: usize) -> usize {
     holding.min_by_key(|(number, snippet)| (off(snippet), *number)).map_or(0, |(number, _)| number)
 }
 
-/// The snippet that shows a time (seconds): of those whose inputs reach over it, or come nearest to it, the one whose middle is
-/// nearest. `times` are those of all frames.
+/// The snippet that shows a time (seconds): of those whose inputs reach over it, or come nearest to it, the one whose
+/// middle is nearest. `times` are those of all frames.
 fn owner_of_time(all: &[Snippet], times: &[f64], seconds: f64) -> usize {
     let off = |snippet: &Snippet| {
         let (first, last) = (times[snippet.inputs[0]], times[snippet.inputs[snippet.inputs.len() - 1]]);

@@ -1,47 +1,17 @@
-//! The network, its moments and its counters as a checkpoint.
+//! The network of a checkpoint, and the state of its training.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::adam::{Adam, Moments};
-use gs_burn::{NamedParameter, named_parameters, try_map_parameters};
-use serde::{Deserialize, Serialize};
+use burn::tensor::Device;
 
 use super::NAME;
 use super::config::FluxConfig;
 use super::network::FluxNetwork;
-use super::trainer::Trainer;
 use crate::config::tables;
-use crate::fit::snapshot::{Column, Snapshot, Source};
+use crate::fit::snapshot::{Counters, Snapshot, Source, learned, read_module, read_training};
+use crate::fit::training::Training;
 use crate::run::checkpoint::Checkpoint;
-
-const MODEL: &str = "model.";
-const FIRST: &str = "first.";
-const SECOND: &str = "second.";
-
-/// The counters beside the tensors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Counters {
-    step: usize,
-    skipped: usize,
-    updates: u64,
-}
-
-/// The state of a training.
-pub fn snapshot(trainer: &Trainer) -> Snapshot {
-    let mut columns = BTreeMap::new();
-    for NamedParameter { path, shape, table } in learned(trainer.network()) {
-        columns.insert(format!("{MODEL}{path}"), Column::of_table(table, shape));
-    }
-    for (path, moments) in &trainer.adam.moments {
-        columns.insert(format!("{FIRST}{path}"), Column::new(moments.first.clone()));
-        columns.insert(format!("{SECOND}{path}"), Column::new(moments.second.clone()));
-    }
-    let counters = Counters { step: trainer.step, skipped: trainer.skipped, updates: trainer.adam.updates };
-    Snapshot { columns, notes: serde_json::to_value(counters).expect("numbers are JSON") }
-}
 
 /// The network that ships with the program.
 ///
@@ -57,19 +27,9 @@ pub fn shipped_checkpoint() -> Result<Checkpoint> {
 /// A sentence when the checkpoint is of another pipeline or damaged.
 pub fn network_alone(checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot> {
     let SavedNetwork { network, step, .. } = read_network(checkpoint, device)?;
-    let mut alone = snapshot(&Trainer::new(network));
-    let counters = Counters { step, skipped: 0, updates: 0 };
-    alone.notes = serde_json::to_value(counters).expect("numbers are JSON");
-    Ok(alone)
-}
-
-/// Running statistics are left out: batch norm takes those of the snippet at hand.
-fn learned(network: &FluxNetwork) -> Vec<NamedParameter> {
-    named_parameters(network).into_iter().filter(|parameter| is_learned(&parameter.path)).collect()
-}
-
-fn is_learned(path: &str) -> bool {
-    !path.ends_with("running_mean") && !path.ends_with("running_var")
+    let mut training = Training::new(network);
+    training.step = step;
+    Ok(Snapshot::of_training(&training))
 }
 
 /// A network with its configuration and the steps it was trained.
@@ -95,7 +55,7 @@ pub fn read_network(checkpoint: &Checkpoint, device: &Device) -> Result<SavedNet
     let place = format!("{}: configuration", path.display());
     let config = FluxConfig::from_table(&tables::parse(&origin.config, &place)?, &place)?;
     let read = || -> Result<(FluxNetwork, usize), String> {
-        Ok((network(checkpoint, &config, device)?, counters(checkpoint)?.step))
+        Ok((network(checkpoint, &config, device)?, Counters::read(checkpoint)?.step))
     };
     let (network, step) = read().map_err(|found| checkpoint.damaged(found))?;
     Ok(SavedNetwork { network, config, step })
@@ -105,47 +65,15 @@ pub fn read_network(checkpoint: &Checkpoint, device: &Device) -> Result<SavedNet
 ///
 /// # Errors
 /// A sentence when a part is missing or damaged, or parts do not fit each other.
-pub fn restore(source: &dyn Source, config: &FluxConfig, device: &Device) -> Result<Trainer, String> {
-    let network = network(source, config, device)?;
-    let Counters { step, skipped, updates } = counters(source)?;
-    let mut adam = Adam { updates, ..Adam::new() };
-    for NamedParameter { path, table, .. } in learned(&network) {
-        let moment = |prefix: &str| -> Result<Tensor<2>, String> {
-            let (values, shape) = source.read(&format!("{prefix}{path}"))?;
-            if shape != table.dims() {
-                return Err(format!("{path} and its moments have different shapes"));
-            }
-            Ok(Tensor::from_data(TensorData::new(values, table.dims()), device))
-        };
-        // Before its first update a parameter has none.
-        if updates > 0 {
-            adam.moments.insert(path.clone(), Moments { first: moment(FIRST)?, second: moment(SECOND)? });
-        }
-    }
-    let mut trainer = Trainer::new(network);
-    (trainer.adam, trainer.step, trainer.skipped) = (adam, step, skipped);
-    Ok(trainer)
+pub fn restore(source: &dyn Source, config: &FluxConfig, device: &Device) -> Result<Training<FluxNetwork>, String> {
+    read_training(source, network(source, config, device)?, device)
 }
 
 fn network(source: &dyn Source, config: &FluxConfig, device: &Device) -> Result<FluxNetwork, String> {
-    try_map_parameters(FluxNetwork::new(config, device), |parameter| {
-        let NamedParameter { path, shape, table } = parameter;
-        if !is_learned(&path) {
-            return Ok(table);
-        }
-        let (values, found) = source.read(&format!("{MODEL}{path}"))?;
-        if found != shape {
-            return Err(format!("{path} has the shape {found:?}, the configuration says {shape:?}"));
-        }
-        Ok(Tensor::from_data(TensorData::new(values, table.dims()), device))
-    })
-}
-
-fn counters(source: &dyn Source) -> Result<Counters, String> {
-    serde_json::from_value(source.notes().clone()).map_err(|error| error.to_string())
+    read_module(source, "", FluxNetwork::new(config, device), |found, own| found == own, device)
 }
 
 /// Learned numbers of a network.
 pub fn parameters(network: &FluxNetwork) -> usize {
-    learned(network).iter().map(|parameter| parameter.shape.iter().product::<usize>()).sum()
+    learned(network).map(|parameter| parameter.shape.iter().product::<usize>()).sum()
 }

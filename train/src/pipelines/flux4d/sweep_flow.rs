@@ -62,8 +62,9 @@ struct Found {
     flow: Vec<[f32; 3]>,
 }
 
-/// Finds the flow of every point of every sweep, metres in [`FLOW_INTERVAL`], scores it where there are labels, and writes
-/// `FRAME.npy` (`[points, 3]`, axes of the world, points as the log gives them) and `flow.json`. Returns lines for the terminal.
+/// Finds the flow of every point of every sweep, metres in [`FLOW_INTERVAL`], scores it where there are labels, and
+/// writes `FRAME.npy` (`[points, 3]`, axes of the world, points as the log gives them) and `flow.json`. Returns lines
+/// for the terminal.
 ///
 /// # Errors
 /// One sentence: a log of one sweep, a broken file, a full disk, a folder with other files.

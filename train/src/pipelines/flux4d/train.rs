@@ -3,18 +3,22 @@
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use burn::tensor::Device;
 use glam::DVec3;
 use gs_base::counted;
 
 use super::NAME;
 use super::config::FluxConfig;
 use super::evaluate::Measurement;
+use super::feed::{Feed, SnippetCache};
 use super::logs::Logs;
 use super::memory;
 use super::network::FluxNetwork;
 use super::observer::Observer;
-use super::saved::{parameters, restore, snapshot};
-use super::trainer::Trainer;
+use super::saved::{parameters, restore};
+use super::trainer::{Setup, step};
+use crate::fit::snapshot::Snapshot;
+use crate::fit::training::Training;
 use crate::run::checkpoint::Origin;
 use crate::run::ending::LastFiles;
 use crate::run::folder::{Setting, full_path};
@@ -38,37 +42,45 @@ pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
     let logs = Arc::new(Logs::open(&job.dataset, &config.own.logs)?);
     logs.warn();
     let mut plan = plan(job, config, &logs);
-    let trainer = begun(job, config, &plan)?;
-    plan.prediction = memory::of_training(config, &logs, parameters(trainer.network()), job.devices());
-    let run = Run::begin(job, plan, trainer.step, held)?;
-    introduce(&run, &logs, &trainer);
+    let training = begun(job, config, &plan)?;
+    plan.prediction = memory::of_training(config, &logs, parameters(training.module()), job.devices());
+    let run = Run::begin(job, plan, training.step, held)?;
+    introduce(&run, &logs, &training);
     let observer = Observer::new(run, logs, config.clone(), job.device.clone());
-    let (trainer, observer) = advance(trainer, observer, job)?;
-    if trainer.step < config.steps {
-        observer.run.save(trainer.step, &snapshot(&trainer))?;
-        return observer.run.leave(trainer.step);
+    let (training, observer) = advance(training, observer, job)?;
+    if training.step < config.steps {
+        observer.run.save(training.step, &Snapshot::of_training(&training))?;
+        return observer.run.leave(training.step);
     }
-    finish(observer, job, &trainer)
+    finish(observer, job, &training)
 }
 
-/// Takes steps until the training is over, by burn-train's learner.
-#[cfg(feature = "learner")]
-fn advance(trainer: Trainer, observer: Observer, job: &Job) -> Result<(Trainer, Observer)> {
-    super::learner::advance(trainer, observer, job)
-}
-
-/// Takes steps until the training is over.
-#[cfg(not(feature = "learner"))]
-fn advance(trainer: Trainer, observer: Observer, _: &Job) -> Result<(Trainer, Observer)> {
-    super::steps::advance(trainer, observer)
+/// Takes steps until the training is over; the run observes.
+fn advance(
+    mut training: Training<FluxNetwork>,
+    mut observer: Observer,
+    job: &Job,
+) -> Result<(Training<FluxNetwork>, Observer)> {
+    let devices: Vec<Device> = std::iter::once(&job.device).chain(&job.more_devices).cloned().collect();
+    let (logs, config) = (observer.logs.clone(), observer.config.clone());
+    let accumulate = config.own.learning.accumulate;
+    let cache = Arc::new(SnippetCache::new(logs.clone(), &config));
+    let mut feed = Feed::start(&cache, training.step * accumulate, devices.len())?;
+    let setup = Setup { logs: &logs, config: &config, devices: &devices };
+    while !observer.is_over(training.step) {
+        let snippets = (0..accumulate).map(|_| feed.next()).collect::<Result<Vec<_>>>()?;
+        let mut reasons = Vec::new();
+        let report = observer
+            .run
+            .timed(|| step(&mut training, &snippets, setup, &mut |reason| reasons.push(reason.to_string())));
+        observer.observe(&training, report, &reasons)?;
+    }
+    Ok((training, observer))
 }
 
 /// Checks that the devices of a job can share its steps.
 fn check_devices(job: &Job, config: &FluxConfig) -> Result<()> {
     let (devices, accumulate) = (job.devices(), config.own.learning.accumulate);
-    if devices > 1 && !cfg!(feature = "learner") {
-        bail!("--devices {devices}: training on several devices is not part of this build: add `--features learner`");
-    }
     if accumulate % devices != 0 {
         bail!(
             "--devices {devices}: expected a multiple of it in learning.accumulate, the snippets of a step, which the \
@@ -78,10 +90,10 @@ fn check_devices(job: &Job, config: &FluxConfig) -> Result<()> {
     Ok(())
 }
 
-fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
+fn finish(observer: Observer, job: &Job, training: &Training<FluxNetwork>) -> Result<Ending> {
     let mut files = LastFiles::default();
-    files.tried("the checkpoint", observer.run.save(trainer.step, &snapshot(trainer)));
-    let Measurement { measured, pictures, scene, viewed } = observer.measure(trainer, observer.config.eval.images)?;
+    files.tried("the checkpoint", observer.run.save(training.step, &Snapshot::of_training(training)));
+    let Measurement { measured, pictures, scene, viewed } = observer.measure(training, observer.config.eval.images)?;
     let Observer { mut run, config, .. } = observer;
     if let Some((gaussians, origin)) = scene {
         let ply = write_ply(&job.folder.ply(), &gaussians, origin);
@@ -91,7 +103,7 @@ fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
             run.say(&format!("{}: {note}", job.folder.ply().display()));
         }
     }
-    let (eval, written) = run.record(trainer.step, measured);
+    let (eval, written) = run.record(training.step, measured);
     files.tried("eval.json", written);
     let (history, written) = run.finish();
     files.tried("metrics.jsonl", written);
@@ -101,24 +113,24 @@ fn finish(observer: Observer, job: &Job, trainer: &Trainer) -> Result<Ending> {
 }
 
 /// The saved training, or one before its first step.
-fn begun(job: &Job, config: &FluxConfig, plan: &Plan) -> Result<Trainer> {
+fn begun(job: &Job, config: &FluxConfig, plan: &Plan) -> Result<Training<FluxNetwork>> {
     match watch::saved(job, &config.to_toml())? {
         Some(checkpoint) => {
             watch::check_views(job, checkpoint.origin.views, plan.origin.views)?;
             Ok(restore(&checkpoint, config, &job.device).map_err(|found| checkpoint.damaged(found))?)
         }
-        None => Ok(Trainer::new(FluxNetwork::new(config, &job.device))),
+        None => Ok(Training::new(FluxNetwork::new(config, &job.device))),
     }
 }
 
-fn introduce(run: &Run, logs: &Logs, trainer: &Trainer) {
+fn introduce(run: &Run, logs: &Logs, training: &Training<FluxNetwork>) {
     run.say(&format!(
         "{} with {} to train on and {} of the split {}; {} parameters",
         counted(logs.logs.len(), "log"),
         counted(logs.train.len(), "snippet"),
         counted(logs.held_out.len(), "snippet"),
         logs.split,
-        parameters(trainer.network()),
+        parameters(training.module()),
     ));
     if logs.split == "train" {
         run.say("warning: no log is held out, so the figures are those of training snippets");

@@ -1,35 +1,36 @@
-//! One optimisation step: the passes of a snippet with their own backwards, gradients added up, Adam.
+//! One optimisation step: the passes of each snippet with their own backwards, gradients added up, Adam.
+//!
+//! The loop is our own. burn-train (0.22.1) resumes at the first item of an epoch and saves at its last, so that a
+//! training does not go on in the middle of one with the same bits. Its step returns the gradients of one backward of
+//! Burn's graph and its optimiser takes all of them, so that neither the passes of a snippet, each with a backward
+//! whose graph is freed before the next, nor a snippet without any has a place. Burn's `all_reduce` exists on CUDA
+//! alone and adds in no fixed order; here several devices send their gradients to the first one, which adds them in the
+//! order of the draws, so that the bits are those of one device.
+
+use std::thread;
 
 use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::NamedGradients;
-use gs_burn::adam::{Adam, AdamRate};
+use gs_burn::adam::AdamRate;
+use gs_driving::DrivingLog;
 use gs_models::flux4d::FluxError;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 
 use super::config::FluxConfig;
 use super::feed::Drawn;
-use super::logs::{Logs, Place};
+use super::logs::Logs;
 use super::network::FluxNetwork;
 use super::prepare::{HostSnippet, HostView};
 use super::sample::{Sample, Supervision, target};
 use crate::fit::random::{Purpose, stream};
+use crate::fit::training::Training;
 use crate::sentence::one_sentence;
 
-/// A network in training.
-#[derive(Debug)]
-pub struct Trainer {
-    /// Outside autodiff; `None` within a step alone.
-    network: Option<FluxNetwork>,
-    /// The optimiser.
-    pub adam: Adam,
-    /// Steps taken.
-    pub step: usize,
-    /// Snippets that could not be used and contributed zeros.
-    pub skipped: usize,
-}
+/// Adam's epsilon, Burn's and PyTorch's default: gradients of a network are not as tiny as those of single Gaussians.
+const ADAM_EPS: f64 = 1e-8;
 
 /// What a step tells its observers.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,109 +43,111 @@ pub struct StepReport {
     pub voxels: usize,
 }
 
-/// Why a snippet contributed nothing.
-pub type Unusable = String;
-
-/// What a snippet that was used tells.
+/// Data, configuration and devices of a training.
 #[derive(Debug, Clone, Copy)]
-pub struct Used {
-    /// Loss after the last pass.
-    pub loss: f64,
-    /// Gaussians.
-    pub gaussians: usize,
-    /// Finest voxels.
-    pub voxels: usize,
+pub struct Setup<'a> {
+    /// The logs.
+    pub logs: &'a Logs,
+    /// The configuration.
+    pub config: &'a FluxConfig,
+    /// The devices that share a step (without autodiff); the first one holds the training.
+    pub devices: &'a [Device],
 }
 
-/// Data, configuration and device of a training.
-pub type Setting<'a> = (&'a Logs, &'a FluxConfig, &'a Device);
+/// A snippet that was used: its gradients by path, and what it tells.
+struct Contribution {
+    gradients: NamedGradients,
+    /// Loss after the last pass.
+    loss: f64,
+    gaussians: usize,
+    /// Finest voxels.
+    voxels: usize,
+}
 
-impl Trainer {
-    /// A training before its first step.
-    pub fn new(network: FluxNetwork) -> Self {
-        Self { network: Some(network), adam: Adam::new(), step: 0, skipped: 0 }
-    }
-
-    /// The network, outside autodiff.
-    pub fn network(&self) -> &FluxNetwork {
-        self.network.as_ref().expect("between steps")
-    }
-
-    /// One step over some snippets; `say` is told why one was skipped.
-    pub fn step(&mut self, snippets: &[Drawn], setting: Setting, say: &mut dyn FnMut(&str)) -> StepReport {
-        let tracked = self.network().clone().train();
-        let mut sum = None::<NamedGradients>;
-        let mut outcomes = Vec::new();
-        for drawn in snippets {
-            let outcome = contribution(&tracked, drawn, setting).map(|(found, used)| {
-                match &mut sum {
-                    Some(sum) => sum.add(found),
-                    None => sum = Some(found),
+/// One step over some snippets, which the devices share; `say` is told why one was skipped. A skipped snippet
+/// contributes zeros to the mean of the gradients; a step without any other changes nothing.
+pub fn step(
+    training: &mut Training<FluxNetwork>,
+    snippets: &[Drawn],
+    setup: Setup,
+    say: &mut dyn FnMut(&str),
+) -> StepReport {
+    training.step += 1;
+    let network = training.module();
+    let networks: Vec<_> = setup.devices.iter().map(|device| network.clone().to_device(device).train()).collect();
+    let mut sum = NamedGradients::default();
+    let (mut losses, mut report) = (Vec::new(), StepReport { loss: f32::NAN, ..StepReport::default() });
+    for snippets in snippets.chunks(networks.len()) {
+        for found in contributions(&networks, snippets, setup) {
+            match found {
+                Ok(Contribution { gradients, loss, gaussians, voxels }) => {
+                    sum.add(gradients.to_device(&setup.devices[0]));
+                    losses.push(loss);
+                    (report.gaussians, report.voxels) = (gaussians, voxels);
                 }
-                used
-            });
-            outcomes.push(outcome);
+                Err(reason) => {
+                    training.skipped += 1;
+                    say(&format!("a snippet of step {} was skipped: {reason}", training.step));
+                }
+            }
         }
-        drop(tracked);
-        self.finish(sum.unwrap_or_default(), snippets.len(), &outcomes, setting.1, say)
     }
+    // Nobody else may hold a tensor that is to be updated in place.
+    drop(networks);
+    if !losses.is_empty() {
+        report.loss = (losses.iter().sum::<f64>() / losses.len() as f64) as f32;
+        update(training, sum, snippets.len(), setup.config);
+    }
+    report
+}
 
-    /// Ends a step with the sum of the gradients, of which `count` make the mean. A skipped snippet contributes zeros to the mean;
-    /// a step without any other changes nothing.
-    pub fn finish(
-        &mut self,
-        sum: NamedGradients,
-        count: usize,
-        outcomes: &[Result<Used, Unusable>],
-        config: &FluxConfig,
-        say: &mut dyn FnMut(&str),
-    ) -> StepReport {
-        self.step += 1;
-        for reason in outcomes.iter().filter_map(|outcome| outcome.as_ref().err()) {
-            self.skipped += 1;
-            say(&format!("a snippet of step {} was skipped: {reason}", self.step));
-        }
-        let used: Vec<&Used> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
-        let Some(last) = used.last() else {
-            return StepReport { loss: f32::NAN, ..StepReport::default() };
-        };
-        let loss = used.iter().map(|used| used.loss).sum::<f64>() / used.len() as f64;
-        self.update(sum, count, config);
-        StepReport { loss: loss as f32, gaussians: last.gaussians, voxels: last.voxels }
+/// One Adam update by the mean of `count` gradients.
+fn update(training: &mut Training<FluxNetwork>, sum: NamedGradients, count: usize, config: &FluxConfig) {
+    let mut mean = NamedGradients::default();
+    for (path, table) in sum.iter() {
+        mean.insert(path, table.clone() / count as f64);
     }
+    drop(sum);
+    let rate = AdamRate { eps: ADAM_EPS, ..AdamRate::new(config.own.learning.at(training.step, config.steps)) };
+    training.update(mean, |_| Some(rate));
+}
 
-    fn update(&mut self, sum: NamedGradients, count: usize, config: &FluxConfig) {
-        let mut mean = NamedGradients::default();
-        for (path, table) in sum.iter() {
-            mean.insert(path, table.clone() / count as f64);
-        }
-        drop(sum);
-        let rate = AdamRate { eps: ADAM_EPS, ..AdamRate::new(config.own.learning.at(self.step, config.steps)) };
-        let network = self.network.take().expect("between steps");
-        self.network = Some(self.adam.step(network, mean, |_| Some(rate)));
-    }
+/// The contributions of as many snippets as there are networks at most, in their order: each snippet on the device of a
+/// network.
+fn contributions(networks: &[FluxNetwork], snippets: &[Drawn], setup: Setup) -> Vec<Result<Contribution, String>> {
+    let contribution = |network: FluxNetwork, drawn, device| contribution(&network, drawn, setup, device);
+    let mut pairs = networks.iter().cloned().zip(snippets).zip(setup.devices);
+    let Some(((network, drawn), device)) = pairs.next() else { return Vec::new() };
+    thread::scope(|scope| {
+        let others: Vec<_> =
+            pairs.map(|((network, drawn), device)| scope.spawn(move || contribution(network, drawn, device))).collect();
+        // On this thread, to which a profile belongs.
+        let mut found = vec![contribution(network, drawn, device)];
+        found.extend(
+            others.into_iter().map(|other| other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))),
+        );
+        found
+    })
 }
 
 /// The gradients of one snippet by the leaves of `tracked`, summed over its passes.
 ///
 /// # Errors
 /// Why the snippet cannot be used.
-pub fn contribution(
+fn contribution(
     tracked: &FluxNetwork,
     drawn: &Drawn,
-    (logs, config, device): Setting,
-) -> Result<(NamedGradients, Used), Unusable> {
+    Setup { logs, config, .. }: Setup,
+    device: &Device,
+) -> Result<Contribution, String> {
     let host = drawn.prepared.as_ref().map_err(Clone::clone)?;
     let mut random = stream(config.seed, Purpose::Supervision, drawn.draw as u64);
     let sample = Sample::new(host, config, device).map_err(|error| one_sentence(&error))?;
-    let supervision = supervised(host, &sample, (logs, &drawn.place, config), &mut random, device)?;
+    let supervision = supervised(host, &sample, &logs.logs[drawn.place.log], config, &mut random)?;
     let found = gradients(tracked, &sample, &supervision, config);
     let (gradients, loss) = found.map_err(|error| format!("{}: {error}", host.name))?;
-    Ok((gradients, Used { loss, gaussians: sample.lifted.raw.dims()[0], voxels: sample.pyramid.voxels(0) }))
+    Ok(Contribution { gradients, loss, gaussians: sample.lifted.raw.dims()[0], voxels: sample.pyramid.voxels(0) })
 }
-
-/// Adam's epsilon, Burn's and PyTorch's default: gradients of a network are not as tiny as those of single Gaussians.
-const ADAM_EPS: f64 = 1e-8;
 
 /// The gradients of one snippet and its loss after the last pass.
 fn gradients(
@@ -172,15 +175,15 @@ fn gradients(
 fn supervised<'a>(
     host: &HostSnippet,
     sample: &'a Sample,
-    (logs, place, config): (&Logs, &Place, &FluxConfig),
+    log: &DrivingLog,
+    config: &FluxConfig,
     random: &mut ChaCha8Rng,
-    device: &Device,
-) -> Result<Supervision<'a>, Unusable> {
-    let log = &logs.logs[place.log];
+) -> Result<Supervision<'a>, String> {
+    let device = sample.lifted.raw.device();
     let mut drawn = |views: Vec<&HostView>, count: usize| {
         let mut places = index::sample(random, views.len(), count.min(views.len())).into_vec();
         places.sort_unstable();
-        places.into_iter().map(|place| target(log, views[place], device)).collect::<Vec<_>>()
+        places.into_iter().map(|place| target(log, views[place], &device)).collect::<Vec<_>>()
     };
     let (inputs, targets) = (config.own.supervision.input_views, config.own.supervision.target_views);
     // C.2: of a snippet with a future, its frames are targets too.
@@ -216,7 +219,7 @@ mod tests {
         let sample = Sample::new(&host, &config, &device).expect("a sample");
         let mut random = stream(config.seed, Purpose::Supervision, 0);
         let supervision =
-            supervised(&host, &sample, (&logs, place, &config), &mut random, &device).expect("views of the snippet");
+            supervised(&host, &sample, &logs.logs[0], &config, &mut random).expect("views of the snippet");
         assert_eq!((supervision.targets.len(), host.targets.len(), host.future.len()), (10, 5, 5));
         assert_eq!(supervision.targets.iter().filter(|view| view.time > 1.0).count(), 5);
     }

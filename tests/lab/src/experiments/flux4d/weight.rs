@@ -4,11 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
+use gs_train::fit::training::Training;
 use gs_train::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
-use gs_train::pipelines::flux4d::feed::{Draws, Feed, Library};
+use gs_train::pipelines::flux4d::feed::{Feed, SnippetCache};
 use gs_train::pipelines::flux4d::logs::Logs;
 use gs_train::pipelines::flux4d::network::FluxNetwork;
-use gs_train::pipelines::flux4d::trainer::Trainer;
+use gs_train::pipelines::flux4d::trainer::{Setup, step};
 use gs_train::report::charts::{Chart, Series};
 use gs_train::run::interrupt;
 
@@ -65,15 +66,16 @@ fn run(lab: &Lab) -> Result<Findings> {
 /// Trains on a street and measures on it.
 fn trained(lab: &Lab, path: &Path, config: &FluxConfig) -> Result<Outcome> {
     let logs = Arc::new(Logs::unseen(path, &config.own.logs)?);
-    let mut trainer = Trainer::new(FluxNetwork::new(config, &lab.device));
-    let feed = Feed::start(Arc::new(Library::new(logs.clone(), config)), Draws::from(0))?;
-    while trainer.step < config.steps {
+    let mut training = Training::new(FluxNetwork::new(config, &lab.device));
+    let mut feed = Feed::start(&Arc::new(SnippetCache::new(logs.clone(), config)), 0, 1)?;
+    let setup = Setup { logs: &logs, config, devices: std::slice::from_ref(&lab.device) };
+    while training.step < config.steps {
         if interrupt::asked() {
             return Err(Interrupted.into());
         }
         let snippets = [feed.next()?];
-        trainer.step(&snippets, (&logs, config, &lab.device), &mut |reason| lab.say(reason));
+        step(&mut training, &snippets, setup, &mut |reason| lab.say(reason));
         lab.count_step();
     }
-    applied(lab, path, trainer.network(), config)
+    applied(lab, path, training.module(), config)
 }
