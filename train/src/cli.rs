@@ -6,14 +6,11 @@ mod flow;
 mod import;
 mod reconstruct;
 mod render;
-mod stability;
 mod synth;
 mod view;
 
-mod chart;
 mod sweep;
 
-pub use chart::ChartArgs;
 pub use export::{ConvertArgs, ExportArgs, Up};
 pub use extrapolate::ExtrapolateArgs;
 pub use flow::FlowArgs;
@@ -29,7 +26,6 @@ use crate::pipelines::examples;
 pub use import::ImportArgs;
 pub use reconstruct::ReconstructArgs;
 pub use render::{ImageFormat, RenderArgs};
-pub use stability::StabilityArgs;
 pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
 pub use view::{ViewArgs, WatchArgs};
 
@@ -81,12 +77,8 @@ pub enum Command {
     Bench(BenchArgs),
     /// Make blurry video of a small world, train a sharp moving scene from it on the CPU and write a report
     Demo(DemoArgs),
-    /// Chart accuracy against seconds and count of several runs, with the Pareto front
-    Chart(ChartArgs),
     /// Train one run for every combination of some values and chart them
     Sweep(SweepArgs),
-    /// Run experiments at the limits of a method and plot where it fails
-    Stability(StabilityArgs),
     /// List the training recipes that are compiled in
     Recipes,
 }

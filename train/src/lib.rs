@@ -8,7 +8,6 @@
 //! | [`fit`] | fitting Gaussians to the photos of one scene, in terms of a [`Method`](fit::method::Method) |
 //! | [`run`] | observers of any training: folder, clock, checkpoints, measurements |
 //! | [`report`] | pages and charts of one run and of several |
-//! | [`stability`] | the framework for experiments at the limits of a method |
 //! | [`pipelines`] | the papers: one folder and one line each |
 //! | [`cli`], [`commands`] | arguments as typed, one file per command |
 //!
@@ -59,4 +58,3 @@ pub mod pipelines;
 pub mod report;
 pub mod run;
 pub mod sentence;
-pub mod stability;

@@ -44,9 +44,7 @@ fn call(command: &Command) -> Result<ExitCode> {
         Command::Info(args) => commands::info::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Demo(args) => commands::demo::run(args),
-        Command::Chart(args) => commands::chart::run(args),
         Command::Sweep(args) => commands::sweep::run(args),
-        Command::Stability(args) => commands::stability::run(args),
         Command::Recipes => commands::recipes::run(),
     }
 }

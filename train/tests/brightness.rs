@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use gs_train::fit::parameters::to_host;
 use gs_train::pipelines::brightness::Brightness;
 use gs_train::pipelines::fit::read_model;
+use gs_train::report::comparison::{Table, gather};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
 use gs_worlds::{DemoOptions, demo_scene};
@@ -91,16 +92,15 @@ fn brightness_is_learned_measured_reported_and_charted() {
     let (with, without) = (eval.last.mean().psnr, plain.last.mean().psnr);
     assert!(with >= without + GAIN, "{with} dB with a brightness for each photo, {without} dB without");
 
-    // The page has its figure as a card, and the chart both runs.
+    // The page has its figure as a card, and the table both runs.
     let report = fs::read_to_string(learned.folder.report()).expect("read");
     let card = format!("<span>Brightest / darkest photo</span><b>{ratio:.3}</b>");
     assert!(report.contains(&card), "no card");
-    succeeds(folder, &["chart", "learned", "plain", "--out", "chart.svg", "--csv", "chart.csv"]);
-    let table = fs::read_to_string(folder.join("chart.csv")).expect("read");
+    let found = gather(&["learned", "plain"].map(|name| folder.join(name))).expect("two finished runs");
+    let table = Table::new(&found.runs).csv();
     let rows: Vec<&str> = table.lines().collect();
     assert!(rows[0].contains("brightest / darkest photo"), "{table}");
     assert!(rows.iter().any(|row| row.starts_with("learned,")) && rows.iter().any(|row| row.starts_with("plain,")));
-    assert!(fs::read_to_string(folder.join("chart.svg")).expect("read").contains("learned"));
 
     // The checkpoint is the scene that was measured; another backend sums in another order.
     succeeds(folder, &["eval", "learned", "--out", "eval.json", "--device", &common::device_name()]);

@@ -7,6 +7,7 @@ use std::process::Command;
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
+use gs_train::report::comparison::{Table, gather};
 
 use common::program::{fails, fails_with, gsburn, program, succeeds};
 
@@ -58,8 +59,8 @@ fn a_scene_goes_from_photos_to_frames() {
     for file in ["png/test/r_000.png", "png/test/r_000_depth.png", "png/test/r_000_alpha.png", "exr/test/r_001.exr"] {
         assert!(folder.join(file).is_file(), "{file}");
     }
-    succeeds(folder, &["chart", "run", "--out", "chart.svg"]);
-    assert!(fs::read_to_string(folder.join("chart.md")).expect("read").contains("| run | 160 | 12 |"));
+    let runs = gather(&[folder.join("run")]).expect("a finished run").runs;
+    assert!(Table::new(&runs).markdown().contains("| run | 160 | 12 |"));
 }
 
 /// A moving scene at times of the user's own: each camera once, times outside the recording said, still scenes refused.
@@ -237,7 +238,7 @@ fn bad_input_is_one_sentence() {
     fs::write(folder.join("masked/transforms.json"), cameras).expect("written");
 
     let absent = if cfg!(feature = "cuda") { "metal" } else { "cuda" };
-    let table: [(&[&str], &[&str]); 22] = [
+    let table: [(&[&str], &[&str]); 20] = [
         (&["synth", "deblur", "cube", "--out", "scene"], &["scene", "expected an empty or a new folder"]),
         (&["train", "nowhere"], &["nowhere", "found nothing"]),
         (&["train", "empty"], &["empty", "expected"]),
@@ -258,8 +259,6 @@ fn bad_input_is_one_sentence() {
         (&["render", "empty", "--cameras", "scene/transforms_test.json", "--out", "x"], &["empty", "checkpoint"]),
         (&["export", "none.ply", "--out", "x.ply"], &["none.ply", "found nothing"]),
         (&["export", "garbage.ply", "--out", "x.txt"], &["x.txt", ".ply"]),
-        (&["chart", "empty"], &["eval.json", "cannot read"]),
-        (&["chart", "nowhere"], &["nowhere", "found nothing"]),
     ];
     for (args, expected) in table {
         let error = fails(folder, args);

@@ -1,14 +1,11 @@
-//! Comparisons of runs: a sweep continues where it was cut off, and a chart says what it leaves out.
+//! A sweep continues where it was cut off.
 
 mod common;
 
 use std::fs;
-use std::path::Path;
 
 use gs_train::pipelines::resolve_overrides;
-use gs_train::report::comparison::gather;
 use gs_train::run::folder::{MetricsLine, RunFolder};
-use gs_train::run::outcome::Contents;
 use gs_train::run::watch::{Ending, Job};
 
 use common::program::{gsburn, says};
@@ -36,11 +33,13 @@ fn a_sweep_continues_where_it_was_cut_off() {
     let [table, said] = says(folder, &sweep());
     assert!(said.contains("resuming after step 2") && said.contains("run 2 of 2: cap-200_seed-1"), "{said}");
     assert!(table.contains("cap-160_seed-1") && table.contains("cap-200_seed-1"), "{table}");
-    for file in ["chart.svg", "chart.md", "chart.csv", "index.html"] {
-        assert!(folder.join("swept").join(file).is_file(), "{file}");
-    }
-    let page = fs::read_to_string(folder.join("swept/index.html")).expect("read");
-    assert!(page.contains("href=\"cap-200_seed-1/report.html\"") && page.contains("gsburn sweep scene"), "{page}");
+    let saved = |name: &str| fs::read_to_string(folder.join("swept").join(name)).expect("read");
+    let (markdown, csv) = (saved("chart.md"), saved("chart.csv"));
+    assert!(
+        markdown.contains("| cap-200\\_seed-1 | 200 |") && csv.contains("\ncap-200_seed-1,200,"),
+        "{markdown}{csv}"
+    );
+    assert!(saved("chart.svg").contains("best at its cost"));
     let steps: Vec<usize> =
         RunFolder::at(&first).read_metrics(6).expect("metrics").iter().map(MetricsLine::step).collect();
     assert!(steps.windows(2).all(|pair| pair[0] <= pair[1]), "{steps:?}");
@@ -59,7 +58,7 @@ fn a_sweep_continues_where_it_was_cut_off() {
 }
 
 #[test]
-fn each_of_several_data_sets_has_a_folder_and_seeds_are_one_curve() {
+fn each_of_several_data_sets_has_a_folder() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     common::tiny_scene(folder);
@@ -83,58 +82,8 @@ fn each_of_several_data_sets_has_a_folder_and_seeds_are_one_curve() {
 
     let [tables, said] = says(folder, &sweep(&["scene", "door", "--recipe", "static/base,static/demo"]));
     assert!(said.contains("data set door") && said.matches("run 2 of 2: seed-2").count() == 2, "{said}");
-    assert!(tables.contains("2 seeds"), "{tables}");
-    let saved = |name: &str| fs::read_to_string(folder.join("swept").join(name)).expect("read");
-    assert!(
-        saved("door/chart.md").contains("2 seeds") && saved("door/index.html").contains("href=\"seed-2/report.html\"")
-    );
-    assert!(saved("index.html").contains("href=\"door/seed-2/report.html\""));
-    assert!(saved("chart.svg").contains("scene: Whole image") && saved("chart.svg").contains("door: Whole image"));
-}
-
-#[test]
-fn a_chart_names_what_it_leaves_out() {
-    let temporary = tempfile::tempdir().expect("a folder");
-    let folder = temporary.path();
-    let scene = common::tiny_scene(folder);
-    let finish = |name: &str, scene: &Path| {
-        common::finish(&common::job(scene, &folder.join(name), &common::config(3, &["eval.at=[1]"])));
-    };
-    finish("a", &scene);
-    finish("b", &scene);
-    let elsewhere = folder.join("elsewhere");
-    fs::create_dir(&elsewhere).expect("made");
-    finish("c", &common::tiny_scene(&elsewhere));
-    let cut = Job { stop_at: Some(2), ..common::job(&scene, &folder.join("d"), &common::config(3, &["eval.at=[1]"])) };
-    common::train(&cut).expect("it runs");
-    fs::write(folder.join("chart.svg"), "an earlier chart").expect("written");
-
-    let paths = ["a", "b", "c", "d", "scene", "nowhere", "chart.svg"];
-    let found = gather(&paths.map(|name| folder.join(name))).expect("two are left");
-    assert_eq!(found.runs.iter().map(|run| run.name.as_str()).collect::<Vec<_>>(), ["a", "b"]);
-    let warned = |name: &str, why: &str| {
-        let start = folder.join(name).display().to_string();
-        let found = found.warnings.iter().find(|warning| warning.starts_with(&start));
-        assert!(found.is_some_and(|warning| warning.contains(why)), "{name}: {:?}", found);
-    };
-    warned("c", "the others on");
-    warned("d", "after step 1 of 3");
-    warned("scene", "no figures yet");
-    warned("nowhere", "found nothing");
-    assert_eq!(found.warnings.len(), 4, "a file is no run and needs no word");
-
-    let args = ["chart", "a", "b", "c", "--out", "all.html", "--csv", "all.csv", "--report", "a"];
-    let [table, errors] = says(folder, &args);
-    assert!(table.contains("CPU s") || !cfg!(target_os = "linux"), "{table}");
-    assert!(errors.contains("warning: c: trained on"), "{errors}");
-    let report = fs::read_to_string(folder.join("a/report.html")).expect("read");
-    assert!(report.contains("Accuracy against cost") && report.contains("gsburn chart a b c"), "{report}");
-    assert!(fs::read_to_string(folder.join("all.csv")).expect("read").starts_with("run,cap,step"));
-    // The section is still there after the report is written anew.
-    let folder_a = RunFolder::at(folder.join("a"));
-    let (config, _) = folder_a.read_config().expect("a run");
-    let eval = folder_a.read_eval().expect("figures");
-    let contents = Contents { config: config.to_string(), ..Contents::default() };
-    gs_train::report::write(&folder_a, &eval, &contents).expect("written");
-    assert!(fs::read_to_string(folder_a.report()).expect("read").contains("gsburn chart a b c"));
+    assert_eq!(tables.matches("\nseed-2").count(), 2, "{tables}");
+    for file in ["scene/chart.md", "door/chart.md", "door/chart.svg", "door/seed-2/report.html"] {
+        assert!(folder.join("swept").join(file).is_file(), "{file}");
+    }
 }

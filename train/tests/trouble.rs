@@ -85,20 +85,9 @@ fn renderings_are_never_written_over_photos() {
     assert!(fails(folder, &["export", "run", "--out", "mine.ply"]).contains("mine.ply"));
     fs::write(folder.join("mine.json"), "{}").expect("written");
     assert!(fails(folder, &["eval", "run", "--out", "mine.json"]).contains("mine.json"));
-    fs::write(folder.join("mine.svg"), "<svg/>").expect("written");
-    assert!(fails(folder, &["chart", "run", "--out", "mine.svg"]).contains("mine.svg"));
-    fs::create_dir(folder.join("mine")).expect("made");
-    fs::write(folder.join("mine/report.html"), "<main></main>").expect("written");
-    let said = fails(folder, &["chart", "run", "--out", "new.svg", "--report", "mine"]);
-    assert!(said.contains("report.html") && said.contains("gsburn wrote"), "{said}");
-    fs::write(folder.join("mine/results.json"), "[]").expect("written");
-    let said = fails(folder, &["stability", "taylormode", "--only", "divergence", "--quick", "--out", "mine"]);
-    assert!(said.contains("results.json") && said.contains("gsburn wrote"), "{said}");
     for _ in 0..2 {
         succeeds(folder, &["export", "run", "--out", "ours.ply"]);
         succeeds(folder, &["eval", "run", "--out", "ours.json", "--renders", "pictures"]);
-        succeeds(folder, &["chart", "run", "--out", "ours.svg", "--csv", "ours.csv"]);
-        succeeds(folder, &["chart", "run", "--out", "ours.html", "--report", "run"]);
     }
 }
 
@@ -124,11 +113,6 @@ fn paths_that_are_not_utf8_are_refused_before_the_first_step() {
     assert!(!folder.join("run").exists());
     fs::rename(folder.join(odd), folder.join("scene")).expect("renamed");
     refused(gsburn(folder).args(["train", "scene", "--steps", "3", "--out"]).arg(OsStr::from_bytes(b"r\xfe")));
-    // What a chart is called is shown in it, as well as text can.
-    succeeds(folder, &[&["train", "scene", "--out", "run", "--steps", "3"][..], &QUICK].concat());
-    let chart = gsburn(folder).args(["chart", "run", "--out"]).arg(OsStr::from_bytes(b"c\xff.svg")).output();
-    let errors = String::from_utf8_lossy(&chart.expect("the program starts").stderr).into_owned();
-    assert!(!errors.contains("panicked"), "{errors}");
 }
 
 #[test]
@@ -154,8 +138,7 @@ fn files_without_end_are_refused() {
     assert!(fails(folder, &["train", "scene", "--config", "based.toml"]).contains("a device"));
     let run = folder.join("run");
     for (file, command) in [
-        ("eval.json", &["chart", "run", "--out", "c.svg"][..]),
-        ("config.toml", &["train", "--resume", "--out", "run"]),
+        ("config.toml", &["train", "--resume", "--out", "run"][..]),
         ("checkpoints/step-0000040.safetensors", &["info", "run"]),
     ] {
         fs::rename(run.join(file), folder.join("kept")).expect("renamed");
@@ -256,23 +239,16 @@ fn folders_of_results_are_our_own_and_have_one_writer() {
     let folder = temporary.path();
     tiny_scene(folder);
     let before = content(&folder.join("scene"));
-    let sweep = [&["sweep", "scene", "--over", "seed=1,2", "--set", "steps=2", "--out"][..]].concat();
-    let stability = ["stability", "sparsedyn", "--only", "reversal", "--quick", "--out"];
-    for command in [&sweep[..], &stability] {
-        let said = fails(folder, &[command, &["scene"]].concat());
-        assert!(said.contains("expected an empty folder") && said.contains("in it"), "{said}");
-        let out = folder.join("out");
-        let held = Lock::of_results(&out).expect("free");
-        let said = fails(folder, &[command, &["out"]].concat());
-        assert!(said.contains(&format!("process {} is writing", std::process::id())), "{said}");
-        drop(held);
-        assert!(!out.exists());
-    }
+    let sweep = ["sweep", "scene", "--over", "seed=1,2", "--set", "steps=2", "--out"];
+    let said = fails(folder, &[&sweep[..], &["scene"]].concat());
+    assert!(said.contains("expected an empty folder") && said.contains("in it"), "{said}");
+    let out = folder.join("out");
+    let held = Lock::of_results(&out).expect("free");
+    let said = fails(folder, &[&sweep[..], &["out"]].concat());
+    assert!(said.contains(&format!("process {} is writing", std::process::id())), "{said}");
+    drop(held);
+    assert!(!out.exists());
     assert!(content(&folder.join("scene")) == before);
-    for _ in 0..2 {
-        succeeds(folder, &[&stability[..], &["limits"]].concat());
-    }
-    assert!(!folder.join("limits/.lock").exists());
 }
 
 #[test]

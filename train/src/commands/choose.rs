@@ -6,9 +6,10 @@ use gs_base::write_atomic;
 use gs_datasets::Split;
 
 use crate::commands::planned::Sweep;
-use crate::commands::{marked, print};
+use crate::commands::print;
 use crate::pipelines::{EvalRequest, Resolved, resolve_changed};
 use crate::report::comparison::{Candidate, Choice, ComparedRun, by_cpu, seconds};
+use crate::run::outputs;
 use crate::run::scene::read_file;
 
 /// The table of a choice in the folder of a sweep.
@@ -81,7 +82,7 @@ pub(super) fn choose(sweep: &Sweep, runs: &[ComparedRun], device: &Device) -> Re
     let (table, sentence) = (choice.table(), choice.sentence());
     print(format!("\n{}\n{sentence}", table.text()));
     let path = sweep.out.join(FILE);
-    write_atomic(&path, marked(&format!("{}\n{sentence}\n", table.markdown())).as_bytes())?;
+    write_atomic(&path, outputs::marked_markdown(&format!("{}\n{sentence}\n", table.markdown())).as_bytes())?;
     print(format!("choice {}", path.display()));
     Ok(())
 }

@@ -1,7 +1,6 @@
 //! One file per command: convert the arguments, call, print.
 
 pub mod bench;
-pub mod chart;
 pub mod check;
 pub mod choose;
 mod combinations;
@@ -17,7 +16,6 @@ mod planned;
 pub mod recipes;
 pub mod reconstruct;
 pub mod render;
-pub mod stability;
 pub mod sweep;
 pub mod synth;
 pub mod train;
@@ -33,10 +31,8 @@ use burn::tensor::Device;
 use gs_base::printable;
 
 use crate::cli::DeviceArgs;
-use crate::report::comparison::Table;
 use crate::run::evaluate::Quality;
 use crate::run::metrics::NO_LPIPS;
-use crate::run::outputs::MARK;
 
 /// The device named by the arguments, without autodiff. In a build with a GPU backend it says on standard error what `auto` took, and
 /// why: the wrong choice costs hours.
@@ -58,18 +54,6 @@ pub fn describe(device: &Device) -> String {
         return format!("{shown}: {}", identity.name);
     }
     shown.strip_suffix("(cpu)").map_or(shown.to_owned(), |backend| format!("{backend}, on the CPU"))
-}
-
-/// The command as it was typed, for figures that cite it; arguments that a shell would split are quoted.
-fn command_line() -> String {
-    let plain = |c: char| c.is_alphanumeric() || "-_=./,:+@%".contains(c);
-    // A name that is not UTF-8 cannot stand in a figure; it is shown with replacement characters.
-    let typed = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
-    let quoted = typed.map(|word| match !word.is_empty() && word.chars().all(plain) {
-        true => word,
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    });
-    std::iter::once("gsburn".to_string()).chain(quoted).collect::<Vec<_>>().join(" ")
 }
 
 /// Why standard output did not take a result.
@@ -110,14 +94,4 @@ fn is_news(sentence: &str) -> bool {
     let mark = folder.join(format!("said-{:08x}", crc32fast::hash(sentence.as_bytes())));
     let made = std::fs::create_dir_all(&folder).and_then(|()| File::create_new(mark));
     !made.is_err_and(|error| error.kind() == ErrorKind::AlreadyExists)
-}
-
-/// Tables in Markdown, one below the other.
-fn in_markdown<'a>(tables: impl IntoIterator<Item = &'a Table>) -> String {
-    tables.into_iter().map(Table::markdown).collect::<Vec<_>>().join("\n")
-}
-
-/// A Markdown table that a later one may be written over.
-fn marked(markdown: &str) -> String {
-    format!("<!-- {MARK} -->\n\n{markdown}")
 }

@@ -10,17 +10,20 @@ use gs_base::{printable, write_atomic};
 use crate::cli::SweepArgs;
 use crate::commands::planned::{Planned, State, Sweep, say, sweeps};
 use crate::commands::train::train_and_report;
-use crate::commands::{choose, command_line, describe, device, in_markdown, marked, print};
+use crate::commands::{choose, describe, device, print};
 use crate::report;
-use crate::report::comparison::{Comparison, Gathered, enough, gather, page, stacked};
+use crate::report::comparison::{Gathered, Table, chart, enough, gather};
 use crate::run::folder::RunFolder;
 use crate::run::lock::Lock;
 use crate::run::resources::forget_peak_memory;
 use crate::run::watch::{Ending, Job};
 use crate::run::{interrupt, outputs, results};
 
-/// The files of a comparison.
-const FILES: [&str; 4] = ["chart.svg", "chart.md", "chart.csv", "index.html"];
+/// The files beside the runs.
+const FILES: [&str; 3] = ["chart.svg", "chart.md", "chart.csv"];
+
+/// A page that earlier versions wrote beside them.
+const EARLIER: &str = "index.html";
 
 /// Trains the combinations that are not finished yet, data set by data set, and compares those of each.
 ///
@@ -39,13 +42,9 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
             choose::check_split(sweep, &first.config)?;
         }
     }
-    if several {
-        outputs::check(&["chart.svg", "index.html"].map(|name| args.out.join(name)), &[])?;
-    }
     results::check_own(&args.out, |path| is_own(path) || several && results::check_own(path, is_own).is_ok())?;
     let _lock = Lock::of_results(&args.out)?;
     interrupt::watch();
-    let mut compared = Vec::new();
     for sweep in &sweeps {
         if several {
             say(args, &format!("data set {}", sweep.dataset.display()));
@@ -54,19 +53,10 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
             eprintln!("stopped; the same command continues");
             return Ok(ExitCode::from(interrupt::exit_code()));
         }
-        let (found, comparison) = compare(sweep)?;
+        let found = compare(sweep)?;
         if args.choose.is_some() {
             choose::choose(sweep, &found.runs, &device)?;
         }
-        compared.push(comparison);
-    }
-    if several {
-        let command = command_line();
-        let chart = args.out.join("chart.svg");
-        let index = args.out.join("index.html");
-        write_atomic(&chart, stacked(compared.iter().flat_map(|one| &one.panels.charts), &command).as_bytes())?;
-        write_atomic(&index, page(&RunFolder::at(&args.out).name(), &compared, &command).as_bytes())?;
-        print(format!("all: chart  {}\n     page   {}", chart.display(), index.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -74,7 +64,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode> {
 /// Whether something in the folder of a sweep is its own: a run, begun or not, or a file of a comparison.
 fn is_own(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let is_file = FILES.contains(&name) || name == choose::FILE;
+    let is_file = FILES.contains(&name) || [choose::FILE, EARLIER].contains(&name);
     match path.is_dir() {
         true => RunFolder::at(path).config().is_file() || RunFolder::vacant(path).is_ok(),
         false => is_file && outputs::check_one(path).is_ok(),
@@ -124,24 +114,20 @@ fn finishes(sweep: &Sweep<'_>, run: &Planned, device: &Device) -> Result<bool> {
     }
 }
 
-/// Writes chart, tables and page of a data set, and returns its runs and their comparison.
-fn compare(sweep: &Sweep<'_>) -> Result<(Gathered, Comparison)> {
+/// Writes chart and table of a data set, and returns its runs.
+fn compare(sweep: &Sweep<'_>) -> Result<Gathered> {
     let paths: Vec<PathBuf> = sweep.runs.iter().map(|run| run.folder.path().to_path_buf()).collect();
     let found = gather(&paths)?;
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
-    let compared = Comparison::new(&found, &[]).linked(&found.runs, &sweep.out);
-    compared.tables.iter().for_each(|table| print(format!("{}\n", table.text())));
+    let table = Table::new(&found.runs);
+    print(format!("{}\n", table.text()));
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);
     }
-    let (command, out) = (command_line(), &sweep.out);
-    write_atomic(&out.join("chart.svg"), stacked(&compared.panels.charts, &command).as_bytes())?;
-    write_atomic(&out.join("chart.md"), marked(&in_markdown(&compared.tables)).as_bytes())?;
-    write_atomic(&out.join("chart.csv"), compared.tables[0].csv().as_bytes())?;
-    let index = out.join("index.html");
-    let name = RunFolder::at(out).name();
-    write_atomic(&index, page(&name, std::slice::from_ref(&compared), &command).as_bytes())?;
-    print(format!("chart  {}\npage   {}", out.join("chart.svg").display(), index.display()));
-    let compared = compared.linked(&found.runs, &sweep.args.out).of(&name);
-    Ok((found, compared))
+    let [svg, markdown, csv] = FILES.map(|name| sweep.out.join(name));
+    write_atomic(&svg, outputs::marked_svg(&chart(&found.runs).svg()).as_bytes())?;
+    write_atomic(&markdown, outputs::marked_markdown(&table.markdown()).as_bytes())?;
+    write_atomic(&csv, table.csv().as_bytes())?;
+    print(format!("chart  {}\ntable  {}", svg.display(), markdown.display()));
+    Ok(found)
 }

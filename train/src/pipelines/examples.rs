@@ -44,48 +44,9 @@ Examples:
 --choose smallest measures the runs on the validation images and chooses the smallest scene within one standard error of the best;
 choice.md says what it saves and what it costs. The reported split takes no part in the choice.
 
-One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md,
-chart.csv and index.html with all of them. Runs that differ in their seed alone are one curve, with bars from the lowest to the
-highest. Of several data sets each has such a folder in --out, and chart.svg and index.html there hold all. The same command
-again continues: finished runs are kept, an interrupted one goes on from its newest checkpoint. Ctrl-C saves a checkpoint and
+One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md
+and chart.csv with all of them. Of several data sets each has such a folder in --out. The same command again continues: finished runs are kept, an interrupted one goes on from its newest checkpoint. Ctrl-C saves a checkpoint and
 leaves with exit code 130, SIGTERM likewise with 143.";
-
-/// Shown below `gsburn stability --help`.
-pub const STABILITY: &str = "\
-Examples:
-  gsburn stability taylormode --out runs/stability
-  gsburn stability taylormode --out runs/stability --only divergence,direction
-  gsburn stability taylormode --out runs/look --quick
-  gsburn stability taylormode --out runs/sensitivity --only sensitivity --data my-video
-  gsburn stability sparsedyn --out runs/future
-  gsburn stability sparsedyn --out runs/future --only integrators,reversal
-  gsburn stability sparsedyn --out runs/future --only horizon,contacts --quick
-  gsburn stability flux4d --out runs/limits --only beams,holes
-
-Experiments of sparsedyn:
-  integrators  drift on exactly known motions, and the step that keeps it under 1 % (seconds)
-  reversal     forwards and backwards again: is the start found? (seconds)
-  horizon      four times the time that was seen: PSNR, strays, positions that are no numbers
-  views        2 to 15 cameras against the number of Gaussians and the degree of colours
-  priors       depth with noise, wrong scales, outliers, doubled, none
-  seeds        the spread of eight runs: smaller differences say nothing
-  observed     the same future after less of the recording
-  step         another integration step and frame rate after training
-  contacts     a stop, a bounce, another speed that no photo tells of
-
-Experiments of flux4d, by the network that ships and on streets that it has not seen:
-  beams        4 to 128 beams, and images of other sizes
-  calibration  wrong camera poses, images that are late
-  holes        a black image, a missing sweep, a LiDAR of one beam
-  degree       constant velocity or acceleration for traffic
-  bins         PSNR by distance, and of the sky
-  baseline     a fit of every pair of sweeps on the same points
-  cost         seconds by stage and PSNR over 10,000 to half a million points
-  weight       the weight of the mean speed over five decades (trainings)
-
-Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
-shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with
-143; what was finished before is kept.";
 
 /// Shown below `gsburn flow --help`.
 pub const FLOW: &str = "\

@@ -38,22 +38,15 @@ use crate::run::progress;
 use crate::run::resources::Stopwatch;
 use crate::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
 use crate::run::watch::{self, Ending, Job, Plan, Run};
-use crate::stability::Experiment;
 
 /// The pipeline of a method.
 pub struct Fit<M> {
-    experiments: &'static [&'static Experiment],
     method: PhantomData<fn() -> M>,
 }
 
 impl<M> Fit<M> {
-    /// The pipeline without experiments.
-    pub const NEW: Self = Self { experiments: &[], method: PhantomData };
-
-    /// The pipeline with experiments for `gsburn stability`.
-    pub const fn with_experiments(experiments: &'static [&'static Experiment]) -> Self {
-        Self { experiments, method: PhantomData }
-    }
+    /// The pipeline.
+    pub const NEW: Self = Self { method: PhantomData };
 }
 
 /// Refuses a scene that would outgrow the device's buffers, before anything is read.
@@ -401,10 +394,6 @@ impl<M: Method> Pipeline for Fit<M> {
 
     fn sizes(&self) -> &'static [(&'static str, &'static [&'static str])] {
         M::sizes()
-    }
-
-    fn experiments(&self) -> &'static [&'static Experiment] {
-        self.experiments
     }
 }
 

@@ -30,7 +30,6 @@ use crate::run::evaluate::{Comparison, Measured};
 use crate::run::presentation::Presentation;
 use crate::run::scene::{LoadedScene, SceneFile, read_file};
 use crate::run::watch::{Ending, Job};
-use crate::stability::Experiment;
 
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use plan::StepPlan;
@@ -40,8 +39,8 @@ pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides
 pub static PIPELINES: [&dyn Pipeline; 5] = [
     &fit::Fit::<still::Still>::NEW,
     &fit::Fit::<brightness::Brightness>::NEW,
-    &fit::Fit::<taylormode::Taylormode>::with_experiments(&taylormode::stability::EXPERIMENTS),
-    &fit::Fit::<sparsedyn::Sparsedyn>::with_experiments(&sparsedyn::stability::EXPERIMENTS),
+    &fit::Fit::<taylormode::Taylormode>::NEW,
+    &fit::Fit::<sparsedyn::Sparsedyn>::NEW,
     &flux4d::Flux4d,
 ];
 
@@ -133,11 +132,6 @@ pub trait Pipeline: Sync {
     /// When its file does not fit this version.
     fn shipped(&self) -> Result<Option<Checkpoint>> {
         Ok(None)
-    }
-
-    /// Experiments at the edge of the method, for `gsburn stability`.
-    fn experiments(&self) -> &'static [&'static Experiment] {
-        &[]
     }
 }
 

@@ -4,12 +4,15 @@ use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
+/// Width of a character of a label, pixels: the mean over letters and digits of a sans serif font of 11 pixels.
+pub const WIDTH_OF_CHARACTER: f64 = 6.1;
+
 /// Ticks of an axis, about.
 const TICKS: f64 = 6.0;
 
 /// A map from values to pixels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Axis {
+pub struct Axis {
     low: f64,
     high: f64,
     from: f64,
@@ -32,6 +35,7 @@ impl Axis {
         Self { whole, ..self }
     }
 
+    /// The pixel of a value.
     pub fn place(&self, value: f64) -> f64 {
         let value = if self.log { value.log10() } else { value };
         self.from + (value - self.low) / (self.high - self.low) * (self.to - self.from)
@@ -80,7 +84,7 @@ impl ValueFormatter<f64> for Axis {
 }
 
 /// Ticks with as few digits as distinguish them.
-pub(super) fn named(ticks: &[f64]) -> Vec<(f64, String)> {
+pub fn named(ticks: &[f64]) -> Vec<(f64, String)> {
     let step = ticks.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     let largest = ticks.iter().fold(0.0_f64, |largest, tick| largest.max(tick.abs()));
     let (unit, sign) = match step {

@@ -2,7 +2,7 @@
 
 use plotters::prelude::SeriesLabelPosition;
 
-use super::labels::WIDTH_OF_CHARACTER;
+use super::axis::WIDTH_OF_CHARACTER;
 
 /// Height of a row of the legend, and width of all beside its names, pixels.
 const ROW: f64 = 19.0;

@@ -1,19 +1,17 @@
 //! The report of a finished run: side-by-side pictures, curves, and one self-contained page.
 
-mod axis;
+pub mod axis;
 mod cards;
 pub mod charts;
 pub mod comparison;
 pub mod future;
 pub mod html;
-mod labels;
 mod legend;
 pub mod maps;
 mod meanings;
 mod page;
 pub mod pictures;
 mod profile;
-pub mod scatter;
 pub mod timetable;
 pub mod viewer;
 

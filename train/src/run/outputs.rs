@@ -126,6 +126,11 @@ pub fn marked_svg(svg: &str) -> String {
     format!("<!-- {MARK} -->\n{svg}")
 }
 
+/// A Markdown table that a later one may be written over.
+pub fn marked_markdown(markdown: &str) -> String {
+    format!("<!-- {MARK} -->\n\n{markdown}")
+}
+
 /// A PNG with the mark in a text chunk behind its header.
 pub fn marked_png(png: &[u8]) -> Vec<u8> {
     // Eight bytes of signature and the 25 of IHDR, which is always first.

@@ -39,7 +39,6 @@ pub mod reconstruct;
 pub mod sample;
 pub mod saved;
 mod snippet_page;
-pub mod stability;
 pub mod start;
 pub mod steps;
 pub mod summary;
@@ -64,7 +63,6 @@ use crate::run::checkpoint::Checkpoint;
 use crate::run::scene::{LoadedScene, SceneFile};
 use crate::run::watch::{Ending, Job};
 use crate::sentence::one_sentence;
-use crate::stability::Experiment;
 use config::FluxConfig;
 use evaluate::{Split, measure};
 use logs::Logs;
@@ -159,10 +157,6 @@ impl Pipeline for Flux4d {
 
     fn network(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Option<Snapshot>> {
         saved::network_alone(checkpoint, device).map(Some)
-    }
-
-    fn experiments(&self) -> &'static [&'static Experiment] {
-        &stability::EXPERIMENTS
     }
 
     fn shipped(&self) -> Result<Option<Checkpoint>> {

@@ -37,7 +37,6 @@ mod poses;
 mod release;
 pub mod scene;
 mod sources;
-pub mod stability;
 pub mod timetable;
 pub mod update;
 

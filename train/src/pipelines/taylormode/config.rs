@@ -242,7 +242,7 @@ const SMALL_SHARE: Only<f64> = Only("above 0, at most 0.1", |share| positive(*sh
 
 section! {
     /// Heuristics of inference from the photos. Lengths in images are shares of the image width; they were chosen at
-    /// 256 to 320 pixels. `gsburn stability taylormode --only sensitivity` halves and doubles each.
+    /// 256 to 320 pixels. `gs-lab experiments taylormode --only sensitivity` halves and doubles each.
     pub struct CuesConfig {
         // Twelve cameras all around, 800 steps, a held-out camera: 19.2 dB without, 17.9 at 0.2, 25.5 at 0.3, 25.9 at
         // 0.6.

@@ -29,7 +29,6 @@ mod method;
 pub mod model;
 mod scene;
 pub mod select;
-pub mod stability;
 pub mod update;
 pub mod velocity;
 

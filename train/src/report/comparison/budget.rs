@@ -81,11 +81,20 @@ fn figure(cap: usize, evaluation: &Evaluation, moving: bool) -> Option<(usize, f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::comparison::testing;
     use crate::run::evaluate::Scores;
+    use crate::run::folder::RunFolder;
+
+    /// The figures of a run without views.
+    const EVAL: &str = r#"{
+        "name": "run", "dataset": "world", "device": "flex", "pipeline": "static", "steps": 10, "skipped_steps": 0,
+        "predicted_memory_bytes": 0, "total_seconds": 0, "step": 10, "split": "test", "psnr": 0, "ssim": 0.9,
+        "compared": "photo", "views": [], "gaussians": 100, "bytes": 4400, "seconds": 1, "evaluations": []
+    }"#;
 
     fn run(cap: usize, psnr: [f64; 4], seed: &str) -> ComparedRun {
-        let mut run = testing::run("run", psnr.iter().sum::<f64>() / 4.0, None);
+        let eval = serde_json::from_str(EVAL).expect("a file of figures");
+        let folder = RunFolder::at("run");
+        let mut run = ComparedRun { name: "run".into(), folder, values: Default::default(), eval };
         let scores = |psnr| Scores { psnr, ssim: 0.9, ms_ssim: None, lpips: None };
         let view = |psnr| ViewScores { name: "v".into(), scores: scores(psnr), regions: Default::default() };
         run.eval.last.measured.quality.views = psnr.map(view).to_vec();

@@ -1,32 +1,21 @@
-//! Several runs compared: the Pareto front of accuracy against cost, as charts, table and page.
+//! Runs beside each other: what a sweep needs to choose among its own, and what comparisons of many runs begin with.
 //!
-//! `gather` reads the runs, `seeds` makes one curve of those that differ in their seed alone, `budget` finds the smallest sufficient cap,
-//! `choice` the smallest sufficient model, `others` reads the figures of other programs, `panels`, `table` and `soonest` choose what is shown,
-//! `page` writes HTML.
+//! `gather` reads the runs, `table` has a row for each measurement, `chart` shows quality over cost, `budget` finds the smallest
+//! sufficient cap, `choice` the smallest sufficient model.
 
 mod budget;
+mod chart;
 mod choice;
 mod gather;
-mod others;
-mod page;
-mod panels;
-mod seeds;
-mod soonest;
-mod star;
 mod table;
-#[cfg(test)]
-mod testing;
 
 pub use budget::enough;
+pub use chart::chart;
 pub use choice::{Candidate, Choice};
 pub use gather::{Gathered, gather};
-pub use others::{Other, read_others};
-pub use page::{add_to_report, page, stacked};
-pub use panels::Panels;
-pub use table::Table;
+pub use table::{Table, differing_keys};
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use crate::run::evaluate::Evaluation;
 use crate::run::folder::{EvalFile, RunFolder, Setting};
@@ -44,48 +33,8 @@ pub struct ComparedRun {
     pub eval: EvalFile,
 }
 
-/// Runs on one data set compared.
-#[derive(Debug)]
-pub struct Comparison {
-    /// Its heading.
-    pub title: String,
-    /// Charts.
-    pub panels: Panels,
-    /// Tables: every measurement, means over seeds, what qualities cost.
-    pub tables: Vec<Table>,
-    /// One sentence for each run that is left out.
-    pub warnings: Vec<String>,
-}
-
-impl Comparison {
-    /// Of the runs that could be read, beside other programs.
-    pub fn new(found: &Gathered, others: &[Other]) -> Self {
-        let runs = &found.runs;
-        let curves = seeds::curves(runs);
-        let costs = soonest::soonest(&curves, others, by_cpu(runs));
-        Self {
-            title: "Accuracy against cost".into(),
-            panels: Panels::new(runs, &curves).beside(others),
-            tables: std::iter::once(Table::new(runs)).chain(seeds::spreads(&curves)).chain(costs).collect(),
-            warnings: found.warnings.clone(),
-        }
-    }
-
-    /// The same with links to the runs' reports from a page in this folder.
-    pub fn linked(mut self, runs: &[ComparedRun], page: &Path) -> Self {
-        self.tables[0] = self.tables[0].clone().linked(runs, page);
-        self
-    }
-
-    /// The same under the name of a data set, which also stands in the charts.
-    pub fn of(mut self, dataset: &str) -> Self {
-        self.panels.charts.iter_mut().for_each(|chart| chart.title = format!("{dataset}: {}", chart.title));
-        Self { title: dataset.into(), ..self }
-    }
-}
-
 /// The settings by which the pipelines of the runs distinguish them, as name and key, in the order of their first run.
-pub(crate) fn settings(runs: &[ComparedRun]) -> Vec<(&str, &str)> {
+pub fn settings(runs: &[ComparedRun]) -> Vec<(&str, &str)> {
     let mut found: Vec<(&str, &str)> = Vec::new();
     for setting in runs.iter().flat_map(|run| &run.eval.settings) {
         if found.iter().all(|(_, key)| *key != setting.key) {
@@ -97,12 +46,12 @@ pub(crate) fn settings(runs: &[ComparedRun]) -> Vec<(&str, &str)> {
 
 impl ComparedRun {
     /// One of [`settings`]; `None` if it has no meaning for the run.
-    pub(crate) fn setting(&self, key: &str) -> Option<&Setting> {
+    pub fn setting(&self, key: &str) -> Option<&Setting> {
         self.eval.settings.iter().find(|setting| setting.key == key)
     }
 
     /// Its measurements, in order.
-    pub(crate) fn measurements(&self) -> &[Evaluation] {
+    pub fn measurements(&self) -> &[Evaluation] {
         &self.eval.evaluations
     }
 }

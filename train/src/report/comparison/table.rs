@@ -1,8 +1,6 @@
 //! The table of a comparison, one row per measurement: for a terminal, Markdown, CSV and HTML.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
-use std::path::Path;
 
 use gs_base::printable;
 
@@ -25,8 +23,6 @@ pub struct Table {
     pub columns: Vec<String>,
     /// Cells; empty without a value.
     pub rows: Vec<Vec<String>>,
-    /// Path of each row's report, from the folder of the page; empty without links.
-    links: Vec<String>,
 }
 
 impl Table {
@@ -69,30 +65,19 @@ impl Table {
             );
             row
         });
-        Self { rows: rows.collect(), columns, links: Vec::new() }.without_empty_columns()
+        Self { rows: rows.collect(), columns }.without_empty_columns()
     }
 
     /// A table of these columns and cells.
     pub fn of(columns: Vec<String>, rows: Vec<Vec<String>>) -> Self {
-        Self { columns, rows, links: Vec::new() }.without_empty_columns()
-    }
-
-    /// Links each run's name to its report, by the path from the folder of the page.
-    pub fn linked(self, runs: &[ComparedRun], page: &Path) -> Self {
-        let links = runs.iter().flat_map(|run| {
-            let folder = run.folder.path();
-            let from_page = folder.strip_prefix(page).unwrap_or(folder);
-            let link = format!("{}/report.html", from_page.display());
-            run.measurements().iter().map(move |_| link.clone())
-        });
-        Self { links: links.collect(), ..self }
+        Self { columns, rows }.without_empty_columns()
     }
 
     fn without_empty_columns(self) -> Self {
         let keep: Vec<bool> = (0..self.columns.len()).map(|c| self.rows.iter().any(|row| !row[c].is_empty())).collect();
         let kept =
             |cells: Vec<String>| cells.into_iter().zip(&keep).filter(|(_, keep)| **keep).map(|(c, _)| c).collect();
-        Self { columns: kept(self.columns), rows: self.rows.into_iter().map(kept).collect(), links: self.links }
+        Self { columns: kept(self.columns), rows: self.rows.into_iter().map(kept).collect() }
     }
 
     /// Aligned columns for a terminal.
@@ -145,7 +130,7 @@ impl Table {
         self.columns.iter().for_each(|name| html += &format!("<th>{}</th>", escaped(name)));
         html += "</tr>\n";
         let front = self.columns.iter().position(|name| name == "front");
-        for (i, row) in self.rows.iter().enumerate() {
+        for row in &self.rows {
             let on_front = front.is_some_and(|c| !row[c].is_empty());
             html += if on_front { "<tr class=\"front\">" } else { "<tr>" };
             for (c, cell) in row.iter().enumerate() {
@@ -154,11 +139,7 @@ impl Table {
                     text if c == 0 => name(text),
                     text => escaped(text),
                 };
-                match self.links.get(i).filter(|_| c == 0) {
-                    Some(link) => write!(html, "<td><a href=\"{}\">{cell}</a></td>", escaped(link)),
-                    None => write!(html, "<td>{cell}</td>"),
-                }
-                .expect("writing to a string does not fail");
+                html += &format!("<td>{cell}</td>");
             }
             html += "</tr>\n";
         }
@@ -225,7 +206,7 @@ fn further_keys(runs: &[ComparedRun]) -> Vec<String> {
 }
 
 /// Every key of the configuration in which the runs differ.
-pub(super) fn differing_keys(runs: &[ComparedRun]) -> Vec<String> {
+pub fn differing_keys(runs: &[ComparedRun]) -> Vec<String> {
     let Some(first) = runs.first() else { return Vec::new() };
     let differs = |key: &&String| runs.iter().any(|run| run.values.get(*key) != first.values.get(*key));
     let counts = |key: &&String| !ASIDE.iter().any(|section| key.starts_with(section));
@@ -262,7 +243,6 @@ mod tests {
         Table {
             columns: row(["run", "N", "LPIPS", "front"]),
             rows: vec![row(["a,b", "3", "", "both"]), row(["c", "15", "", ""]), row(["=1|<b>", "7", "", ""])],
-            links: Vec::new(),
         }
         .without_empty_columns()
     }

@@ -1,0 +1,131 @@
+//! Is a network that was trained better and faster than an optimisation of every pair of sweeps?
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Result;
+use gs_driving::{FLOW_INTERVAL, INTERPOLATION_FRAMES, Snippet};
+use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
+use gs_train::pipelines::flux4d::flow::{FlowOfSweep, FlowScores, of_sweep};
+use gs_train::pipelines::flux4d::infer::{Ready, infer};
+use gs_train::pipelines::flux4d::logs::open;
+use gs_train::pipelines::flux4d::prepare::{inverse, prepare, sweep};
+use gs_train::pipelines::flux4d::saved::SavedNetwork;
+use gs_train::pipelines::flux4d::sweep_flow::FIT_POINTS;
+use gs_train::report::charts::{Chart, Series};
+use gs_train::run::interrupt;
+
+use super::trial::{network, street};
+use crate::experiments::{Criterion, Experiment, Findings, Interrupted, Lab};
+
+/// The experiment; see the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "baseline",
+    question: "Scene flow of the same points by the shipped network, and by fitting a network to each pair of sweeps (FastNSF): which is \
+               nearer to the truth, and how long does a sweep take?",
+    steps: |_| 0,
+    on_request: false,
+    run,
+};
+
+/// Iterations of the fits: a thousand, as its authors take, would be a quarter of an hour a sweep on two cores.
+const ITERATIONS: [usize; 3] = [20, 60, 200];
+const ITERATIONS_QUICK: [usize; 1] = [10];
+
+/// How many times faster the network must be than the longest fit.
+const FASTER: f64 = 3.0;
+
+/// Seconds and errors of a way to find the flow.
+#[derive(Default)]
+struct Way {
+    seconds: f64,
+    sweeps: usize,
+    scores: FlowScores,
+}
+
+impl Way {
+    /// Seconds a sweep, EPE3D and EPE3D of moving points.
+    fn values(&self) -> [f64; 3] {
+        let figures = self.scores.figures();
+        let of = |key: &str| figures.iter().find(|figure| figure.key == key).map_or(f64::NAN, |figure| figure.value);
+        [self.seconds / self.sweeps.max(1) as f64, of("epe3d"), of("epe_moving")]
+    }
+}
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let saved = network(lab)?;
+    let iterations: &[usize] = lab.either(&ITERATIONS, &ITERATIONS_QUICK);
+    let (mut ours, mut fits) = (Way::default(), iterations.iter().map(|_| Way::default()).collect::<Vec<_>>());
+    compare(lab, &lab.street(&street())?, &saved, &mut ours, iterations.iter().zip(&mut fits))?;
+    let [own_seconds, own, own_moving] = ours.values();
+    let mut found = Findings::default();
+    let said = |name: &str, [seconds, all, moving]: [f64; 3]| {
+        format!("{name}: {seconds:.2} s a sweep, EPE3D {all:.3} m, of moving points {moving:.3} m.")
+    };
+    found.notes.push(said("shipped network, with its lift", [own_seconds, own, own_moving]));
+    let mut points = Vec::new();
+    for (iterations, fit) in iterations.iter().zip(&fits) {
+        let values = fit.values();
+        found.notes.push(said(&format!("fits of at most {iterations} iterations"), values));
+        points.push((values[0], values[1]));
+    }
+    if let Some([seconds, all, moving]) = fits.last().map(Way::values) {
+        found.criteria.push(Criterion::above("EPE3D that it gains over the longest fit", Some(all - own), 0.0, "m"));
+        found.criteria.push(Criterion::above("of moving points", Some(moving - own_moving), 0.0, "m"));
+        let faster = seconds / own_seconds;
+        found.criteria.push(Criterion::at_least("times faster than the longest fit", Some(faster), FASTER, ""));
+    }
+    found.figures.push((
+        "",
+        Chart {
+            title: "Scene flow: error over seconds a sweep".into(),
+            x: "seconds a sweep".into(),
+            y: "EPE3D, m".into(),
+            series: vec![
+                Series::line_and_dots("a fit of each pair", points),
+                Series::dots("shipped network", vec![(own_seconds, own)]),
+            ],
+        },
+    ));
+    Ok(found)
+}
+
+fn compare<'a>(
+    lab: &Lab,
+    path: &Path,
+    saved: &SavedNetwork,
+    ours: &mut Way,
+    fits: impl Iterator<Item = (&'a usize, &'a mut Way)>,
+) -> Result<()> {
+    let log = open(path, &saved.config.own.logs)?;
+    let snippet = Snippet::new(0, INTERPOLATION_FRAMES);
+    let begun = Instant::now();
+    let host = prepare(&log, &snippet, "street", &saved.config.own.lift, saved.config.seed)?;
+    let inferred = infer(&Ready::new(&saved.network), &host, &log, &saved.config, &lab.device)?;
+    ours.seconds += begun.elapsed().as_secs_f64();
+    ours.sweeps += snippet.inputs.len();
+    let mut pairs = Vec::new();
+    let from_world = inverse(host.to_world);
+    for (place, pair) in snippet.inputs.windows(2).enumerate() {
+        let Some(flow) = of_sweep(&log, &host, &inferred, (place, pair[0]))? else { continue };
+        ours.scores.add(&flow)?;
+        let seconds = log.frames()[pair[1]].time - log.frames()[pair[0]].time;
+        pairs.push((flow, sweep(&log, pair[1], &from_world)?.points, seconds));
+    }
+    for (iterations, fit) in fits {
+        let config = FastNsfConfig { iterations: *iterations, points: Some(FIT_POINTS), ..FastNsfConfig::default() };
+        for (flow, target, seconds) in &pairs {
+            if interrupt::asked() {
+                return Err(Interrupted.into());
+            }
+            let begun = Instant::now();
+            let fitted = fit_flow(&flow.points, target, &config, &lab.device)?;
+            fit.seconds += begun.elapsed().as_secs_f64();
+            fit.sweeps += 1;
+            let share = (FLOW_INTERVAL / seconds) as f32;
+            let predicted: Vec<[f32; 3]> = fitted.flow.iter().map(|flow| flow.map(|x| share * x)).collect();
+            fit.scores.add(&FlowOfSweep { predicted, ..flow.clone() })?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,96 @@
+//! Where in the image is the error? Sky, near and far surfaces, and what moves, by the street's truth.
+
+use anyhow::{Context, Result};
+use burn::tensor::{Tensor, TensorData};
+use gs_driving::{TruthImage, truth_image};
+use gs_driving::{INTERPOLATION_FRAMES, Snippet};
+use gs_train::pipelines::flux4d::evaluate::color;
+use gs_train::pipelines::flux4d::infer::{Ready, infer};
+use gs_train::pipelines::flux4d::logs::open;
+use gs_train::pipelines::flux4d::moving::in_truth;
+use gs_train::pipelines::flux4d::prepare::prepare;
+use gs_train::pipelines::flux4d::sample::{camera, photo};
+use gs_train::report::charts::{Chart, Series};
+use gs_train::run::metrics::psnr_masked;
+
+use super::trial::{network, street};
+use crate::experiments::{Criterion, Experiment, Findings, Lab};
+
+/// The experiment; see the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "bins",
+    question: "PSNR of the frames between the inputs by distance, and of the sky, which has no LiDAR point: does far mean wrong?",
+    steps: |_| 0,
+    on_request: false,
+    run,
+};
+
+/// Upper ends of the bins of distance, metres; the last has none, and the sky is a bin of its own.
+const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
+
+/// PSNR that surfaces beyond 40 m may lose against those of the nearest 10 m, dB. Twice the distance halves the points a pixel has,
+/// and a bin is not to be lost for that.
+const BOUND: f64 = 6.0;
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let saved = network(lab)?;
+    let path = lab.street(&street())?;
+    let (config, device) = (&saved.config, &lab.device);
+    let log = open(&path, &config.own.logs)?;
+    let host = prepare(&log, &Snippet::new(0, INTERPOLATION_FRAMES), "street", &config.own.lift, config.seed)?;
+    let inferred = infer(&Ready::new(&saved.network), &host, &log, config, device)?;
+    let mut sums = [[0.0_f64; 2]; ENDS.len() + 1];
+    for view in &host.targets {
+        let (name, frame) = (&log.cameras()[view.camera].name, &log.frames()[view.frame].name);
+        let known = truth_image(log.path(), name, frame)?.context("a synthetic street has its truth")?;
+        let image = color(&inferred, &inferred.raw, &inferred.velocity, (&camera(&log, view, device), view.time));
+        let (width, height) = (view.image.width, view.image.height);
+        for (bin, sums) in sums.iter_mut().enumerate() {
+            let mask: Vec<f32> =
+                (0..width * height).map(|pixel| f32::from(bin_of(&known, (pixel, width, height)) == bin)).collect();
+            let pixels = mask.iter().sum::<f32>();
+            if pixels > 0.0 {
+                let mask = Tensor::from_data(TensorData::new(mask, [height, width, 1]), device);
+                let error = 10_f64.powf(-0.1 * psnr_masked(image.clone(), photo(view, device), mask));
+                *sums = [sums[0] + error * f64::from(pixels), sums[1] + f64::from(pixels)];
+            }
+        }
+    }
+    let psnr = sums.map(|[error, pixels]| (pixels > 0.0).then(|| -10.0 * (error / pixels).log10()));
+    let mut found = Findings::default();
+    let all: f64 = sums.iter().map(|[_, pixels]| pixels).sum();
+    for (bin, psnr) in psnr.iter().enumerate() {
+        let share = 100.0 * sums[bin][1] / all;
+        let psnr = psnr.map_or("no pixel".to_string(), |psnr| format!("{psnr:.2} dB"));
+        found.notes.push(format!("{}: {psnr}, {share:.0} % of the pixels.", bin_name(bin)));
+    }
+    let lost = psnr[0].zip(psnr[ENDS.len() - 1]).map(|(near, far)| near - far);
+    found.criteria.push(Criterion::at_most("PSNR lost beyond 40 m against the nearest 10 m", lost, BOUND, "dB"));
+    let points = psnr.iter().enumerate().filter_map(|(bin, psnr)| psnr.map(|psnr| (bin as f64, psnr)));
+    found.figures.push((
+        "",
+        Chart {
+            title: "Frames between the inputs by distance".into(),
+            x: "to 10 m, 20 m, 40 m, beyond, sky".into(),
+            y: "PSNR, dB".into(),
+            series: vec![Series::line_and_dots("shipped network", points.collect())],
+        },
+    ));
+    Ok(found)
+}
+
+/// The bin of a pixel of an image of a width and height.
+fn bin_of(truth: &TruthImage, pixel: (usize, usize, usize)) -> usize {
+    match truth.depth[in_truth(truth, pixel)] {
+        0.0 => ENDS.len(),
+        depth => ENDS.iter().position(|end| depth <= *end).unwrap_or(ENDS.len() - 1),
+    }
+}
+
+fn bin_name(bin: usize) -> String {
+    match ENDS.get(bin) {
+        None => "sky".into(),
+        Some(end) if end.is_finite() => format!("to {end} m"),
+        Some(_) => format!("beyond {} m", ENDS[bin - 1]),
+    }
+}

@@ -1,0 +1,103 @@
+//! What becomes of a car that a bus hides for half of a snippet?
+
+use anyhow::Result;
+use gs_driving::Snippet;
+use gs_worlds::driving::{Encounter, StreetOptions};
+use gs_train::pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
+use gs_train::pipelines::flux4d::infer::{Ready, infer};
+use gs_train::pipelines::flux4d::logs::open;
+use gs_train::pipelines::flux4d::prepare::prepare;
+use gs_train::pipelines::flux4d::saved::SavedNetwork;
+use gs_train::run::interrupt;
+
+use super::trial::{network, streets};
+use crate::experiments::{Criterion, Experiment, Findings, Interrupted, Lab};
+
+/// The experiment; see the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "occlusion",
+    question: "A car drives beside the ego vehicle, and a bus comes between them from the second input sweep to the last but one: does \
+               the car keep its motion where it is seen?",
+    steps: |_| 0,
+    on_request: false,
+    run,
+};
+
+/// Streets that are averaged.
+const STREETS: u64 = 5;
+const STREETS_QUICK: u64 = 1;
+
+/// What the bus may add to the EPE3D of the car, metres in 0.1 s: a tenth of the car's motion of 0.9 m.
+const BOUND: f64 = 0.09;
+
+/// The flow of the car in a snippet.
+#[derive(Debug, Clone, Copy, Default)]
+struct Car {
+    /// Sum of the errors over its points, metres in 0.1 s.
+    error: f64,
+    points: usize,
+    /// Input sweeps that show ten of its points or more.
+    sweeps: usize,
+}
+
+impl Car {
+    fn epe(&self) -> Option<f64> {
+        (self.points > 0).then(|| self.error / self.points as f64)
+    }
+}
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let saved = network(lab)?;
+    let mut found = Findings::default();
+    let mut epe = Vec::new();
+    for (encounter, name) in [(Encounter::Car, "alone"), (Encounter::HiddenCar, "behind the bus")] {
+        let mut all = Car::default();
+        for (index, base) in streets(lab.either(STREETS, STREETS_QUICK)).enumerate() {
+            let options = StreetOptions { movers: 0, encounter, ..base };
+            let car = car(lab, &saved, &options)?;
+            let of = shown(car.epe());
+            found
+                .notes
+                .push(format!("Street {index}, {name}: {} points in {} sweeps, EPE {of}.", car.points, car.sweeps));
+            all.error += car.error;
+            all.points += car.points;
+        }
+        epe.push(all.epe());
+    }
+    let added = epe[1].zip(epe[0]).map(|(hidden, alone)| hidden - alone);
+    found.notes.push(format!("All streets: EPE {} alone, {} behind the bus.", shown(epe[0]), shown(epe[1])));
+    found.criteria.push(Criterion::at_most("EPE3D of the car that the bus adds", added, BOUND, "m"));
+    Ok(found)
+}
+
+fn shown(epe: Option<f64>) -> String {
+    epe.map_or("none".to_string(), |epe| format!("{epe:.3} m"))
+}
+
+/// The flow of the car of a street, which is the last of its objects.
+fn car(lab: &Lab, saved: &SavedNetwork, options: &StreetOptions) -> Result<Car> {
+    if interrupt::asked() {
+        return Err(Interrupted.into());
+    }
+    let config = &saved.config;
+    let log = open(&lab.street(options)?, &config.own.logs)?;
+    let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
+    let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
+    let inferred = infer(&Ready::new(&saved.network), &host, &log, config, &lab.device)?;
+    let sweeps = of_inputs(&log, &host, &inferred, &snippet.inputs)?;
+    let last = sweeps.iter().flat_map(|sweep| &sweep.tracks).max().cloned();
+    Ok(sweeps.iter().fold(Car::default(), |car, sweep| added(car, sweep, last.as_deref())))
+}
+
+fn added(mut car: Car, sweep: &FlowOfSweep, name: Option<&str>) -> Car {
+    let is_car = |object: Option<u32>| object.is_some_and(|place| Some(sweep.tracks[place as usize].as_str()) == name);
+    let before = car.points;
+    for ((predicted, truth), object) in sweep.predicted.iter().zip(&sweep.truth).zip(&sweep.objects) {
+        if is_car(*object) {
+            car.error += norm([0, 1, 2].map(|axis| predicted[axis] - truth[axis]));
+            car.points += 1;
+        }
+    }
+    car.sweeps += usize::from(car.points - before >= 10);
+    car
+}

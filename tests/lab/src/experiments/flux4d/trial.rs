@@ -1,0 +1,73 @@
+//! Streets on disk and networks applied to them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use gs_worlds::driving::StreetOptions;
+use gs_train::pipelines::flux4d::config::FluxConfig;
+use gs_train::pipelines::flux4d::evaluate::{Split, measure};
+use gs_train::pipelines::flux4d::logs::Logs;
+use gs_train::pipelines::flux4d::network::FluxNetwork;
+use gs_train::pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
+use gs_train::run::evaluate::Measured;
+use gs_train::run::interrupt;
+
+use crate::experiments::lab::figure;
+use crate::experiments::{Interrupted, Lab};
+
+/// Seed of the streets of experiments: none of those that the shipped network was trained on.
+const SEED: u64 = 2000;
+
+/// The street of the experiments: one snippet of eleven frames before the front camera.
+pub fn street() -> StreetOptions {
+    StreetOptions { frames: 11, cameras: 1, seed: SEED, ..StreetOptions::default() }
+}
+
+/// Streets of that kind, each with another seed.
+pub fn streets(count: u64) -> impl Iterator<Item = StreetOptions> {
+    (0..count).map(|index| StreetOptions { seed: SEED + index, ..street() })
+}
+
+/// The network that ships with the program.
+pub fn network(lab: &Lab) -> Result<SavedNetwork> {
+    read_network(&shipped_checkpoint()?, &lab.device)
+}
+
+/// What experiments look at.
+#[derive(Debug, Clone, Copy)]
+pub struct Outcome {
+    /// Of the frames between the inputs, dB.
+    pub psnr: f64,
+    /// EPE3D of moving points, metres in 0.1 s.
+    pub moving: f64,
+    /// Mean speed of what rests, metres per second.
+    pub resting: f64,
+    /// Snippets that could not be used.
+    pub skipped: f64,
+}
+
+impl Outcome {
+    fn of(measured: &Measured) -> Self {
+        let of = |key: &str| figure(measured, key).unwrap_or(f64::NAN);
+        Self {
+            psnr: measured.quality.mean.psnr,
+            moving: of("epe_moving"),
+            resting: of("speed_at_rest"),
+            skipped: of("snippets_skipped"),
+        }
+    }
+}
+
+/// Applies a network to the snippets of a street.
+///
+/// # Errors
+/// [`Interrupted`]; when no snippet can be used.
+pub fn applied(lab: &Lab, street: &Path, network: &FluxNetwork, config: &FluxConfig) -> Result<Outcome> {
+    if interrupt::asked() {
+        return Err(Interrupted.into());
+    }
+    let logs = Arc::new(Logs::unseen(street, &config.own.logs)?);
+    let split = Split { places: &logs.held_out, name: logs.split, logs: &logs, pictures: 0 };
+    Ok(Outcome::of(&measure(network, &split, config, &lab.device)?.measured))
+}

@@ -1,0 +1,98 @@
+//! How far do runs spread that differ by the seed alone? Differences within the spread say nothing.
+
+use anyhow::Result;
+use gs_worlds::extrapolation::World;
+use gs_train::report::charts::{Chart, Series};
+
+use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
+use crate::experiments::{Criterion, Experiment, Findings, Lab};
+
+/// The experiment; see the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "seeds",
+    question: "Runs with eight seeds: how far do the PSNR of the future and the number of Gaussians spread?",
+    steps: |quick| if quick { 3 * STEPS_QUICK } else { SEEDS as usize * STEPS },
+    on_request: false,
+    run,
+};
+
+/// Seeds.
+const SEEDS: u64 = 8;
+const SEEDS_QUICK: u64 = 3;
+
+/// The last time that is seen.
+const SEEN: f64 = 0.75;
+
+/// Largest standard deviation of PSNR over the image, dB: papers compare methods by differences of this size.
+const PSNR_BOUND: f64 = 0.3;
+
+/// The same in moving parts, which are a tenth of the image and err together.
+const MOVING_BOUND: f64 = 0.6;
+
+/// Largest standard deviation of the number of Gaussians, a share of their mean: comparisons at equal counts allow as much.
+const COUNT_BOUND: f64 = 0.05;
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let film = Film::of(lab, &small(World::Slider))?;
+    let future = film.future(SEEN, 1.0);
+    let (mut whole, mut moving, mut counts, mut laws) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for seed in 0..lab.either(SEEDS, SEEDS_QUICK) {
+        let trial = Trial::new(lab, film.until(SEEN), steps(lab), &[&format!("seed={seed}")])?;
+        let session = trial.trained(lab)?;
+        let [of_image, of_moving] = means(&scores(lab, &session, &future));
+        whole.push((seed as f64, of_image));
+        moving.push((seed as f64, of_moving));
+        counts.push(session.fit.trainer.gaussians().len() as f64);
+        let lines = session.fit.trainer.method().body_lines();
+        laws.push(format!("seed {seed}: {of_image:.2} dB, {of_moving:.2} dB in moving parts; {}.", lines.join("; ")));
+    }
+    let values = |points: &[(f64, f64)]| -> Vec<f64> { points.iter().map(|(_, psnr)| *psnr).collect() };
+    let [image, part, count] = [values(&whole), values(&moving), counts].map(Spread::of);
+    let criteria = vec![
+        Criterion::at_most("standard deviation of PSNR over the image", Some(image.deviation), PSNR_BOUND, "dB"),
+        Criterion::at_most("standard deviation of PSNR in moving parts", Some(part.deviation), MOVING_BOUND, "dB"),
+        Criterion::at_most(
+            "standard deviation of the number of Gaussians, shares of the mean",
+            Some(count.deviation / count.mean),
+            COUNT_BOUND,
+            "",
+        ),
+    ];
+    let mut notes = vec![format!(
+        "PSNR over the image {}, in moving parts {}, Gaussians {}.",
+        image.in_words(2),
+        part.in_words(2),
+        count.in_words(0)
+    )];
+    notes.extend(laws);
+    let chart = Chart {
+        title: "The future by seed".into(),
+        x: "seed".into(),
+        y: "PSNR, dB".into(),
+        series: vec![Series::line_and_dots("image", whole), Series::line_and_dots("moving parts", moving)],
+    };
+    Ok(Findings { criteria, figures: vec![("", chart)], notes })
+}
+
+/// Mean, standard deviation and range of some values.
+struct Spread {
+    mean: f64,
+    deviation: f64,
+    range: [f64; 2],
+}
+
+impl Spread {
+    fn of(values: Vec<f64>) -> Self {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Self { mean, deviation: (squares / (count - 1.0)).sqrt(), range: [low, high] }
+    }
+
+    fn in_words(&self, decimals: usize) -> String {
+        let Self { mean, deviation, range: [low, high] } = self;
+        format!("{mean:.decimals$} +- {deviation:.decimals$} ({low:.decimals$} to {high:.decimals$})")
+    }
+}

@@ -1,0 +1,116 @@
+//! May frame rate and integration step change after training? A motion is a property of the scene and not of the step with which it was
+//! learned.
+
+use anyhow::Result;
+use glam::DVec3;
+use gs_worlds::extrapolation::World;
+use gs_models::sparsedyn::RolloutOptions;
+use gs_train::pipelines::sparsedyn::Sparsedyn;
+use gs_train::report::charts::{Chart, Series};
+
+use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, positions, scores, small, steps};
+use crate::experiments::findings::largest;
+use crate::experiments::lab::Session;
+use crate::experiments::{Criterion, Experiment, Findings, Lab};
+
+/// The experiment; see the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "step",
+    question: "Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and for every \
+               fourth: how far do Gaussians and photos of the future change?",
+    steps: |quick| MODES.len() * if quick { STEPS_QUICK } else { STEPS },
+    on_request: false,
+    run,
+};
+
+/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq. 4).
+const MODES: [(&str, &[&str]); 3] = [
+    ("bodies", &["bodies.mode=both"]),
+    ("field, asked once", &["bodies.mode=field"]),
+    ("field, asked at every stage", &["bodies.mode=field", "dynamics.ask=stage", "dynamics.integrator=rk2"]),
+];
+
+/// The last time that is seen.
+const SEEN: f64 = 0.75;
+
+/// Factors of the step.
+const FACTORS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+
+/// Largest change of a position at the end with half or twice the step, shares of the distance that the fastest Gaussian goes: the 1 %
+/// of the step rule.
+const POSITION_BOUND: f64 = 0.01;
+
+/// Largest change of PSNR likewise, dB: it shows in no comparison.
+const PSNR_BOUND: f64 = 0.1;
+
+/// Every so many frames are asked for at a lower frame rate.
+const SLOWER: usize = 4;
+
+/// Times asked for.
+const TIMES: usize = 24;
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let film = Film::of(lab, &small(World::Fan))?;
+    let future = film.future(SEEN, 1.0);
+    let mut found = Findings::default();
+    let (mut by_position, mut by_psnr, mut by_rate) = (Vec::new(), Vec::new(), Vec::new());
+    for (name, changes) in MODES {
+        let trial = Trial::new(lab, film.until(SEEN), steps(lab), changes)?;
+        let mut session = trial.trained(lab)?;
+        by_rate.push(rate_changes(&session));
+        let own = session.fit.trainer.method().options;
+        let (mut ends, mut psnr) = (Vec::new(), Vec::new());
+        for factor in FACTORS {
+            set(&mut session, RolloutOptions { step: factor * own.step, ..own });
+            ends.push(positions(&session, &[1.0]).remove(0));
+            psnr.push(means(&scores(lab, &session, &future))[0]);
+        }
+        set(&mut session, own);
+        let first = positions(&session, &[0.0]).remove(0);
+        let way = farthest(&first, &ends[2]);
+        let moved: Vec<f64> = ends.iter().map(|end| farthest(end, &ends[2]) / way).collect();
+        let changed: Vec<f64> = psnr.iter().map(|value| (value - psnr[2]).abs()).collect();
+        let what =
+            format!("{name}: largest change of a position with half or twice the step, shares of the farthest way");
+        found.criteria.push(Criterion::at_most(what, Some(moved[1].max(moved[3])), POSITION_BOUND, ""));
+        let what = format!("{name}: change of PSNR with half or twice the step");
+        found.criteria.push(Criterion::at_most(what, Some(changed[1].max(changed[3])), PSNR_BOUND, "dB"));
+        let [quarter, four] = [0, 4].map(|index| (moved[index], psnr[index]));
+        found.notes.push(format!(
+            "{name}: {:.2} dB with its own step; a quarter of it {:.2} dB and positions off by {:.1e}, four times {:.2} dB and {:.1e}.",
+            psnr[2], quarter.1, quarter.0, four.1, four.0
+        ));
+        let points = |values: &[f64]| -> Vec<(f64, f64)> {
+            FACTORS.iter().map(|f| f.log2()).zip(values.iter().copied()).collect()
+        };
+        let logs: Vec<f64> = moved.iter().map(|share| share.max(1e-7).log10()).collect();
+        by_position.push(Series::line_and_dots(name, points(&logs)));
+        by_psnr.push(Series::line_and_dots(name, points(&psnr)));
+    }
+    let what = format!("largest change of a position when every {SLOWER}th frame is asked for alone");
+    found.criteria.push(Criterion::zero(what, largest(by_rate), ""));
+    let x = || "log2 of the step, steps of training".to_string();
+    let (title, y) =
+        ("Another step after training: positions at the end".into(), "log10 of the change, shares of the way".into());
+    found.figures.push(("position", Chart { title, x: x(), y, series: by_position }));
+    let (title, y) = ("Another step after training: photos of the future".into(), "PSNR, dB".into());
+    found.figures.push(("psnr", Chart { title, x: x(), y, series: by_psnr }));
+    Ok(found)
+}
+
+fn set(session: &mut Session<Sparsedyn>, options: RolloutOptions) {
+    session.fit.trainer.change_method(|method| Sparsedyn { options, ..method });
+}
+
+/// The largest change of a position at the times of a lower frame rate.
+fn rate_changes(session: &Session<Sparsedyn>) -> f64 {
+    let times: Vec<f64> = (0..TIMES).map(|frame| frame as f64 / TIMES as f64).collect();
+    let slower: Vec<f64> = times.iter().copied().step_by(SLOWER).collect();
+    let (all, few) = (positions(session, &times), positions(session, &slower));
+    all.iter().step_by(SLOWER).zip(&few).map(|(all, few)| farthest(all, few)).fold(0.0, f64::max)
+}
+
+/// The largest distance between two positions of one Gaussian.
+fn farthest(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+}

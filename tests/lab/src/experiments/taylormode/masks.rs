@@ -1,0 +1,127 @@
+//! What do masks cost that are too wide or too narrow? Segmentation of blurry outlines is uncertain.
+
+use anyhow::Result;
+use gs_datasets::Scene;
+use gs_worlds::deblur::World;
+use gs_train::report::charts::{Chart, Series};
+
+use super::Trial;
+use crate::experiments::findings::largest;
+use crate::experiments::lab::{moving_psnr, small};
+use crate::experiments::{Criterion, Experiment, Findings, Lab};
+
+/// The experiment; see the module.
+pub const EXPERIMENT: Experiment = Experiment {
+    name: "masks",
+    question: "True masks of what moves, eroded and dilated by up to 6 pixels of 96: what does it cost?",
+    steps: |quick| if quick { 3 * STEPS_QUICK } else { 7 * STEPS },
+    on_request: false,
+    run,
+};
+
+const STEPS: usize = 560;
+const STEPS_QUICK: usize = 40;
+
+/// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its outline by
+/// more than a tenth of that on either side is a poor one.
+const PROMISED: i32 = 2;
+
+fn run(lab: &Lab) -> Result<Findings> {
+    let scene = lab.world(&small(World::Cube, 6))?;
+    let widths: &[i32] = lab.either(&[-6, -4, -2, 0, 2, 4, 6], &[-2, 0, 2]);
+    let (mut moving, mut whole) = (Vec::new(), Vec::new());
+    for pixels in widths {
+        let config = Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &["motion.masks=prior"])?;
+        let found = Trial::new(&grown(&scene, *pixels), config).begin(lab).finish()?;
+        moving.push((f64::from(*pixels), moving_psnr(&found)));
+        whole.push((f64::from(*pixels), found.quality.mean.psnr));
+    }
+    let loss = |points: &[(f64, f64)], reach: i32| {
+        let exact = points.iter().find(|(width, _)| *width == 0.0).map_or(f64::NAN, |(_, psnr)| *psnr);
+        let near = points.iter().filter(|(width, _)| width.abs() <= f64::from(reach));
+        largest(near.map(|(_, psnr)| exact - psnr))
+    };
+    let range = *widths.last().unwrap_or(&0);
+    Ok(Findings {
+        criteria: vec![
+            Criterion::at_most(
+                "loss in moving parts, masks wrong by up to 2 pixels",
+                loss(&moving, PROMISED),
+                1.0,
+                "dB",
+            ),
+            Criterion::at_most(
+                "loss over the whole image, masks wrong by up to 2 pixels",
+                loss(&whole, PROMISED),
+                0.5,
+                "dB",
+            ),
+        ],
+        figures: vec![(
+            "",
+            Chart {
+                title: "Masks too narrow and too wide".into(),
+                x: "pixels that masks are wider".into(),
+                y: "sharp PSNR, dB".into(),
+                series: vec![
+                    Series::line_and_dots("moving parts", moving.clone()),
+                    Series::line_and_dots("whole image", whole),
+                ],
+            },
+        )],
+        notes: vec![
+            format!(
+                "Up to {range} pixels wrong, moving parts lose {:.2} dB at most.",
+                loss(&moving, range).unwrap_or(f64::NAN)
+            ),
+            "The bounds were set before measuring, for errors of a usual segmentation.".into(),
+        ],
+    })
+}
+
+/// The scene with its true masks as priors, dilated by `pixels`, or eroded if negative.
+fn grown(scene: &Scene, pixels: i32) -> Scene {
+    let mut scene = scene.clone();
+    for view in &mut scene.train {
+        view.priors.moving = view.truth.moving.clone().map(|mut mask| {
+            for round in 0..pixels.unsigned_abs() {
+                mask = step(&mask, view.width, pixels > 0, round % 2 == 1);
+            }
+            mask
+        });
+    }
+    scene
+}
+
+/// Dilation or erosion by one pixel, over four neighbours or eight; in alternation, circles stay round.
+fn step(mask: &[u8], width: usize, wider: bool, corners: bool) -> Vec<u8> {
+    let height = mask.len() / width;
+    let spreading = u8::from(wider) * 255;
+    let at = |x: usize, y: usize, dx: isize, dy: isize| {
+        let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+        (x < width && y < height).then(|| mask[y * width + x])
+    };
+    let reached = |x: usize, y: usize| {
+        let neighbours = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        let mut near = neighbours.filter(|(dx, dy)| corners || *dx == 0 || *dy == 0);
+        near.any(|(dx, dy)| at(x, y, dx, dy) == Some(spreading))
+    };
+    (0..mask.len()).map(|i| if reached(i % width, i / width) { spreading } else { mask[i] }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_grow_and_shrink() {
+        let mut mask = vec![0; 81];
+        mask[40] = 255;
+        let count = |mask: &[u8]| mask.iter().filter(|value| **value > 0).count();
+        let cross = step(&mask, 9, true, false);
+        let square = step(&cross, 9, true, true);
+        assert_eq!([count(&cross), count(&square)], [5, 21]);
+        assert_eq!(count(&step(&cross, 9, false, false)), 1);
+        assert_eq!(count(&step(&cross, 9, false, true)), 0);
+    }
+}

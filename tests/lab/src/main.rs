@@ -1,0 +1,48 @@
+//! `gs-lab`: experiments at the limits of the methods, comparisons of many runs, and the tables of the docs.
+//!
+//! | module | idea |
+//! |---|---|
+//! | [`experiments`] | where a method fails: small worlds, faults, bounds that were set before measuring |
+//! | [`comparison`] | charts and tables of many runs, beside other programs |
+#![recursion_limit = "256"]
+
+mod cli;
+mod comparison;
+mod experiments;
+#[cfg(test)]
+mod tests;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::Parser;
+use gs_base::printable;
+use gs_train::logging;
+use gs_train::run::resources;
+
+use cli::{Cli, Command};
+
+fn main() -> ExitCode {
+    resources::keep_freed_memory();
+    let cli = Cli::parse();
+    logging::init(cli.verbose);
+    call(&cli.command).unwrap_or_else(|error| {
+        eprintln!("error: {}", printable(&logging::one_sentence(&error)));
+        ExitCode::FAILURE
+    })
+}
+
+fn call(command: &Command) -> Result<ExitCode> {
+    match command {
+        Command::Experiments(args) => experiments::command::run(args),
+        Command::Chart(args) => comparison::command::run(args),
+    }
+}
+
+/// Prints to standard output. A reader that left is no error.
+fn print(text: impl std::fmt::Display) {
+    let text = text.to_string();
+    let lines: Vec<_> = text.split('\n').map(printable).collect();
+    let _ = writeln!(std::io::stdout(), "{}", lines.join("\n"));
+}
