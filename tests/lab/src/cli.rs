@@ -25,6 +25,28 @@ pub enum Command {
     Experiments(ExperimentsArgs),
     /// Chart accuracy against seconds and count of several runs, with the Pareto front
     Chart(ChartArgs),
+    /// Write tables of the docs from their data files
+    Results(ResultsArgs),
+}
+
+/// Arguments of `results`.
+#[derive(Debug, Args)]
+pub struct ResultsArgs {
+    /// The tables: NAME of tests/lab/results/NAME.json
+    #[arg(required = true, value_name = "NAME")]
+    pub names: Vec<String>,
+
+    /// Folder of runs: where a data file states its runs, those that are missing are trained first
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: Option<PathBuf>,
+
+    /// The root of the repository
+    #[arg(long, value_name = "DIR", default_value = ".", value_hint = ValueHint::DirPath)]
+    pub root: PathBuf,
+
+    /// Compute device, as of gsburn
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    pub device: String,
 }
 
 const EXPERIMENTS: &str = "\

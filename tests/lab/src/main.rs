@@ -4,11 +4,13 @@
 //! |---|---|
 //! | [`experiments`] | where a method fails: small worlds, faults, bounds that were set before measuring |
 //! | [`comparison`] | charts and tables of many runs, beside other programs |
+//! | [`results`] | the tables of the docs, written from data files that say how they were measured |
 #![recursion_limit = "256"]
 
 mod cli;
 mod comparison;
 mod experiments;
+mod results;
 #[cfg(test)]
 mod tests;
 
@@ -37,6 +39,7 @@ fn call(command: &Command) -> Result<ExitCode> {
     match command {
         Command::Experiments(args) => experiments::command::run(args),
         Command::Chart(args) => comparison::command::run(args),
+        Command::Results(args) => results::run(args),
     }
 }
 
