@@ -46,7 +46,28 @@ pub struct Experiment {
     /// Whether it runs only if it is named, because it takes long.
     pub on_request: bool,
     /// Runs it.
-    pub run: fn(&Lab) -> Result<Findings>,
+    pub run: fn(&Lab, &mut Findings) -> Result<()>,
+}
+
+impl Experiment {
+    /// An experiment that takes these steps of training.
+    pub const fn new(
+        name: &'static str,
+        question: &'static str,
+        steps: fn(quick: bool) -> usize,
+        run: fn(&Lab, &mut Findings) -> Result<()>,
+    ) -> Self {
+        Self { name, question, steps, on_request: false, run }
+    }
+
+    /// An experiment that trains nothing.
+    pub const fn untrained(
+        name: &'static str,
+        question: &'static str,
+        run: fn(&Lab, &mut Findings) -> Result<()>,
+    ) -> Self {
+        Self::new(name, question, |_| 0, run)
+    }
 }
 
 /// The experiments to run.
@@ -93,7 +114,8 @@ pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request:
     for experiment in chosen {
         lab.enter(experiment.name);
         let begun = Instant::now();
-        let found = (experiment.run)(&lab)?;
+        let mut found = Findings::default();
+        (experiment.run)(&lab, &mut found)?;
         let outcome = Outcome::new(experiment, found, begun.elapsed().as_secs_f64());
         for figure in &outcome.figures {
             write_atomic(&request.out.join(&figure.file), marked_svg(&figure.svg).as_bytes())?;
@@ -165,7 +187,7 @@ mod tests {
     use super::*;
 
     static QUICK: Experiment =
-        Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_| bail!("not run") };
+        Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_, _| bail!("not run") };
     static LONG: Experiment = Experiment { name: "long", on_request: true, ..QUICK };
     static ALL: [&Experiment; 2] = [&QUICK, &LONG];
 

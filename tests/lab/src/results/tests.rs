@@ -104,7 +104,7 @@ fn cells_are_means_over_seeds() {
 /// Runs are trained where they are missing, and kept where they are finished.
 #[test]
 fn runs_fill_the_rows() {
-    use gs_datasets::synthetic::{DemoOptions, demo_scene};
+    use gs_worlds::{DemoOptions, demo_scene};
     let temporary = tempfile::tempdir().expect("a folder");
     let root = temporary.path();
     let scene = root.join("scene");
