@@ -25,7 +25,7 @@ use gs_train::run::outputs::{self, MARK, marked_svg};
 use gs_train::run::{interrupt, results};
 use serde::Serialize;
 
-pub use findings::{Criterion, Findings, Outcome};
+pub use findings::{Findings, Outcome};
 pub use lab::{Interrupted, Lab};
 
 /// The pipelines with their experiments.
