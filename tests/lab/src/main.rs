@@ -22,6 +22,7 @@ use clap::Parser;
 use gs_base::printable;
 use gs_train::logging;
 use gs_train::run::resources;
+use gs_train::sentence::one_sentence;
 
 use cli::{Cli, Command};
 
@@ -30,7 +31,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     logging::init(cli.verbose);
     call(&cli.command).unwrap_or_else(|error| {
-        eprintln!("error: {}", printable(&logging::one_sentence(&error)));
+        eprintln!("error: {}", printable(&one_sentence(&error)));
         ExitCode::FAILURE
     })
 }

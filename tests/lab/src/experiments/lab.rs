@@ -7,16 +7,16 @@ use std::time::Instant;
 
 use anyhow::Result;
 use burn::tensor::{Device, Tensor};
-use gs_worlds::deblur::{self, DeblurOptions, World};
-use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 use gs_datasets::{LoadOptions, Scene, load};
-use gs_worlds::driving::StreetOptions;
 use gs_train::config::{ConfigError, FitConfig, tables};
 use gs_train::fit::method::{MOVING, Method};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::session::{self, Data, Stepped};
 use gs_train::run::evaluate::{Evaluator, HeldOut, Measured};
 use gs_train::run::interrupt;
+use gs_worlds::deblur::{self, DeblurOptions, World};
+use gs_worlds::driving::StreetOptions;
+use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::Request;

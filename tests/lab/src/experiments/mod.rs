@@ -1,9 +1,9 @@
 //! Experiments at the limits of a method: where does it fail, and does it fail as little as it should?
 //!
-//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and compares its
-//! findings with a bound that was set before. A missed bound is marked in the figure's title and in the report. Runs go through the
-//! same [`Session`](gs_train::fit::session::Session) as `gsburn train`, step by step, so that an experiment can change the state
-//! between steps (reverse the velocities, say).
+//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and
+//! compares its findings with a bound that was set before. A missed bound is marked in the figure's title and in the
+//! report. Runs go through the same [`Session`](gs_train::fit::session::Session) as `gsburn train`, step by step, so
+//! that an experiment can change the state between steps (reverse the velocities, say).
 
 pub mod command;
 pub mod findings;
@@ -100,7 +100,8 @@ const RESULTS: &str = "results.json";
 /// Name of the report.
 const REPORT: &str = "stability.html";
 
-/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with everything so far.
+/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with everything
+/// so far.
 ///
 /// # Errors
 /// One sentence: an unknown name, a file of somebody else in the way, a full disk, a request to end.

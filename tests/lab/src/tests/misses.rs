@@ -1,5 +1,5 @@
-//! Bounds that experiments do not keep, each with its reason. A miss that is repaired fails until it is taken off the list, so
-//! the lists stay true.
+//! Bounds that experiments do not keep, each with its reason. A miss that is repaired fails until it is taken off the
+//! list, so the lists stay true.
 
 use crate::experiments::Outcome;
 use crate::experiments::findings::Criterion;
@@ -12,7 +12,8 @@ pub struct Miss {
     what: &'static str,
     /// The bound that the experiment asks.
     bound: &'static str,
-    /// The value that it may have at the worst: that of the day it was listed, with some room. It guards against worse and is no aim.
+    /// The value that it may have at the worst: that of the day it was listed, with some room. It guards against worse
+    /// and is no aim.
     no_worse: f64,
 }
 
@@ -22,7 +23,8 @@ const fn miss(experiment: &'static str, what: &'static str, bound: &'static str,
 
 /// Misses of the small versions, some of which are too short for their question.
 pub const QUICK: &[Miss] = &[
-    // 1.7 % of the object: it turns round in no time, and the shortest contact that frames show is an eighth of their interval.
+    // 1.7 % of the object: it turns round in no time, and the shortest contact that frames show is an eighth of their
+    // interval.
     miss("divergence", "bounce: largest error inside the window", "at most 0.01", 0.018),
     // 1.62 times, by the bounce at order 5: eleven unknowns for sixteen frames. Every other path keeps 1.1.
     miss("divergence", "the same with the remainder", "at most 1.1", 1.7),
@@ -100,7 +102,8 @@ pub const FULL: &[Miss] = &[
     miss("observed", "slider: PSNR of moving parts lost", "at most 1.2", 3.0),
     miss("observed", "slider: PSNR of moving parts, seen up to 0.75", "at least 0", -2.0),
     miss("observed", "spinner: PSNR of moving parts lost", "at most 1.2", 8.0),
-    // 76 % of the way and 4.1 dB: a network that is asked at every stage learns the error of its own step with the motion.
+    // 76 % of the way and 4.1 dB: a network that is asked at every stage learns the error of its own step with the
+    // motion.
     miss("step", "field, asked at every stage: largest change", "at most 0.01", 0.95),
     miss("step", "field, asked at every stage: change of PSNR", "at most 0.1", 5.0),
     // 4.6, 6.9 and 2.3 dB: until the event all futures have the same photos.

@@ -40,7 +40,8 @@ fn the_measured_contour_is_the_step_rule() {
     assert!(contour.len() >= 5, "{contour:?}");
     for (steps, speed) in contour {
         let rule = (4.0 * speed - (8.0 * 1.01_f64.ln()).log2()) / 3.0;
-        // Between two steps a factor of 2 apart the logarithm of the drift bends: some hundredths in the logarithm of the step.
+        // Between two steps a factor of 2 apart the logarithm of the drift bends: some hundredths in the logarithm of
+        // the step.
         assert!((steps - rule).abs() < 0.05, "at 2^{speed} rad: 2^{steps} steps by the rollout, 2^{rule} by the rule");
     }
 }

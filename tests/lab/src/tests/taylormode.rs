@@ -36,8 +36,8 @@ fn steps_move_little_and_blur_needs_few_instants() {
     }
 }
 
-/// Sixty steps find no exposure; but they go towards it from either side, and along constant exposure times speed it is the other
-/// frames that object, as the method assumes.
+/// Sixty steps find no exposure; but they go towards it from either side, and along constant exposure times speed it is
+/// the other frames that object, as the method assumes.
 #[test]
 fn neighbouring_frames_tell_exposure_from_speed() {
     let outcome = quick("taylormode", "exposure");
@@ -66,7 +66,8 @@ fn affine_errors_of_depth_are_fitted_away() {
     assert!(change > aligned, "believed, wrong depth changes PSNR by {change} dB, aligned by {aligned}");
 }
 
-/// Resets come after 60 and 120 steps, and looks every 15: before the next reset a scene is as good again as it was before the last.
+/// Resets come after 60 and 120 steps, and looks every 15: before the next reset a scene is as good again as it was
+/// before the last.
 #[test]
 fn opacities_recover_from_a_reset() {
     let outcome = quick("taylormode", "opacity");

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use gs_worlds::driving::StreetOptions;
 use gs_train::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
 use gs_train::pipelines::flux4d::feed::{Draws, Feed, Library};
 use gs_train::pipelines::flux4d::logs::Logs;
@@ -12,6 +11,7 @@ use gs_train::pipelines::flux4d::network::FluxNetwork;
 use gs_train::pipelines::flux4d::trainer::Trainer;
 use gs_train::report::charts::Series;
 use gs_train::run::interrupt;
+use gs_worlds::driving::StreetOptions;
 
 use super::trial::{Outcome, applied, network, streets};
 use crate::experiments::findings::largest;
@@ -20,47 +20,48 @@ use crate::experiments::{Experiment, Findings, Interrupted, Lab};
 /// The experiment on beams and images.
 pub const BEAMS: Experiment = Experiment::untrained(
     "beams",
-    "A network trained on 32 beams and images of 320 pixels, applied to a LiDAR of 4 to 128 beams and to images of other sizes: \
-     what breaks first?",
+    "A network trained on 32 beams and images of 320 pixels, applied to a LiDAR of 4 to 128 beams and to images of \
+     other sizes: what breaks first?",
     beams,
 );
 
 /// The experiment on poses and times.
 pub const CALIBRATION: Experiment = Experiment::untrained(
     "calibration",
-    "Camera poses with noise, and images that were taken later than their times say: what does that cost in images, and does \
-     motion, which is read off the LiDAR, stay as it was?",
+    "Camera poses with noise, and images that were taken later than their times say: what does that cost in images, \
+     and does motion, which is read off the LiDAR, stay as it was?",
     calibration,
 );
 
-/// The experiment on the degree of motion. The sweeps show a velocity and an acceleration, so that before training the degrees
-/// 2 and 3 are degree 1 with further coefficients of zero. They are drawn to show that nothing else depends on the degree.
+/// The experiment on the degree of motion. The sweeps show a velocity and an acceleration, so that before training the
+/// degrees 2 and 3 are degree 1 with further coefficients of zero. They are drawn to show that nothing else depends on
+/// the degree.
 pub const DEGREE: Experiment = Experiment::untrained(
     "degree",
-    "Cars that drive, brake and turn, each followed over the frames between the inputs by velocities of degree 0 to 3, before \
-     any training (2 and 3 then equal 1): does an acceleration pay?",
+    "Cars that drive, brake and turn, each followed over the frames between the inputs by velocities of degree 0 to 3, \
+     before any training (2 and 3 then equal 1): does an acceleration pay?",
     degree,
 );
 
 /// The experiment on refinements.
 pub const PASSES: Experiment = Experiment::untrained(
     "passes",
-    "The shipped network, trained with two refinements, applied with none to five: what does each add to the frames between \
-     the inputs, and how long does it take?",
+    "The shipped network, trained with two refinements, applied with none to five: what does each add to the frames \
+     between the inputs, and how long does it take?",
     passes,
 );
 
 /// The experiment on the mean speed; velocities start at zero, as in the paper.
 pub const WEIGHT: Experiment = Experiment::new(
     "weight",
-    "The weight of the mean speed over five decades, trained on one street without velocities of the sweeps: does what rests \
-     come to rest, and at which weight does motion vanish?",
+    "The weight of the mean speed over five decades, trained on one street without velocities of the sweeps: does what \
+     rests come to rest, and at which weight does motion vanish?",
     |quick| if quick { 2 * STEPS[1] } else { WEIGHTS.len() * STEPS[0] },
     weight,
 );
 
-/// PSNR that an eighth of the beams may cost, dB, and that the refinements of the training must add: the paper's add that much
-/// (its table 7).
+/// PSNR that an eighth of the beams may cost, dB, and that the refinements of the training must add: the paper's add
+/// that much (its table 7).
 const REFINED: f64 = 2.4;
 
 /// Speed of objects at rest, m/s, at any number of beams: fewer points may hide motion and must not invent any.
@@ -69,7 +70,8 @@ pub const REST: f64 = 0.05;
 /// PSNR that poses off by 5 cm and 0.03 degrees may cost, dB: calibrations of research vehicles are that good.
 const POSES: f64 = 2.0;
 
-/// Change of the moving points' error by wrong poses and times, metres in 0.1 s: a third of the 0.15 m that a network may err.
+/// Change of the moving points' error by wrong poses and times, metres in 0.1 s: a third of the 0.15 m that a network
+/// may err.
 const FLOW: f64 = 0.05;
 
 /// Weights of the mean speed; the paper's is 5e-3.
@@ -88,7 +90,8 @@ enum Net {
     Trained,
 }
 
-/// A network at each value, applied to as many streets: `street` makes them, `change` sets keys. Means over the streets.
+/// A network at each value, applied to as many streets: `street` makes them, `change` sets keys. Means over the
+/// streets.
 fn along(
     lab: &Lab,
     values: &[f64],

@@ -21,8 +21,8 @@ use crate::experiments::{Experiment, Findings, Interrupted, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "baseline",
-    "Scene flow of the same points by the shipped network, and by fitting a network to each pair of sweeps (FastNSF): which is \
-               nearer to the truth, and how long does a sweep take?",
+    "Scene flow of the same points by the shipped network, and by fitting a network to each pair of sweeps (FastNSF): \
+     which is nearer to the truth, and how long does a sweep take?",
     run,
 );
 

@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result};
 use burn::tensor::{Tensor, TensorData};
-use gs_driving::{TruthImage, truth_image};
 use gs_driving::{INTERPOLATION_FRAMES, Snippet};
+use gs_driving::{TruthImage, truth_image};
 use gs_train::pipelines::flux4d::evaluate::color;
 use gs_train::pipelines::flux4d::infer::{Ready, infer};
 use gs_train::pipelines::flux4d::logs::open;
@@ -26,8 +26,8 @@ pub const EXPERIMENT: Experiment = Experiment::untrained(
 /// Upper ends of the bins of distance, metres; the last has none, and the sky is a bin of its own.
 const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
 
-/// PSNR that surfaces beyond 40 m may lose against those of the nearest 10 m, dB. Twice the distance halves the points a pixel has,
-/// and a bin is not to be lost for that.
+/// PSNR that surfaces beyond 40 m may lose against those of the nearest 10 m, dB. Twice the distance halves the points
+/// a pixel has, and a bin is not to be lost for that.
 const BOUND: f64 = 6.0;
 
 fn run(lab: &Lab, found: &mut Findings) -> Result<()> {

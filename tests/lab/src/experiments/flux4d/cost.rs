@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use anyhow::Result;
 use gs_driving::Snippet;
-use gs_worlds::driving::StreetOptions;
 use gs_train::pipelines::flux4d::evaluate::color;
 use gs_train::pipelines::flux4d::infer::{Ready, infer};
 use gs_train::pipelines::flux4d::logs::open;
@@ -12,6 +11,7 @@ use gs_train::pipelines::flux4d::prepare::prepare;
 use gs_train::pipelines::flux4d::sample::camera;
 use gs_train::report::charts::Series;
 use gs_train::run::interrupt;
+use gs_worlds::driving::StreetOptions;
 
 use super::trial::{applied, network, street};
 use crate::experiments::{Experiment, Findings, Interrupted, Lab};
@@ -19,8 +19,8 @@ use crate::experiments::{Experiment, Findings, Interrupted, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "cost",
-    "Seconds of reading and lifting, kernel maps, passes and one image over the number of LiDAR points: do they grow more than \
-               in proportion, and from which number on does an image gain nothing?",
+    "Seconds of reading and lifting, kernel maps, passes and one image over the number of LiDAR points: do they grow \
+     more than in proportion, and from which number on does an image gain nothing?",
     run,
 );
 
@@ -31,8 +31,8 @@ const BUDGETS_QUICK: [usize; 2] = [8_000, 100_000];
 /// Beams and columns of a LiDAR of which the front camera shows half a million points in a snippet.
 const DENSE: [usize; 2] = [128, 3600];
 
-/// Exponent of the seconds of the passes over the points, between the second budget and the last. 1 is in proportion; sorting
-/// and caches cost a logarithm.
+/// Exponent of the seconds of the passes over the points, between the second budget and the last. 1 is in proportion;
+/// sorting and caches cost a logarithm.
 const BOUND: f64 = 1.15;
 
 /// Stages, as they are named in the figure.
@@ -74,8 +74,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         psnr.push((points, outcome.psnr));
         let [lift, maps, passes, image] = seconds;
         found.note(format!(
-            "{points} points: read and lift {lift:.2} s, maps {maps:.3} s, passes {passes:.2} s, image {image:.3} s; {:.2} dB, moving \
-             EPE {:.3} m.",
+            "{points} points: read and lift {lift:.2} s, maps {maps:.3} s, passes {passes:.2} s, image {image:.3} s; \
+             {:.2} dB, moving EPE {:.3} m.",
             outcome.psnr, outcome.moving
         ));
     }

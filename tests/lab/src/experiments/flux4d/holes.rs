@@ -14,7 +14,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "holes",
-    "A covered lens, a sweep that is missing, a LiDAR of one beam: is what can be used used, and is nothing made of nothing?",
+    "A covered lens, a sweep that is missing, a LiDAR of one beam: is what can be used used, and is nothing made of \
+     nothing?",
     run,
 );
 

@@ -2,13 +2,13 @@
 
 use anyhow::Result;
 use gs_driving::Snippet;
-use gs_worlds::driving::{Encounter, StreetOptions};
 use gs_train::pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
 use gs_train::pipelines::flux4d::infer::{Ready, infer};
 use gs_train::pipelines::flux4d::logs::open;
 use gs_train::pipelines::flux4d::prepare::prepare;
 use gs_train::pipelines::flux4d::saved::SavedNetwork;
 use gs_train::run::interrupt;
+use gs_worlds::driving::{Encounter, StreetOptions};
 
 use super::trial::{network, streets};
 use crate::experiments::{Experiment, Findings, Interrupted, Lab};
@@ -16,8 +16,8 @@ use crate::experiments::{Experiment, Findings, Interrupted, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "occlusion",
-    "A car drives beside the ego vehicle, and a bus comes between them from the second input sweep to the last but one: does \
-               the car keep its motion where it is seen?",
+    "A car drives beside the ego vehicle, and a bus comes between them from the second input sweep to the last but \
+     one: does the car keep its motion where it is seen?",
     run,
 );
 

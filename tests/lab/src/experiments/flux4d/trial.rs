@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use gs_worlds::driving::StreetOptions;
 use gs_train::pipelines::flux4d::config::FluxConfig;
 use gs_train::pipelines::flux4d::evaluate::{Split, measure};
 use gs_train::pipelines::flux4d::logs::Logs;
@@ -12,6 +11,7 @@ use gs_train::pipelines::flux4d::network::FluxNetwork;
 use gs_train::pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
 use gs_train::run::evaluate::Measured;
 use gs_train::run::interrupt;
+use gs_worlds::driving::StreetOptions;
 
 use crate::experiments::lab::figure;
 use crate::experiments::{Interrupted, Lab};

@@ -1,10 +1,10 @@
-//! What happens where the future has a stop, a bounce or another speed? Nothing in the photos tells of it, so no smooth motion can foresee
-//! it; the error that remains is shown.
+//! What happens where the future has a stop, a bounce or another speed? Nothing in the photos tells of it, so no smooth
+//! motion can foresee it; the error that remains is shown.
 
 use anyhow::Result;
 use gs_datasets::View;
-use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, SAME_TIME, STEPS, STEPS_QUICK, Score, Trial, mean, over_time, scores, small, steps, time};
 use crate::experiments::{Experiment, Findings, Lab};
@@ -12,8 +12,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "contacts",
-    "A box that slides as long as it is seen, and then, at 0.85, stops at once, bounces back or goes on at half its speed: how far \
-               off are the predicted photos after that?",
+    "A box that slides as long as it is seen, and then, at 0.85, stops at once, bounces back or goes on at half its \
+     speed: how far off are the predicted photos after that?",
     |quick| if quick { STEPS_QUICK } else { STEPS },
     run,
 );
@@ -27,12 +27,12 @@ const EVENT: f64 = 0.85;
 /// Frames of the recording, one of them at the event.
 const FRAMES: usize = 40;
 
-/// Largest loss of PSNR in moving parts after the event, dB. A method that foresaw the event would lose nothing; this is not expected to
-/// be kept, and stands here so that the loss is shown as a miss.
+/// Largest loss of PSNR in moving parts after the event, dB. A method that foresaw the event would lose nothing; this
+/// is not expected to be kept, and stands here so that the loss is shown as a miss.
 const LOSS_BOUND: f64 = 1.0;
 
-/// A change of the motion: the time at which the undisturbed world looks as the changed one does so long after the event. A world that
-/// stops, runs backwards or runs at half its speed is exactly that.
+/// A change of the motion: the time at which the undisturbed world looks as the changed one does so long after the
+/// event. A world that stops, runs backwards or runs at half its speed is exactly that.
 type Event = (&'static str, fn(since: f64) -> f64);
 
 const EVENTS: [Event; 3] =
@@ -58,13 +58,14 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         found.at_most(what, expected - met, LOSS_BOUND, "dB");
         let last = curve(&changed).last().map_or(f64::NAN, |(_, psnr)| *psnr);
         found.note(format!(
-            "{name}: {met:.2} dB in moving parts after the event, against {expected:.2} dB undisturbed; {last:.2} dB at the end."
+            "{name}: {met:.2} dB in moving parts after the event, against {expected:.2} dB undisturbed; {last:.2} dB \
+             at the end."
         ));
         series.push(Series::line_and_dots(name, curve(&changed)));
     }
     found.note(
-        "These are no failures that more training repairs: until the event all four futures have the same photos. Recordings must go on \
-         past a contact for it to be learned.",
+        "These are no failures that more training repairs: until the event all four futures have the same photos. \
+         Recordings must go on past a contact for it to be learned.",
     );
     found.chart("", "A change at 0.85 that no photo tells of", ["time", "PSNR of moving parts, dB"], series);
     Ok(())

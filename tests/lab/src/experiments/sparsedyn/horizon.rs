@@ -1,10 +1,11 @@
-//! What is left at four times the time that was seen? A rollout that runs away shows as Gaussians far outside of the scene.
+//! What is left at four times the time that was seen? A rollout that runs away shows as Gaussians far outside of the
+//! scene.
 
 use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::View;
-use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Score, Trial, means, over_time, positions, scores, small, steps, time};
 use crate::experiments::findings::largest;
@@ -13,9 +14,9 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "horizon",
-    "Trained on the first fifth of the recording and rolled out to four times that: PSNR over the horizon with rigid bodies and \
-               with the field alone, against a scene that stops where it was last seen; does any Gaussian leave twice the scene's box, \
-               is any position not a number?",
+    "Trained on the first fifth of the recording and rolled out to four times that: PSNR over the horizon with rigid \
+     bodies and with the field alone, against a scene that stops where it was last seen; does any Gaussian leave twice \
+     the scene's box, is any position not a number?",
     |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * 2 * STEPS },
     run,
 );
@@ -38,10 +39,12 @@ const EVERY: usize = 3;
 /// What moves the Gaussians.
 const MODES: [(&str, &str); 2] = [("bodies", "bodies.mode=both"), ("field alone", "bodies.mode=field")];
 
-/// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the rollout.
+/// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the
+/// rollout.
 const BOX: f64 = 2.0;
 
-/// Share of Gaussians at either end of each axis that do not count for the scene's box: single strays would make it wide.
+/// Share of Gaussians at either end of each axis that do not count for the scene's box: single strays would make it
+/// wide.
 const STRAYS: f64 = 0.01;
 
 /// Least mean gain over a scene that stops, dB: a motion that is predicted worse than none should not be predicted.
@@ -105,8 +108,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
             let [own, stopped] = [&run.scores, &run.stopped].map(|scores| means(scores)[1]);
             let last = run.outside.last().map_or(0.0, |(_, share)| 100.0 * share);
             found.note(format!(
-                "{world}, {name}: {own:.2} dB in moving parts, {stopped:.2} dB if it stops; at the end {last:.2} % of the Gaussians are \
-                 outside of twice the box; {}.",
+                "{world}, {name}: {own:.2} dB in moving parts, {stopped:.2} dB if it stops; at the end {last:.2} % of \
+                 the Gaussians are outside of twice the box; {}.",
                 run.bodies
             ));
         }

@@ -1,4 +1,5 @@
-//! How far does a rollout drift on motions that are known exactly, and which step keeps it within 1 %? Arithmetic alone.
+//! How far does a rollout drift on motions that are known exactly, and which step keeps it within 1 %? Arithmetic
+//! alone.
 
 use std::f64::consts::TAU;
 
@@ -14,12 +15,14 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "integrators",
-    "Rotation, shear, saddle and damped oscillator, rolled out with steps from 1/8 to 1/1024: which order has each integrator, \
-               is the screw exact for a steady rotation, and which step keeps a radius within 1 % at a given angular speed?",
+    "Rotation, shear, saddle and damped oscillator, rolled out with steps from 1/8 to 1/1024: which order has each \
+     integrator, is the screw exact for a steady rotation, and which step keeps a radius within 1 % at a given angular \
+     speed?",
     run,
 );
 
-/// Largest difference of a measured order from that of the method: halving the step leaves about this much of the next order.
+/// Largest difference of a measured order from that of the method: halving the step leaves about this much of the next
+/// order.
 const ORDER_BOUND: f64 = 0.1;
 
 /// Largest growth of a radius: a hundredth of an object's size is under a pixel in images of some hundred pixels.
@@ -31,16 +34,16 @@ const SPEEDS: [f64; 8] = [1.0, 2.0, 4.0, TAU, 10.0, 15.0, 20.0, 40.0];
 /// Horizons over which the step rule is held to its word, units of time.
 const HORIZONS: [f64; 3] = [1.0, 2.0, 5.0];
 
-/// Factor of the rule's step at which the drift must be above the bound, or the rule would ask for needless steps: the drift grows
-/// with the third power of the step, so by 3.4.
+/// Factor of the rule's step at which the drift must be above the bound, or the rule would ask for needless steps: the
+/// drift grows with the third power of the step, so by 3.4.
 const TOO_LONG: f64 = 1.5;
 
 /// Drifts between the kinds of dots of the figure, with their names.
 const CLASSES: [(&str, f64); 4] =
     [("below 0.1 %", 1e-3), ("0.1 to 1 %", 1e-2), ("1 to 10 %", 1e-1), ("above 10 %", f64::INFINITY)];
 
-/// The longest step that keeps a radius within the bound over `horizon` at `w` radians per unit of time: a step of the midpoint rule
-/// multiplies the radius by `sqrt(1 + (w h)^4 / 4)`, so over the horizon by `exp(w^4 h^3 T / 8)` at most.
+/// The longest step that keeps a radius within the bound over `horizon` at `w` radians per unit of time: a step of the
+/// midpoint rule multiplies the radius by `sqrt(1 + (w h)^4 / 4)`, so over the horizon by `exp(w^4 h^3 T / 8)` at most.
 fn step_rule(w: f64, horizon: f64) -> f64 {
     (8.0 * (1.0 + DRIFT_BOUND).ln() / (w.powi(4) * horizon)).cbrt()
 }
@@ -114,8 +117,8 @@ fn rule(found: &mut Findings, device: &Device) {
     let usual = 1.0_f64 / 30.0;
     let fastest = (8.0 * (1.0 + DRIFT_BOUND).ln() / usual.powi(3)).powf(0.25);
     found.note(format!(
-        "With the paper's step (two of 60 frames) the midpoint rule keeps 1 % over 1 unit of time up to {fastest:.1} rad; at 20 rad a \
-         radius grows by {:.0} %.",
+        "With the paper's step (two of 60 frames) the midpoint rule keeps 1 % over 1 unit of time up to {fastest:.1} \
+         rad; at 20 rad a radius grows by {:.0} %.",
         100.0 * drift(20.0, usual, 1.0, device)
     ));
 }

@@ -1,8 +1,8 @@
 //! How much of a motion must be seen? Runs that see less of it predict the same later photos.
 
 use anyhow::Result;
-use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, mean, means, scores, small, steps};
 use crate::experiments::findings::largest;
@@ -11,8 +11,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "observed",
-    "Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther away \
-               the less is seen?",
+    "Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther \
+     away the less is seen?",
     |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * ENDS.len() * SEEDS.len() * STEPS },
     run,
 );

@@ -1,10 +1,11 @@
-//! What do wrong depth priors cost? The first frame begins at the pixels of the priors in space, so their errors are errors of the scene.
+//! What do wrong depth priors cost? The first frame begins at the pixels of the priors in space, so their errors are
+//! errors of the scene.
 
 use anyhow::Result;
 use gs_datasets::Scene;
-use gs_worlds::extrapolation::World;
 use gs_train::fit::random::normal_pair;
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::World;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -15,8 +16,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "priors",
-    "True depth of the first frame with noise, with another scale for each photo, with outliers, doubled, and none at all: what \
-               does that cost in held-out photos of the first frames?",
+    "True depth of the first frame with noise, with another scale for each photo, with outliers, doubled, and none at \
+     all: what does that cost in held-out photos of the first frames?",
     |quick| if quick { 5 * STEPS_QUICK } else { (3 + KINDS.len() * LEVELS.len()) * STEPS },
     run,
 );
@@ -24,12 +25,12 @@ pub const EXPERIMENT: Experiment = Experiment::new(
 /// The last time that is seen.
 const SEEN: f64 = 0.75;
 
-/// Held-out photos up to this time are measured: later ones, and still more the future, show by which motion a run goes on, which
-/// differs from seed to seed by more than any prior does.
+/// Held-out photos up to this time are measured: later ones, and still more the future, show by which motion a run goes
+/// on, which differs from seed to seed by more than any prior does.
 const FIRST: f64 = 0.1;
 
-/// Errors with their sizes at level 1: standard deviation as a share of depth; largest error of a photo's scale, a share; share of pixels
-/// with the depth of another pixel.
+/// Errors with their sizes at level 1: standard deviation as a share of depth; largest error of a photo's scale, a
+/// share; share of pixels with the depth of another pixel.
 const KINDS: [(&str, Wrong); 3] = [
     ("noise of 10 %", Wrong { noise: 0.1, ..Wrong::NONE }),
     ("scale off by 30 %", Wrong { scale: 0.3, ..Wrong::NONE }),
@@ -39,7 +40,8 @@ const KINDS: [(&str, Wrong); 3] = [
 /// Levels of each error: shares of its size.
 const LEVELS: [f64; 2] = [0.33, 1.0];
 
-/// Distance of the two layers of a doubled prior, a share of depth: every other photo places the surfaces that much farther away.
+/// Distance of the two layers of a doubled prior, a share of depth: every other photo places the surfaces that much
+/// farther away.
 const DOUBLED: Wrong = Wrong { apart: 0.1, ..Wrong::NONE };
 
 /// Largest cost of an error, of those with levels at the lower one, dB over the image: what is asked of seeds.
@@ -90,8 +92,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         series.push(Series::line(name, vec![(0.0, psnr[0]), (1.0, psnr[0])]));
     }
     found.note(format!(
-        "Held-out cameras, dB in the first frames and in the future: exact priors {:.2} and {:.2}, doubled {:.2} and {:.2}, none {:.2} and \
-         {:.2}.",
+        "Held-out cameras, dB in the first frames and in the future: exact priors {:.2} and {:.2}, doubled {:.2} and \
+         {:.2}, none {:.2} and {:.2}.",
         exact[0], exact[1], doubled[0], doubled[1], none[0], none[1]
     ));
     let worst = largest(series.iter().flat_map(Series::points).map(|(_, psnr)| exact[0] - psnr)).unwrap_or(f64::NAN);

@@ -10,20 +10,20 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "reversal",
-    "The known motions of `integrators`, rolled out over 1 unit of time and back again: how far from the start does that end, \
-               and does the screw return exactly?",
+    "The known motions of `integrators`, rolled out over 1 unit of time and back again: how far from the start does \
+     that end, and does the screw return exactly?",
     run,
 );
 
-/// A way back undoes errors and adds none of a lower order, so the return's order is the method's or a higher one; the rest is left for
-/// the share of the next order.
+/// A way back undoes errors and adds none of a lower order, so the return's order is the method's or a higher one; the
+/// rest is left for the share of the next order.
 const BELOW_ORDER: f64 = 0.1;
 
 /// The step of the recipes: two of 60 frames.
 const USUAL_STEP: f64 = 1.0 / 30.0;
 
-/// Largest distance from the start after the way there and back, shares of an object's size, for the midpoint rule at that step: a tenth
-/// of the drift that is allowed there.
+/// Largest distance from the start after the way there and back, shares of an object's size, for the midpoint rule at
+/// that step: a tenth of the drift that is allowed there.
 const RETURN_BOUND: f64 = 1e-3;
 
 fn run(_: &Lab, found: &mut Findings) -> Result<()> {

@@ -1,8 +1,8 @@
 //! How far do runs spread that differ by the seed alone? Differences within the spread say nothing.
 
 use anyhow::Result;
-use gs_worlds::extrapolation::World;
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::World;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
 use crate::experiments::{Experiment, Findings, Lab};
@@ -28,7 +28,8 @@ const PSNR_BOUND: f64 = 0.3;
 /// The same in moving parts, which are a tenth of the image and err together.
 const MOVING_BOUND: f64 = 0.6;
 
-/// Largest standard deviation of the number of Gaussians, a share of their mean: comparisons at equal counts allow as much.
+/// Largest standard deviation of the number of Gaussians, a share of their mean: comparisons at equal counts allow as
+/// much.
 const COUNT_BOUND: f64 = 0.05;
 
 fn run(lab: &Lab, found: &mut Findings) -> Result<()> {

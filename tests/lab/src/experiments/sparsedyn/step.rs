@@ -1,12 +1,12 @@
-//! May frame rate and integration step change after training? A motion is a property of the scene and not of the step with which it was
-//! learned.
+//! May frame rate and integration step change after training? A motion is a property of the scene and not of the step
+//! with which it was learned.
 
 use anyhow::Result;
 use glam::DVec3;
-use gs_worlds::extrapolation::World;
 use gs_models::sparsedyn::RolloutOptions;
 use gs_train::pipelines::sparsedyn::Sparsedyn;
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::World;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, positions, scores, small, steps};
 use crate::experiments::findings::largest;
@@ -16,13 +16,14 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "step",
-    "Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and for every \
-               fourth: how far do Gaussians and photos of the future change?",
+    "Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and \
+     for every fourth: how far do Gaussians and photos of the future change?",
     |quick| MODES.len() * if quick { STEPS_QUICK } else { STEPS },
     run,
 );
 
-/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq. 4).
+/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq.
+/// 4).
 const MODES: [(&str, &[&str]); 3] = [
     ("bodies", &["bodies.mode=both"]),
     ("field, asked once", &["bodies.mode=field"]),
@@ -35,8 +36,8 @@ const SEEN: f64 = 0.75;
 /// Factors of the step.
 const FACTORS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 
-/// Largest change of a position at the end with half or twice the step, shares of the distance that the fastest Gaussian goes: the 1 %
-/// of the step rule.
+/// Largest change of a position at the end with half or twice the step, shares of the distance that the fastest
+/// Gaussian goes: the 1 % of the step rule.
 const POSITION_BOUND: f64 = 0.01;
 
 /// Largest change of PSNR likewise, dB: it shows in no comparison.
@@ -75,7 +76,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         found.at_most(what, changed[1].max(changed[3]), PSNR_BOUND, "dB");
         let [quarter, four] = [0, 4].map(|index| (moved[index], psnr[index]));
         found.note(format!(
-            "{name}: {:.2} dB with its own step; a quarter of it {:.2} dB and positions off by {:.1e}, four times {:.2} dB and {:.1e}.",
+            "{name}: {:.2} dB with its own step; a quarter of it {:.2} dB and positions off by {:.1e}, four times \
+             {:.2} dB and {:.1e}.",
             psnr[2], quarter.1, quarter.0, four.1, four.0
         ));
         let points = |values: &[f64]| -> Vec<(f64, f64)> {

@@ -1,8 +1,9 @@
-//! How many Gaussians and colours do few cameras determine? More of either fit the photos that are seen and not those that are held out.
+//! How many Gaussians and colours do few cameras determine? More of either fit the photos that are seen and not those
+//! that are held out.
 
 use anyhow::Result;
-use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 use gs_train::report::charts::Series;
+use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
 use super::trial::{Film, STEPS_QUICK, Trial, means, scores, small};
 use crate::experiments::findings::{largest, smallest};
@@ -11,8 +12,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "views",
-    "2, 3, 5, 9 and 15 training cameras, Gaussians from few to many, colours of degree 0 to 2: where does more of them make held-out \
-               cameras worse?",
+    "2, 3, 5, 9 and 15 training cameras, Gaussians from few to many, colours of degree 0 to 2: where does more of them \
+     make held-out cameras worse?",
     |quick| if quick { 4 * STEPS_QUICK } else { COUNTS.len() * (CAPS.len() + DEGREES.len() - 1) * STEPS },
     run,
 );
@@ -30,19 +31,22 @@ const CAPS: [usize; 3] = [300, 1000, 3000];
 /// Degrees of the colours, with the middle cap.
 const DEGREES: [usize; 3] = [0, 1, 2];
 
-/// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the motion.
+/// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the
+/// motion.
 const SEEN: f64 = 0.75;
 
 /// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that are asked of seeds.
 const CAP_BOUND: f64 = 0.6;
 
-/// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: what is asked of seeds.
+/// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: what is asked
+/// of seeds.
 const DEGREE_BOUND: f64 = 0.3;
 
 /// Cameras up to which colours of degree 0 must do.
 const FEW: usize = 5;
 
-/// Least gain of 15 cameras over 2, dB: with seven times the cameras anything less would mean that cameras are not what is missing.
+/// Least gain of 15 cameras over 2, dB: with seven times the cameras anything less would mean that cameras are not what
+/// is missing.
 const CAMERAS_BOUND: f64 = 3.0;
 
 /// A run.

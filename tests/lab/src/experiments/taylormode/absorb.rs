@@ -1,15 +1,15 @@
-//! Does the blur model absorb the scene's own blur? A blur model that explains the photos perfectly can leave the scene as blurry
-//! as they are.
+//! Does the blur model absorb the scene's own blur? A blur model that explains the photos perfectly can leave the scene
+//! as blurry as they are.
 
 use anyhow::Result;
 use gs_burn::render;
 use gs_datasets::Scene;
-use gs_worlds::deblur::{DeblurOptions, World};
 use gs_models::DynamicScene;
 use gs_train::fit::parameters::to_host;
 use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::report::charts::Series;
 use gs_train::run::metrics::psnr_of_mse;
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::Trial;
 use crate::experiments::lab::{Session, moving_psnr, small};
@@ -19,8 +19,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 pub const EXPERIMENT: Experiment = Experiment::new(
     "absorb",
     "Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the \
-               photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them \
-               unchanged?",
+     photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them \
+     unchanged?",
     |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
     run,
 );
@@ -31,8 +31,8 @@ const STEPS_QUICK: usize = 60;
 /// Measurements along a run.
 const LOOKS: usize = 6;
 
-/// Formations of a blurry photo, with the changes to the lab's recipe: the exact formation, the paper's warp with its weights
-/// network, and no blur model. None uses a pseudo-sharp photo, which would keep any scene sharp.
+/// Formations of a blurry photo, with the changes to the lab's recipe: the exact formation, the paper's warp with its
+/// weights network, and no blur model. None uses a pseudo-sharp photo, which would keep any scene sharp.
 const MODES: [(&str, &[&str]); 3] = [
     ("integrate", &["blur.mode=integrate", "prior.pseudo=false"]),
     ("warp", &["blur.mode=warp", "blur.decouple=true", "blur.samples=7", "prior.pseudo=false"]),
@@ -78,8 +78,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     found.chart("", "Forming the photos against being sharp", [x, y], along);
     found.chart("null", "Null test: photos without blur", ["step", y], lines(on_sharp, |trained| trained.sharp));
     found.note(
-        "The set of sharp photos says that its exposure is 0, so runs begin with half a frame interval and must find that \
-         there is none.",
+        "The set of sharp photos says that its exposure is 0, so runs begin with half a frame interval and must find \
+         that there is none.",
     );
     found.note(
         "What a weight network gives away from the exposure's centre is measured by what that does to the image.",

@@ -1,12 +1,12 @@
-//! What does a wrong depth prior cost? Networks estimate depth or disparity up to a scale and a shift that differ between photos,
-//! and some pixels are outliers.
+//! What does a wrong depth prior cost? Networks estimate depth or disparity up to a scale and a shift that differ
+//! between photos, and some pixels are outliers.
 
 use anyhow::Result;
-use gs_worlds::deblur::World;
 use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
 use gs_train::pipelines::taylormode::forward::in_space;
 use gs_train::report::charts::Series;
+use gs_worlds::deblur::World;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -18,8 +18,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "depth",
-    "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does it \
-               cost fitted per photo, fitted once for all photos, by correlation alone, and believed?",
+    "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does \
+     it cost fitted per photo, fitted once for all photos, by correlation alone, and believed?",
     |quick| if quick { 5 * STEPS_QUICK } else { 19 * STEPS },
     run,
 );
@@ -33,8 +33,8 @@ const AFFINE: f64 = 0.6;
 /// Share of pixels whose value is replaced by that of another pixel.
 const OUTLIERS: f64 = 0.2;
 
-/// Ten times the recipe's weight of depth: at the recipe's own, errors of depth have almost no effect on these worlds, aligned or
-/// not.
+/// Ten times the recipe's weight of depth: at the recipe's own, errors of depth have almost no effect on these worlds,
+/// aligned or not.
 const WEIGHT: &str = "prior.depth=0.2";
 
 #[derive(Clone, Copy)]
@@ -89,16 +89,16 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     }
     let at_worst = |points: &[(f64, f64)]| points.last().map_or(f64::NAN, |(_, psnr)| *psnr);
     let others = format!(
-        "At the largest errors: {:.2} dB fitted per photo, {:.2} dB with one fit for all (to the true depth), {:.2} dB by correlation, \
-         {:.2} dB believed.",
+        "At the largest errors: {:.2} dB fitted per photo, {:.2} dB with one fit for all (to the true depth), {:.2} dB \
+         by correlation, {:.2} dB believed.",
         at_worst(&depth),
         at_worst(&global),
         at_worst(&correlated),
         at_worst(&taken)
     );
     let note = format!(
-        "Without any depth {none:.2} dB, with the true one {:.2} dB, with that but fitted {:.2} dB; every run is of the whole \
-         image, held-out camera.",
+        "Without any depth {none:.2} dB, with the true one {:.2} dB, with that but fitted {:.2} dB; every run is of \
+         the whole image, held-out camera.",
         taken[0].1, depth[0].1
     );
     let without = levels.iter().map(|level| (*level, none)).collect();

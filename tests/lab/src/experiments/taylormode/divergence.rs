@@ -1,12 +1,12 @@
-//! How does a Taylor path diverge outside the window it was fitted in? Arithmetic alone, through the trainer's own paths
-//! (`TaylorMotion`), so that their continuation beyond the window is measured.
+//! How does a Taylor path diverge outside the window it was fitted in? Arithmetic alone, through the trainer's own
+//! paths (`TaylorMotion`), so that their continuation beyond the window is measured.
 
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
 use glam::DVec3;
+use gs_base::least_squares::least_squares;
 use gs_models::taylormode::window::powers;
 use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
-use gs_base::least_squares::least_squares;
 use gs_multiview::{Centre, Track, Trajectory};
 use gs_train::fit::parameters::{from_host, to_host};
 use gs_train::pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
@@ -18,8 +18,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::untrained(
     "divergence",
-    "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how far \
-               off are they inside the window, how far beyond it, and does the remainder vanish faster than the last power?",
+    "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how \
+     far off are they inside the window, how far beyond it, and does the remainder vanish faster than the last power?",
     run,
 );
 
@@ -88,9 +88,9 @@ fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     found.at_most(format!("the same with the remainder: {worst}"), largest(outside_rest), 1.1, "times");
     found.at_most(format!("the same with kinks: {worst}"), largest(outside_kinked), 1.1, "times");
     found.note(
-        "With the remainder, the worst beyond the window is the bounce at order 5: eleven unknowns from sixteen frames follow the \
-         kink so closely that they overshoot at the window's ends. The trainer's network is not free to do so, and the remainder is \
-         in use only where the best polynomial leaves a pattern.",
+        "With the remainder, the worst beyond the window is the bounce at order 5: eleven unknowns from sixteen frames \
+         follow the kink so closely that they overshoot at the window's ends. The trainer's network is not free to do \
+         so, and the remainder is in use only where the best polynomial leaves a pattern.",
     );
     let slopes = (1..=5).map(|order| remainder_slope(order, &device) - order as f64);
     found.above(
@@ -137,8 +137,8 @@ impl Fit {
         Self { path: path.position, constant: solved[0], motion }
     }
 
-    /// The trainer's procedure: order and kinks by BIC, expanded at the frame nearest the middle without a contact; `None` if no
-    /// kink is found.
+    /// The trainer's procedure: order and kinks by BIC, expanded at the frame nearest the middle without a contact;
+    /// `None` if no kink is found.
     fn with_kinks(path: &Path, device: &Device) -> Option<Self> {
         let frames = (0..FRAMES).map(|frame| (frame as f64 + 0.5) * 2.0 / FRAMES as f64 - 1.0);
         let seen = |t| Centre { t, position: (path.position)(t).into(), residual_px: 0.0, cameras: FRAMES };

@@ -1,16 +1,17 @@
-//! Can exposure and speed be told apart? One frame determines only their product; successive frames determine the speed alone.
+//! Can exposure and speed be told apart? One frame determines only their product; successive frames determine the speed
+//! alone.
 
 use anyhow::Result;
 use burn::module::Param;
 use burn::tensor::Tensor;
+use gs_base::median;
 use gs_datasets::Scene;
-use gs_worlds::deblur::World;
 use gs_models::taylormode::{Kinks, TaylorScene};
 use gs_train::fit::photos::to_tensor;
 use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::pipelines::taylormode::figures::blur_over;
 use gs_train::report::charts::Series;
-use gs_base::median;
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use super::surface::on_surface;
@@ -29,7 +30,8 @@ pub const EXPERIMENT: Experiment = Experiment::new(
 const STEPS: usize = 1600;
 const STEPS_QUICK: usize = 60;
 
-/// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of `base.toml`.
+/// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of
+/// `base.toml`.
 const RATE: &str = "blur.exposure_lr=5e-3";
 
 /// The same for a quick run, which has fewer steps.
@@ -69,13 +71,14 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let title = "Exposure times a, speed over a: only neighbouring frames object";
     found.chart("valley", title, ["log2 of a", "difference of moving pixels / the smallest"], valley);
     found.note(
-        "The speed is the median over Gaussians on the visible surface at t0, against the surface's own. The second figure takes \
-         the first run that began at the truth or above, and looks at the photos' moving pixels.",
+        "The speed is the median over Gaussians on the visible surface at t0, against the surface's own. The second \
+         figure takes the first run that began at the truth or above, and looks at the photos' moving pixels.",
     );
     Ok(())
 }
 
-/// Difference of formed and given photos along the hyperbola of equal exposure times speed, in the middle frame and in all.
+/// Difference of formed and given photos along the hyperbola of equal exposure times speed, in the middle frame and in
+/// all.
 fn hyperbola(session: &Session<Taylormode>, scene: &Scene) -> Vec<Series> {
     let (method, at) = (session.method(), session.fit.at());
     let (t0, exposure) = (method.motion.window.t0, method.exposure_on_host());

@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use gs_datasets::Scene;
-use gs_worlds::deblur::World;
 use gs_train::report::charts::Series;
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use crate::experiments::findings::largest;
@@ -21,8 +21,8 @@ pub const EXPERIMENT: Experiment = Experiment::new(
 const STEPS: usize = 560;
 const STEPS_QUICK: usize = 40;
 
-/// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its outline by
-/// more than a tenth of that on either side is a poor one.
+/// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its
+/// outline by more than a tenth of that on either side is a poor one.
 const PROMISED: i32 = 2;
 
 fn run(lab: &Lab, found: &mut Findings) -> Result<()> {

@@ -1,8 +1,8 @@
-//! What do opacity resets cost? Classic density control lowers all opacities at intervals; authors of deblurring methods avoid it.
+//! What do opacity resets cost? Classic density control lowers all opacities at intervals; authors of deblurring
+//! methods avoid it.
 
 use anyhow::Result;
 use gs_burn::render;
-use gs_worlds::deblur::{DeblurOptions, World};
 use gs_datasets::{Scene, View};
 use gs_train::fit::method::Method;
 use gs_train::fit::photos::{camera, to_tensor};
@@ -10,6 +10,7 @@ use gs_train::fit::session::Data;
 use gs_train::pipelines::still::Still;
 use gs_train::report::charts::Series;
 use gs_train::run::metrics::psnr;
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::trial::{SHARED, Trial};
 use crate::experiments::findings::largest;
@@ -31,8 +32,8 @@ const STEPS_QUICK: usize = 180;
 /// Steps between measurements.
 const EVERY: usize = 15;
 
-/// Smallest drop below the best PSNR so far that counts, dB, and its longest duration, steps: a policy that costs more is not
-/// recommended.
+/// Smallest drop below the best PSNR so far that counts, dB, and its longest duration, steps: a policy that costs more
+/// is not recommended.
 const DROP: f64 = 3.0;
 const LASTING: f64 = 300.0;
 
@@ -69,7 +70,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     }
     let interval = reset_interval(lab);
     found.note(format!(
-        "Resets come every {interval} steps here, which is often; at the 3000 of the original recipe none would be seen."
+        "Resets come every {interval} steps here, which is often; at the 3000 of the original recipe none would be \
+         seen."
     ));
     Ok(())
 }

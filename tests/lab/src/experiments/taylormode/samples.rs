@@ -5,7 +5,6 @@ use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::render;
 use gs_datasets::View;
-use gs_worlds::deblur::World;
 use gs_models::DynamicScene;
 use gs_models::taylormode::{Samples, TaylorScene};
 use gs_train::fit::parameters::to_host;
@@ -13,6 +12,7 @@ use gs_train::fit::photos::camera;
 use gs_train::pipelines::taylormode::Step;
 use gs_train::pipelines::taylormode::blur::expose;
 use gs_train::report::charts::Series;
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use crate::experiments::findings::largest;
@@ -131,7 +131,8 @@ impl Former<'_> {
     }
 }
 
-/// Mean absolute difference of two images over the values in which the second differs from `sharp`; NaN if there is none.
+/// Mean absolute difference of two images over the values in which the second differs from `sharp`; NaN if there is
+/// none.
 fn mean_difference(image: &[f32], truth: &[f32], sharp: &[f32]) -> f64 {
     let blurred = (0..truth.len()).filter(|i| (truth[*i] - sharp[*i]).abs() > BLURRED);
     let (sum, count) =

@@ -1,14 +1,14 @@
-//! What do the heuristics of inference cost if they are wrong by a factor of two? Each is halved and doubled, on synthetic worlds
-//! and on a data set of the user.
+//! What do the heuristics of inference cost if they are wrong by a factor of two? Each is halved and doubled, on
+//! synthetic worlds and on a data set of the user.
 
 use anyhow::Result;
-use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
 use gs_datasets::{Priors, Scene};
 use gs_train::fit::method::Method;
 use gs_train::pipelines::taylormode::config::CuesConfig;
 use gs_train::pipelines::taylormode::{Config, Taylormode};
 use gs_train::report::charts::Series;
 use gs_train::run::evaluate::Measured;
+use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
 
 use super::Trial;
 use crate::experiments::lab::{moving_psnr, small};
@@ -89,7 +89,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
             }
             let [[half_whole, half], [double_whole, double]] = [changes[0], changes[1]];
             found.note(format!(
-                "{name}, {key}: halved {half_whole:+.2} dB ({half:+.2} moving), doubled {double_whole:+.2} dB ({double:+.2} moving)."
+                "{name}, {key}: halved {half_whole:+.2} dB ({half:+.2} moving), doubled {double_whole:+.2} dB \
+                 ({double:+.2} moving)."
             ));
             let worst = half.abs().max(double.abs()).max(half_whole.abs()).max(double_whole.abs());
             let what = format!("{name}, {key}: largest change when halved or doubled");

@@ -1,10 +1,10 @@
 //! How much motion per exposure can be deblurred?
 
 use anyhow::Result;
-use gs_datasets::Scene;
-use gs_worlds::deblur::{DeblurOptions, World};
-use gs_train::report::charts::Series;
 use gs_base::median;
+use gs_datasets::Scene;
+use gs_train::report::charts::Series;
+use gs_worlds::deblur::{DeblurOptions, World};
 
 use super::Trial;
 use crate::experiments::findings::smallest;
@@ -14,8 +14,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "speed",
-    "0 to 60 pixels of motion per exposure: what is left of the moving parts, with the exact formation and without a blur \
-               model?",
+    "0 to 60 pixels of motion per exposure: what is left of the moving parts, with the exact formation and without a \
+     blur model?",
     |quick| if quick { 4 * STEPS_QUICK } else { 12 * STEPS },
     run,
 );
@@ -52,8 +52,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     found.chart("", "Motion per exposure", [x, "sharp PSNR of moving parts, dB"], series);
     found.note(format!("Gain by pixels of motion: {ladder}."));
     found.note(
-        "The object oscillates, so at the highest speeds it reverses within an exposure and a path of order 6 cannot follow \
-         from frame to frame: there the bound says only that trying does no harm.",
+        "The object oscillates, so at the highest speeds it reverses within an exposure and a path of order 6 cannot \
+         follow from frame to frame: there the bound says only that trying does no harm.",
     );
     Ok(())
 }

@@ -1,14 +1,14 @@
-//! Does early training displace Gaussians far? Deformation fields have moved points out of the scene if its unit was not the one
-//! they were tuned for.
+//! Does early training displace Gaussians far? Deformation fields have moved points out of the scene if its unit was
+//! not the one they were tuned for.
 
 use anyhow::Result;
 use burn::tensor::Tensor;
 use gs_datasets::Scene;
-use gs_worlds::deblur::World;
 use gs_train::pipelines::taylormode::Config;
 use gs_train::pipelines::taylormode::Taylormode;
 use gs_train::pipelines::taylormode::config::MaskSource;
 use gs_train::report::charts::Series;
+use gs_worlds::deblur::World;
 
 use super::Trial;
 use crate::experiments::findings::largest;
@@ -18,8 +18,8 @@ use crate::experiments::{Experiment, Findings, Lab};
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment::new(
     "thrown",
-    "Scenes 1e-2 to 1e2 times as large, three seeds: does a step ever move a Gaussian far, anywhere in the recording, and is the \
-               deformation nothing before the first?",
+    "Scenes 1e-2 to 1e2 times as large, three seeds: does a step ever move a Gaussian far, anywhere in the recording, \
+     and is the deformation nothing before the first?",
     |quick| if quick { 2 * STEPS_QUICK } else { 5 * SEEDS.len() * STEPS },
     run,
 );
@@ -56,18 +56,19 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let title = "Farthest that a step moves a Gaussian, of all seeds";
     found.chart("", title, ["step", "share of the scene's extent"], series);
     found.note(
-        "Positions are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in any run \
-         that does not know the scale.",
+        "Positions are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in \
+         any run that does not know the scale.",
     );
     found.note(
-        "Rates rise over the first tenth of the run: at its full rate Adam's first step would move every coefficient by all of \
-         it, and at the window's ends those of all orders add up.",
+        "Rates rise over the first tenth of the run: at its full rate Adam's first step would move every coefficient \
+         by all of it, and at the window's ends those of all orders add up.",
     );
     Ok(())
 }
 
 fn changes(seed: u64) -> Vec<String> {
-    // The count must be fixed and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their highest.
+    // The count must be fixed and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their
+    // highest.
     let fixed = [
         "density.strategy=none",
         "motion.select=false",
