@@ -5,9 +5,11 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use burn::tensor::Device;
-use gs_base::{guarded, write_atomic};
+use gs_base::guarded;
+use gs_base::write_atomic;
 use gs_burn::device::select;
 use gs_train::commands::describe;
+use gs_train::commands::train::train_and_report;
 use gs_train::pipelines::{Sources, resolve, resolve_saved};
 use gs_train::report::comparison::gather;
 use gs_train::run::folder::RunFolder;
@@ -44,8 +46,8 @@ pub struct Figure {
     digits: usize,
 }
 
-/// Trains the missing runs of a data file into `out`, fills its rows and its commit, and draws its chart; `false` when it was
-/// interrupted.
+/// Trains the missing runs of a data file into `out`, fills its rows and its commit, and draws its chart; `false` when
+/// it was interrupted.
 ///
 /// # Errors
 /// One sentence: a configuration that is not valid, a folder that holds another run, bad data, a full disk.
@@ -106,9 +108,9 @@ fn finished(run: &Run, seed: u64, folder: &RunFolder, device: &Device) -> Result
         resume: begun,
         stop_at: None,
         quiet: false,
-        schedule_svg: None,
+        schedule_svg: Some(gs_train::report::schedule_svg),
     };
-    Ok(!interrupt::asked() && matches!(resolved.pipeline.train(&job)?, Ending::Finished(_)))
+    Ok(!interrupt::asked() && matches!(train_and_report(resolved.pipeline, &job)?, Ending::Finished(_)))
 }
 
 /// The mean of a figure over the seeds, with its range; a dash where a run does not have it.
