@@ -81,9 +81,9 @@ Experiments of flux4d, by the network that ships and on streets that it has not 
   cost         seconds by stage and PSNR over 10,000 to half a million points
   weight       the weight of the mean speed over five decades (trainings)
 
-Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed is
-shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130, SIGTERM with
-143; what was finished before is kept.";
+Writes a figure (SVG) per experiment, results.json and stability.html, which needs no other file. A bound that is missed
+is shown as missed and is no error. A wrong name after --only lists the experiments. Ctrl-C leaves with exit code 130,
+SIGTERM with 143; what was finished before is kept.";
 
 /// Arguments of `experiments`.
 #[derive(Debug, Args)]
@@ -122,12 +122,12 @@ Examples:
   gs-lab chart runs/* --csv runs.csv
   gs-lab chart runs/* --beside others.csv             with the points of other programs
 
-Accuracy is PSNR on held-out photos (of moving scenes also of the moving parts alone, on sharp photos where the data set has
-them). It is drawn against the processor time of training, all threads, which other work on the machine does not change;
-where a run does not know its processor time, against wall-clock time. What nothing beats at its cost is ringed. Runs of
-one folder that differ in their seed alone are one curve of their means, with bars from the lowest to the highest. Further
-tables give the seconds and the Gaussians at which each run reached 24, 27, 30, ... dB. Runs that are unfinished, have no
-figures or are on another data set are named and left out. `gsburn sweep` makes the runs too.";
+Accuracy is PSNR on held-out photos (of moving scenes also of the moving parts alone, on sharp photos where the data
+set has them). It is drawn against the processor time of training, all threads, which other work on the machine does
+not change; where a run does not know its processor time, against wall-clock time. What nothing beats at its cost is
+ringed. Runs of one folder that differ in their seed alone are one curve of their means, with bars from the lowest to
+the highest. Further tables give the seconds and the Gaussians at which each run reached 24, 27, 30, ... dB. Runs that
+are unfinished, have no figures or are on another data set are named and left out. `gsburn sweep` makes the runs too.";
 
 /// Arguments of `chart`.
 #[derive(Debug, Args)]
@@ -145,11 +145,13 @@ pub struct ChartArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub csv: Option<PathBuf>,
 
-    /// Figures of other programs in the chart of time: a CSV file of program,seconds,psnr (rows of one program are its curve)
+    /// Figures of other programs in the chart of time: a CSV file of program,seconds,psnr (rows of one program are its
+    /// curve)
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub beside: Option<PathBuf>,
 
-    /// Also put charts and table into the report.html of this run, which keeps them when it is written again (repeatable)
+    /// Also put charts and table into the report.html of this run, which keeps them when it is written again
+    /// (repeatable)
     #[arg(long, value_name = "RUN", value_hint = ValueHint::DirPath)]
     pub report: Vec<PathBuf>,
 }

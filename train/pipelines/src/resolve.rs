@@ -31,7 +31,8 @@ pub struct Sources<'a> {
     pub overrides: &'a [String],
 }
 
-/// The configuration of some sources: the defaults of their pipeline, then the file or recipe (and its bases), then the overrides.
+/// The configuration of some sources: the defaults of their pipeline, then the file or recipe (and its bases), then the
+/// overrides.
 ///
 /// # Errors
 /// A sentence naming the file or argument, the key, what was expected and what was found.
@@ -110,8 +111,8 @@ fn strategy(config: &Table) -> String {
     named.unwrap_or_default().to_string()
 }
 
-/// Checks that a layer sets keys of no density strategy but the ones it may mean. A saved configuration has the keys of all
-/// strategies.
+/// Checks that a layer sets keys of no density strategy but the ones it may mean. A saved configuration has the keys of
+/// all strategies.
 fn check_strategy(layer: &Layer, meant: [&str; 2]) -> Result<(), ConfigError> {
     let Some(density) = layer.table.get("density").and_then(Value::as_table) else { return Ok(()) };
     let of_strategies: Vec<(&String, &Table)> =
@@ -158,8 +159,8 @@ fn check_keys(table: &Table, origin: &str, pipeline: &dyn Pipeline, defaults: &T
     Err(ConfigError::UnknownKey { origin, key, hint })
 }
 
-/// A file that is not there, or the base of a file, may be meant for the recipe of its name: `configs/taylormode/base.toml` outside of the
-/// repository.
+/// A file that is not there, or the base of a file, may be meant for the recipe of its name:
+/// `configs/taylormode/base.toml` outside of the repository.
 fn with_recipe(error: ConfigError) -> ConfigError {
     match error {
         ConfigError::Read { path, source, .. } if !path.exists() => {
@@ -198,18 +199,18 @@ mod tests {
 
     #[test]
     fn a_missing_file_names_the_recipe_of_its_name() {
-        let of = |path: &str| {
+        let refuse = |path: &str| {
             let missing = resolve(Sources { file: Some(Path::new(path)), ..Sources::default() });
             missing.map(|_| ()).expect_err("not there").to_string()
         };
-        let message = of("configs/taylormode/paper.toml");
+        let message = refuse("configs/taylormode/paper.toml");
         assert!(message.contains("--recipe taylormode/paper"), "{message}");
-        assert!(!of("nowhere/other.toml").contains("--recipe taylormode"));
+        assert!(!refuse("nowhere/other.toml").contains("--recipe taylormode"));
         // So does the base of a file.
         let folder = tempfile::tempdir().expect("a folder");
         let mine = folder.path().join("mine.toml");
         std::fs::write(&mine, "base = \"configs/taylormode/base.toml\"\n").expect("written");
-        let message = of(mine.to_str().expect("UTF-8"));
+        let message = refuse(mine.to_str().expect("UTF-8"));
         assert!(message.contains("--recipe taylormode/base"), "{message}");
     }
 
@@ -288,29 +289,31 @@ mod tests {
         write("base.toml", "steps = 10\n[density]\ncap = 20\n");
         write("scene.toml", "base = \"base.toml\"\n[density]\nevery = 30\n");
         write("circle.toml", "base = \"circle.toml\"\n");
-        let file = |name: &str| {
+        let resolve_file = |name: &str| {
             let path = folder.path().join(name);
             resolve(Sources { file: Some(&path), ..Sources::default() }).map(|resolved| resolved.config)
         };
-        let config = file("scene.toml").expect("valid");
+        let config = resolve_file("scene.toml").expect("valid");
         assert_eq!(config["steps"].as_integer(), Some(10));
         assert_eq!(
             (config["density"]["cap"].as_integer(), config["density"]["every"].as_integer()),
             (Some(20), Some(30))
         );
-        assert!(file("circle.toml").expect_err("circle").to_string().contains("circle"));
-        assert!(file("none.toml").expect_err("missing").to_string().contains("none.toml"));
+        assert!(resolve_file("circle.toml").expect_err("circle").to_string().contains("circle"));
+        assert!(resolve_file("none.toml").expect_err("missing").to_string().contains("none.toml"));
     }
 
     #[test]
     fn recipes_are_found_by_name() {
-        let recipe = |name: &str| resolve(Sources { recipe: Some(name), ..Sources::default() });
+        let resolve_recipe = |name: &str| resolve(Sources { recipe: Some(name), ..Sources::default() });
         let alone = of(&["pipeline=taylormode"]).expect("valid");
         assert_eq!(
-            recipe("taylormode/base").expect("a recipe").text,
+            resolve_recipe("taylormode/base").expect("a recipe").text,
             alone.text,
             "the pipeline alone is its base recipe"
         );
-        assert!(recipe("taylormode/papr").map(|_| ()).expect_err("none").to_string().contains("taylormode/paper"));
+        assert!(
+            resolve_recipe("taylormode/papr").map(|_| ()).expect_err("none").to_string().contains("taylormode/paper")
+        );
     }
 }

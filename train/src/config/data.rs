@@ -31,11 +31,11 @@ choice! {
         Auto,
         /// No mask is read.
         Ignore,
-        /// Masks keep what is white.
+        /// White is kept.
         KeepWhite,
-        /// Masks keep what is black.
+        /// Black is kept.
         KeepBlack,
-        /// Masks are white where something moves.
+        /// White moves.
         Moving,
     }
 }
@@ -71,9 +71,9 @@ choice! {
 choice! {
     /// The order of an LLFF set's files that goes with the rows of its poses.
     pub enum RowChoice {
-        /// Names as text, or by number where the cameras' path is then half as long or less.
+        /// By number where the cameras' path is then half as long or less, else as text.
         Auto,
-        /// Names as text: "IMG_10" before "IMG_2".
+        /// As text: "IMG_10" before "IMG_2".
         Text,
         /// By the numbers in names.
         Number,
@@ -145,7 +145,7 @@ section! {
         /// axes, as in `c2w-right-down-forward`.
         poses: String = AUTO.into(),
             in Only("auto, or as c2w-opencv, w2c-opengl, c2w-right-down-forward", is_convention);
-        /// Factor on the first points' coordinates, for points in another unit than the poses.
+        /// Factor on the first points' coordinates.
         points_scale: f64 = 1.0, in Only("above 0", |scale: &f64| *scale > 0.0 && scale.is_finite());
         /// The order of the files of an LLFF set.
         row_order: RowChoice = RowChoice::Auto;
@@ -156,12 +156,12 @@ section! {
             in Only("three numbers from 0 to 1", Background::is_in_range);
         /// The use of mask files.
         masks: MaskChoice = MaskChoice::Auto;
-        /// Priors that are read if the data set has them. A static scene reads masks alone, to measure moving parts.
+        /// Priors that are read. A static scene reads masks alone, to measure moving parts.
         priors: Vec<PriorKind> = vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp];
         /// Meaning of depth files.
         depth_kind: DepthChoice = DepthChoice::Auto;
-        /// Share of the run in which photos are compared at a half of their width (a quarter first, where that has 200
-        /// pixels), for at most 210 steps; photos below 400 pixels stay as they are. 0: never.
+        /// Share of the run in which photos have half their width (a quarter first, from 200 pixels on), for at most
+        /// 210 steps and from 400 pixels on. 0: never.
         coarse_share: f64 = 0.07, in SHARE;
         /// Photos kept as floats, MB in all; the others are converted from 8 bits in each step.
         cache_mb: usize = 64;

@@ -20,7 +20,7 @@ choice! {
     pub enum Strategy {
         /// Relocation under a budget (3DGS-MCMC): the count grows to the cap.
         Mcmc,
-        /// Classic adaptive control (3DGS): the count follows screen gradients, up to the cap.
+        /// Classic adaptive control (3DGS): the count follows screen gradients.
         Default,
         /// The initial Gaussians are kept.
         None,
@@ -61,15 +61,14 @@ section! {
     pub struct McmcConfig {
         /// Growth per refinement, a share of the count; the largest one under `full`.
         growth: f64 = 0.2, in NOT_NEGATIVE;
-        /// Share of the run after which the count has reached the cap, by equal shares of growth; 0: by `growth` alone.
-        /// Earlier: steps cost more. Later: the last Gaussians have little time.
+        /// Share of the run after which the count has reached the cap; 0: by `growth` alone. Earlier: steps cost more.
+        /// Later: the last Gaussians have little time.
         full: f64 = 0.45, in SHARE;
-        /// Strength of the position noise of nearly dead Gaussians, in rates of the means; 0: none. Few photos need
-        /// less: none contradicts a Gaussian that has drifted away.
+        /// Strength of the position noise of nearly dead Gaussians, in rates of the means. Few photos need less: none
+        /// contradicts a Gaussian that has drifted away.
         noise: f64 = 5e5, in NOT_NEGATIVE;
         /// Root mean square distance of a Gaussian and its copies from its former mean, along its longest axis, in
-        /// standard deviations; together they stay as wide as before. 0: they coincide, as in the paper, and part
-        /// slowly.
+        /// standard deviations. 0: they coincide, as in the paper, and part slowly.
         separation: f64 = 0.7, in 0.0..0.95;
     }
 }

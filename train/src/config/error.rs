@@ -14,7 +14,7 @@ pub enum ConfigError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// The error of reading it.
         source: Box<gs_base::FileError>,
         /// The compiled-in recipe of its name, where it is missing and there is one.
         recipe: Option<String>,

@@ -13,8 +13,8 @@ section! {
         scale: f64 = 0.8, in POSITIVE;
         /// Initial Gaussians where the data set has no points and photos agree on no more; never above `density.cap`.
         random_points: usize = 20_000, in 1..;
-        /// Share of `density.cap` that initial Gaussians fill, by positions on which photos agree; 0: points of the
-        /// data set alone, where it has any. More: steps cost more from the first on. Fewer: growth takes longer.
+        /// Share of `density.cap` that initial Gaussians fill, by positions on which photos agree; 0: the data set's
+        /// points alone. More: steps cost more from the first on. Fewer: growth takes longer.
         dense_share: f64 = 0.55, in SHARE;
     }
 }

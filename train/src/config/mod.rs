@@ -110,7 +110,7 @@ pub trait Section:
 /// it.
 ///
 /// # Errors
-/// Where they are to be reduced for a share of the run.
+/// A share of the run above 0 in which they are reduced.
 pub fn full_width(shared: &Config) -> Result<(), ConfigError> {
     let share = shared.data.coarse_share;
     check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")
@@ -182,6 +182,7 @@ impl<S: Section> FitConfig<S> {
 /// # Errors
 /// A key that does not exist, or a value of the wrong type.
 pub fn typed<T: DeserializeOwned>(table: Table, origin: &str) -> Result<T, ConfigError> {
-    let wrong = |error: toml::de::Error| ConfigError::Type { origin: origin.into(), found: tables::one_line(&error) };
-    Value::Table(table).try_into().map_err(wrong)
+    let wrong_type =
+        |error: toml::de::Error| ConfigError::Type { origin: origin.into(), found: tables::one_line(&error) };
+    Value::Table(table).try_into().map_err(wrong_type)
 }

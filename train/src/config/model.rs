@@ -26,8 +26,7 @@ section! {
         far: f64 = RenderOptions::default().far;
         /// Variance added to every projected Gaussian, square pixels.
         eps2d: f64 = RenderOptions::default().eps2d, in NOT_NEGATIVE;
-        /// Whether the brightening by `eps2d` is compensated (Mip-Splatting): less aliasing at other focal lengths, in
-        /// viewers that do so too.
+        /// Whether the brightening by `eps2d` is compensated (Mip-Splatting): less aliasing at other focal lengths.
         antialiased: bool = RenderOptions::default().antialiased;
     }
     also check_planes;

@@ -82,16 +82,16 @@ mod tests {
             "loss.dssim",
             "loss",
         ]);
-        let of = |key: &str| nearest(key, &valid);
-        assert_eq!(of("optimizer.lr"), Some("optimiser.means_lr"));
-        assert_eq!(of("lr"), Some("optimiser.means_lr"));
-        assert_eq!(of("optimiser.means"), Some("optimiser.means_lr"));
-        assert_eq!(of("optimizer.sh_lr"), Some("optimiser.sh_lr"));
+        let find = |key: &str| nearest(key, &valid);
+        assert_eq!(find("optimizer.lr"), Some("optimiser.means_lr"));
+        assert_eq!(find("lr"), Some("optimiser.means_lr"));
+        assert_eq!(find("optimiser.means"), Some("optimiser.means_lr"));
+        assert_eq!(find("optimizer.sh_lr"), Some("optimiser.sh_lr"));
         assert_eq!(
-            [of("cap"), of("density.capp"), of("stepz")],
+            [find("cap"), find("density.capp"), find("stepz")],
             [Some("density.cap"), Some("density.cap"), Some("steps")]
         );
-        assert_eq!([of("foo"), of("density.foo"), of("nothing.like.it")], [None; 3]);
+        assert_eq!([find("foo"), find("density.foo"), find("nothing.like.it")], [None; 3]);
         assert_eq!(beside("density.foo", &valid), ["cap", "start"]);
         assert!(beside("foo", &valid).is_empty());
     }
@@ -107,15 +107,15 @@ mod tests {
             "taylorwaves/base",
             "taylorwaves/paper",
         ]);
-        let of = |name: &str| nearest(name, &valid);
+        let find = |name: &str| nearest(name, &valid);
         assert_eq!(
-            [of("static/fix"), of("fox"), of("taylorwaves/papr")],
+            [find("static/fix"), find("fox"), find("taylorwaves/papr")],
             [Some("static/fox"), Some("static/fox"), Some("taylorwaves/paper")]
         );
         assert_eq!(
-            [of("static"), of("taylor"), of("flux")],
+            [find("static"), find("taylor"), find("flux")],
             [Some("static/base"), Some("taylorwaves/base"), Some("fluxnet/base")]
         );
-        assert_eq!([of("nope"), of("x")], [None; 2]);
+        assert_eq!([find("nope"), find("x")], [None; 2]);
     }
 }

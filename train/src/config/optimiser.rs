@@ -26,8 +26,8 @@ section! {
         /// Largest factor on all rates in a shorter run: the root of 30,000 over its steps, up to this. Higher: the
         /// scene falls apart. Lower: a short run ends half way.
         short_run_factor: f64 = 2.0, in 1.0..=MOST_FACTOR;
-        /// Steps in which the rate of the means falls to its last value at the earliest: a shorter run ends on the way
-        /// there. 0: it falls within every run.
+        /// Fewest steps in which the rate of the means falls to its last value; a shorter run ends on the way. 0: it
+        /// falls within every run.
         decay_steps: usize = 3000;
     }
 }

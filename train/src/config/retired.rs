@@ -1,5 +1,5 @@
-//! Keys of earlier versions: some became constants, some moved into a section of their own. A saved configuration that has
-//! them still opens.
+//! Keys of earlier versions: some became constants, some moved into a section of their own. A saved configuration that
+//! has them still opens.
 
 use toml::{Table, Value};
 

@@ -3,7 +3,8 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use gs_base::{printable, write_atomic};
+use gs_base::printable;
+use gs_base::write_atomic;
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs;
 use gsburn::report::comparison::{Table, enough, gather};

@@ -15,7 +15,8 @@ const DIRECTIONS: [(f64, f64); 8] =
 /// Cost of a square pixel outside the chart, in covered square pixels.
 const OUTSIDE: f64 = 20.0;
 
-/// Cost of a pixel of distance, likewise: covering a corner is worse than moving away from the point, anything less is not.
+/// Cost of a pixel of distance, likewise: covering a corner is worse than moving away from the point, anything less is
+/// not.
 const DISTANCE: f64 = 0.6;
 
 /// left, top, right, bottom

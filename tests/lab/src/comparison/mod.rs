@@ -1,7 +1,8 @@
 //! Many runs compared: the Pareto front of accuracy against cost, as charts, tables and page.
 //!
-//! `seeds` makes one curve of runs that differ in their seed alone, `others` reads the figures of other programs, `panels` and `star`
-//! choose colours and labels, `soonest` says when each quality was reached, `scatter` and `labels` draw, `page` writes HTML.
+//! `seeds` makes one curve of runs that differ in their seed alone, `others` reads the figures of other programs,
+//! `panels` and `star` choose colours and labels, `soonest` says when each quality was reached, `scatter` and `labels`
+//! draw, `page` writes HTML.
 
 pub mod command;
 mod labels;

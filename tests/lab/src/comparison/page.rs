@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use gs_base::{guarded, printable, write_atomic};
+use gs_base::write_atomic;
+use gs_base::{guarded, printable};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs::MARK;
 use gsburn::report::html::{self, escaped};
@@ -20,7 +21,8 @@ pub fn stacked<'a>(charts: impl IntoIterator<Item = &'a Scatter>, command: &str)
     let charts: Vec<&Scatter> = charts.into_iter().collect();
     let (width, height) = SIZE;
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{total}\" viewBox=\"0 0 {width} {total}\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{total}\" \
+         viewBox=\"0 0 {width} {total}\">\n\
          <desc>{MARK}: {}</desc>\n",
         escaped(command),
         total = height * charts.len() as u32
@@ -49,8 +51,8 @@ pub fn page(title: &str, comparisons: &[Comparison], command: &str) -> String {
     html::page(title, "", &format!("<header>\n<h1>{}</h1>\n</header>\n{sections}", html::name(title)))
 }
 
-/// Puts the comparison into the report.html of a run, in place of an earlier one, and saves it beside it, so that a new report
-/// contains it too.
+/// Puts the comparison into the report.html of a run, in place of an earlier one, and saves it beside it, so that a new
+/// report contains it too.
 ///
 /// # Errors
 /// When the run has no report, or a file cannot be written.

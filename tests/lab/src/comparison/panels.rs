@@ -1,4 +1,5 @@
-//! The charts of a comparison: accuracy against seconds (logarithmic) and against count, with labels and colours for the settings that differ.
+//! The charts of a comparison: accuracy against seconds (logarithmic) and against count, with labels and colours for
+//! the settings that differ.
 
 use std::collections::BTreeSet;
 
@@ -38,10 +39,11 @@ impl Scatter {
 type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
 
 impl Panels {
-    /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the number of
-    /// Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
+    /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the
+    /// number of Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
     ///
-    /// `curves` are those of the runs: a curve of several seeds is drawn by its means, with a bar from the lowest to the highest.
+    /// `curves` are those of the runs: a curve of several seeds is drawn by its means, with a bar from the lowest to
+    /// the highest.
     pub fn new(runs: &[ComparedRun], curves: &[Curve]) -> Self {
         let cpu = by_cpu(runs);
         let marks = Marks::new(&curves.iter().map(|curve| curve.shown.clone()).collect::<Vec<_>>());
@@ -99,8 +101,9 @@ struct Marks {
 }
 
 impl Marks {
-    /// The colour stands for the first of [`settings`] in which the runs differ, the label for the others. If those do not
-    /// distinguish the runs, their names do. Of runs that depart from one of them in one setting each, the colour stands for that setting.
+    /// The colour stands for the first of [`settings`] in which the runs differ, the label for the others. If those do
+    /// not distinguish the runs, their names do. Of runs that depart from one of them in one setting each, the colour
+    /// stands for that setting.
     fn new(runs: &[ComparedRun]) -> Self {
         if let Some(Star { colors, labels, legend }) = Star::of(runs) {
             return Self { colors, labels, legend, note: note(runs) };

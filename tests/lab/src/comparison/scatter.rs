@@ -172,7 +172,8 @@ impl Scatter {
         Ok(())
     }
 
-    /// Draws rows of colours with their meaning, and the symbol of the front; returns the y coordinate below them, pixels.
+    /// Draws rows of colours with their meaning, and the symbol of the front; returns the y coordinate below them,
+    /// pixels.
     fn draw_legend(&self, svg: &mut String, top: f64) -> Result<f64, std::fmt::Error> {
         let (mut x, mut y) = (64.0, top);
         let entries = self.legend.iter().map(|(name, color)| (name.as_str(), Some(*color)));

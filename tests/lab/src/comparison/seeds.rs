@@ -50,8 +50,9 @@ impl Curve {
     }
 }
 
-/// The runs as curves, in the order of their first run. Runs of one folder whose configurations differ in the seed alone, and which were
-/// measured at the same steps, are one curve. (Another folder may hold runs of another version of the program.)
+/// The runs as curves, in the order of their first run. Runs of one folder whose configurations differ in the seed
+/// alone, and which were measured at the same steps, are one curve. (Another folder may hold runs of another version of
+/// the program.)
 pub fn curves(runs: &[ComparedRun]) -> Vec<Curve> {
     let mut curves: Vec<Vec<ComparedRun>> = Vec::new();
     for run in runs {

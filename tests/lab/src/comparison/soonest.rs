@@ -1,7 +1,8 @@
-//! The cost of a quality: the seconds after which each run reached 24, 27, 30, ... dB on its held-out views, and the Gaussians it had then.
+//! The cost of a quality: the seconds after which each run reached 24, 27, 30, ... dB on its held-out views, and the
+//! Gaussians it had then.
 //!
-//! Between two measurements the PSNR is taken to rise evenly with the logarithm of the cost, as it nearly does. A quality that the first
-//! measurement already exceeds was reached before it, at an unknown cost.
+//! Between two measurements the PSNR is taken to rise evenly with the logarithm of the cost, as it nearly does. A
+//! quality that the first measurement already exceeds was reached before it, at an unknown cost.
 
 use gs_train::run::evaluate::Evaluation;
 use gsburn::report::comparison::{ComparedRun, Table, seconds};
@@ -41,9 +42,10 @@ impl Reached {
 /// What a quality costs: its name, the cost of a measurement, and digits behind the point.
 type Measure<'a> = (&'a str, &'a dyn Fn(&Evaluation) -> f64, usize);
 
-/// Seconds and Gaussians at which qualities of moving parts, if they were measured, and of whole images were first reached. A row is a curve,
-/// or among the seconds of whole images another program; a column is a quality that any of them reached. Of several seeds it is the mean,
-/// with the range. There is no table where nothing was measured on the way.
+/// Seconds and Gaussians at which qualities of moving parts, if they were measured, and of whole images were first
+/// reached. A row is a curve, or among the seconds of whole images another program; a column is a quality that any of
+/// them reached. Of several seeds it is the mean, with the range. There is no table where nothing was measured on the
+/// way.
 pub fn soonest(curves: &[Curve], others: &[Other], cpu: bool) -> Vec<Table> {
     let time: Measure = (if cpu { "CPU s" } else { "s" }, &|e| seconds(e, cpu), 1);
     let count: Measure = ("Gaussians", &|e| e.measured.size.gaussians as f64, 0);
@@ -85,7 +87,8 @@ fn costs(rows: &[Row], (unit, _, digits): &Measure, of: &str) -> Option<Table> {
     Some(Table::of(columns.collect(), rows.collect()))
 }
 
-/// The cell of a quality, from the runs of a row: the mean with its range, or a bound, or how many of the runs reached it.
+/// The cell of a quality, from the runs of a row: the mean with its range, or a bound, or how many of the runs reached
+/// it.
 fn cell(reached: &[Reached], digits: usize) -> String {
     let costs: Vec<f64> = reached.iter().filter_map(|reached| reached.cost()).collect();
     let Some(Spread { mean, low, high }) = Spread::of(&costs) else { return String::new() };
@@ -139,7 +142,8 @@ mod tests {
     fn qualities_are_met_between_measurements() {
         let runs = [run("old", &[(10.0, 29.0), (40.0, 31.0), (90.0, 34.0)]), run("new", &[(5.0, 31.0), (20.0, 35.0)])];
         let table = whole(&runs);
-        // 30 dB: half way between 10 and 40 in the logarithm. 33 dB: two thirds of the way from 40 to 90, and half from 5 to 20.
+        // 30 dB: half way between 10 and 40 in the logarithm. 33 dB: two thirds of the way from 40 to 90, and half from
+        // 5 to 20.
         assert_eq!(table.columns, ["run", "CPU s to 30 dB", "CPU s to 33 dB"]);
         assert_eq!(table.rows, [["old", "20.0", "68.7"], ["new", "< 5.0", "10.0"]]);
     }

@@ -18,7 +18,8 @@ pub(super) struct Star {
 }
 
 impl Star {
-    /// `None` unless several settings differ, one run has the usual value of each, and every other run departs from it in one.
+    /// `None` unless several settings differ, one run has the usual value of each, and every other run departs from it
+    /// in one.
     pub fn of(runs: &[ComparedRun]) -> Option<Self> {
         let settings = settings(runs);
         let usual: Vec<Option<&str>> = settings.iter().map(|(_, key)| usual(runs, key)).collect();

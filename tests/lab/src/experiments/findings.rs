@@ -1,6 +1,6 @@
 //! Findings of an experiment: bounds compared with measured values, figures, remarks.
 
-use gsburn::report::charts::Chart;
+use gsburn::report::charts::{Chart, Series};
 use serde::Serialize;
 
 use crate::experiments::Experiment;
@@ -21,38 +21,6 @@ pub struct Criterion {
 }
 
 impl Criterion {
-    /// The value must be `bound` at most.
-    pub fn at_most(what: impl Into<String>, value: Option<f64>, bound: f64, unit: &str) -> Self {
-        Self::new(what, value, format!("at most {}", short(bound)), unit, |value| value <= bound)
-    }
-
-    /// The value must be `bound` at least.
-    pub fn at_least(what: impl Into<String>, value: Option<f64>, bound: f64, unit: &str) -> Self {
-        Self::new(what, value, format!("at least {bound}"), unit, |value| value >= bound)
-    }
-
-    /// The value must be above `bound`.
-    pub fn above(what: impl Into<String>, value: Option<f64>, bound: f64, unit: &str) -> Self {
-        Self::new(what, value, format!("above {bound}"), unit, |value| value > bound)
-    }
-
-    /// The value must be exactly 0.
-    pub fn zero(what: impl Into<String>, value: Option<f64>, unit: &str) -> Self {
-        Self::new(what, value, "exactly 0".into(), unit, |value| value == 0.0)
-    }
-
-    fn new(
-        what: impl Into<String>,
-        value: Option<f64>,
-        bound: String,
-        unit: &str,
-        keeps: impl Fn(f64) -> bool,
-    ) -> Self {
-        let value = value.filter(|value| value.is_finite());
-        let passed = value.is_some_and(keeps);
-        Self { what: what.into(), bound, value, unit: unit.into(), passed }
-    }
-
     /// "passed" or "missed".
     pub fn verdict(&self) -> &'static str {
         if self.passed { "passed" } else { "missed" }
@@ -95,6 +63,58 @@ pub struct Findings {
     pub figures: Vec<(&'static str, Chart)>,
     /// Remarks for readers of the figures, in sentences.
     pub notes: Vec<String>,
+}
+
+impl Findings {
+    /// The value must be `bound` at most.
+    pub fn at_most(&mut self, what: impl Into<String>, value: impl Into<Option<f64>>, bound: f64, unit: &str) {
+        self.judge(what, value, format!("at most {}", short(bound)), unit, |value| value <= bound);
+    }
+
+    /// The value must be `bound` at least.
+    pub fn at_least(&mut self, what: impl Into<String>, value: impl Into<Option<f64>>, bound: f64, unit: &str) {
+        self.judge(what, value, format!("at least {bound}"), unit, |value| value >= bound);
+    }
+
+    /// The value must be above `bound`.
+    pub fn above(&mut self, what: impl Into<String>, value: impl Into<Option<f64>>, bound: f64, unit: &str) {
+        self.judge(what, value, format!("above {bound}"), unit, |value| value > bound);
+    }
+
+    /// The value must be exactly 0.
+    pub fn zero(&mut self, what: impl Into<String>, value: impl Into<Option<f64>>, unit: &str) {
+        self.judge(what, value, "exactly 0".into(), unit, |value| value == 0.0);
+    }
+
+    fn judge(
+        &mut self,
+        what: impl Into<String>,
+        value: impl Into<Option<f64>>,
+        bound: String,
+        unit: &str,
+        keeps: impl Fn(f64) -> bool,
+    ) {
+        let value = value.into().filter(|value| value.is_finite());
+        let passed = value.is_some_and(keeps);
+        self.criteria.push(Criterion { what: what.into(), bound, value, unit: unit.into(), passed });
+    }
+
+    /// Adds a remark.
+    pub fn note(&mut self, note: impl Into<String>) {
+        self.notes.push(note.into());
+    }
+
+    /// Adds a figure. `name` is empty where it is the only one.
+    pub fn chart(
+        &mut self,
+        name: &'static str,
+        title: impl Into<String>,
+        [x, y]: [&str; 2],
+        series: impl IntoIterator<Item = Series>,
+    ) {
+        let series = series.into_iter().collect();
+        self.figures.push((name, Chart { title: title.into(), x: x.into(), y: y.into(), series }));
+    }
 }
 
 /// A drawn figure.
@@ -164,11 +184,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_not_measured_passes_nothing() {
-        assert!(!Criterion::at_most("x", None, 1.0, "").passed);
-        assert!(!Criterion::at_least("x", Some(f64::NAN), 0.0, "").passed);
-        assert!(!Criterion::at_most("x", largest([0.5, f64::NAN, 0.1]), 1.0, "").passed);
-        assert!(Criterion::at_most("x", largest([0.5, 0.1]), 0.5, "").passed);
+    fn nothing_measured_passes_nothing() {
+        let mut found = Findings::default();
+        found.at_most("x", None, 1.0, "");
+        found.at_least("x", f64::NAN, 0.0, "");
+        found.at_most("x", largest([0.5, f64::NAN, 0.1]), 1.0, "");
+        assert!(found.criteria.iter().all(|criterion| !criterion.passed));
+        found.at_most("x", largest([0.5, 0.1]), 0.5, "");
+        assert!(found.criteria[3].passed);
         assert_eq!(smallest([3.0, -1.0, 2.0]), Some(-1.0));
         assert_eq!(largest([]), None);
     }

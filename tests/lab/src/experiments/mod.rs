@@ -1,9 +1,9 @@
 //! Experiments at the limits of a method: where does it fail, and does it fail as little as it should?
 //!
-//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and compares its
-//! findings with a bound that was set before. A missed bound is marked in the figure's title and in the report. Runs go through the
-//! same [`Session`](gs_train::fit::session::Session) as `gsburn train`, step by step, so that an experiment can change the state
-//! between steps (reverse the velocities, say).
+//! Each experiment asks one question, measures on small synthetic worlds or by arithmetic alone, draws a figure and
+//! compares its findings with a bound that was set before. A missed bound is marked in the figure's title and in the
+//! report. Runs go through the same [`Session`](gs_train::fit::session::Session) as `gsburn train`, step by step, so
+//! that an experiment can change the state between steps (reverse the velocities, say).
 
 pub mod command;
 pub mod findings;
@@ -25,7 +25,7 @@ use gs_train::run::outputs::{self, MARK, marked_svg};
 use gs_train::run::{interrupt, results};
 use serde::Serialize;
 
-pub use findings::{Criterion, Findings, Outcome};
+pub use findings::{Findings, Outcome};
 pub use lab::{Interrupted, Lab};
 
 /// The pipelines with their experiments.
@@ -46,7 +46,28 @@ pub struct Experiment {
     /// Whether it runs only if it is named, because it takes long.
     pub on_request: bool,
     /// Runs it.
-    pub run: fn(&Lab) -> Result<Findings>,
+    pub run: fn(&Lab, &mut Findings) -> Result<()>,
+}
+
+impl Experiment {
+    /// An experiment that takes these steps of training.
+    pub const fn new(
+        name: &'static str,
+        question: &'static str,
+        steps: fn(quick: bool) -> usize,
+        run: fn(&Lab, &mut Findings) -> Result<()>,
+    ) -> Self {
+        Self { name, question, steps, on_request: false, run }
+    }
+
+    /// An experiment that trains nothing.
+    pub const fn untrained(
+        name: &'static str,
+        question: &'static str,
+        run: fn(&Lab, &mut Findings) -> Result<()>,
+    ) -> Self {
+        Self::new(name, question, |_| 0, run)
+    }
 }
 
 /// The experiments to run.
@@ -79,7 +100,8 @@ const RESULTS: &str = "results.json";
 /// Name of the report.
 const REPORT: &str = "stability.html";
 
-/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with everything so far.
+/// Runs experiments of a pipeline; after each, its figures, results.json and stability.html are written with everything
+/// so far.
 ///
 /// # Errors
 /// One sentence: an unknown name, a file of somebody else in the way, a full disk, a request to end.
@@ -93,7 +115,8 @@ pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request:
     for experiment in chosen {
         lab.enter(experiment.name);
         let begun = Instant::now();
-        let found = (experiment.run)(&lab)?;
+        let mut found = Findings::default();
+        (experiment.run)(&lab, &mut found)?;
         let outcome = Outcome::new(experiment, found, begun.elapsed().as_secs_f64());
         for figure in &outcome.figures {
             write_atomic(&request.out.join(&figure.file), marked_svg(&figure.svg).as_bytes())?;
@@ -165,7 +188,7 @@ mod tests {
     use super::*;
 
     static QUICK: Experiment =
-        Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_| bail!("not run") };
+        Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_, _| bail!("not run") };
     static LONG: Experiment = Experiment { name: "long", on_request: true, ..QUICK };
     static ALL: [&Experiment; 2] = [&QUICK, &LONG];
 

@@ -11,7 +11,8 @@ pub(super) fn html(pipeline: &str, outcomes: &[Outcome], quick: bool) -> String 
     let criteria = || outcomes.iter().flat_map(|outcome| &outcome.criteria);
     let missed = criteria().filter(|criterion| !criterion.passed).count();
     let mut page = format!(
-        "<header>\n<h1>Where {pipeline} fails</h1>\n<p>{} experiments, {} bounds, {missed} of them missed.{}</p>\n</header>\n",
+        "<header>\n<h1>Where {pipeline} fails</h1>\n<p>{} experiments, {} bounds, {missed} of them \
+         missed.{}</p>\n</header>\n",
         outcomes.len(),
         criteria().count(),
         if quick { " A quick look: fewer variants and steps than a measurement takes." } else { "" }

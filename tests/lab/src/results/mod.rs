@@ -1,7 +1,7 @@
 //! The tables of the docs: each is written from a data file that names commit, command and seeds.
 //!
-//! A data file is `tests/lab/results/NAME.json`. Its table stands between `<!-- results NAME begin -->` and
-//! `<!-- results NAME end -->` in a page. A file may also state its runs; these are trained where they are missing, and fill
+//! A data file is `tests/lab/results/NAME.json`. Its table stands between `<!-- results NAME begin -->` and `<!--
+//! results NAME end -->` in a page. A file may also state its runs; these are trained where they are missing, and fill
 //! the rows.
 
 mod runs;

@@ -5,13 +5,15 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use burn::tensor::Device;
-use gs_base::{guarded, write_atomic};
+use gs_base::guarded;
+use gs_base::write_atomic;
 use gs_burn::device::select;
 use gs_pipelines::{Sources, resolve, resolve_saved};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::{Ending, Job};
 use gs_train::run::{interrupt, outputs};
 use gsburn::commands::describe;
+use gsburn::commands::train::train_and_report;
 use gsburn::report::comparison::gather;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -44,8 +46,8 @@ pub struct Figure {
     digits: usize,
 }
 
-/// Trains the missing runs of a data file into `out`, fills its rows and its commit, and draws its chart; `false` when it was
-/// interrupted.
+/// Trains the missing runs of a data file into `out`, fills its rows and its commit, and draws its chart; `false` when
+/// it was interrupted.
 ///
 /// # Errors
 /// One sentence: a configuration that is not valid, a folder that holds another run, bad data, a full disk.
@@ -106,9 +108,9 @@ fn finished(run: &Run, seed: u64, folder: &RunFolder, device: &Device) -> Result
         resume: begun,
         stop_at: None,
         quiet: false,
-        schedule_svg: None,
+        schedule_svg: Some(gsburn::report::schedule_svg),
     };
-    Ok(!interrupt::asked() && matches!(resolved.pipeline.train(&job)?, Ending::Finished(_)))
+    Ok(!interrupt::asked() && matches!(train_and_report(resolved.pipeline, &job)?, Ending::Finished(_)))
 }
 
 /// The mean of a figure over the seeds, with its range; a dash where a run does not have it.

@@ -92,7 +92,8 @@ fn a_table_is_written_between_its_marks() {
 
 #[test]
 fn cells_are_means_over_seeds() {
-    let eval = |psnr: f64| json!({"psnr": psnr, "regions": {"moving": {"psnr": 2.0}}, "figures": [{"key": "e", "value": 0.5}]});
+    let (moving, figures) = (json!({"psnr": 2.0}), json!([{"key": "e", "value": 0.5}]));
+    let eval = |psnr: f64| json!({"psnr": psnr, "regions": {"moving": moving}, "figures": figures});
     let figure = |key: &str| serde_json::from_value(json!({"key": key, "digits": 1})).expect("a figure");
     let both = [eval(30.0), eval(31.0)];
     assert_eq!(cell(&figure("psnr"), &both), "30.5 (30.0 to 31.0)");
@@ -114,10 +115,11 @@ fn runs_fill_the_rows() {
     let made = git(&["init"])
         .and_then(|_| git(&["-c", "user.name=t", "-c", "user.email=t@t", "commit", "--allow-empty", "-m", "first"]));
     assert!(made.expect("git").status.success());
+    let sets = ["steps=2", "density.cap=160", "eval.ms_ssim=false"];
     let file = json!({
         "title": "t", "commit": "", "command": "", "seeds": [1, 2], "machine": "m", "superseded": "x",
         "columns": ["run", "PSNR", "Gaussians"], "rows": [],
-        "runs": [{"name": "few", "recipe": null, "set": ["steps=2", "density.cap=160", "eval.ms_ssim=false"], "data": scene}],
+        "runs": [{"name": "few", "recipe": null, "data": scene, "set": sets}],
         "figures": [{"key": "psnr", "digits": 2}, {"key": "gaussians", "digits": 0}], "chart": "chart.svg"
     });
     let mut data: Data = serde_json::from_value(file).expect("a data file");

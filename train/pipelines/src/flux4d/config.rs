@@ -22,7 +22,7 @@ section! {
         unet: UnetConfig;
         /// Passes of the network over one snippet.
         refinement: RefinementSection;
-        /// What a snippet is compared with, and the weights of the loss.
+        /// The images that a snippet is compared with, and the weights of the loss.
         supervision: SupervisionConfig;
         /// The optimiser of the network.
         learning: LearningConfig;
@@ -64,7 +64,7 @@ choice! {
 choice! {
     /// The logs that are held out.
     pub enum SplitChoice {
-        /// One log in eight, the last ones by name, and at least one of several.
+        /// One log in eight, the last ones by name.
         LastEighth,
         /// The paper's (C.1): ten logs of PandaSet, the first hundred by name of Argoverse 2.
         Paper,
@@ -109,7 +109,7 @@ choice! {
     pub enum VelocityChoice {
         /// None (the paper): the network learns all of them.
         Zero,
-        /// What brings the points of a sweep onto those of the others; the network predicts the difference.
+        /// Velocities that bring the points of a sweep onto those of the others; the network predicts the difference.
         Aligned,
     }
 }
@@ -149,7 +149,7 @@ section! {
 }
 
 choice! {
-    /// What corrects sky and random points.
+    /// The network that corrects sky and random points.
     pub enum FarChoice {
         /// A small one of their own, point by point.
         Apart,
@@ -175,11 +175,11 @@ section! {
 choice! {
     /// The gradient as the next pass reads it.
     pub enum FeedbackChoice {
-        /// As it is; channels differ by orders of magnitude.
+        /// As it is.
         Raw,
-        /// Each channel over its largest magnitude.
+        /// Over each channel's largest magnitude.
         Largest,
-        /// Each channel over its root mean square.
+        /// Over each channel's root mean square.
         RootMeanSquare,
     }
 }
@@ -195,7 +195,7 @@ section! {
 }
 
 section! {
-    /// What a snippet is compared with, and the weights of the loss.
+    /// The images that a snippet is compared with, and the weights of the loss.
     pub struct SupervisionConfig {
         /// Input images of a step; the gradient over these is fed back.
         input_views: usize = 2, in 1..;
@@ -222,8 +222,8 @@ section! {
         warm_up: usize = 10;
         /// Snippets whose gradients are averaged in a step.
         accumulate: usize = 1, in 1..;
-        /// Change of a snippet's brightness, contrast and tint in each step, largest logarithm of gain and gamma; 0:
-        /// none (the paper). More: other light and paint than the training logs' cost less, and theirs cost more.
+        /// Change of a snippet's colours in each step, largest logarithm of gain and gamma; 0: none (the paper). More:
+        /// other light and paint cost less, those of the training logs more.
         recolour: f64 = 0.0, in 0.0..=2.0;
     }
 }

@@ -12,7 +12,6 @@
 //! | [`train`](mod@train), [`observer`], [`saved`] | the run; what follows a step; checkpoints |
 //! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`], [`actor_recall`] | the network applied; held-out figures |
 //! | [`start`] | velocities that the sweeps show |
-//! | [`stability`] | where it fails |
 //! | [`sweep_flow`](mod@sweep_flow) | scene flow of sweeps alone |
 //! | [`reconstruct`](mod@reconstruct), [`summary`], [`actors_file`], [`world`] | a log to images, actors and Gaussians |
 //! | [`polish`](mod@polish) | the Gaussians of one snippet optimised after the network |

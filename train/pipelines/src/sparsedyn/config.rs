@@ -21,28 +21,28 @@ pub const LAMBDA_OUTLINE: f64 = 5.0;
 section! {
     /// The refinement of the first frame (section 3.2).
     pub struct WarmupConfig {
-        /// Share of the run in which the first frame alone is fitted and nothing moves. Under `rollout` and `hybrid`,
-        /// `density.stop` must not exceed it, or a small fast object is pruned when it begins to move; under the
-        /// baselines, density control rests in the first 100 steps of motion.
+        /// Share of the run in which the first frame alone is fitted. Under `rollout` and `hybrid` at least
+        /// `density.stop`, or a small fast object is pruned when it begins to move; under the baselines, density
+        /// control rests in the first 100 steps of motion.
         share: f64 = 0.2, in 0.0..1.0;
         /// Weight of the mean opacity (Eq. 5; paper: 1e-2). More leaves fewer Gaussians.
         opacity: f64 = LAMBDA_OPACITY, in NOT_NEGATIVE;
         /// Weight of the difference between rendered and prior depth (Eq. 6; paper: 5e-3), per scene extent.
         depth: f64 = 10.0 * LAMBDA_DEPTH, in NOT_NEGATIVE;
-        /// Weight of the difference between rendered alpha and the outline before a plain background; 0: none. Without
-        /// it, Gaussians of the background's colour stand in empty space.
+        /// Weight of the difference between rendered alpha and the outline before a plain background. Without it,
+        /// Gaussians of the background's colour stand in empty space.
         outline: f64 = LAMBDA_OUTLINE, in NOT_NEGATIVE;
     }
 }
 
 choice! {
-    /// What moves the Gaussians.
+    /// The model of motion.
     pub enum MotionModel {
         /// The dynamics field, rolled out from the first frame (the paper).
         Rollout,
         /// The rollout, corrected by a deformation field while frames are seen.
         Hybrid,
-        /// The baseline TRACE: a deformation field; a dynamics field, learned one step at a time, for the future alone.
+        /// The baseline TRACE: a deformation field; a dynamics field for the future alone.
         Trace,
         /// The baseline FreeGave: as TRACE, with rigid motions mixed by a code of each Gaussian.
         Freegave,
@@ -96,7 +96,7 @@ impl From<IntegratorChoice> for Integrator {
 section! {
     /// The dynamics field (Eq. 3) and the rollout (Eq. 4 and 9).
     pub struct DynamicsConfig {
-        /// What moves the Gaussians.
+        /// The model of motion.
         model: MotionModel = MotionModel::Rollout;
         /// When the field is asked.
         ask: AskChoice = AskChoice::Start;
@@ -138,8 +138,8 @@ section! {
         /// Weight of their mean loss (Eq. 10; paper: 0.5).
         replay_weight: f64 = 0.5, in NOT_NEGATIVE;
         // With 1, a chest that opens gains 1.6 dB of its future and a pendulum 0.7; a hollow body that spins loses 2.6.
-        /// As `warmup.outline`, in photos of all frames after the warm-up; 0: none. Bodies whose outline changes gain,
-        /// hollow ones that spin lose.
+        /// The same in photos of all frames after the warm-up. Bodies whose outline changes gain, hollow ones that spin
+        /// lose.
         outline: f64 = 0.0, in NOT_NEGATIVE;
     }
 }
@@ -149,18 +149,17 @@ section! {
     pub struct MovingConfig {
         /// Whether Gaussians without evidence of motion stay static; otherwise all may move.
         select: bool = true;
-        /// Largest movement of a resting body over the seen frames, pixels of the training view that shows it largest;
-        /// its Gaussians are static after the last search for bodies.
+        /// Largest movement of a resting body over the seen frames, pixels of the training view that shows it largest.
         still_pixels: f64 = 2.0, in NOT_NEGATIVE;
     }
 }
 
 choice! {
-    /// What moves Gaussians that may move.
+    /// The use of rigid bodies.
     pub enum BodyUse {
-        /// Rigid bodies where there are any, the field for the rest.
+        /// Rigid bodies, and the field for the rest.
         Both,
-        /// Rigid bodies alone: a Gaussian of no body goes with the nearest one.
+        /// Rigid bodies alone: other Gaussians go with the nearest one.
         Bodies,
         /// The field alone (the paper).
         Field,
@@ -170,15 +169,15 @@ choice! {
 section! {
     /// Rigid bodies with laws of motion, beyond the paper.
     pub struct BodiesConfig {
-        /// What moves Gaussians that may move.
+        /// The use of rigid bodies.
         mode: BodyUse = BodyUse::Both;
         /// Share of the steps after the warm-up at which bodies are first looked for. Early: few frames say little of a
         /// motion. Late: a field that is followed long loses what swings.
         from: f64 = 0.14, in SHARE;
         /// Searches for bodies, until all frames are seen: what begins to move late is found late.
         examinations: usize = 8, in 1..=1000;
-        /// Most parts into which a body is divided once all frames are seen. More than 1 tell apart what was taken for
-        /// one body, and follow noise where there is only one.
+        /// Most parts of a body once all frames are seen. More than 1 tell apart what was taken for one body, and
+        /// follow noise where there is only one.
         parts: usize = 1, in 1..=100;
         /// Share of the steps after the warm-up at which each body's law is chosen; before, bodies follow a smooth free
         /// motion.
@@ -192,8 +191,7 @@ section! {
         knot_frames: f64 = 4.0, in 1.0..;
         /// Uncertainty of a body's pose, pixels: smaller misfits do not ask for a richer law.
         noise_pixels: f64 = 0.5, in POSITIVE;
-        /// Learning rate of the laws' numbers when bodies are found and when laws are chosen, in body units (size,
-        /// radians, per unit of time).
+        /// Learning rate of the laws' numbers when bodies are found and when laws are chosen, in body units.
         lr: f64 = 4e-3, in POSITIVE;
     }
     also check_times;

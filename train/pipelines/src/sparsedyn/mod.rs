@@ -13,7 +13,6 @@
 //! | when Gaussians are added and removed | [`count`] |
 //! | measuring against the truth of synthetic worlds | [`figures`] |
 //! | beyond the paper: parts, an ensemble and other steps for the future | [`future`] |
-//! | experiments at the limits of the method | [`stability`] |
 
 pub mod begin;
 pub mod bench;

@@ -64,7 +64,7 @@ choice! {
 choice! {
     /// The use of a 3D remainder beside the polynomial (Eq. 2).
     pub enum RemainderChoice {
-        /// Where the residual after the best order is structured in time.
+        /// Used where the residual after the best order is structured in time.
         Auto,
         /// From the start.
         On,
@@ -90,8 +90,8 @@ section! {
         masks: MaskSource = MaskSource::Auto;
         /// Initial number of Gaussians that may move.
         points: usize = 4000, in 1..;
-        /// Share of the run over which the photos used spread from the middle of the recording to its ends. Less: a
-        /// repetitive texture converges to the wrong repetition.
+        /// Share of the run over which photos spread from the middle of the recording to its ends. Less: a repetitive
+        /// texture converges to the wrong repetition.
         curriculum: f64 = 0.4, in SHARE;
         /// Learning rate of a path's coefficients at the first step, scene extents of displacement at the window's
         /// edge.
@@ -155,8 +155,8 @@ section! {
         /// Learning rate of the exposure's logarithm.
         exposure_lr: f64 = 2e-3, in NOT_NEGATIVE;
         // By 2 to 3 % at 256 x 192 pixels, by 6 to 20 % at 96 x 72.
-        /// Share of the run after which an exposure that the data set states is learned; 1: never. From photos alone it
-        /// comes out too short, because the scene's own softness explains part of the blur.
+        /// Share of the run after which an exposure that the data set states is learned; 1: never. Photos alone give a
+        /// too short one, because the scene's own softness explains part of the blur.
         exposure_from: f64 = 1.0, in SHARE;
         /// Whether light is averaged linearly, as in a sensor.
         linear: bool = true;
@@ -249,8 +249,8 @@ section! {
         /// Near plane of scenes with static cameras and without points, in median distances of the cameras from the
         /// subject. Smaller: floaters close to one camera. Larger: a near wall is culled.
         near_share: f64 = NEAR_STATIC_CAMERAS, in Only("above 0, below 1", |share| positive(*share) && *share < 1.0);
-        /// Smallest depth of random points at pixels without texture, such as a sky, in distances of the subject.
-        /// Smaller: floaters between the cameras. Larger: a plain wall is missed.
+        /// Smallest depth of random points at pixels without texture, in distances of the subject. Smaller: floaters
+        /// between the cameras. Larger: a plain wall is missed.
         plain_nearest: f64 = Random::STATIC_CAMERAS.plain_nearest, in 0.3..=2.9;
         /// Largest root mean square distance of an object's centres from its path, in image widths. Larger: fragments
         /// become objects. Smaller: objects with inaccurate masks get no path.

@@ -9,7 +9,6 @@
 //! | beyond the paper: selection of the lowest sufficient order | [`select`], judged by [`likelihood`] |
 //! | beyond the paper: no more motion than a scene needs | [`select`], judged by [`likelihood`] |
 //! | measuring on sharp ground truth | [`figures`] |
-//! | limits of the method | [`stability`] |
 
 pub mod begin;
 pub mod bench;

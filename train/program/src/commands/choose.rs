@@ -1,4 +1,5 @@
-//! `gsburn sweep --choose`: the runs of a sweep measured on a split that is not reported, and the model that it chooses.
+//! `gsburn sweep --choose`: the runs of a sweep measured on a split that is not reported, and the model that it
+//! chooses.
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
@@ -34,8 +35,8 @@ pub(super) fn check_split(sweep: &Sweep, config: &Resolved) -> Result<()> {
     let (by, data) = (sweep.args.choose_by.as_str(), sweep.dataset.display());
     if reported == Some(by) {
         bail!(
-            "{data}: expected a split to choose by that is not the reported one, found only {by}; data.train_cameras and data.seen \
-             make validation and test out of cameras that film, a list of the data set does so otherwise"
+            "{data}: expected a split to choose by that is not the reported one, found only {by}; data.train_cameras \
+             and data.seen make validation and test out of cameras that film, a list of the data set does so otherwise"
         );
     }
     if !names.contains(&by) {
@@ -45,7 +46,8 @@ pub(super) fn check_split(sweep: &Sweep, config: &Resolved) -> Result<()> {
     Ok(())
 }
 
-/// Measures the finished runs of a sweep on the split, chooses, prints the choice and writes its table into the folder of the sweep.
+/// Measures the finished runs of a sweep on the split, chooses, prints the choice and writes its table into the folder
+/// of the sweep.
 ///
 /// # Errors
 /// One sentence: a run that cannot be measured, a full disk.

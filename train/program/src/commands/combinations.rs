@@ -23,7 +23,8 @@ pub(super) struct Combination {
     pub overrides: Vec<String>,
 }
 
-/// Every combination of configuration files and values, the last key changing fastest; or every single change. `recipe` is the data set's.
+/// Every combination of configuration files and values, the last key changing fastest; or every single change. `recipe`
+/// is the data set's.
 ///
 /// # Errors
 /// One sentence: nothing to sweep over, a value that cannot be read, two runs of one name.

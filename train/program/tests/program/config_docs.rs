@@ -59,24 +59,28 @@ fn page() -> String {
     let values: Vec<Key> = Config::keys().into_iter().filter(|key| key.keys.is_empty()).collect();
     rows(&mut page, &values, "", &defaults);
     for key in sections() {
-        section(&mut page, &key, key.name, &defaults, defaults.len());
+        section(&mut page, &key, key.name, &defaults);
     }
     page
 }
 
 /// A section called `path`, and those in it; `defaults` are the tables around it.
-fn section(page: &mut String, key: &Key, path: &str, defaults: &[(&str, Table)], pipelines: usize) {
+fn section(page: &mut String, key: &Key, path: &str, defaults: &[(&str, Table)]) {
     let own: Vec<(&str, Table)> =
         defaults.iter().filter_map(|(name, table)| Some((*name, table.get(key.name)?.as_table()?.clone()))).collect();
     write!(page, "\n## `[{path}]`\n\n{}", key.about).expect("a string");
-    if own.len() < pipelines {
-        write!(page, " Pipeline: {}.", list(own.iter().map(|(name, _)| *name))).expect("a string");
+    let (with, without): (Vec<&str>, Vec<&str>) =
+        PIPELINES.iter().map(|pipeline| pipeline.name()).partition(|name| own.iter().any(|(own, _)| own == name));
+    match without.as_slice() {
+        [] => {}
+        [only] => write!(page, " Not in `{only}`.").expect("a string"),
+        _ => write!(page, " Pipeline: {}.", list(with.into_iter())).expect("a string"),
     }
     page.push_str("\n\n");
     let (sections, values): (Vec<Key>, Vec<Key>) = key.keys.iter().cloned().partition(|key| !key.keys.is_empty());
     rows(page, &values, &format!("{path}."), &own);
     for inner in sections {
-        section(page, &inner, &format!("{path}.{}", inner.name), &own, pipelines);
+        section(page, &inner, &format!("{path}.{}", inner.name), &own);
     }
 }
 

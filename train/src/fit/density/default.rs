@@ -1,5 +1,5 @@
-//! Classic adaptive density control (3DGS, section 5.2): clone small Gaussians and split large ones where the screen gradient is
-//! high, remove transparent and oversized ones, and lower opacities at intervals.
+//! Classic adaptive density control (3DGS, section 5.2): clone small Gaussians and split large ones where the screen
+//! gradient is high, remove transparent and oversized ones, and lower opacities at intervals.
 
 use burn::tensor::{Device, Tensor};
 use glam::Vec3;
@@ -44,8 +44,8 @@ impl Adaptive {
         Self { gradient: Tensor::zeros([n], device), views: Tensor::zeros([n], device) }
     }
 
-    /// Adds one view. The gradient is with respect to image coordinates from -1 to 1, as in 3DGS, so that one threshold serves
-    /// every resolution.
+    /// Adds one view. The gradient is with respect to image coordinates from -1 to 1, as in 3DGS, so that one threshold
+    /// serves every resolution.
     pub fn gather(&mut self, observation: Observation, absolute: bool) {
         let Observation { screen, radii, width, height } = observation;
         let [_, columns] = radii.dims();
@@ -105,8 +105,8 @@ impl Adaptive {
     }
 }
 
-/// Appends a copy of each small row, and two smaller parts of each large one at random positions inside it. Returns which of the
-/// old rows were split and must be removed; the count grows by one per chosen row either way.
+/// Appends a copy of each small row, and two smaller parts of each large one at random positions inside it. Returns
+/// which of the old rows were split and must be removed; the count grows by one per chosen row either way.
 fn split_or_clone(
     draft: &mut Draft,
     gaussians: &Gaussians,

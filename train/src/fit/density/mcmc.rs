@@ -1,14 +1,16 @@
-//! Relocation under a budget: "3D Gaussian Splatting as Markov Chain Monte Carlo" (Kheradmand et al. 2024), sections 3.2 to
-//! 3.4.
+//! Relocation under a budget: "3D Gaussian Splatting as Markov Chain Monte Carlo" (Kheradmand et al. 2024), sections
+//! 3.2 to 3.4.
 //!
 //! - [`refine`]: dead Gaussians are relocated to live ones drawn by opacity, then the count grows up to the cap. A
 //!   Gaussian and its copies share opacity and scale (Eq. 9), so that the image does not change.
-//! - [`perturb`]: after each step, the means get noise with the Gaussian's own covariance, gated to nearly transparent ones: `mean
-//!   += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
+//! - [`perturb`]: after each step, the means get noise with the Gaussian's own covariance, gated to nearly transparent
+//!   ones: `mean += Sigma n * rate * noise * sigmoid(100 (0.005 - opacity))` (Eq. 8), `n` standard normal.
 //!
-//! Departures: a Gaussian and its copies stand apart by [`McmcConfig::separation`](crate::config::McmcConfig::separation) along its longest axis, because coincident copies
-//! have equal gradients and the noise, which is gated, does not part opaque ones; covariance and rate are in scene extents, which makes the noise independent of the scene's unit and equal to the
-//! paper's at extent 1; the moments of both the live Gaussian and its copies are reset to zero.
+//! Departures: a Gaussian and its copies stand apart by
+//! [`McmcConfig::separation`](crate::config::McmcConfig::separation) along its longest axis, because coincident copies
+//! have equal gradients and the noise, which is gated, does not part opaque ones; covariance and rate are in scene
+//! extents, which makes the noise independent of the scene's unit and equal to the paper's at extent 1; the moments of
+//! both the live Gaussian and its copies are reset to zero.
 
 use gs_burn::Gaussians;
 use gs_burn::ops::noise::{NoiseConfig, perturb as add_noise};

@@ -1,6 +1,6 @@
-//! Density control: adding, relocating and removing Gaussians. [`default`] (classic adaptive control, 3DGS) and [`mcmc`]
-//! (relocation under a budget, 3DGS-MCMC) decide when and where; [`ops`] has the operations. After the last refinement, [`prune`]
-//! removes the Gaussians that contribute next to nothing.
+//! Density control: adding, relocating and removing Gaussians. [`default`] (classic adaptive control, 3DGS) and
+//! [`mcmc`] (relocation under a budget, 3DGS-MCMC) decide when and where; [`ops`] has the operations. After the last
+//! refinement, [`prune`] removes the Gaussians that contribute next to nothing.
 
 pub mod default;
 pub mod mcmc;
@@ -17,7 +17,7 @@ use gs_burn::adam::Adam;
 
 pub use default::Adaptive;
 
-/// What one rendering shows density control, for steps in which [`Density::wants_screen`] is true.
+/// The data of one rendering for density control, in steps in which [`Density::wants_screen`] is true.
 #[derive(Debug)]
 pub struct Observation {
     /// Gradient of the loss with respect to each 2D mean, `[N, 4]` (`SCREEN` rows).
@@ -43,11 +43,11 @@ pub struct StepContext {
     pub extent: f64,
     /// Learning rate of the means at this step, in scene extents.
     pub means_lr: f64,
-    /// What the method asks for at this step.
+    /// The request of the method at this step.
     pub control: Control,
 }
 
-/// What a method asks of density control at a step.
+/// The request of a method to density control at a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Control {
     /// Refinements from `density.start` to `density.stop`.

@@ -1,7 +1,8 @@
-//! Operations of density control on a host copy of the table, [`Draft`]: read once, changed row by row, written back once.
+//! Operations of density control on a host copy of the table, [`Draft`]: read once, changed row by row, written back
+//! once.
 //!
-//! A draft holds only the columns whose numbers change (means, scales, opacities). All others (rotations, SH, the optimiser's
-//! moments) follow by row number when the draft is committed, so that rows stay consistent.
+//! A draft holds only the columns whose numbers change (means, scales, opacities). All others (rotations, SH, the
+//! optimiser's moments) follow by row number when the draft is committed, so that rows stay consistent.
 
 use glam::{Quat, Vec3};
 use gs_burn::Gaussians;
@@ -100,8 +101,8 @@ impl Draft {
         self.opacity_logits[to] = self.opacity_logits[from];
     }
 
-    /// Lowers opacity and scale of every row in `rows` so that, with one copy per mention, it looks as before; see [`relocation`].
-    /// The moments are reset.
+    /// Lowers opacity and scale of every row in `rows` so that, with one copy per mention, it looks as before; see
+    /// [`relocation`]. The moments are reset.
     pub fn share_out(&mut self, rows: &[usize], min_opacity: f64) {
         let copies = self.mentions(rows);
         for row in 0..copies.len() {
@@ -114,10 +115,11 @@ impl Draft {
         }
     }
 
-    /// Moves every row in `rows` and its copies, one per mention, apart along the row's longest axis: `separation`, below 1, is their root
-    /// mean square distance from its mean in standard deviations. They shrink along that axis so that together they keep the variance, and
-    /// their opacity rises by as much. Returns the copies' means in the order of mention. To be called after [`Draft::share_out`]; `quats` are
-    /// the table's, `[N, 4]`. A row whose numbers are not finite stays, with its copies.
+    /// Moves every row in `rows` and its copies, one per mention, apart along the row's longest axis: `separation`,
+    /// below 1, is their root mean square distance from its mean in standard deviations. They shrink along that axis so
+    /// that together they keep the variance, and their opacity rises by as much. Returns the copies' means in the order
+    /// of mention. To be called after [`Draft::share_out`]; `quats` are the table's, `[N, 4]`. A row whose numbers are
+    /// not finite stays, with its copies.
     pub fn spread_out(&mut self, rows: &[usize], quats: &[f32], separation: f64) -> Vec<[f32; 3]> {
         if separation == 0.0 {
             return rows.iter().map(|row| self.means[*row]).collect();
@@ -146,14 +148,15 @@ impl Draft {
         means
     }
 
-    /// How often each row is mentioned.
+    /// The number of mentions of each row.
     fn mentions(&self, rows: &[usize]) -> Vec<usize> {
         let mut mentions = vec![0; self.len()];
         rows.iter().for_each(|row| mentions[*row] += 1);
         mentions
     }
 
-    /// The longest axis of a row: which of the three, and as a vector of a standard deviation; `None` if it is zero or not finite.
+    /// The longest axis of a row: which of the three, and as a vector of a standard deviation; `None` if it is zero or
+    /// not finite.
     fn longest(&self, row: usize, quats: &[f32]) -> Option<(usize, Vec3)> {
         let axis = Vec3::from(self.log_scales[row]).max_position();
         let size = self.log_scales[row][axis].exp();
@@ -173,8 +176,8 @@ impl Draft {
         };
     }
 
-    /// Writes the draft back: its own columns from here, the others by row number. Other tables with a row per Gaussian follow by
-    /// the returned map.
+    /// Writes the draft back: its own columns from here, the others by row number. Other tables with a row per Gaussian
+    /// follow by the returned map.
     pub fn commit(self, gaussians: &mut Gaussians, adam: &mut Adam) -> RowMap {
         let device = gaussians.device();
         let rows = RowMap { from: self.from, reset: self.reset };
@@ -200,7 +203,8 @@ pub fn rotation(quats: &[f32], row: usize) -> Quat {
     Quat::from_xyzw(x, y, z, w).normalize()
 }
 
-/// Where part `part` of a Gaussian and its `copies` stands: evenly spaced about 0, with a root mean square of `separation`.
+/// The place of part `part` of a Gaussian and its `copies`: evenly spaced about 0, with a root mean square of
+/// `separation`.
 fn place(part: usize, copies: usize, separation: f64) -> f64 {
     // Of `n` places from -1 to 1 the mean square is (n + 1) / (3 (n - 1)).
     let copies = copies as f64;
@@ -208,8 +212,8 @@ fn place(part: usize, copies: usize, separation: f64) -> f64 {
     farthest * (2.0 * part as f64 / copies - 1.0)
 }
 
-/// New opacity, and factor of the scales, of each of `n` coincident Gaussians that together replace one of `opacity` (3DGS-MCMC,
-/// Eq. 9):
+/// New opacity, and factor of the scales, of each of `n` coincident Gaussians that together replace one of `opacity`
+/// (3DGS-MCMC, Eq. 9):
 ///
 /// ```text
 /// o' = 1 - (1 - o)^(1/n)
@@ -231,8 +235,8 @@ pub fn relocation(opacity: f64, n: usize) -> (f64, f64) {
     (new, if sum > 0.0 { opacity / sum } else { 1.0 })
 }
 
-/// `count` rows drawn with replacement, each with probability proportional to its weight. A weight that is not a positive finite
-/// number counts as zero; if all are, the result is empty.
+/// `count` rows drawn with replacement, each with probability proportional to its weight. A weight that is not a
+/// positive finite number counts as zero; if all are, the result is empty.
 pub fn sample(weights: &[f64], count: usize, rng: &mut impl Rng) -> Vec<usize> {
     let mut total = 0.0;
     let sums: Vec<f64> = weights

@@ -1,10 +1,10 @@
-//! Pruning by contribution, once the count is fixed: the Gaussians that together contribute next to nothing to the training images
-//! are removed. The others have the rest of the run to compensate.
+//! Pruning by contribution, once the count is fixed: the Gaussians that together contribute next to nothing to the
+//! training images are removed. The others have the rest of the run to compensate.
 //!
-//! The contribution of a Gaussian is the sum of its blending weights over all pixels and training views, `sum_p T_p alpha_p`: the
-//! derivative of the summed image of a feature with respect to that feature. (RadSplat prunes by the largest weight; the sum bounds
-//! the loss if many are removed at once.) After growth to the cap, a fifth of the Gaussians have 0.5 % of the contribution: hidden
-//! ones, ones outside every photo, and faint copies.
+//! The contribution of a Gaussian is the sum of its blending weights over all pixels and training views, `sum_p T_p
+//! alpha_p`: the derivative of the summed image of a feature with respect to that feature. (RadSplat prunes by the
+//! largest weight; the sum bounds the loss if many are removed at once.) After growth to the cap, a fifth of the
+//! Gaussians have 0.5 % of the contribution: hidden ones, ones outside every photo, and faint copies.
 
 use burn::tensor::Tensor;
 use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
@@ -19,7 +19,8 @@ use crate::fit::random::{Purpose, stream};
 use gs_burn::RowMap;
 use gs_burn::adam::Adam;
 
-/// At most this many views are sampled. A Gaussian seen in 2 % of the views is missed by all samples with probability 1/170.
+/// At most this many views are sampled. A Gaussian seen in 2 % of the views is missed by all samples with probability
+/// 1/170.
 const VIEWS: usize = 256;
 
 /// Contribution of each Gaussian of `model` over `views`, `[N]`, pixels.

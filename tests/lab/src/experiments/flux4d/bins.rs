@@ -11,28 +11,26 @@ use gs_pipelines::flux4d::moving::in_truth;
 use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::sample::{camera, photo};
 use gs_train::run::metrics::psnr_masked;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{network, street};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "bins",
-    question: "PSNR of the frames between the inputs by distance, and of the sky, which has no LiDAR point: does far mean wrong?",
-    steps: |_| 0,
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::untrained(
+    "bins",
+    "PSNR of the frames between the inputs by distance, and of the sky, which has no LiDAR point: does far mean wrong?",
     run,
-};
+);
 
 /// Upper ends of the bins of distance, metres; the last has none, and the sky is a bin of its own.
 const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
 
-/// PSNR that surfaces beyond 40 m may lose against those of the nearest 10 m, dB. Twice the distance halves the points a pixel has,
-/// and a bin is not to be lost for that.
+/// PSNR that surfaces beyond 40 m may lose against those of the nearest 10 m, dB. Twice the distance halves the points
+/// a pixel has, and a bin is not to be lost for that.
 const BOUND: f64 = 6.0;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let path = lab.street(&street())?;
     let (config, device) = (&saved.config, &lab.device);
@@ -57,26 +55,19 @@ fn run(lab: &Lab) -> Result<Findings> {
         }
     }
     let psnr = sums.map(|[error, pixels]| (pixels > 0.0).then(|| -10.0 * (error / pixels).log10()));
-    let mut found = Findings::default();
     let all: f64 = sums.iter().map(|[_, pixels]| pixels).sum();
     for (bin, psnr) in psnr.iter().enumerate() {
         let share = 100.0 * sums[bin][1] / all;
         let psnr = psnr.map_or("no pixel".to_string(), |psnr| format!("{psnr:.2} dB"));
-        found.notes.push(format!("{}: {psnr}, {share:.0} % of the pixels.", bin_name(bin)));
+        found.note(format!("{}: {psnr}, {share:.0} % of the pixels.", bin_name(bin)));
     }
     let lost = psnr[0].zip(psnr[ENDS.len() - 1]).map(|(near, far)| near - far);
-    found.criteria.push(Criterion::at_most("PSNR lost beyond 40 m against the nearest 10 m", lost, BOUND, "dB"));
+    found.at_most("PSNR lost beyond 40 m against the nearest 10 m", lost, BOUND, "dB");
     let points = psnr.iter().enumerate().filter_map(|(bin, psnr)| psnr.map(|psnr| (bin as f64, psnr)));
-    found.figures.push((
-        "",
-        Chart {
-            title: "Frames between the inputs by distance".into(),
-            x: "to 10 m, 20 m, 40 m, beyond, sky".into(),
-            y: "PSNR, dB".into(),
-            series: vec![Series::line_and_dots("shipped network", points.collect())],
-        },
-    ));
-    Ok(found)
+    let series = [Series::line_and_dots("shipped network", points.collect())];
+    let title = "Frames between the inputs by distance";
+    found.chart("", title, ["to 10 m, 20 m, 40 m, beyond, sky", "PSNR, dB"], series);
+    Ok(())
 }
 
 /// The bin of a pixel of an image of a width and height.

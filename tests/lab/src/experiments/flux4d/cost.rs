@@ -11,20 +11,18 @@ use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::sample::camera;
 use gs_train::run::interrupt;
 use gs_worlds::driving::StreetOptions;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{applied, network, street};
-use crate::experiments::{Criterion, Experiment, Findings, Interrupted, Lab};
+use crate::experiments::{Experiment, Findings, Interrupted, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "cost",
-    question: "Seconds of reading and lifting, kernel maps, passes and one image over the number of LiDAR points: do they grow more than \
-               in proportion, and from which number on does an image gain nothing?",
-    steps: |_| 0,
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::untrained(
+    "cost",
+    "Seconds of reading and lifting, kernel maps, passes and one image over the number of LiDAR points: do they grow \
+     more than in proportion, and from which number on does an image gain nothing?",
     run,
-};
+);
 
 /// LiDAR points of a snippet at most.
 const BUDGETS: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];
@@ -33,14 +31,14 @@ const BUDGETS_QUICK: [usize; 2] = [8_000, 100_000];
 /// Beams and columns of a LiDAR of which the front camera shows half a million points in a snippet.
 const DENSE: [usize; 2] = [128, 3600];
 
-/// Exponent of the seconds of the passes over the points, between the second budget and the last. 1 is in proportion; sorting
-/// and caches cost a logarithm.
+/// Exponent of the seconds of the passes over the points, between the second budget and the last. 1 is in proportion;
+/// sorting and caches cost a logarithm.
 const BOUND: f64 = 1.15;
 
 /// Stages, as they are named in the figure.
 const STAGES: [&str; 4] = ["read and lift", "kernel maps", "passes", "one image"];
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let [beams, columns] = DENSE;
     let dense = StreetOptions { beams, columns, ..street() };
@@ -49,7 +47,7 @@ fn run(lab: &Lab) -> Result<Findings> {
     let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
     let ready = Ready::new(&saved.network);
     let mut stages = STAGES.map(|_| Vec::new());
-    let (mut psnr, mut found) = (Vec::new(), Findings::default());
+    let mut psnr = Vec::new();
     for budget in lab.either(&BUDGETS[..], &BUDGETS_QUICK[..]) {
         if interrupt::asked() {
             return Err(Interrupted.into());
@@ -75,46 +73,24 @@ fn run(lab: &Lab) -> Result<Findings> {
         let outcome = applied(lab, &path, &saved.network, &config)?;
         psnr.push((points, outcome.psnr));
         let [lift, maps, passes, image] = seconds;
-        found.notes.push(format!(
-            "{points} points: read and lift {lift:.2} s, maps {maps:.3} s, passes {passes:.2} s, image {image:.3} s; {:.2} dB, moving \
-             EPE {:.3} m.",
+        found.note(format!(
+            "{points} points: read and lift {lift:.2} s, maps {maps:.3} s, passes {passes:.2} s, image {image:.3} s; \
+             {:.2} dB, moving EPE {:.3} m.",
             outcome.psnr, outcome.moving
         ));
     }
     let exponent =
         stages[2].get(1).zip(stages[2].last()).map(|(few, many)| (many.1 / few.1).ln() / (many.0 / few.0).ln());
     if !lab.quick {
-        found.criteria.push(Criterion::at_most(
-            "exponent of the seconds of the passes over the points",
-            exponent,
-            BOUND,
-            "",
-        ));
+        found.at_most("exponent of the seconds of the passes over the points", exponent, BOUND, "");
     }
     let logarithms =
         |points: Vec<(f64, f64)>| points.into_iter().map(|(x, y)| (x.log10(), y.max(1e-6).log10())).collect();
-    let series =
-        STAGES.into_iter().zip(stages).map(|(name, points)| Series::line_and_dots(name, logarithms(points))).collect();
-    found.figures.push((
-        "seconds",
-        Chart {
-            title: "Seconds by stage over points".into(),
-            x: "points, power of ten".into(),
-            y: "seconds, power of ten".into(),
-            series,
-        },
-    ));
-    found.figures.push((
-        "psnr",
-        Chart {
-            title: "Frames between the inputs over points".into(),
-            x: "points, power of ten".into(),
-            y: "PSNR, dB".into(),
-            series: vec![Series::line_and_dots(
-                "shipped network",
-                psnr.into_iter().map(|(x, y)| (x.log10(), y)).collect(),
-            )],
-        },
-    ));
-    Ok(found)
+    let series = STAGES.into_iter().zip(stages).map(|(name, points)| Series::line_and_dots(name, logarithms(points)));
+    let (x, y) = ("points, power of ten", "seconds, power of ten");
+    found.chart("seconds", "Seconds by stage over points", [x, y], series);
+    let psnr = psnr.into_iter().map(|(x, y)| (x.log10(), y)).collect();
+    let series = [Series::line_and_dots("shipped network", psnr)];
+    found.chart("psnr", "Frames between the inputs over points", [x, "PSNR, dB"], series);
+    Ok(())
 }

@@ -7,17 +7,17 @@ use anyhow::{Context, Result};
 use gs_base::write_atomic;
 use gs_worlds::driving::StreetOptions;
 
+use super::along::REST;
 use super::trial::{Outcome, applied, network, street};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "holes",
-    question: "A covered lens, a sweep that is missing, a LiDAR of one beam: is what can be used used, and is nothing made of nothing?",
-    steps: |_| 0,
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::untrained(
+    "holes",
+    "A covered lens, a sweep that is missing, a LiDAR of one beam: is what can be used used, and is nothing made of \
+     nothing?",
     run,
-};
+);
 
 /// The frame whose image or sweep is spoiled: an input in the middle.
 const FRAME: &str = "04";
@@ -25,11 +25,11 @@ const FRAME: &str = "04";
 /// PSNR that one black image or missing sweep of six may cost, dB.
 const BOUND: f64 = 1.0;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
-    let of = |path: &Path| applied(lab, path, &saved.network, &saved.config);
+    let apply = |path: &Path| applied(lab, path, &saved.network, &saved.config);
     let whole = lab.street(&street())?;
-    let exact = of(&whole)?;
+    let exact = apply(&whole)?;
     let black = spoiled(&whole, "black", |folder| {
         let path = folder.join("camera/front_camera").join(format!("{FRAME}.jpg"));
         let image = image::RgbImage::new(street().width as u32, street().height as u32);
@@ -42,27 +42,21 @@ fn run(lab: &Lab) -> Result<Findings> {
         fs::remove_file(&path).with_context(|| format!("{}: cannot be removed", path.display()))
     })?;
     let one_beam = lab.street(&StreetOptions { beams: 1, ..street() })?;
-    let mut found = Findings::default();
     for (name, path) in [("a black input image", &black), ("a missing input sweep", &missing)] {
-        let outcome = of(path)?;
+        let outcome = apply(path)?;
         let lost = exact.psnr - outcome.psnr;
-        found.criteria.push(Criterion::at_most(format!("{name}: PSNR lost"), Some(lost), BOUND, "dB"));
-        found.notes.push(said(name, &outcome));
+        found.at_most(format!("{name}: PSNR lost"), lost, BOUND, "dB");
+        found.note(said(name, &outcome));
     }
-    let outcome = of(&one_beam)?;
-    found.criteria.push(Criterion::at_most(
-        "a LiDAR of one beam: speed of what rests",
-        Some(outcome.resting),
-        0.05,
-        "m/s",
-    ));
-    found.notes.push(said("a LiDAR of one beam", &outcome));
-    found.notes.push(said("nothing spoiled", &exact));
-    Ok(found)
+    let outcome = apply(&one_beam)?;
+    found.at_most("a LiDAR of one beam: speed of what rests", outcome.resting, REST, "m/s");
+    found.note(said("a LiDAR of one beam", &outcome));
+    found.note(said("nothing spoiled", &exact));
+    Ok(())
 }
 
 fn said(name: &str, outcome: &Outcome) -> String {
-    let Outcome { psnr, moving, resting, skipped } = outcome;
+    let Outcome { psnr, moving, resting, skipped, .. } = outcome;
     format!("{name}: {psnr:.2} dB, moving EPE {moving:.3} m, at rest {resting:.3} m/s, {skipped} snippets skipped.")
 }
 

@@ -2,43 +2,36 @@
 //!
 //! | file | question |
 //! |---|---|
-//! | [`beams`] | what do fewer beams, and other rigs, cost? |
-//! | [`calibration`] | what do wrong camera poses and wrong times cost? |
-//! | [`holes`] | what happens to black images, missing sweeps and nearly empty ones? |
-//! | [`degree`] | which degree does the motion of traffic need? |
-//! | [`baseline`] | is it better and faster than a fit of every pair of sweeps? |
+//! | [`along`] | costs of beams, images, wrong poses and times, degrees, refinements, a weight |
+//! | [`holes`] | black images, missing sweeps and nearly empty ones |
 //! | [`occlusion`] | does a car keep its motion that a bus hides for half of the time? |
-//! | [`passes`] | what does each refinement add and cost? |
 //! | [`bins`] | where in the image is the error? |
-//! | [`cost`] | what do more points cost, and what do they bring? |
-//! | [`weight`] | how does the weight of the mean speed trade rest against motion? |
+//! | [`baseline`] | is it better and faster than a fit of every pair of sweeps? |
+//! | [`cost`] | costs and gains of more points |
 //!
-//! All but the last apply the network that ships with the program, which was trained on other streets.
+//! All but the weight of the mean speed apply the network that ships with the program, which was trained on other
+//! streets.
 
-pub mod baseline;
-pub mod beams;
-pub mod bins;
-pub mod calibration;
-pub mod cost;
-pub mod degree;
-pub mod holes;
-pub mod occlusion;
-pub mod passes;
+mod along;
+mod baseline;
+mod bins;
+mod cost;
+mod holes;
+mod occlusion;
 mod trial;
-pub mod weight;
 
 use crate::experiments::Experiment;
 
 /// All experiments, that with trainings last.
 pub static EXPERIMENTS: [&Experiment; 10] = [
-    &beams::EXPERIMENT,
-    &calibration::EXPERIMENT,
+    &along::BEAMS,
+    &along::CALIBRATION,
     &holes::EXPERIMENT,
-    &degree::EXPERIMENT,
+    &along::DEGREE,
     &occlusion::EXPERIMENT,
-    &passes::EXPERIMENT,
+    &along::PASSES,
     &bins::EXPERIMENT,
     &baseline::EXPERIMENT,
     &cost::EXPERIMENT,
-    &weight::EXPERIMENT,
+    &along::WEIGHT,
 ];

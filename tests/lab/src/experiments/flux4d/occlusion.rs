@@ -11,17 +11,15 @@ use gs_train::run::interrupt;
 use gs_worlds::driving::{Encounter, StreetOptions};
 
 use super::trial::{network, streets};
-use crate::experiments::{Criterion, Experiment, Findings, Interrupted, Lab};
+use crate::experiments::{Experiment, Findings, Interrupted, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "occlusion",
-    question: "A car drives beside the ego vehicle, and a bus comes between them from the second input sweep to the last but one: does \
-               the car keep its motion where it is seen?",
-    steps: |_| 0,
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::untrained(
+    "occlusion",
+    "A car drives beside the ego vehicle, and a bus comes between them from the second input sweep to the last but \
+     one: does the car keep its motion where it is seen?",
     run,
-};
+);
 
 /// Streets that are averaged.
 const STREETS: u64 = 5;
@@ -46,9 +44,8 @@ impl Car {
     }
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
-    let mut found = Findings::default();
     let mut epe = Vec::new();
     for (encounter, name) in [(Encounter::Car, "alone"), (Encounter::HiddenCar, "behind the bus")] {
         let mut all = Car::default();
@@ -56,18 +53,16 @@ fn run(lab: &Lab) -> Result<Findings> {
             let options = StreetOptions { movers: 0, encounter, ..base };
             let car = car(lab, &saved, &options)?;
             let of = shown(car.epe());
-            found
-                .notes
-                .push(format!("Street {index}, {name}: {} points in {} sweeps, EPE {of}.", car.points, car.sweeps));
+            found.note(format!("Street {index}, {name}: {} points in {} sweeps, EPE {of}.", car.points, car.sweeps));
             all.error += car.error;
             all.points += car.points;
         }
         epe.push(all.epe());
     }
     let added = epe[1].zip(epe[0]).map(|(hidden, alone)| hidden - alone);
-    found.notes.push(format!("All streets: EPE {} alone, {} behind the bus.", shown(epe[0]), shown(epe[1])));
-    found.criteria.push(Criterion::at_most("EPE3D of the car that the bus adds", added, BOUND, "m"));
-    Ok(found)
+    found.note(format!("All streets: EPE {} alone, {} behind the bus.", shown(epe[0]), shown(epe[1])));
+    found.at_most("EPE3D of the car that the bus adds", added, BOUND, "m");
+    Ok(())
 }
 
 fn shown(epe: Option<f64>) -> String {

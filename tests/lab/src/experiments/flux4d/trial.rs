@@ -34,10 +34,10 @@ pub fn network(lab: &Lab) -> Result<SavedNetwork> {
     read_network(&shipped_checkpoint()?, &lab.device)
 }
 
-/// What experiments look at.
+/// The figures of an application.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
-    /// Of the frames between the inputs, dB.
+    /// PSNR of the frames between the inputs, dB.
     pub psnr: f64,
     /// EPE3D of moving points, metres in 0.1 s.
     pub moving: f64,
@@ -45,16 +45,31 @@ pub struct Outcome {
     pub resting: f64,
     /// Snippets that could not be used.
     pub skipped: f64,
+    /// Seconds of reading, applying and measuring.
+    pub seconds: f64,
 }
 
 impl Outcome {
     fn of(measured: &Measured) -> Self {
-        let of = |key: &str| figure(measured, key).unwrap_or(f64::NAN);
+        let value = |key: &str| figure(measured, key).unwrap_or(f64::NAN);
         Self {
             psnr: measured.quality.mean.psnr,
-            moving: of("epe_moving"),
-            resting: of("speed_at_rest"),
-            skipped: of("snippets_skipped"),
+            moving: value("epe_moving"),
+            resting: value("speed_at_rest"),
+            skipped: value("snippets_skipped"),
+            seconds: f64::NAN,
+        }
+    }
+
+    /// The means over several streets.
+    pub fn mean(all: &[Self]) -> Self {
+        let mean = |figure: fn(&Self) -> f64| all.iter().map(figure).sum::<f64>() / all.len() as f64;
+        Self {
+            psnr: mean(|one| one.psnr),
+            moving: mean(|one| one.moving),
+            resting: mean(|one| one.resting),
+            skipped: mean(|one| one.skipped),
+            seconds: mean(|one| one.seconds),
         }
     }
 }

@@ -11,7 +11,8 @@ use gs_models::sparsedyn::{Ask, Asked, Dynamics, Integrator, Rollout, RolloutOpt
 pub const INTEGRATORS: [(&str, Integrator, f64); 3] =
     [("rk2", Integrator::Rk2, 2.0), ("rk4", Integrator::Rk4, 4.0), ("screw", Integrator::Screw, 2.0)];
 
-/// Errors up to this are rounding: 1024 steps of some ten operations at 1e-16 each, times the growth of the fields, with room.
+/// Errors up to this are rounding: 1024 steps of some ten operations at 1e-16 each, times the growth of the fields,
+/// with room.
 pub const EXACT: f64 = 1e-10;
 
 /// Steps per unit of time: from a step that no run has to one far below a frame.
@@ -121,8 +122,8 @@ pub fn difference(a: &State, b: &State) -> f64 {
     most(&a.positions, &b.positions).max(most(&a.turns, &b.turns))
 }
 
-/// Slope of the logarithm of the error over that of the step, by least squares over the finest errors that are not rounding; `None` if
-/// fewer than two are left.
+/// Slope of the logarithm of the error over that of the step, by least squares over the finest errors that are not
+/// rounding; `None` if fewer than two are left.
 pub fn slope(errors: &[(f64, f64)]) -> Option<f64> {
     let mut points: Vec<(f64, f64)> =
         errors.iter().filter(|(_, error)| *error > EXACT).map(|(step, error)| (step.ln(), error.ln())).collect();

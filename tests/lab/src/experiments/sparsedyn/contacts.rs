@@ -1,23 +1,22 @@
-//! What happens where the future has a stop, a bounce or another speed? Nothing in the photos tells of it, so no smooth motion can foresee
-//! it; the error that remains is shown.
+//! What happens where the future has a stop, a bounce or another speed? Nothing in the photos tells of it, so no smooth
+//! motion can foresee it; the error that remains is shown.
 
 use anyhow::Result;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, SAME_TIME, STEPS, STEPS_QUICK, Score, Trial, mean, over_time, scores, small, steps, time};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "contacts",
-    question: "A box that slides as long as it is seen, and then, at 0.85, stops at once, bounces back or goes on at half its speed: how far \
-               off are the predicted photos after that?",
-    steps: |quick| if quick { STEPS_QUICK } else { STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "contacts",
+    "A box that slides as long as it is seen, and then, at 0.85, stops at once, bounces back or goes on at half its \
+     speed: how far off are the predicted photos after that?",
+    |quick| if quick { STEPS_QUICK } else { STEPS },
     run,
-};
+);
 
 /// The last time that is seen.
 const SEEN: f64 = 0.75;
@@ -28,25 +27,24 @@ const EVENT: f64 = 0.85;
 /// Frames of the recording, one of them at the event.
 const FRAMES: usize = 40;
 
-/// Largest loss of PSNR in moving parts after the event, dB. A method that foresaw the event would lose nothing; this is not expected to
-/// be kept, and stands here so that the loss is shown as a miss.
+/// Largest loss of PSNR in moving parts after the event, dB. A method that foresaw the event would lose nothing; this
+/// is not expected to be kept, and stands here so that the loss is shown as a miss.
 const LOSS_BOUND: f64 = 1.0;
 
-/// A change of the motion: the time at which the undisturbed world looks as the changed one does so long after the event. A world that
-/// stops, runs backwards or runs at half its speed is exactly that.
+/// A change of the motion: the time at which the undisturbed world looks as the changed one does so long after the
+/// event. A world that stops, runs backwards or runs at half its speed is exactly that.
 type Event = (&'static str, fn(since: f64) -> f64);
 
 const EVENTS: [Event; 3] =
     [("stops", |_| EVENT), ("bounces back", |since| EVENT - since), ("half its speed", |since| EVENT + 0.5 * since)];
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &ExtrapolationOptions { frames: FRAMES, ..small(World::Slider) })?;
     let trial = Trial::new(lab, film.until(SEEN), steps(lab), &[])?;
     let session = trial.trained(lab)?;
     let usual = scores(lab, &session, &film.future(SEEN, 1.0));
     let curve = |scores: &[Score]| over_time(scores, |score| score.moving);
     let mut series = vec![Series::line_and_dots("undisturbed", curve(&usual))];
-    let mut found = Findings::default();
     for (name, source) in EVENTS {
         let changed = scores(lab, &session, &changed(&film, source));
         let after = |scores: &[Score]| -> f64 {
@@ -57,22 +55,20 @@ fn run(lab: &Lab) -> Result<Findings> {
         };
         let (expected, met) = (after(&usual), after(&changed));
         let what = format!("{name}: PSNR of moving parts lost after the event, which nothing foresees");
-        found.criteria.push(Criterion::at_most(what, Some(expected - met), LOSS_BOUND, "dB"));
+        found.at_most(what, expected - met, LOSS_BOUND, "dB");
         let last = curve(&changed).last().map_or(f64::NAN, |(_, psnr)| *psnr);
-        found.notes.push(format!(
-            "{name}: {met:.2} dB in moving parts after the event, against {expected:.2} dB undisturbed; {last:.2} dB at the end."
+        found.note(format!(
+            "{name}: {met:.2} dB in moving parts after the event, against {expected:.2} dB undisturbed; {last:.2} dB \
+             at the end."
         ));
         series.push(Series::line_and_dots(name, curve(&changed)));
     }
-    found.notes.push(
-        "These are no failures that more training repairs: until the event all four futures have the same photos. Recordings must go on \
-         past a contact for it to be learned."
-            .into(),
+    found.note(
+        "These are no failures that more training repairs: until the event all four futures have the same photos. \
+         Recordings must go on past a contact for it to be learned.",
     );
-    let title = "A change at 0.85 that no photo tells of".into();
-    let (x, y) = ("time".into(), "PSNR of moving parts, dB".into());
-    found.figures.push(("", Chart { title, x, y, series }));
-    Ok(found)
+    found.chart("", "A change at 0.85 that no photo tells of", ["time", "PSNR of moving parts, dB"], series);
+    Ok(())
 }
 
 /// The photos of the future with the change; times are left out at which the undisturbed world was not filmed.

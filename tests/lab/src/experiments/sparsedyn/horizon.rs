@@ -1,25 +1,25 @@
-//! What is left at four times the time that was seen? A rollout that runs away shows as Gaussians far outside of the scene.
+//! What is left at four times the time that was seen? A rollout that runs away shows as Gaussians far outside of the
+//! scene.
 
 use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Score, Trial, means, over_time, positions, scores, small, steps, time};
 use crate::experiments::findings::largest;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "horizon",
-    question: "Trained on the first fifth of the recording and rolled out to four times that: PSNR over the horizon with rigid bodies and \
-               with the field alone, against a scene that stops where it was last seen; does any Gaussian leave twice the scene's box, \
-               is any position not a number?",
-    steps: |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * 2 * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "horizon",
+    "Trained on the first fifth of the recording and rolled out to four times that: PSNR over the horizon with rigid \
+     bodies and with the field alone, against a scene that stops where it was last seen; does any Gaussian leave twice \
+     the scene's box, is any position not a number?",
+    |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * 2 * STEPS },
     run,
-};
+);
 
 /// Worlds: a box that slows down, a rotor that turns steadily, a thrown ball beside a drifting box.
 const WORLDS: [World; 3] = [World::Slider, World::Fan, World::Duo];
@@ -39,10 +39,12 @@ const EVERY: usize = 3;
 /// What moves the Gaussians.
 const MODES: [(&str, &str); 2] = [("bodies", "bodies.mode=both"), ("field alone", "bodies.mode=field")];
 
-/// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the rollout.
+/// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the
+/// rollout.
 const BOX: f64 = 2.0;
 
-/// Share of Gaussians at either end of each axis that do not count for the scene's box: single strays would make it wide.
+/// Share of Gaussians at either end of each axis that do not count for the scene's box: single strays would make it
+/// wide.
 const STRAYS: f64 = 0.01;
 
 /// Least mean gain over a scene that stops, dB: a motion that is predicted worse than none should not be predicted.
@@ -90,8 +92,7 @@ struct Rolled {
     bodies: String,
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
-    let mut found = Findings::default();
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let (mut outside, mut not_numbers) = (Vec::new(), 0);
     for world in lab.either(&WORLDS[..], &WORLDS[..1]) {
         let film = Film::of(lab, &ExtrapolationOptions { frames: FRAMES, ..small(*world) })?;
@@ -101,27 +102,27 @@ fn run(lab: &Lab) -> Result<Findings> {
         for ((name, _), run) in MODES.iter().zip([&bodies, &field]) {
             let gain = means(&run.scores)[1] - means(&run.stopped)[1];
             let what = format!("{world}, {name}: mean PSNR of moving parts above that of a scene that stops");
-            found.criteria.push(Criterion::at_least(what, Some(gain), GAIN_BOUND, "dB"));
+            found.at_least(what, gain, GAIN_BOUND, "dB");
             outside.extend(run.outside.iter().map(|(_, share)| 100.0 * share));
             not_numbers += run.not_numbers;
             let [own, stopped] = [&run.scores, &run.stopped].map(|scores| means(scores)[1]);
             let last = run.outside.last().map_or(0.0, |(_, share)| 100.0 * share);
-            found.notes.push(format!(
-                "{world}, {name}: {own:.2} dB in moving parts, {stopped:.2} dB if it stops; at the end {last:.2} % of the Gaussians are \
-                 outside of twice the box; {}.",
+            found.note(format!(
+                "{world}, {name}: {own:.2} dB in moving parts, {stopped:.2} dB if it stops; at the end {last:.2} % of \
+                 the Gaussians are outside of twice the box; {}.",
                 run.bodies
             ));
         }
         let gain = means(&bodies.scores)[1] - means(&field.scores)[1];
         let what = format!("{world}: mean PSNR of moving parts, bodies above the field alone");
-        found.criteria.push(Criterion::at_least(what, Some(gain), BODIES_BOUND, "dB"));
-        found.figures.push((world.name(), chart(world.name(), &bodies, &field)));
+        found.at_least(what, gain, BODIES_BOUND, "dB");
+        chart(found, world.name(), &bodies, &field);
     }
     let what = "Gaussians outside of twice the scene's box, the worst time";
-    found.criteria.push(Criterion::zero(what, largest(outside), "%"));
+    found.zero(what, largest(outside), "%");
     let what = "positions that are not finite";
-    found.criteria.push(Criterion::zero(what, Some(not_numbers as f64), ""));
-    Ok(found)
+    found.zero(what, not_numbers as f64, "");
+    Ok(())
 }
 
 fn rolled(lab: &Lab, film: &Film, mode: &str) -> Result<Rolled> {
@@ -148,20 +149,17 @@ fn rolled(lab: &Lab, film: &Film, mode: &str) -> Result<Rolled> {
     Ok(Rolled { scores: scored, stopped, outside, not_numbers, bodies })
 }
 
-fn chart(world: &str, bodies: &Rolled, field: &Rolled) -> Chart {
+fn chart(found: &mut Findings, world: &'static str, bodies: &Rolled, field: &Rolled) {
     let curve = |scores: &[Score]| -> Vec<(f64, f64)> {
         over_time(scores, |score| score.moving).into_iter().map(|(time, psnr)| (time / SEEN, psnr)).collect()
     };
-    Chart {
-        title: format!("{world}: seen until 1, predicted until 4"),
-        x: "time / time seen".into(),
-        y: "PSNR of moving parts, dB".into(),
-        series: vec![
-            Series::line_and_dots(MODES[0].0, curve(&bodies.scores)),
-            Series::line_and_dots(MODES[1].0, curve(&field.scores)),
-            Series::line("stops where it was last seen", curve(&bodies.stopped)),
-        ],
-    }
+    let series = [
+        Series::line_and_dots(MODES[0].0, curve(&bodies.scores)),
+        Series::line_and_dots(MODES[1].0, curve(&field.scores)),
+        Series::line("stops where it was last seen", curve(&bodies.stopped)),
+    ];
+    let title = format!("{world}: seen until 1, predicted until 4");
+    found.chart(world, title, ["time / time seen", "PSNR of moving parts, dB"], series);
 }
 
 #[cfg(test)]

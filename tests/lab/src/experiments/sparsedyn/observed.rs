@@ -2,21 +2,20 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, mean, means, scores, small, steps};
 use crate::experiments::findings::largest;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "observed",
-    question: "Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther away \
-               the less is seen?",
-    steps: |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * ENDS.len() * SEEDS.len() * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "observed",
+    "Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther \
+     away the less is seen?",
+    |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * ENDS.len() * SEEDS.len() * STEPS },
     run,
-};
+);
 
 /// Worlds: a box that slows down, and a body that turns ever faster, whose law must be told from a steady turn.
 const WORLDS: [World; 2] = [World::Slider, World::Spinner];
@@ -36,8 +35,7 @@ const LOSS_BOUND: f64 = 1.2;
 /// Least PSNR in moving parts over that of a run that saw up to 0.5 only, dB.
 const GAIN_BOUND: f64 = 0.0;
 
-fn run(lab: &Lab) -> Result<Findings> {
-    let mut found = Findings::default();
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let mut series = Vec::new();
     for world in lab.either(&WORLDS[..], &WORLDS[..1]) {
         let film = Film::of(lab, &ExtrapolationOptions { frames: FRAMES, ..small(*world) })?;
@@ -52,7 +50,7 @@ fn run(lab: &Lab) -> Result<Findings> {
                 images.push(of_image);
                 parts.push(of_moving);
                 let lines = session.fit.trainer.method().body_lines().join("; ");
-                found.notes.push(format!(
+                found.note(format!(
                     "{world}, seen up to {seen}, seed {seed}: {of_moving:.2} dB in moving parts; {lines}."
                 ));
             }
@@ -61,15 +59,18 @@ fn run(lab: &Lab) -> Result<Findings> {
         }
         let lost = moving.windows(2).map(|pair| pair[0].1 - pair[1].1);
         let what = format!("{world}: PSNR of moving parts lost by seeing more");
-        found.criteria.push(Criterion::at_most(what, largest(lost), LOSS_BOUND, "dB"));
+        found.at_most(what, largest(lost), LOSS_BOUND, "dB");
         let gain = moving.last().zip(moving.first()).map(|(last, first)| last.1 - first.1);
         let what = format!("{world}: PSNR of moving parts, seen up to 0.75 above up to 0.5");
-        found.criteria.push(Criterion::at_least(what, gain, GAIN_BOUND, "dB"));
+        found.at_least(what, gain, GAIN_BOUND, "dB");
         series.push(Series::line_and_dots(&format!("{world}, image"), whole));
         series.push(Series::line_and_dots(&format!("{world}, moving parts"), moving));
     }
-    let title = "Photos from 0.75 on by what was seen, mean of three seeds".into();
-    let (x, y) = ("last time seen".into(), "PSNR, dB".into());
-    found.figures.push(("", Chart { title, x, y, series }));
-    Ok(found)
+    found.chart(
+        "",
+        "Photos from 0.75 on by what was seen, mean of three seeds",
+        ["last time seen", "PSNR, dB"],
+        series,
+    );
+    Ok(())
 }

@@ -1,36 +1,36 @@
-//! What do wrong depth priors cost? The first frame begins at the pixels of the priors in space, so their errors are errors of the scene.
+//! What do wrong depth priors cost? The first frame begins at the pixels of the priors in space, so their errors are
+//! errors of the scene.
 
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_train::fit::random::normal_pair;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
 use crate::experiments::findings::largest;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "priors",
-    question: "True depth of the first frame with noise, with another scale for each photo, with outliers, doubled, and none at all: what \
-               does that cost in held-out photos of the first frames?",
-    steps: |quick| if quick { 5 * STEPS_QUICK } else { (3 + KINDS.len() * LEVELS.len()) * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "priors",
+    "True depth of the first frame with noise, with another scale for each photo, with outliers, doubled, and none at \
+     all: what does that cost in held-out photos of the first frames?",
+    |quick| if quick { 5 * STEPS_QUICK } else { (3 + KINDS.len() * LEVELS.len()) * STEPS },
     run,
-};
+);
 
 /// The last time that is seen.
 const SEEN: f64 = 0.75;
 
-/// Held-out photos up to this time are measured: later ones, and still more the future, show by which motion a run goes on, which
-/// differs from seed to seed by more than any prior does.
+/// Held-out photos up to this time are measured: later ones, and still more the future, show by which motion a run goes
+/// on, which differs from seed to seed by more than any prior does.
 const FIRST: f64 = 0.1;
 
-/// Errors with their sizes at level 1: standard deviation as a share of depth; largest error of a photo's scale, a share; share of pixels
-/// with the depth of another pixel.
+/// Errors with their sizes at level 1: standard deviation as a share of depth; largest error of a photo's scale, a
+/// share; share of pixels with the depth of another pixel.
 const KINDS: [(&str, Wrong); 3] = [
     ("noise of 10 %", Wrong { noise: 0.1, ..Wrong::NONE }),
     ("scale off by 30 %", Wrong { scale: 0.3, ..Wrong::NONE }),
@@ -40,7 +40,8 @@ const KINDS: [(&str, Wrong); 3] = [
 /// Levels of each error: shares of its size.
 const LEVELS: [f64; 2] = [0.33, 1.0];
 
-/// Distance of the two layers of a doubled prior, a share of depth: every other photo places the surfaces that much farther away.
+/// Distance of the two layers of a doubled prior, a share of depth: every other photo places the surfaces that much
+/// farther away.
 const DOUBLED: Wrong = Wrong { apart: 0.1, ..Wrong::NONE };
 
 /// Largest cost of an error, of those with levels at the lower one, dB over the image: what is asked of seeds.
@@ -64,44 +65,46 @@ impl Wrong {
     }
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &small(World::Slider))?;
     let exact = psnr(lab, &film, Some(Wrong::NONE))?;
     let none = psnr(lab, &film, None)?;
     let levels: &[f64] = lab.either(&LEVELS, &LEVELS[1..]);
     let kinds: &[(&str, Wrong)] = lab.either(&KINDS, &KINDS[1..]);
-    let mut found = Findings::default();
     let mut series = Vec::new();
     for (name, wrong) in kinds {
         let mut points = vec![(0.0, exact[0])];
         for level in levels {
             let [first, later] = psnr(lab, &film, Some(wrong.at(*level)))?;
             points.push((*level, first));
-            found.notes.push(format!(
+            found.note(format!(
                 "{name}, level {level}: {first:.2} dB in the first frames, {later:.2} dB in the future."
             ));
         }
         let what = format!("{name}: PSNR lost at level {}", levels[0]);
-        found.criteria.push(Criterion::at_most(what, Some(exact[0] - points[1].1), BOUND, "dB"));
+        found.at_most(what, exact[0] - points[1].1, BOUND, "dB");
         series.push(Series::line_and_dots(name, points));
     }
     let doubled = psnr(lab, &film, Some(DOUBLED))?;
     let lost = [("a doubled prior, 10 % apart", doubled), ("no prior: hull of the outlines", none)];
     for (name, psnr) in lost {
-        found.criteria.push(Criterion::at_most(format!("{name}: PSNR lost"), Some(exact[0] - psnr[0]), BOUND, "dB"));
+        found.at_most(format!("{name}: PSNR lost"), exact[0] - psnr[0], BOUND, "dB");
         series.push(Series::line(name, vec![(0.0, psnr[0]), (1.0, psnr[0])]));
     }
-    found.notes.push(format!(
-        "Held-out cameras, dB in the first frames and in the future: exact priors {:.2} and {:.2}, doubled {:.2} and {:.2}, none {:.2} and \
-         {:.2}.",
+    found.note(format!(
+        "Held-out cameras, dB in the first frames and in the future: exact priors {:.2} and {:.2}, doubled {:.2} and \
+         {:.2}, none {:.2} and {:.2}.",
         exact[0], exact[1], doubled[0], doubled[1], none[0], none[1]
     ));
     let worst = largest(series.iter().flat_map(Series::points).map(|(_, psnr)| exact[0] - psnr)).unwrap_or(f64::NAN);
-    found.notes.push(format!("The costliest error of all costs {worst:.2} dB. Confidences say nothing of the errors."));
-    let title = "What wrong depth priors cost".into();
-    let (x, y) = ("size of the error, shares of the size named".into(), "PSNR of the first frames, dB".into());
-    found.figures.push(("", Chart { title, x, y, series }));
-    Ok(found)
+    found.note(format!("The costliest error of all costs {worst:.2} dB. Confidences say nothing of the errors."));
+    found.chart(
+        "",
+        "What wrong depth priors cost",
+        ["size of the error, shares of the size named", "PSNR of the first frames, dB"],
+        series,
+    );
+    Ok(())
 }
 
 /// PSNR over held-out photos of the first frames and of the future, dB.

@@ -1,36 +1,33 @@
 //! Does a rollout forwards and then backwards return to its start? Arithmetic alone.
 
 use anyhow::Result;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, difference, double, slope};
 use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "reversal",
-    question: "The known motions of `integrators`, rolled out over 1 unit of time and back again: how far from the start does that end, \
-               and does the screw return exactly?",
-    steps: |_| 0,
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::untrained(
+    "reversal",
+    "The known motions of `integrators`, rolled out over 1 unit of time and back again: how far from the start does \
+     that end, and does the screw return exactly?",
     run,
-};
+);
 
-/// A way back undoes errors and adds none of a lower order, so the return's order is the method's or a higher one; the rest is left for
-/// the share of the next order.
+/// A way back undoes errors and adds none of a lower order, so the return's order is the method's or a higher one; the
+/// rest is left for the share of the next order.
 const BELOW_ORDER: f64 = 0.1;
 
 /// The step of the recipes: two of 60 frames.
 const USUAL_STEP: f64 = 1.0 / 30.0;
 
-/// Largest distance from the start after the way there and back, shares of an object's size, for the midpoint rule at that step: a tenth
-/// of the drift that is allowed there.
+/// Largest distance from the start after the way there and back, shares of an object's size, for the midpoint rule at
+/// that step: a tenth of the drift that is allowed there.
 const RETURN_BOUND: f64 = 1e-3;
 
-fn run(_: &Lab) -> Result<Findings> {
+fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     let device = double()?;
-    let mut found = Findings::default();
     let mut series = Vec::new();
     let mut usual = Vec::new();
     for (name, integrator, order) in INTEGRATORS {
@@ -42,11 +39,11 @@ fn run(_: &Lab) -> Result<Findings> {
         let curves = fields.each_ref().map(|field| STEPS_PER_UNIT.map(|n| (n.recip(), off(field, n.recip()))).to_vec());
         let slopes: Vec<f64> = curves.iter().filter_map(|curve| slope(curve)).collect();
         let what = format!("{name}: lowest order of the return");
-        found.criteria.push(Criterion::at_least(what, smallest(slopes), order - BELOW_ORDER, ""));
+        found.at_least(what, smallest(slopes), order - BELOW_ORDER, "");
         if name == "screw" {
             let worst = largest(curves[0].iter().map(|(_, error)| *error));
             let what = "screw: distance from the start after a steady rotation there and back, any step";
-            found.criteria.push(Criterion::at_most(what, worst, EXACT, ""));
+            found.at_most(what, worst, EXACT, "");
         }
         let at_usual = largest(fields.iter().map(|field| off(field, USUAL_STEP)));
         usual.push(at_usual.unwrap_or(f64::NAN));
@@ -55,11 +52,14 @@ fn run(_: &Lab) -> Result<Findings> {
         series.push(Series::line_and_dots(name, points));
     }
     let what = "distance from the start with a step of 1/30, all integrators and motions";
-    found.criteria.push(Criterion::at_most(what, largest(usual.iter().copied()), RETURN_BOUND, ""));
+    found.at_most(what, largest(usual.iter().copied()), RETURN_BOUND, "");
     let named = INTEGRATORS.iter().zip(&usual).map(|((name, ..), error)| format!("{name} {error:.1e}"));
-    found.notes.push(format!("With a step of 1/30: {}.", named.collect::<Vec<_>>().join(", ")));
-    let title = "There and back: distance from the start, worst of five motions".into();
-    let (x, y) = ("log2 of the step".into(), "log10 of the distance".into());
-    found.figures.push(("", Chart { title, x, y, series }));
-    Ok(found)
+    found.note(format!("With a step of 1/30: {}.", named.collect::<Vec<_>>().join(", ")));
+    found.chart(
+        "",
+        "There and back: distance from the start, worst of five motions",
+        ["log2 of the step", "log10 of the distance"],
+        series,
+    );
+    Ok(())
 }

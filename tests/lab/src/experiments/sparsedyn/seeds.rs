@@ -2,19 +2,18 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "seeds",
-    question: "Runs with eight seeds: how far do the PSNR of the future and the number of Gaussians spread?",
-    steps: |quick| if quick { 3 * STEPS_QUICK } else { SEEDS as usize * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "seeds",
+    "Runs with eight seeds: how far do the PSNR of the future and the number of Gaussians spread?",
+    |quick| if quick { 3 * STEPS_QUICK } else { SEEDS as usize * STEPS },
     run,
-};
+);
 
 /// Seeds.
 const SEEDS: u64 = 8;
@@ -29,10 +28,11 @@ const PSNR_BOUND: f64 = 0.3;
 /// The same in moving parts, which are a tenth of the image and err together.
 const MOVING_BOUND: f64 = 0.6;
 
-/// Largest standard deviation of the number of Gaussians, a share of their mean: comparisons at equal counts allow as much.
+/// Largest standard deviation of the number of Gaussians, a share of their mean: comparisons at equal counts allow as
+/// much.
 const COUNT_BOUND: f64 = 0.05;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &small(World::Slider))?;
     let future = film.future(SEEN, 1.0);
     let (mut whole, mut moving, mut counts, mut laws) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -48,30 +48,20 @@ fn run(lab: &Lab) -> Result<Findings> {
     }
     let values = |points: &[(f64, f64)]| -> Vec<f64> { points.iter().map(|(_, psnr)| *psnr).collect() };
     let [image, part, count] = [values(&whole), values(&moving), counts].map(Spread::of);
-    let criteria = vec![
-        Criterion::at_most("standard deviation of PSNR over the image", Some(image.deviation), PSNR_BOUND, "dB"),
-        Criterion::at_most("standard deviation of PSNR in moving parts", Some(part.deviation), MOVING_BOUND, "dB"),
-        Criterion::at_most(
-            "standard deviation of the number of Gaussians, shares of the mean",
-            Some(count.deviation / count.mean),
-            COUNT_BOUND,
-            "",
-        ),
-    ];
-    let mut notes = vec![format!(
+    found.at_most("standard deviation of PSNR over the image", image.deviation, PSNR_BOUND, "dB");
+    found.at_most("standard deviation of PSNR in moving parts", part.deviation, MOVING_BOUND, "dB");
+    let what = "standard deviation of the number of Gaussians, shares of the mean";
+    found.at_most(what, count.deviation / count.mean, COUNT_BOUND, "");
+    found.note(format!(
         "PSNR over the image {}, in moving parts {}, Gaussians {}.",
         image.in_words(2),
         part.in_words(2),
         count.in_words(0)
-    )];
-    notes.extend(laws);
-    let chart = Chart {
-        title: "The future by seed".into(),
-        x: "seed".into(),
-        y: "PSNR, dB".into(),
-        series: vec![Series::line_and_dots("image", whole), Series::line_and_dots("moving parts", moving)],
-    };
-    Ok(Findings { criteria, figures: vec![("", chart)], notes })
+    ));
+    found.notes.extend(laws);
+    let series = [Series::line_and_dots("image", whole), Series::line_and_dots("moving parts", moving)];
+    found.chart("", "The future by seed", ["seed", "PSNR, dB"], series);
+    Ok(())
 }
 
 /// Mean, standard deviation and range of some values.

@@ -1,29 +1,29 @@
-//! May frame rate and integration step change after training? A motion is a property of the scene and not of the step with which it was
-//! learned.
+//! May frame rate and integration step change after training? A motion is a property of the scene and not of the step
+//! with which it was learned.
 
 use anyhow::Result;
 use glam::DVec3;
 use gs_models::sparsedyn::RolloutOptions;
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, positions, scores, small, steps};
 use crate::experiments::findings::largest;
 use crate::experiments::lab::Session;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "step",
-    question: "Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and for every \
-               fourth: how far do Gaussians and photos of the future change?",
-    steps: |quick| MODES.len() * if quick { STEPS_QUICK } else { STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "step",
+    "Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and \
+     for every fourth: how far do Gaussians and photos of the future change?",
+    |quick| MODES.len() * if quick { STEPS_QUICK } else { STEPS },
     run,
-};
+);
 
-/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq. 4).
+/// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq.
+/// 4).
 const MODES: [(&str, &[&str]); 3] = [
     ("bodies", &["bodies.mode=both"]),
     ("field, asked once", &["bodies.mode=field"]),
@@ -36,8 +36,8 @@ const SEEN: f64 = 0.75;
 /// Factors of the step.
 const FACTORS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 
-/// Largest change of a position at the end with half or twice the step, shares of the distance that the fastest Gaussian goes: the 1 %
-/// of the step rule.
+/// Largest change of a position at the end with half or twice the step, shares of the distance that the fastest
+/// Gaussian goes: the 1 % of the step rule.
 const POSITION_BOUND: f64 = 0.01;
 
 /// Largest change of PSNR likewise, dB: it shows in no comparison.
@@ -49,10 +49,9 @@ const SLOWER: usize = 4;
 /// Times asked for.
 const TIMES: usize = 24;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &small(World::Fan))?;
     let future = film.future(SEEN, 1.0);
-    let mut found = Findings::default();
     let (mut by_position, mut by_psnr, mut by_rate) = (Vec::new(), Vec::new(), Vec::new());
     for (name, changes) in MODES {
         let trial = Trial::new(lab, film.until(SEEN), steps(lab), changes)?;
@@ -72,12 +71,13 @@ fn run(lab: &Lab) -> Result<Findings> {
         let changed: Vec<f64> = psnr.iter().map(|value| (value - psnr[2]).abs()).collect();
         let what =
             format!("{name}: largest change of a position with half or twice the step, shares of the farthest way");
-        found.criteria.push(Criterion::at_most(what, Some(moved[1].max(moved[3])), POSITION_BOUND, ""));
+        found.at_most(what, moved[1].max(moved[3]), POSITION_BOUND, "");
         let what = format!("{name}: change of PSNR with half or twice the step");
-        found.criteria.push(Criterion::at_most(what, Some(changed[1].max(changed[3])), PSNR_BOUND, "dB"));
+        found.at_most(what, changed[1].max(changed[3]), PSNR_BOUND, "dB");
         let [quarter, four] = [0, 4].map(|index| (moved[index], psnr[index]));
-        found.notes.push(format!(
-            "{name}: {:.2} dB with its own step; a quarter of it {:.2} dB and positions off by {:.1e}, four times {:.2} dB and {:.1e}.",
+        found.note(format!(
+            "{name}: {:.2} dB with its own step; a quarter of it {:.2} dB and positions off by {:.1e}, four times \
+             {:.2} dB and {:.1e}.",
             psnr[2], quarter.1, quarter.0, four.1, four.0
         ));
         let points = |values: &[f64]| -> Vec<(f64, f64)> {
@@ -88,14 +88,12 @@ fn run(lab: &Lab) -> Result<Findings> {
         by_psnr.push(Series::line_and_dots(name, points(&psnr)));
     }
     let what = format!("largest change of a position when every {SLOWER}th frame is asked for alone");
-    found.criteria.push(Criterion::zero(what, largest(by_rate), ""));
-    let x = || "log2 of the step, steps of training".to_string();
-    let (title, y) =
-        ("Another step after training: positions at the end".into(), "log10 of the change, shares of the way".into());
-    found.figures.push(("position", Chart { title, x: x(), y, series: by_position }));
-    let (title, y) = ("Another step after training: photos of the future".into(), "PSNR, dB".into());
-    found.figures.push(("psnr", Chart { title, x: x(), y, series: by_psnr }));
-    Ok(found)
+    found.zero(what, largest(by_rate), "");
+    let x = "log2 of the step, steps of training";
+    let y = "log10 of the change, shares of the way";
+    found.chart("position", "Another step after training: positions at the end", [x, y], by_position);
+    found.chart("psnr", "Another step after training: photos of the future", [x, "PSNR, dB"], by_psnr);
+    Ok(())
 }
 
 fn set(session: &mut Session<Sparsedyn>, options: RolloutOptions) {

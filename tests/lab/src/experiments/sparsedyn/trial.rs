@@ -1,9 +1,11 @@
-//! Runs of the experiments: a small world filmed once, cut into what is seen and what is to be predicted, the recipe, and scores by time.
+//! Runs of the experiments: a small world filmed once, cut into what is seen and what is to be predicted, the recipe,
+//! and scores by time.
 
 use anyhow::Result;
 use gs_datasets::{Scene, Split, View};
 use gs_pipelines::sparsedyn::{Config, Sparsedyn};
-use gs_train::fit::method::{MOVING, Method};
+use gs_train::fit::method::MOVING;
+use gs_train::fit::method::Method;
 use gs_train::fit::session::Data;
 use gs_train::run::evaluate::{Evaluator, HeldOut};
 use gs_worlds::extrapolation::{ExtrapolationOptions, PriorErrors, World};
@@ -23,8 +25,8 @@ pub const STEPS_QUICK: usize = 120;
 /// Times closer than this are one.
 pub const SAME_TIME: f64 = 1e-6;
 
-/// The recipe of the small worlds: few Gaussians, because images are small, and twice the rates of motion, because a quarter of the
-/// steps of a real run must do. The rest is the base recipe.
+/// The recipe of the small worlds: few Gaussians, because images are small, and twice the rates of motion, because a
+/// quarter of the steps of a real run must do. The rest is the base recipe.
 const RECIPE: [&str; 6] = [
     "density.cap=3000",
     "dynamics.lr=1e-2",
@@ -34,7 +36,8 @@ const RECIPE: [&str; 6] = [
     "data.cache_mb=256",
 ];
 
-/// The options of a small world with exact priors: 6 training cameras all around and 2 between them, 24 frames over 1 unit of time.
+/// The options of a small world with exact priors: 6 training cameras all around and 2 between them, 24 frames over 1
+/// unit of time.
 pub fn small(world: World) -> ExtrapolationOptions {
     ExtrapolationOptions {
         width: SIZE,
@@ -80,8 +83,8 @@ impl Film {
         Ok(Self { scene, train, test, cameras })
     }
 
-    /// The data set of the first photos up to the time `seen`, by `count` training cameras spread evenly. Points are those of the priors of
-    /// these cameras alone.
+    /// The data set of the first photos up to the time `seen`, by `count` training cameras spread evenly. Points are
+    /// those of the priors of these cameras alone.
     pub fn seen(&self, count: usize, seen: f64) -> Scene {
         let count = count.min(self.cameras.len());
         let chosen: Vec<&String> = (0..count).map(|index| &self.cameras[index * self.cameras.len() / count]).collect();

@@ -1,22 +1,22 @@
-//! How many Gaussians and colours do few cameras determine? More of either fit the photos that are seen and not those that are held out.
+//! How many Gaussians and colours do few cameras determine? More of either fit the photos that are seen and not those
+//! that are held out.
 
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS_QUICK, Trial, means, scores, small};
 use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "views",
-    question: "2, 3, 5, 9 and 15 training cameras, Gaussians from few to many, colours of degree 0 to 2: where does more of them make held-out \
-               cameras worse?",
-    steps: |quick| if quick { 4 * STEPS_QUICK } else { COUNTS.len() * (CAPS.len() + DEGREES.len() - 1) * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "views",
+    "2, 3, 5, 9 and 15 training cameras, Gaussians from few to many, colours of degree 0 to 2: where does more of them \
+     make held-out cameras worse?",
+    |quick| if quick { 4 * STEPS_QUICK } else { COUNTS.len() * (CAPS.len() + DEGREES.len() - 1) * STEPS },
     run,
-};
+);
 
 /// Steps of a run; the many runs of this experiment are shorter than those of others.
 const STEPS: usize = 600;
@@ -31,19 +31,22 @@ const CAPS: [usize; 3] = [300, 1000, 3000];
 /// Degrees of the colours, with the middle cap.
 const DEGREES: [usize; 3] = [0, 1, 2];
 
-/// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the motion.
+/// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the
+/// motion.
 const SEEN: f64 = 0.75;
 
 /// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that are asked of seeds.
 const CAP_BOUND: f64 = 0.6;
 
-/// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: what is asked of seeds.
+/// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: what is asked
+/// of seeds.
 const DEGREE_BOUND: f64 = 0.3;
 
 /// Cameras up to which colours of degree 0 must do.
 const FEW: usize = 5;
 
-/// Least gain of 15 cameras over 2, dB: with seven times the cameras anything less would mean that cameras are not what is missing.
+/// Least gain of 15 cameras over 2, dB: with seven times the cameras anything less would mean that cameras are not what
+/// is missing.
 const CAMERAS_BOUND: f64 = 3.0;
 
 /// A run.
@@ -58,7 +61,7 @@ struct Point {
     train: f64,
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &ExtrapolationOptions { cameras: 18, held_out: 3, ..small(World::Slider) })?;
     let counts: &[usize] = lab.either(&COUNTS, &COUNTS_QUICK);
     let caps: &[usize] = lab.either(&CAPS, &CAPS[1..2]);
@@ -72,9 +75,10 @@ fn run(lab: &Lab) -> Result<Findings> {
             points.push(point(lab, &film, (*cameras, CAPS[1], *degree))?);
         }
     }
-    let mut found = Findings { criteria: criteria(&points), figures: charts(&points, counts), notes: Vec::new() };
+    judge(found, &points);
+    charts(found, &points, counts);
     found.notes.extend(counts.iter().map(|cameras| gap(&points, *cameras)));
-    Ok(found)
+    Ok(())
 }
 
 fn point(lab: &Lab, film: &Film, (cameras, cap, degree): (usize, usize, usize)) -> Result<Point> {
@@ -93,8 +97,7 @@ fn test_of(points: &[Point], cameras: usize, cap: usize, degree: usize) -> Optio
     points.iter().find(is_it).map(|point| point.test)
 }
 
-fn criteria(points: &[Point]) -> Vec<Criterion> {
-    let mut criteria = Vec::new();
+fn judge(found: &mut Findings, points: &[Point]) {
     let counts = || points.iter().map(|point| point.cameras);
     let lost_by_cap = COUNTS.iter().filter_map(|cameras| {
         let best = largest(CAPS.iter().filter_map(|cap| test_of(points, *cameras, *cap, 0)))?;
@@ -103,21 +106,20 @@ fn criteria(points: &[Point]) -> Vec<Criterion> {
     let lost_by_cap: Vec<f64> = lost_by_cap.collect();
     if !lost_by_cap.is_empty() {
         let what = "most Gaussians: PSNR of held-out cameras below that of the best cap, worst count of cameras";
-        criteria.push(Criterion::at_most(what, largest(lost_by_cap), CAP_BOUND, "dB"));
+        found.at_most(what, largest(lost_by_cap), CAP_BOUND, "dB");
     }
     let lost_by_degree = COUNTS.iter().filter(|cameras| **cameras <= FEW).filter_map(|cameras| {
         let rich = largest([1, 2].iter().filter_map(|degree| test_of(points, *cameras, CAPS[1], *degree)))?;
         Some(rich - test_of(points, *cameras, CAPS[1], 0)?)
     });
     let what = "colours of degree 0: PSNR of held-out cameras below that of degree 1 or 2, 5 cameras or fewer";
-    criteria.push(Criterion::at_most(what, largest(lost_by_degree), DEGREE_BOUND, "dB"));
+    found.at_most(what, largest(lost_by_degree), DEGREE_BOUND, "dB");
     if let (Some(few), Some(many)) = (counts().min(), counts().max()) {
         let gain =
             test_of(points, many, CAPS[1], 0).zip(test_of(points, few, CAPS[1], 0)).map(|(many, few)| many - few);
         let what = format!("PSNR of held-out cameras, {many} training cameras above {few}");
-        criteria.push(Criterion::at_least(what, gain, CAMERAS_BOUND, "dB"));
+        found.at_least(what, gain, CAMERAS_BOUND, "dB");
     }
-    criteria
 }
 
 /// Train and test of one count of cameras in a sentence.
@@ -132,7 +134,7 @@ fn gap(points: &[Point], cameras: usize) -> String {
     format!("{cameras} cameras, PSNR of seen and held-out photos, dB: {all}. The smallest gap is {lowest:.2} dB.")
 }
 
-fn charts(points: &[Point], counts: &[usize]) -> Vec<(&'static str, Chart)> {
+fn charts(found: &mut Findings, points: &[Point], counts: &[usize]) {
     let curve = |cameras: usize, keep: &dyn Fn(&Point) -> bool, x: &dyn Fn(&Point) -> f64| {
         let kept = points.iter().filter(|point| point.cameras == cameras && keep(point));
         Series::line_and_dots(&format!("{cameras} cameras"), kept.map(|point| (x(point), point.test)).collect())
@@ -141,17 +143,10 @@ fn charts(points: &[Point], counts: &[usize]) -> Vec<(&'static str, Chart)> {
         counts.iter().map(|cameras| curve(*cameras, keep, x)).collect()
     };
     let y = "PSNR of held-out cameras, dB";
-    let count = Chart {
-        title: "Held-out cameras by number of Gaussians, colours of degree 0".into(),
-        x: "log10 of the number of Gaussians".into(),
-        y: y.into(),
-        series: by(&|point| point.degree == 0, &|point| (point.gaussians as f64).log10()),
-    };
-    let degree = Chart {
-        title: format!("Held-out cameras by degree of colours, at most {} Gaussians", CAPS[1]),
-        x: "degree of spherical harmonics".into(),
-        y: y.into(),
-        series: by(&|point| point.cap == CAPS[1], &|point| point.degree as f64),
-    };
-    vec![("count", count), ("degree", degree)]
+    let title = "Held-out cameras by number of Gaussians, colours of degree 0";
+    let count = by(&|point| point.degree == 0, &|point| (point.gaussians as f64).log10());
+    found.chart("count", title, ["log10 of the number of Gaussians", y], count);
+    let title = format!("Held-out cameras by degree of colours, at most {} Gaussians", CAPS[1]);
+    let degree = by(&|point| point.cap == CAPS[1], &|point| point.degree as f64);
+    found.chart("degree", title, ["degree of spherical harmonics", y], degree);
 }

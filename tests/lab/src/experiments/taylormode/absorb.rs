@@ -1,5 +1,5 @@
-//! Does the blur model absorb the scene's own blur? A blur model that explains the photos perfectly can leave the scene as blurry
-//! as they are.
+//! Does the blur model absorb the scene's own blur? A blur model that explains the photos perfectly can leave the scene
+//! as blurry as they are.
 
 use anyhow::Result;
 use gs_burn::render;
@@ -9,22 +9,21 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::metrics::psnr_of_mse;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::lab::{Session, moving_psnr, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "absorb",
-    question: "Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the \
-               photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them \
-               unchanged?",
-    steps: |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "absorb",
+    "Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the \
+     photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them \
+     unchanged?",
+    |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
     run,
-};
+);
 
 const STEPS: usize = 960;
 const STEPS_QUICK: usize = 60;
@@ -32,8 +31,8 @@ const STEPS_QUICK: usize = 60;
 /// Measurements along a run.
 const LOOKS: usize = 6;
 
-/// Formations of a blurry photo, with the changes to the lab's recipe: the exact formation, the paper's warp with its weights
-/// network, and no blur model. None uses a pseudo-sharp photo, which would keep any scene sharp.
+/// Formations of a blurry photo, with the changes to the lab's recipe: the exact formation, the paper's warp with its
+/// weights network, and no blur model. None uses a pseudo-sharp photo, which would keep any scene sharp.
 const MODES: [(&str, &[&str]); 3] = [
     ("integrate", &["blur.mode=integrate", "prior.pseudo=false"]),
     ("warp", &["blur.mode=warp", "blur.decouple=true", "blur.samples=7", "prior.pseudo=false"]),
@@ -49,7 +48,7 @@ struct Trained {
     blur: f64,
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let blurry = lab.world(&small(World::Cube, 6))?;
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Cube, 6) })?;
     let train = |scene: &Scene| -> Result<Vec<Trained>> {
@@ -57,52 +56,35 @@ fn run(lab: &Lab) -> Result<Findings> {
     };
     let (on_blurry, on_sharp) = (train(&blurry)?, train(&sharp)?);
     let last = |trained: &Trained| trained.sharp.last().map_or(f64::NAN, |(_, psnr)| *psnr);
-    let mut criteria = Vec::new();
     for (index, (name, _)) in MODES.iter().enumerate().take(2) {
         let gain = last(&on_blurry[index]) - last(&on_blurry[2]);
         let what = format!("{name}: sharp PSNR of moving parts above that without a blur model");
-        criteria.push(Criterion::at_least(what, Some(gain), 0.0, "dB"));
+        found.at_least(what, gain, 0.0, "dB");
     }
     for (index, (name, _)) in MODES.iter().enumerate().take(2) {
         let what = format!("{name}, sharp photos: mean change that the blur makes to moving pixels, of 1");
-        criteria.push(Criterion::at_most(what, Some(on_sharp[index].blur), 0.02, ""));
+        found.at_most(what, on_sharp[index].blur, 0.02, "");
         let gain = last(&on_sharp[index]) - last(&on_sharp[2]);
         let what = format!("{name}, sharp photos: PSNR of moving parts against that without a blur model");
-        criteria.push(Criterion::at_least(what, Some(gain), -0.1, "dB"));
+        found.at_least(what, gain, -0.1, "dB");
     }
     let lines = |trained: Vec<Trained>, points: fn(Trained) -> Vec<(f64, f64)>| -> Vec<Series> {
         let named = MODES.iter().zip(trained);
         named.map(|((name, _), trained)| Series::line_and_dots(name, points(trained))).collect()
     };
-    Ok(Findings {
-        criteria,
-        figures: vec![
-            (
-                "",
-                Chart {
-                    title: "Forming the photos against being sharp".into(),
-                    x: "training photos as the run forms them, PSNR of moving parts, dB".into(),
-                    y: "sharp PSNR of moving parts, dB".into(),
-                    series: lines(on_blurry, |trained| trained.along),
-                },
-            ),
-            (
-                "null",
-                Chart {
-                    title: "Null test: photos without blur".into(),
-                    x: "step".into(),
-                    y: "sharp PSNR of moving parts, dB".into(),
-                    series: lines(on_sharp, |trained| trained.sharp),
-                },
-            ),
-        ],
-        notes: vec![
-            "The set of sharp photos says that its exposure is 0, so runs begin with half a frame interval and must find that \
-             there is none."
-                .into(),
-            "What a weight network gives away from the exposure's centre is measured by what that does to the image.".into(),
-        ],
-    })
+    let y = "sharp PSNR of moving parts, dB";
+    let x = "training photos as the run forms them, PSNR of moving parts, dB";
+    let along = lines(on_blurry, |trained| trained.along);
+    found.chart("", "Forming the photos against being sharp", [x, y], along);
+    found.chart("null", "Null test: photos without blur", ["step", y], lines(on_sharp, |trained| trained.sharp));
+    found.note(
+        "The set of sharp photos says that its exposure is 0, so runs begin with half a frame interval and must find \
+         that there is none.",
+    );
+    found.note(
+        "What a weight network gives away from the exposure's centre is measured by what that does to the image.",
+    );
+    Ok(())
 }
 
 fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {

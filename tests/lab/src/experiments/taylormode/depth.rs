@@ -1,29 +1,28 @@
-//! What does a wrong depth prior cost? Networks estimate depth or disparity up to a scale and a shift that differ between photos,
-//! and some pixels are outliers.
+//! What does a wrong depth prior cost? Networks estimate depth or disparity up to a scale and a shift that differ
+//! between photos, and some pixels are outliers.
 
 use anyhow::Result;
 use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
 use gs_pipelines::taylormode::forward::in_space;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::Trial;
 use crate::experiments::findings::largest;
 use crate::experiments::lab::small;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "depth",
-    question: "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does it \
-               cost fitted per photo, fitted once for all photos, by correlation alone, and believed?",
-    steps: |quick| if quick { 5 * STEPS_QUICK } else { 19 * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "depth",
+    "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does \
+     it cost fitted per photo, fitted once for all photos, by correlation alone, and believed?",
+    |quick| if quick { 5 * STEPS_QUICK } else { 19 * STEPS },
     run,
-};
+);
 
 const STEPS: usize = 480;
 const STEPS_QUICK: usize = 40;
@@ -34,8 +33,8 @@ const AFFINE: f64 = 0.6;
 /// Share of pixels whose value is replaced by that of another pixel.
 const OUTLIERS: f64 = 0.2;
 
-/// Ten times the recipe's weight of depth: at the recipe's own, errors of depth have almost no effect on these worlds, aligned or
-/// not.
+/// Ten times the recipe's weight of depth: at the recipe's own, errors of depth have almost no effect on these worlds,
+/// aligned or not.
 const WEIGHT: &str = "prior.depth=0.2";
 
 #[derive(Clone, Copy)]
@@ -60,7 +59,7 @@ enum Fit {
     Absolute,
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Monkey, 6))?;
     let none = psnr(lab, &with_prior(&scene, None), Fit::Absolute)?;
     let levels: &[f64] = lab.either(&[0.0, 0.5, 1.0], &[0.0, 1.0]);
@@ -81,30 +80,29 @@ fn run(lab: &Lab) -> Result<Findings> {
     // Relative to the same loss on true values, because fitting scale and shift costs something even if both are right.
     let worst = |points: &[(f64, f64)], base: f64| largest(points.iter().map(|(_, psnr)| (psnr - base).abs()));
     let aligned = "change of PSNR from true values, aligned";
-    let mut criteria =
-        vec![Criterion::at_most(format!("affine error in depth: {aligned}"), worst(&depth, depth[0].1), 0.1, "dB")];
+    found.at_most(format!("affine error in depth: {aligned}"), worst(&depth, depth[0].1), 0.1, "dB");
     if let Some((_, base)) = disparity.first() {
         let what = format!("affine error in disparity: {aligned}");
-        criteria.push(Criterion::at_most(what, worst(&disparity, *base), 0.1, "dB"));
+        found.at_most(what, worst(&disparity, *base), 0.1, "dB");
         let what = format!("20 % outliers as well: {aligned}");
-        criteria.push(Criterion::at_most(what, worst(&outliers, depth[0].1), 0.3, "dB"));
+        found.at_most(what, worst(&outliers, depth[0].1), 0.3, "dB");
     }
     let at_worst = |points: &[(f64, f64)]| points.last().map_or(f64::NAN, |(_, psnr)| *psnr);
     let others = format!(
-        "At the largest errors: {:.2} dB fitted per photo, {:.2} dB with one fit for all (to the true depth), {:.2} dB by correlation, \
-         {:.2} dB believed.",
+        "At the largest errors: {:.2} dB fitted per photo, {:.2} dB with one fit for all (to the true depth), {:.2} dB \
+         by correlation, {:.2} dB believed.",
         at_worst(&depth),
         at_worst(&global),
         at_worst(&correlated),
         at_worst(&taken)
     );
     let note = format!(
-        "Without any depth {none:.2} dB, with the true one {:.2} dB, with that but fitted {:.2} dB; every run is of the whole \
-         image, held-out camera.",
+        "Without any depth {none:.2} dB, with the true one {:.2} dB, with that but fitted {:.2} dB; every run is of \
+         the whole image, held-out camera.",
         taken[0].1, depth[0].1
     );
     let without = levels.iter().map(|level| (*level, none)).collect();
-    let series = vec![
+    let series = [
         Series::line_and_dots("affine in depth, aligned", depth),
         Series::line_and_dots("affine in disparity, aligned", disparity),
         Series::line_and_dots("affine and 20 % outliers, aligned", outliers),
@@ -113,19 +111,13 @@ fn run(lab: &Lab) -> Result<Findings> {
         Series::line_and_dots("affine in depth, not aligned", taken),
         Series::line("no depth prior", without),
     ];
-    Ok(Findings {
-        criteria,
-        figures: vec![(
-            "",
-            Chart {
-                title: "What a wrong depth prior costs".into(),
-                x: "size of scale and shift errors".into(),
-                y: "PSNR, dB".into(),
-                series: series.into_iter().filter(Series::is_visible).collect(),
-            },
-        )],
-        notes: if lab.quick { vec![note] } else { vec![note, others] },
-    })
+    found.note(note);
+    if !lab.quick {
+        found.note(others);
+    }
+    let visible = series.into_iter().filter(Series::is_visible);
+    found.chart("", "What a wrong depth prior costs", ["size of scale and shift errors", "PSNR, dB"], visible);
+    Ok(())
 }
 
 fn psnr(lab: &Lab, scene: &Scene, fit: Fit) -> Result<f64> {

@@ -1,5 +1,5 @@
-//! Does blur determine the direction of motion? With a symmetric exposure and straight motion, v and -v give the same blur, so one
-//! frame cannot; two can.
+//! Does blur determine the direction of motion? With a symmetric exposure and straight motion, v and -v give the same
+//! blur, so one frame cannot; two can.
 
 use anyhow::Result;
 use burn::module::Param;
@@ -10,34 +10,35 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::cues::find_cues;
 use gs_train::fit::parameters::from_host;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use super::surface::on_surface;
 use crate::experiments::findings::{largest, smallest};
 use crate::experiments::lab::small;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "direction",
-    question: "Paths begin with minus the velocity that the masks say: from how many frames on does training turn them round?",
-    steps: |quick| if quick { 3 * STEPS_QUICK } else { 15 * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "direction",
+    "Paths begin with minus the velocity that the masks say: from how many frames on does training turn them round?",
+    |quick| if quick { 3 * STEPS_QUICK } else { 15 * STEPS },
     run,
-};
+);
 
 const STEPS: usize = 1000;
 const STEPS_QUICK: usize = 100;
 
-/// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The object's texture repeats
-/// every 3.4 pixels; a start at minus the velocity is wrong by twice the motion.
+/// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The object's
+/// texture repeats every 3.4 pixels; a start at minus the velocity is wrong by twice the motion.
 const SPEEDS: [(f64, &str); 3] =
     [(0.125, "0.8 pixels a frame"), (0.25, "1.7 pixels a frame"), (0.5, "3.3 pixels a frame")];
 
-fn run(lab: &Lab) -> Result<Findings> {
+/// The share that a bound is on.
+const TURNED: &str = "Gaussians with the right sign after a start at minus the velocity, two or more frames, at worst";
+
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let counts: &[usize] = lab.either(&[1, 2, 3, 5], &[1, 2]);
-    let mut found = Findings::default();
     let (mut series, mut one) = (Vec::new(), Vec::new());
     for (speed, pixels) in lab.either(&SPEEDS[..], &SPEEDS[..1]) {
         let options = DeblurOptions { speed: *speed, priors: PriorFaults::none(), ..small(World::Cube, 8) };
@@ -46,41 +47,28 @@ fn run(lab: &Lab) -> Result<Findings> {
         let points: Vec<(f64, f64)> = counts.iter().map(percent).collect::<Result<_>>()?;
         let kept = 100.0 * turned(lab, &scene, 1, 1.0)?;
         one.push(0.5 * (points[0].1 + kept));
-        found.notes.push(format!(
-            "{pixels}, one frame: {:.0} % have the right sign after a start at minus the velocity, {kept:.0} % after one at the \
-             velocity.",
+        found.note(format!(
+            "{pixels}, one frame: {:.0} % have the right sign after a start at minus the velocity, {kept:.0} % after \
+             one at the velocity.",
             points[0].1
         ));
-        found.criteria.push(Criterion::at_least(
-            format!("{pixels}: Gaussians with the right sign after a start at minus the velocity, two or more frames, at worst"),
-            smallest(points[1..].iter().map(|(_, share)| *share)),
-            99.0,
-            "%",
-        ));
+        found.at_least(format!("{pixels}: {TURNED}"), smallest(points[1..].iter().map(|(_, share)| *share)), 99.0, "%");
         series.push(Series::line_and_dots(pixels, points));
     }
     let chance = "one frame, mean of starts at plus and at minus: no more than chance, farthest from 50";
     let farthest = largest(one.iter().map(|share| (share - 50.0).abs()));
-    found.criteria.push(Criterion::at_most(chance, farthest, 15.0, "%"));
-    found.notes.push(
-        "Ordinary runs begin on the path of the masks' centre, which has the right sign; this is what happens where that is not \
-         known. Only Gaussians on a surface that a photo shows are counted."
-            .into(),
+    found.at_most(chance, farthest, 15.0, "%");
+    found.note(
+        "Ordinary runs begin on the path of the masks' centre, which has the right sign; this is what happens where \
+         that is not known. Only Gaussians on a surface that a photo shows are counted.",
     );
-    found.figures.push((
-        "",
-        Chart {
-            title: "Right direction after a start at minus the velocity".into(),
-            x: "frames".into(),
-            y: "Gaussians with the right sign, %".into(),
-            series,
-        },
-    ));
-    Ok(found)
+    let axes = ["frames", "Gaussians with the right sign, %"];
+    found.chart("", "Right direction after a start at minus the velocity", axes, series);
+    Ok(())
 }
 
-/// Share of the Gaussians whose velocity has the true direction after training on `count` frames of each camera, from an initial
-/// velocity of `sign` times that of the masks' centre.
+/// Share of the Gaussians whose velocity has the true direction after training on `count` frames of each camera, from
+/// an initial velocity of `sign` times that of the masks' centre.
 fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
     let part = frames(scene, count);
     let steps = lab.either(STEPS, STEPS_QUICK);

@@ -1,5 +1,5 @@
-//! How does a Taylor path diverge outside the window it was fitted in? Arithmetic alone, through the trainer's own paths
-//! (`TaylorMotion`), so that their continuation beyond the window is measured.
+//! How does a Taylor path diverge outside the window it was fitted in? Arithmetic alone, through the trainer's own
+//! paths (`TaylorMotion`), so that their continuation beyond the window is measured.
 
 use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -10,20 +10,18 @@ use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
 use gs_multiview::{Centre, Track, Trajectory};
 use gs_pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 use gs_train::fit::parameters::{from_host, to_host};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "divergence",
-    question: "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how far \
-               off are they inside the window, how far beyond it, and does the remainder vanish faster than the last power?",
-    steps: |_| 0,
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::untrained(
+    "divergence",
+    "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how \
+     far off are they inside the window, how far beyond it, and does the remainder vanish faster than the last power?",
     run,
-};
+);
 
 /// Fitted orders.
 const ORDERS: std::ops::RangeInclusive<usize> = 0..=5;
@@ -50,9 +48,8 @@ const PATHS: [Path; 4] = [
     Path { name: "bounce", position: |s| [0.5 * s, 0.0, (2.0 * s).sin().abs()] },
 ];
 
-fn run(_: &Lab) -> Result<Findings> {
+fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     let device = gs_burn::device::select("auto")?;
-    let mut found = Findings::default();
     let (mut inside, mut outside, mut outside_rest, mut outside_kinked) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for path in &PATHS {
@@ -74,38 +71,35 @@ fn run(_: &Lab) -> Result<Findings> {
             let [mean, most] = fit.errors_outside();
             outside_kinked.push((mean / line_mean).max(most / line_most));
         }
-        found.figures.push((path.name, fan(path, &fits, kinked.as_ref())));
+        fan(found, path, &fits, kinked.as_ref());
     }
     for (name, best, best_rest, kinked) in inside {
-        found.criteria.push(Criterion::at_most(
+        found.at_most(
             format!("{name}: largest error inside the window by the best path, shares of the object's size"),
             Some(best.min(best_rest).min(kinked)),
             0.01,
             "",
-        ));
+        );
         let kinks = if kinked.is_nan() { "no kink is found".into() } else { format!("{kinked:.4} with kinks") };
-        found.notes.push(format!("{name}: {best:.4} without the remainder, {best_rest:.4} with it, {kinks}."));
+        found.note(format!("{name}: {best:.4} without the remainder, {best_rest:.4} with it, {kinks}."));
     }
     let worst = "error over 1 < |s| < 3, mean and largest, against that of order 1, at worst";
-    found.criteria.push(Criterion::at_most(format!("orders 2 to 5: {worst}"), largest(outside), 1.1, "times"));
-    let rest = Criterion::at_most(format!("the same with the remainder: {worst}"), largest(outside_rest), 1.1, "times");
-    found.criteria.push(rest);
-    let kinks = Criterion::at_most(format!("the same with kinks: {worst}"), largest(outside_kinked), 1.1, "times");
-    found.criteria.push(kinks);
-    found.notes.push(
-        "With the remainder, the worst beyond the window is the bounce at order 5: eleven unknowns from sixteen frames follow the \
-         kink so closely that they overshoot at the window's ends. The trainer's network is not free to do so, and the remainder is \
-         in use only where the best polynomial leaves a pattern."
-            .into(),
+    found.at_most(format!("orders 2 to 5: {worst}"), largest(outside), 1.1, "times");
+    found.at_most(format!("the same with the remainder: {worst}"), largest(outside_rest), 1.1, "times");
+    found.at_most(format!("the same with kinks: {worst}"), largest(outside_kinked), 1.1, "times");
+    found.note(
+        "With the remainder, the worst beyond the window is the bounce at order 5: eleven unknowns from sixteen frames \
+         follow the kink so closely that they overshoot at the window's ends. The trainer's network is not free to do \
+         so, and the remainder is in use only where the best polynomial leaves a pattern.",
     );
     let slopes = (1..=5).map(|order| remainder_slope(order, &device) - order as f64);
-    found.criteria.push(Criterion::above(
+    found.above(
         "slope of the remainder in a log-log plot as t goes to t0, less the path's order, at worst",
         smallest(slopes),
         0.0,
         "",
-    ));
-    Ok(found)
+    );
+    Ok(())
 }
 
 /// A path fitted to the frames.
@@ -143,8 +137,8 @@ impl Fit {
         Self { path: path.position, constant: solved[0], motion }
     }
 
-    /// The trainer's procedure: order and kinks by BIC, expanded at the frame nearest the middle without a contact; `None` if no
-    /// kink is found.
+    /// The trainer's procedure: order and kinks by BIC, expanded at the frame nearest the middle without a contact;
+    /// `None` if no kink is found.
     fn with_kinks(path: &Path, device: &Device) -> Option<Self> {
         let frames = (0..FRAMES).map(|frame| (frame as f64 + 0.5) * 2.0 / FRAMES as f64 - 1.0);
         let seen = |t| Centre { t, position: (path.position)(t).into(), residual_px: 0.0, cameras: FRAMES };
@@ -205,7 +199,7 @@ fn remainder_slope(order: usize, device: &Device) -> f64 {
 }
 
 /// Error over |s| by order, for the highest order with the remainder, and with kinks.
-fn fan(path: &Path, fits: &[[Fit; 2]], kinked: Option<&Fit>) -> Chart {
+fn fan(found: &mut Findings, path: &Path, fits: &[[Fit; 2]], kinked: Option<&Fit>) {
     let curve = |fit: &Fit| -> Vec<(f64, f64)> {
         let at = |i: i32| {
             let s = 3.0 * f64::from(i) / 120.0;
@@ -218,10 +212,6 @@ fn fan(path: &Path, fits: &[[Fit; 2]], kinked: Option<&Fit>) -> Chart {
         [1, 2, 3, 5].map(|order| Series::line(&format!("order {order}"), curve(&fits[order][0]))).to_vec();
     series.push(Series::line("order 5 and remainder", curve(&fits[5][1])));
     series.extend(kinked.map(|fit| Series::line("order and kinks by BIC", curve(fit))));
-    Chart {
-        title: format!("{}: a Taylor path in its window (up to 1) and beyond", path.name),
-        x: "|t - t0| / half window".into(),
-        y: "log10 of error / object size".into(),
-        series,
-    }
+    let title = format!("{}: a Taylor path in its window (up to 1) and beyond", path.name);
+    found.chart(path.name, title, ["|t - t0| / half window", "log10 of error / object size"], series);
 }

@@ -1,4 +1,5 @@
-//! Can exposure and speed be told apart? One frame determines only their product; successive frames determine the speed alone.
+//! Can exposure and speed be told apart? One frame determines only their product; successive frames determine the speed
+//! alone.
 
 use anyhow::Result;
 use burn::module::Param;
@@ -10,33 +11,33 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::figures::blur_over;
 use gs_train::fit::photos::to_tensor;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use super::surface::on_surface;
 use crate::experiments::findings::largest;
 use crate::experiments::lab::{Session, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "exposure",
-    question: "The exposure begins at 0.25 to 4 times the truth: is it found, and is its product with speed?",
-    steps: |quick| if quick { 2 * STEPS_QUICK } else { 5 * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "exposure",
+    "The exposure begins at 0.25 to 4 times the truth: is it found, and is its product with speed?",
+    |quick| if quick { 2 * STEPS_QUICK } else { 5 * STEPS },
     run,
-};
+);
 
 const STEPS: usize = 1600;
 const STEPS_QUICK: usize = 60;
 
-/// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of `base.toml`.
+/// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of
+/// `base.toml`.
 const RATE: &str = "blur.exposure_lr=5e-3";
 
 /// The same for a quick run, which has fewer steps.
 const RATE_QUICK: &str = "blur.exposure_lr=3e-2";
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let options = small(World::Cube, 6);
     let scene = lab.world(&options)?;
     let truth = options.exposure_time();
@@ -62,43 +63,22 @@ fn run(lab: &Lab) -> Result<Findings> {
         }
     }
     let worst = |points: &[(f64, f64)]| largest(points.iter().map(|(_, ratio)| 100.0 * (ratio - 1.0).abs()));
-    Ok(Findings {
-        criteria: vec![
-            Criterion::at_most("error of exposure times speed over all starts, at worst", worst(&products), 2.0, "%"),
-            Criterion::at_most("error of the exposure over all starts, at worst", worst(&taus), 5.0, "%"),
-        ],
-        figures: vec![
-            (
-                "found",
-                Chart {
-                    title: "Exposure and speed by where the exposure began".into(),
-                    x: "log2 of exposure at the start / truth".into(),
-                    y: "found / truth".into(),
-                    series: vec![
-                        Series::line_and_dots("exposure", taus),
-                        Series::line_and_dots("exposure x speed", products),
-                    ],
-                },
-            ),
-            (
-                "valley",
-                Chart {
-                    title: "Exposure times a, speed over a: only neighbouring frames object".into(),
-                    x: "log2 of a".into(),
-                    y: "difference of moving pixels / the smallest".into(),
-                    series: valley,
-                },
-            ),
-        ],
-        notes: vec![
-            "The speed is the median over Gaussians on the visible surface at t0, against the surface's own. The second figure takes \
-             the first run that began at the truth or above, and looks at the photos' moving pixels."
-                .into(),
-        ],
-    })
+    found.at_most("error of exposure times speed over all starts, at worst", worst(&products), 2.0, "%");
+    found.at_most("error of the exposure over all starts, at worst", worst(&taus), 5.0, "%");
+    let series = [Series::line_and_dots("exposure", taus), Series::line_and_dots("exposure x speed", products)];
+    let axes = ["log2 of exposure at the start / truth", "found / truth"];
+    found.chart("found", "Exposure and speed by where the exposure began", axes, series);
+    let title = "Exposure times a, speed over a: only neighbouring frames object";
+    found.chart("valley", title, ["log2 of a", "difference of moving pixels / the smallest"], valley);
+    found.note(
+        "The speed is the median over Gaussians on the visible surface at t0, against the surface's own. The second \
+         figure takes the first run that began at the truth or above, and looks at the photos' moving pixels.",
+    );
+    Ok(())
 }
 
-/// Difference of formed and given photos along the hyperbola of equal exposure times speed, in the middle frame and in all.
+/// Difference of formed and given photos along the hyperbola of equal exposure times speed, in the middle frame and in
+/// all.
 fn hyperbola(session: &Session<Taylormode>, scene: &Scene) -> Vec<Series> {
     let (method, at) = (session.method(), session.fit.at());
     let (t0, exposure) = (method.motion.window.t0, method.exposure_on_host());

@@ -3,30 +3,29 @@
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::largest;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "masks",
-    question: "True masks of what moves, eroded and dilated by up to 6 pixels of 96: what does it cost?",
-    steps: |quick| if quick { 3 * STEPS_QUICK } else { 7 * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "masks",
+    "True masks of what moves, eroded and dilated by up to 6 pixels of 96: what does it cost?",
+    |quick| if quick { 3 * STEPS_QUICK } else { 7 * STEPS },
     run,
-};
+);
 
 const STEPS: usize = 560;
 const STEPS_QUICK: usize = 40;
 
-/// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its outline by
-/// more than a tenth of that on either side is a poor one.
+/// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its
+/// outline by more than a tenth of that on either side is a poor one.
 const PROMISED: i32 = 2;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Cube, 6))?;
     let widths: &[i32] = lab.either(&[-6, -4, -2, 0, 2, 4, 6], &[-2, 0, 2]);
     let (mut moving, mut whole) = (Vec::new(), Vec::new());
@@ -42,41 +41,16 @@ fn run(lab: &Lab) -> Result<Findings> {
         largest(near.map(|(_, psnr)| exact - psnr))
     };
     let range = *widths.last().unwrap_or(&0);
-    Ok(Findings {
-        criteria: vec![
-            Criterion::at_most(
-                "loss in moving parts, masks wrong by up to 2 pixels",
-                loss(&moving, PROMISED),
-                1.0,
-                "dB",
-            ),
-            Criterion::at_most(
-                "loss over the whole image, masks wrong by up to 2 pixels",
-                loss(&whole, PROMISED),
-                0.5,
-                "dB",
-            ),
-        ],
-        figures: vec![(
-            "",
-            Chart {
-                title: "Masks too narrow and too wide".into(),
-                x: "pixels that masks are wider".into(),
-                y: "sharp PSNR, dB".into(),
-                series: vec![
-                    Series::line_and_dots("moving parts", moving.clone()),
-                    Series::line_and_dots("whole image", whole),
-                ],
-            },
-        )],
-        notes: vec![
-            format!(
-                "Up to {range} pixels wrong, moving parts lose {:.2} dB at most.",
-                loss(&moving, range).unwrap_or(f64::NAN)
-            ),
-            "The bounds were set before measuring, for errors of a usual segmentation.".into(),
-        ],
-    })
+    let what = "loss in moving parts, masks wrong by up to 2 pixels";
+    found.at_most(what, loss(&moving, PROMISED), 1.0, "dB");
+    let what = "loss over the whole image, masks wrong by up to 2 pixels";
+    found.at_most(what, loss(&whole, PROMISED), 0.5, "dB");
+    let worst = loss(&moving, range).unwrap_or(f64::NAN);
+    found.note(format!("Up to {range} pixels wrong, moving parts lose {worst:.2} dB at most."));
+    found.note("The bounds were set before measuring, for errors of a usual segmentation.");
+    let series = [Series::line_and_dots("moving parts", moving), Series::line_and_dots("whole image", whole)];
+    found.chart("", "Masks too narrow and too wide", ["pixels that masks are wider", "sharp PSNR, dB"], series);
+    Ok(())
 }
 
 /// The scene with its true masks as priors, dilated by `pixels`, or eroded if negative.

@@ -1,4 +1,5 @@
-//! What do opacity resets cost? Classic density control lowers all opacities at intervals; authors of deblurring methods avoid it.
+//! What do opacity resets cost? Classic density control lowers all opacities at intervals; authors of deblurring
+//! methods avoid it.
 
 use anyhow::Result;
 use gs_burn::render;
@@ -9,22 +10,21 @@ use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::fit::session::Data;
 use gs_train::run::metrics::psnr;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::trial::{SHARED, Trial};
 use crate::experiments::findings::largest;
 use crate::experiments::lab::{Session, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "opacity",
-    question: "Opacities reset, decaying or left alone under classic density control, in a blurry moving scene, a sharp \
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "opacity",
+    "Opacities reset, decaying or left alone under classic density control, in a blurry moving scene, a sharp \
                moving one and a static one: what does each cost during training and at the end?",
-    steps: |quick| 9 * if quick { STEPS_QUICK } else { STEPS },
-    on_request: false,
+    |quick| 9 * if quick { STEPS_QUICK } else { STEPS },
     run,
-};
+);
 
 const STEPS: usize = 900;
 const STEPS_QUICK: usize = 180;
@@ -32,8 +32,8 @@ const STEPS_QUICK: usize = 180;
 /// Steps between measurements.
 const EVERY: usize = 15;
 
-/// Smallest drop below the best PSNR so far that counts, dB, and its longest duration, steps: a policy that costs more is not
-/// recommended.
+/// Smallest drop below the best PSNR so far that counts, dB, and its longest duration, steps: a policy that costs more
+/// is not recommended.
 const DROP: f64 = 3.0;
 const LASTING: f64 = 300.0;
 
@@ -42,11 +42,10 @@ const BACKGROUND: &str = "data.background=[0.0, 0.0, 0.0]";
 
 const POLICIES: [&str; 3] = ["reset", "decay", "none"];
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let moving = lab.world(&small(World::Lychee, 6))?;
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Lychee, 6) })?;
     let static_scene = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
-    let mut found = Findings::default();
     let scenes: [(&str, &Scene, &[&str]); 3] = [
         ("moving", &moving, &[]),
         ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]),
@@ -62,27 +61,19 @@ fn run(lab: &Lab) -> Result<Findings> {
             .collect::<Result<_>>()?;
         let [reset, decay, none] = [0, 1, 2].map(|i| curves[i].last().map_or(f64::NAN, |(_, psnr)| *psnr));
         let what = format!("{name}: PSNR with decay above that with reset at the end");
-        found.criteria.push(Criterion::at_least(what, Some(decay - reset), -0.1, "dB"));
+        found.at_least(what, decay - reset, -0.1, "dB");
         let what = format!("{name}: longest fall of more than 3 dB, all policies");
-        found.criteria.push(Criterion::at_most(
-            what,
-            largest(curves.iter().map(|curve| longest_fall(curve))),
-            LASTING,
-            "steps",
-        ));
-        found
-            .notes
-            .push(format!("{name}: {reset:.2} dB with reset, {decay:.2} dB with decay, {none:.2} dB with neither."));
-        let series = POLICIES.iter().zip(curves).map(|(policy, curve)| Series::line(policy, curve)).collect();
-        let title = format!("Opacity policy, {name} scene");
-        let y = "held-out PSNR, dB".into();
-        found.figures.push((name, Chart { title, x: "step".into(), y, series }));
+        found.at_most(what, largest(curves.iter().map(|curve| longest_fall(curve))), LASTING, "steps");
+        found.note(format!("{name}: {reset:.2} dB with reset, {decay:.2} dB with decay, {none:.2} dB with neither."));
+        let series = POLICIES.iter().zip(curves).map(|(policy, curve)| Series::line(policy, curve));
+        found.chart(name, format!("Opacity policy, {name} scene"), ["step", "held-out PSNR, dB"], series);
     }
     let interval = reset_interval(lab);
-    found.notes.push(format!(
-        "Resets come every {interval} steps here, which is often; at the 3000 of the original recipe none would be seen."
+    found.note(format!(
+        "Resets come every {interval} steps here, which is often; at the 3000 of the original recipe none would be \
+         seen."
     ));
-    Ok(found)
+    Ok(())
 }
 
 /// Steps from one reset to the next: two in a run, with a third of it to recover from the second.

@@ -12,22 +12,21 @@ use gs_pipelines::taylormode::blur::expose;
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::camera;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::largest;
 use crate::experiments::lab::small;
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "samples",
-    question: "An exposure formed from 3 to 33 instants against one formed from 129: how wrong is it, by the pixels that things \
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "samples",
+    "An exposure formed from 3 to 33 instants against one formed from 129: how wrong is it, by the pixels that things \
                move from one instant to the next?",
-    steps: |quick| if quick { STEPS_QUICK } else { STEPS },
-    on_request: false,
+    |quick| if quick { STEPS_QUICK } else { STEPS },
     run,
-};
+);
 
 const STEPS: usize = 400;
 const STEPS_QUICK: usize = 40;
@@ -41,7 +40,7 @@ const BLURRED: f32 = 1.0 / 255.0;
 /// Share of the moving Gaussians that the pixels of motion bound; outliers do not count.
 const SHARE: f64 = 0.95;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Cube, 6))?;
     let trial = Trial::new(&scene, Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &[])?);
     let mut session = trial.begin(lab);
@@ -73,23 +72,14 @@ fn run(lab: &Lab) -> Result<Findings> {
         series.push(Series::line_and_dots(&format!("{factor} x the exposure"), points));
     }
     let what = "mean difference from 129 instants over blurred pixels, where things move at most 1 pixel an instant";
-    Ok(Findings {
-        criteria: vec![Criterion::at_most(what, largest(bound), 1.0, "/255")],
-        figures: vec![(
-            "",
-            Chart {
-                title: "Too few instants in an exposure".into(),
-                x: "pixels of motion per instant".into(),
-                y: "mean difference, 1/255".into(),
-                series,
-            },
-        )],
-        notes: vec![
-            "The mean is over pixels that the blur changes by more than 1/255, not over the whole image, most of which no \
-             motion reaches."
-                .into(),
-        ],
-    })
+    found.at_most(what, largest(bound), 1.0, "/255");
+    let axes = ["pixels of motion per instant", "mean difference, 1/255"];
+    found.chart("", "Too few instants in an exposure", axes, series);
+    found.note(
+        "The mean is over pixels that the blur changes by more than 1/255, not over the whole image, most of which no \
+         motion reaches.",
+    );
+    Ok(())
 }
 
 struct Former<'a> {
@@ -141,7 +131,8 @@ impl Former<'_> {
     }
 }
 
-/// Mean absolute difference of two images over the values in which the second differs from `sharp`; NaN if there is none.
+/// Mean absolute difference of two images over the values in which the second differs from `sharp`; NaN if there is
+/// none.
 fn mean_difference(image: &[f32], truth: &[f32], sharp: &[f32]) -> f64 {
     let blurred = (0..truth.len()).filter(|i| (truth[*i] - sharp[*i]).abs() > BLURRED);
     let (sum, count) =

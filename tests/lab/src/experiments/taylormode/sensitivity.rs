@@ -1,5 +1,5 @@
-//! What do the heuristics of inference cost if they are wrong by a factor of two? Each is halved and doubled, on synthetic worlds
-//! and on a data set of the user.
+//! What do the heuristics of inference cost if they are wrong by a factor of two? Each is halved and doubled, on
+//! synthetic worlds and on a data set of the user.
 
 use anyhow::Result;
 use gs_datasets::{Priors, Scene};
@@ -8,11 +8,11 @@ use gs_pipelines::taylormode::{Config, Taylormode};
 use gs_train::fit::method::Method;
 use gs_train::run::evaluate::Measured;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
 pub const EXPERIMENT: Experiment = Experiment {
@@ -65,8 +65,7 @@ struct Ground {
     is_small: bool,
 }
 
-fn run(lab: &Lab) -> Result<Findings> {
-    let mut found = Findings::default();
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     for ground in grounds(lab)? {
         let unchanged: Vec<[f64; 2]> =
             SEEDS.iter().map(|seed| psnr(lab, &ground, &format!("seed={seed}"))).collect::<Result<_>>()?;
@@ -75,7 +74,7 @@ fn run(lab: &Lab) -> Result<Findings> {
             let of = unchanged.iter().map(|psnr| psnr[part]);
             of.clone().fold(f64::NEG_INFINITY, f64::max) - of.fold(f64::INFINITY, f64::min)
         });
-        found.notes.push(format!(
+        found.note(format!(
             "{name}: {:.2} dB over the image and {:.2} dB in moving parts; three seeds spread by {:.2} and {:.2} dB.",
             base[0], base[1], spread[0], spread[1]
         ));
@@ -89,23 +88,19 @@ fn run(lab: &Lab) -> Result<Findings> {
                 changes.push([psnr[0] - base[0], psnr[1] - base[1]]);
             }
             let [[half_whole, half], [double_whole, double]] = [changes[0], changes[1]];
-            found.notes.push(format!(
-                "{name}, {key}: halved {half_whole:+.2} dB ({half:+.2} moving), doubled {double_whole:+.2} dB ({double:+.2} moving)."
+            found.note(format!(
+                "{name}, {key}: halved {half_whole:+.2} dB ({half:+.2} moving), doubled {double_whole:+.2} dB \
+                 ({double:+.2} moving)."
             ));
             let worst = half.abs().max(double.abs()).max(half_whole.abs()).max(double_whole.abs());
             let what = format!("{name}, {key}: largest change when halved or doubled");
-            found.criteria.push(Criterion::at_most(what, Some(worst), BOUND, "dB"));
+            found.at_most(what, worst, BOUND, "dB");
             series.push(Series::line_and_dots(key, vec![(-1.0, half), (0.0, 0.0), (1.0, double)]));
         }
-        let chart = Chart {
-            title: format!("Heuristics halved and doubled, {name}"),
-            x: "log2 of the factor".into(),
-            y: "change of PSNR in moving parts, dB".into(),
-            series,
-        };
-        found.figures.push((name, chart));
+        let title = format!("Heuristics halved and doubled, {name}");
+        found.chart(name, title, ["log2 of the factor", "change of PSNR in moving parts, dB"], series);
     }
-    Ok(found)
+    Ok(())
 }
 
 /// Photos alone: without points and priors everything must be inferred.

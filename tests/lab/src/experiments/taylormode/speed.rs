@@ -4,22 +4,21 @@ use anyhow::Result;
 use gs_base::median;
 use gs_datasets::Scene;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::smallest;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "speed",
-    question: "0 to 60 pixels of motion per exposure: what is left of the moving parts, with the exact formation and without a blur \
-               model?",
-    steps: |quick| if quick { 4 * STEPS_QUICK } else { 12 * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "speed",
+    "0 to 60 pixels of motion per exposure: what is left of the moving parts, with the exact formation and without a \
+     blur model?",
+    |quick| if quick { 4 * STEPS_QUICK } else { 12 * STEPS },
     run,
-};
+);
 
 const STEPS: usize = 600;
 const STEPS_QUICK: usize = 40;
@@ -27,7 +26,7 @@ const STEPS_QUICK: usize = 40;
 /// Differences below this are as likely from the order of sums as from the method, dB.
 const NOISE: f64 = 0.1;
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     // Frames are far apart in time here, so that 60 pixels of blur need no extreme speed.
     let speeds: &[f64] = lab.either(&[0.0, 0.5, 1.0, 2.0, 4.0, 6.0], &[0.0, 1.0]);
     let (mut with, mut without) = (Vec::new(), Vec::new());
@@ -46,30 +45,17 @@ fn run(lab: &Lab) -> Result<Findings> {
     let static_gain = gain.iter().find(|(pixels, _)| *pixels == 0.0).map(|(_, gain)| *gain);
     let ladder =
         gain.iter().map(|(pixels, gain)| format!("{gain:+.1} dB at {pixels:.0}")).collect::<Vec<_>>().join(", ");
-    Ok(Findings {
-        criteria: vec![
-            Criterion::at_least("gain over no blur model in moving parts at any speed, at worst", moving, -NOISE, "dB"),
-            Criterion::at_least("gain where nothing moves", static_gain, -NOISE, "dB"),
-        ],
-        figures: vec![(
-            "",
-            Chart {
-                title: "Motion per exposure".into(),
-                x: "pixels of motion per exposure (speed x exposure, mid-recording)".into(),
-                y: "sharp PSNR of moving parts, dB".into(),
-                series: vec![
-                    Series::line_and_dots("integrate", with),
-                    Series::line_and_dots("no blur model", without),
-                ],
-            },
-        )],
-        notes: vec![
-            format!("Gain by pixels of motion: {ladder}."),
-            "The object oscillates, so at the highest speeds it reverses within an exposure and a path of order 6 cannot follow \
-             from frame to frame: there the bound says only that trying does no harm."
-                .into(),
-        ],
-    })
+    found.at_least("gain over no blur model in moving parts at any speed, at worst", moving, -NOISE, "dB");
+    found.at_least("gain where nothing moves", static_gain, -NOISE, "dB");
+    let series = [Series::line_and_dots("integrate", with), Series::line_and_dots("no blur model", without)];
+    let x = "pixels of motion per exposure (speed x exposure, mid-recording)";
+    found.chart("", "Motion per exposure", [x, "sharp PSNR of moving parts, dB"], series);
+    found.note(format!("Gain by pixels of motion: {ladder}."));
+    found.note(
+        "The object oscillates, so at the highest speeds it reverses within an exposure and a path of order 6 cannot \
+         follow from frame to frame: there the bound says only that trying does no harm.",
+    );
+    Ok(())
 }
 
 fn sharp(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<f64> {

@@ -6,8 +6,9 @@ use gs_models::taylormode::TaylorScene;
 use gs_multiview::Pinhole;
 use gs_train::fit::parameters::to_host;
 
-/// A Gaussian lies on the visible surface if its depth is the true one up to this share: a tenth of a metre in the small worlds, a
-/// third of the objects' half width. Gaussians inside an object are visible in no photo, and nothing constrains them.
+/// A Gaussian lies on the visible surface if its depth is the true one up to this share: a tenth of a metre in the
+/// small worlds, a third of the objects' half width. Gaussians inside an object are visible in no photo, and nothing
+/// constrains them.
 const ON_SURFACE: f64 = 0.03;
 
 /// Opacity below which a Gaussian has little effect on any photo.

@@ -1,5 +1,5 @@
-//! Does early training displace Gaussians far? Deformation fields have moved points out of the scene if its unit was not the one
-//! they were tuned for.
+//! Does early training displace Gaussians far? Deformation fields have moved points out of the scene if its unit was
+//! not the one they were tuned for.
 
 use anyhow::Result;
 use burn::tensor::Tensor;
@@ -8,22 +8,21 @@ use gs_pipelines::taylormode::Config;
 use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::config::MaskSource;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::{Chart, Series};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::largest;
 use crate::experiments::lab::{Session, small};
-use crate::experiments::{Criterion, Experiment, Findings, Lab};
+use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "thrown",
-    question: "Scenes 1e-2 to 1e2 times as large, three seeds: does a step ever move a Gaussian far, anywhere in the recording, and is the \
-               deformation nothing before the first?",
-    steps: |quick| if quick { 2 * STEPS_QUICK } else { 5 * SEEDS.len() * STEPS },
-    on_request: false,
+pub const EXPERIMENT: Experiment = Experiment::new(
+    "thrown",
+    "Scenes 1e-2 to 1e2 times as large, three seeds: does a step ever move a Gaussian far, anywhere in the recording, \
+     and is the deformation nothing before the first?",
+    |quick| if quick { 2 * STEPS_QUICK } else { 5 * SEEDS.len() * STEPS },
     run,
-};
+);
 
 const STEPS: usize = 60;
 const STEPS_QUICK: usize = 30;
@@ -34,7 +33,7 @@ const SEEDS: [u64; 3] = [42, 43, 44];
 /// Times of the window at which positions are compared, normalised.
 const TIMES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 
-fn run(lab: &Lab) -> Result<Findings> {
+fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Sphere, 6))?;
     let exponents: &[i32] = lab.either(&[-2, -1, 0, 1, 2], &[-2, 2]);
     let (mut series, mut first, mut steps) = (Vec::new(), Vec::new(), Vec::new());
@@ -52,33 +51,24 @@ fn run(lab: &Lab) -> Result<Findings> {
         }
         series.push(Series::line(&format!("scale 1e{exponent}"), farthest));
     }
-    Ok(Findings {
-        criteria: vec![
-            Criterion::zero("displacement before the first step, remainder on, no path known", largest(first), ""),
-            Criterion::at_most("farthest that a step moved a Gaussian, share of the scene's extent", largest(steps), 0.01, ""),
-        ],
-        figures: vec![(
-            "",
-            Chart {
-                title: "Farthest that a step moves a Gaussian, of all seeds".into(),
-                x: "step".into(),
-                y: "share of the scene's extent".into(),
-                series,
-            },
-        )],
-        notes: vec![
-            "Positions are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in any run \
-             that does not know the scale."
-                .into(),
-            "Rates rise over the first tenth of the run: at its full rate Adam's first step would move every coefficient by all of \
-             it, and at the window's ends those of all orders add up."
-                .into(),
-        ],
-    })
+    found.zero("displacement before the first step, remainder on, no path known", largest(first), "");
+    found.at_most("farthest that a step moved a Gaussian, share of the scene's extent", largest(steps), 0.01, "");
+    let title = "Farthest that a step moves a Gaussian, of all seeds";
+    found.chart("", title, ["step", "share of the scene's extent"], series);
+    found.note(
+        "Positions are compared at five times over the whole window. The near plane stays at 0.01 scene units, as in \
+         any run that does not know the scale.",
+    );
+    found.note(
+        "Rates rise over the first tenth of the run: at its full rate Adam's first step would move every coefficient \
+         by all of it, and at the window's ends those of all orders add up.",
+    );
+    Ok(())
 }
 
 fn changes(seed: u64) -> Vec<String> {
-    // The count must be fixed and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their highest.
+    // The count must be fixed and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their
+    // highest.
     let fixed = [
         "density.strategy=none",
         "motion.select=false",

@@ -28,9 +28,9 @@ pub const SHARED: [&str; 15] = [
     "data.cache_mb=256",
 ];
 
-/// The common recipe of all runs on the small worlds: few Gaussians and few instants, because the images are small, and learning
-/// rates of the Gaussians several times higher than in a real run, because a few hundred steps must make a scene sharp enough for
-/// blur to matter. The rest is the base recipe.
+/// The common recipe of all runs on the small worlds: few Gaussians and few instants, because the images are small, and
+/// learning rates of the Gaussians several times higher than in a real run, because a few hundred steps must make a
+/// scene sharp enough for blur to matter. The rest is the base recipe.
 const MOVING: [&str; 3] = ["motion.points=800", "motion.select_every=50", "blur.samples=5"];
 
 /// A scene and its configuration.

@@ -1,7 +1,8 @@
 //! The budget: the smallest cap that is as good as the best, within the precision of the held-out views.
 //!
-//! "As good" is within one standard error of the mean PSNR over held-out views (the rule of Breiman et al. 1984 for pruning trees);
-//! the PSNR is that of moving parts if they were measured. Only runs that differ in their cap alone are compared.
+//! "As good" is within one standard error of the mean PSNR over held-out views (the rule of Breiman et al. 1984 for
+//! pruning trees); the PSNR is that of moving parts if they were measured. Only runs that differ in their cap alone are
+//! compared.
 
 use super::ComparedRun;
 use super::choice::mean_and_error;
@@ -11,8 +12,8 @@ use gs_train::run::evaluate::{Evaluation, ViewScores};
 /// The key of the cap.
 const CAP: &str = "density.cap";
 
-/// With fewer held-out views the standard error is itself known no better than to a half of it (chi-squared with three degrees of freedom),
-/// and the verdict says how few they are.
+/// With fewer held-out views the standard error is itself known no better than to a half of it (chi-squared with three
+/// degrees of freedom), and the verdict says how few they are.
 const VIEWS_MIN: usize = 4;
 
 /// The verdict on runs that differ in their cap alone, at least two; else `None`. In one sentence.
@@ -51,8 +52,8 @@ pub fn enough(runs: &[ComparedRun]) -> Option<String> {
     let reached = reached.eval.most_gaussians.unwrap_or(least.0);
     if reached < least.0 {
         return Some(format!(
-            "budget: no cap is needed: the run with a cap of {} stopped at {reached} Gaussians by itself, {:.2} dB{of}, {within}, \
-             {:.2} dB at {}{few}",
+            "budget: no cap is needed: the run with a cap of {} stopped at {reached} Gaussians by itself, {:.2} \
+             dB{of}, {within}, {:.2} dB at {}{few}",
             least.0, least.1, best.1, best.0
         ));
     }

@@ -7,8 +7,8 @@ use gs_train::run::evaluate::Evaluation;
 /// Counts of Gaussians that differ by less than this share are equal, and a chart over them would show nothing.
 const SAME_COUNT: f64 = 0.05;
 
-/// The PSNR of each run at its end, of moving parts where all measured them, over its Gaussians, or over seconds of training
-/// where the counts hardly differ.
+/// The PSNR of each run at its end, of moving parts where all measured them, over its Gaussians, or over seconds of
+/// training where the counts hardly differ.
 pub fn chart(runs: &[ComparedRun]) -> Chart {
     let ends: Vec<&Evaluation> = runs.iter().map(|run| &run.eval.last).collect();
     let counts: Vec<f64> = ends.iter().map(|end| end.measured.size.gaussians as f64).collect();

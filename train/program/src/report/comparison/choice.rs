@@ -1,6 +1,8 @@
-//! The choice of a model by a held-out split: the smallest that is as good as the best, within the precision of the split's images.
+//! The choice of a model by a held-out split: the smallest that is as good as the best, within the precision of the
+//! split's images.
 //!
-//! "As good" is within one standard error of the best run's mean PSNR over images (the rule of Breiman et al. 1984 for pruning trees).
+//! "As good" is within one standard error of the best run's mean PSNR over images (the rule of Breiman et al. 1984 for
+//! pruning trees).
 
 use super::Table;
 use gs_train::run::memory::megabytes;
@@ -35,8 +37,8 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The smallest of the candidates that are within one standard error of the best, the quicker one of equals; `None` if no candidate has
-    /// two images.
+    /// The smallest of the candidates that are within one standard error of the best, the quicker one of equals; `None`
+    /// if no candidate has two images.
     pub fn smallest(candidates: Vec<Candidate>, split: &str) -> Option<Self> {
         let figures: Vec<(f64, f64)> = candidates.iter().map(|candidate| mean_and_error(&candidate.scores)).collect();
         let known = |index: &usize| figures[*index].0.is_finite() && figures[*index].1.is_finite();
@@ -64,13 +66,14 @@ impl Choice {
         let images = best.scores.len();
         if self.chosen == self.best {
             return format!(
-                "chosen: {}, {psnr:.2} dB over {images} images of {}: no smaller one is within one standard error ({error:.2} dB)",
+                "chosen: {}, {psnr:.2} dB over {images} images of {}: no smaller one is within one standard error \
+                 ({error:.2} dB)",
                 chosen.name, self.split
             );
         }
         format!(
-            "chosen: {}, {psnr:.2} dB over {images} images of {}, within one standard error ({error:.2} dB) of the best, {} with \
-             {highest:.2} dB: {} instead of {} ({}), {:.1} s instead of {:.1} s ({}), at a cost of {:.2} dB",
+            "chosen: {}, {psnr:.2} dB over {images} images of {}, within one standard error ({error:.2} dB) of the \
+             best, {} with {highest:.2} dB: {} instead of {} ({}), {:.1} s instead of {:.1} s ({}), at a cost of {:.2} dB",
             chosen.name,
             self.split,
             best.name,

@@ -19,9 +19,9 @@ pub struct Gathered {
     pub warnings: Vec<String>,
 }
 
-/// Reads the runs at `paths`. Left out, with a warning, are folders without figures, unfinished runs, and runs on another data set
-/// than most (on a tie, than the first). Files that are not folders are skipped, so that `runs/*` may match what a chart wrote
-/// there.
+/// Reads the runs at `paths`. Left out, with a warning, are folders without figures, unfinished runs, and runs on
+/// another data set than most (on a tie, than the first). Files that are not folders are skipped, so that `runs/*` may
+/// match what a chart wrote there.
 ///
 /// # Errors
 /// When nothing is left; the sentence gives the reason for the first.

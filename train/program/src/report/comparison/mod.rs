@@ -1,7 +1,7 @@
 //! Runs beside each other: what a sweep needs to choose among its own, and what comparisons of many runs begin with.
 //!
-//! `gather` reads the runs, `table` has a row for each measurement, `chart` shows quality over cost, `budget` finds the smallest
-//! sufficient cap, `choice` the smallest sufficient model.
+//! `gather` reads the runs, `table` has a row for each measurement, `chart` shows quality over cost, `budget` finds the
+//! smallest sufficient cap, `choice` the smallest sufficient model.
 
 mod budget;
 mod chart;
@@ -56,8 +56,8 @@ impl ComparedRun {
     }
 }
 
-/// Whether every measurement has its processor time. Then that is the cost, because other work on the machine does not change it;
-/// otherwise wall-clock time is.
+/// Whether every measurement has its processor time. Then that is the cost, because other work on the machine does not
+/// change it; otherwise wall-clock time is.
 pub fn by_cpu(runs: &[ComparedRun]) -> bool {
     runs.iter().flat_map(ComparedRun::measurements).all(|e| e.cost.cpu_seconds.is_some())
 }
@@ -67,8 +67,8 @@ pub fn seconds(evaluation: &Evaluation, cpu: bool) -> f64 {
     evaluation.cost.cpu_seconds.filter(|_| cpu).unwrap_or(evaluation.cost.seconds)
 }
 
-/// For each point (cost, quality), whether no other is at least as cheap and at least as good, and better in one of the two. Points
-/// that are not finite are never on the front.
+/// For each point (cost, quality), whether no other is at least as cheap and at least as good, and better in one of the
+/// two. Points that are not finite are never on the front.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
     let finite = |(x, y): (f64, f64)| x.is_finite() && y.is_finite();
     let beats = |a: (f64, f64), b: (f64, f64)| finite(a) && a.0 <= b.0 && a.1 >= b.1 && a != b;

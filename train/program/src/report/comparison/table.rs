@@ -110,8 +110,8 @@ impl Table {
         self.rows.iter().fold(line(&self.columns) + &rule, |text, row| text + &line(row))
     }
 
-    /// Comma-separated values with a first line of names (RFC 4180). A cell that a spreadsheet would take for a formula begins with an
-    /// apostrophe.
+    /// Comma-separated values with a first line of names (RFC 4180). A cell that a spreadsheet would take for a formula
+    /// begins with an apostrophe.
     pub fn csv(&self) -> String {
         let cell = |cell: &String| {
             let cell = if is_formula(cell) { format!("'{cell}") } else { cell.clone() };
