@@ -7,7 +7,7 @@ use super::still::Still;
 use super::taylormode::bench as taylormode;
 use gs_train::config::Strategy;
 use gs_train::fit::bench::{Steps, photo_of, steps};
-use gs_train::fit::method::Method;
+use gs_train::fit::intake::Intake;
 use gs_train::fit::trainer::Model;
 
 /// A kind of training step.

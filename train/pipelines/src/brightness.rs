@@ -12,10 +12,13 @@ use gs_datasets::{Scene, View};
 use gs_train::config::{Config, FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::initialise::InitialGaussians;
+use gs_train::fit::intake::Intake;
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Method, Step, begin_static};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::{Extra, Photo};
+use gs_train::fit::saved::Saved;
+use gs_train::fit::told::Told;
 use gs_train::section;
 
 section! {
@@ -68,17 +71,9 @@ impl Brightness {
 
 impl Method for Brightness {
     const NAME: &'static str = "brightness";
-    const ANY_WIDTH: bool = true;
     type Config = Sections;
     type Cues = ();
     type Extra = Index;
-
-    fn defaults() -> FitConfig<Sections> {
-        let shared = Config { pipeline: Self::NAME.into(), ..Config::default() };
-        FitConfig { shared, method: Sections::default() }
-    }
-
-    fn cues(_scene: &Scene, _config: &FitConfig<Sections>) {}
 
     fn begin(scene: &Scene, at: &Step<Self>, device: &Device) -> (InitialGaussians, Self) {
         (begin_static(scene, at.config, at.facts), Self::of(scene.train.len(), device))
@@ -112,15 +107,20 @@ impl Method for Brightness {
     fn update(self, _: &Gaussians, gradients: &mut NamedGradients, adam: &mut Adam, at: &Step<Self>) -> Self {
         adam.update_under("method", self, gradients, |_| Some(AdamRate::new(at.config.method.brightness.lr)))
     }
+}
 
-    fn figures(&self, _: &Gaussians, _: &Scene, _: &[View], _: &Step<Self>) -> Figures {
-        let factors: Vec<f64> = to_host(self.factors()).into_iter().map(f64::from).collect();
-        let widest = |pick: fn(f64, f64) -> f64| factors.iter().copied().reduce(pick).unwrap_or(1.0);
-        let spread =
-            Figure::new("brightness_ratio", "brightest / darkest photo", widest(f64::max) / widest(f64::min), "");
-        Figures { numbers: vec![spread.digits(3).headline()], tables: Vec::new() }
+impl Intake for Brightness {
+    const ANY_WIDTH: bool = true;
+
+    fn defaults() -> FitConfig<Sections> {
+        let shared = Config { pipeline: Self::NAME.into(), ..Config::default() };
+        FitConfig { shared, method: Sections::default() }
     }
 
+    fn cues(_scene: &Scene, _config: &FitConfig<Sections>) {}
+}
+
+impl Saved for Brightness {
     fn frame(&self) -> serde_json::Value {
         serde_json::json!(self.gains.dims()[0])
     }
@@ -134,5 +134,15 @@ impl Method for Brightness {
     /// Takes all photos to be equally bright.
     fn at_rest(scene: &Scene, _: &Step<Self>, device: &Device) -> Result<Self, String> {
         Ok(Self::of(scene.train.len(), device))
+    }
+}
+
+impl Told for Brightness {
+    fn figures(&self, _: &Gaussians, _: &Scene, _: &[View], _: &Step<Self>) -> Figures {
+        let factors: Vec<f64> = to_host(self.factors()).into_iter().map(f64::from).collect();
+        let widest = |pick: fn(f64, f64) -> f64| factors.iter().copied().reduce(pick).unwrap_or(1.0);
+        let spread =
+            Figure::new("brightness_ratio", "brightest / darkest photo", widest(f64::max) / widest(f64::min), "");
+        Figures { numbers: vec![spread.digits(3).headline()], tables: Vec::new() }
     }
 }

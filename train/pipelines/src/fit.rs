@@ -13,16 +13,20 @@ use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
-use super::plan::{StepPlan, plan_steps};
-use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
+use super::plan::plan_steps;
+use super::{EvalRequest, Evaluated, Future, Opened, Pipeline};
 use gs_train::config::{Background, Config, ConfigError, FitConfig, tables};
 use gs_train::fit::facts::SceneFacts;
-use gs_train::fit::method::{ChartKey, Method, Step};
+use gs_train::fit::intake::Intake;
+use gs_train::fit::method::Step;
 use gs_train::fit::preflight::{
     check_pixels, few_points, judge_dataset, judge_scene, leave_out_few_points, near_warning, no_pixels,
 };
+use gs_train::fit::saved::Saved;
 use gs_train::fit::session::{Data, Session, Stepped};
 use gs_train::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
+use gs_train::fit::timetable::Timetable;
+use gs_train::fit::told::{ChartKey, Introduction, Told};
 use gs_train::fit::trainer::{Model, Trainer};
 use gs_train::run::checkpoint::{Checkpoint, Origin};
 use gs_train::run::ending::LastFiles;
@@ -39,14 +43,25 @@ use gs_train::run::resources::Stopwatch;
 use gs_train::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
 use gs_train::run::watch::{self, Ending, Job, Plan, Run};
 
+/// A method with everything that a pipeline needs of it.
+pub trait SceneMethod: Intake + Saved + Told {}
+
+impl<M: Intake + Saved + Told> SceneMethod for M {}
+
 /// The pipeline of a method.
 pub struct Fit<M> {
+    future: Option<&'static dyn Future>,
     method: PhantomData<fn() -> M>,
 }
 
 impl<M> Fit<M> {
-    /// The pipeline.
-    pub const NEW: Self = Self { method: PhantomData };
+    /// The pipeline of a method whose scenes have no future of their own.
+    pub const NEW: Self = Self { future: None, method: PhantomData };
+
+    /// The pipeline of a method with the future of its scenes.
+    pub const fn with_future(future: &'static dyn Future) -> Self {
+        Self { future: Some(future), method: PhantomData }
+    }
 }
 
 /// Refuses a scene that would outgrow the device's buffers, before anything is read.
@@ -61,32 +76,29 @@ fn check_capacity(config: &Config, device: &Device) -> Result<()> {
     Ok(())
 }
 
-/// Trains a scene: begin or resume, step until done while the run observes, measure, save, report.
-fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
+/// Trains a scene: begin or resume, step until done while the run observes, save, measure.
+fn fit<M: SceneMethod>(job: &Job, mut config: FitConfig<M::Config>) -> Result<Ending> {
     if let Some(outcome) = watch::finished(job, &config.to_toml()) {
         return Ok(Ending::Finished(outcome));
     }
-    let held = watch::enter(job)?;
-    check_capacity(config, &job.device)?;
-    let watch = Stopwatch::start();
-    // Photos, cues and initial Gaussians take from seconds to minutes.
-    progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
-    let mut scene = load::<M>(&job.dataset, config)?;
-    if let Some(fault) = judge_scene(&scene, &options::<M>(config)).warning() {
-        tracing::warn!("{fault}");
-        scene.warnings.push(fault);
-    }
-    let data = Data::<M>::new(scene, config);
+    let lock = watch::acquire_lock(job)?;
+    check_capacity(&config, &job.device)?;
+    let (data, spent) = read::<M>(job, &mut config)?;
+    let config = &config;
     let plan = plan::<M>(job, config, &data);
-    let trainer = resumed::<M>(job, config, &plan)?;
+    let watch = Stopwatch::start();
+    let trainer = newest::<M>(job, config, &plan)?;
     let mut session = Session::begin(&data, config, trainer, &job.device);
-    let mut run = Run::begin(job, plan, session.trainer.step, held)?;
+    let mut run = Run::begin(job, plan, session.trainer.step, lock)?;
     if session.trainer.step == 0 {
+        // Photos, cues and initial Gaussians take from seconds to minutes.
+        run.count_spent(spent);
         run.count_time(watch);
     }
-    introduce(&run, &session, job);
-    if let Some(schedule) = M::timetable(&data.scene, &session.at()) {
-        run.plot(&schedule)?;
+    let introduction = session.trainer.method().introduction(&data.scene, &session.at());
+    introduce(&run, &session, job, &introduction);
+    if let Some(schedule) = &introduction.schedule {
+        run.plot(schedule)?;
     }
     let evaluator = Evaluator::new(&config.eval, &job.device);
 
@@ -99,7 +111,7 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         observe(&mut run, &session, stepped);
         let step = session.trainer.step;
         if config.eval.at.contains(&step) && step < config.steps {
-            let held_out = HeldOut::of(&data.scene, None, &session.at()).expect("the reported split");
+            let held_out = HeldOut::of::<M>(&data.scene, None).expect("the reported split");
             let (measured, _) = evaluator.measure(session.trainer.model(), &data.scene, &held_out, &session.at(), 0);
             run.record(step, measured).1?;
         }
@@ -108,18 +120,39 @@ fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
         }
     }
     let trainer = session.into_trainer();
-    finish(run, job, data, trainer, config, &evaluator)
+    finish(run, job, data, trainer, config, &evaluator, introduction.schedule)
+}
+
+/// Reads the data set of a job, and plans the steps if the job has a budget of minutes; with the seconds of reading,
+/// and those of the processor.
+fn read<M: SceneMethod>(job: &Job, config: &mut FitConfig<M::Config>) -> Result<(Data<M>, (f64, Option<f64>))> {
+    let watch = Stopwatch::start();
+    progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
+    let mut scene = load::<M>(&job.dataset, config)?;
+    if let Some(fault) = judge_scene(&scene, &options::<M>(config)).warning() {
+        tracing::warn!("{fault}");
+        scene.warnings.push(fault);
+    }
+    let data = Data::<M>::new(scene, config);
+    let spent = watch.spent();
+    let Some(minutes) = job.minutes else { return Ok((data, spent)) };
+    let (data, plan) = plan_steps(data, config, minutes, job, &watch)?;
+    progress::say(&plan.line(minutes), job.quiet);
+    config.shared.steps = plan.steps;
+    let coarse = Data::<M>::coarse_of(&data.scene, config);
+    Ok((Data { coarse, ..data }, spent))
 }
 
 /// Saves and measures a finished training. Of the files that a disk is too full for, the others are written
 /// all the same.
-fn finish<M: Method>(
+fn finish<M: SceneMethod>(
     mut run: Run,
     job: &Job,
     data: Data<M>,
     trainer: Trainer<M>,
     config: &FitConfig<M::Config>,
     evaluator: &Evaluator,
+    schedule: Option<Timetable>,
 ) -> Result<Ending> {
     let (step, at) = (trainer.step, trainer.at(&data.cues, config));
     let mut files = LastFiles::default();
@@ -129,13 +162,12 @@ fn finish<M: Method>(
     if let Some(note) = placed_note(data.scene.origin) {
         run.say(&format!("{}: {note}", job.folder.ply().display()));
     }
-    let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
+    let held_out = HeldOut::of::<M>(&data.scene, None).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
     let (eval, written) = run.record(step, measured);
     files.tried("eval.json", written);
     let (history, written) = run.finish();
     files.tried("metrics.jsonl", written);
-    let schedule = M::timetable(&data.scene, &at);
     let scene = presented(&data, &trainer, config, &eval.name);
     let (facts, render, device) = (trainer.facts, config.render.clone(), job.device.clone());
     let photos = Some(ScenePhotos { photos: data.scene, facts, render, device });
@@ -145,7 +177,7 @@ fn finish<M: Method>(
 }
 
 /// The scene with its cameras, for the report.
-fn presented<M: Method>(
+fn presented<M: SceneMethod>(
     data: &Data<M>,
     trainer: &Trainer<M>,
     config: &FitConfig<M::Config>,
@@ -159,7 +191,7 @@ fn presented<M: Method>(
         middle: trainer.method().middle(),
         cameras: presentation::cameras(&data.scene),
         distance: trainer.facts.subject_distance,
-        shutter: shutter(&*scene, &config.to_table()),
+        shutter: shutter::<M>(&*scene, config),
         world: glam::DMat4::from_translation(data.scene.origin),
     };
     PresentedScene { scene, presentation }
@@ -169,18 +201,18 @@ fn presented<M: Method>(
 ///
 /// # Errors
 /// A sentence naming the file, what was expected and what was found; or the reason why the method cannot learn from it.
-pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
+pub fn load<M: SceneMethod>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
     let loaded = gs_datasets::load(path, &options::<M>(config));
     let mut scene = loaded.map_err(|error| driving(path, M::NAME).map_or_else(|| error.into(), Error::msg))?;
     let warnings = scene.warnings.len();
     scene.warnings.extend(leave_out_few_points(&mut scene.points));
-    M::prepare(&mut scene);
+    let prepared = M::prepare(path, &mut scene, config);
     for warning in &scene.warnings[warnings..] {
         tracing::warn!("{warning}");
     }
     let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
     M::suits(path, scene.train.len(), timed).map_err(Error::msg)?;
-    M::reaches(path, &scene, config).map_err(Error::msg)?;
+    prepared.map_err(Error::msg)?;
     check_pixels(path, &scene).map_err(Error::msg)?;
     Ok(scene)
 }
@@ -196,13 +228,13 @@ fn driving(path: &Path, name: &str) -> Option<String> {
     })
 }
 
-fn options<M: Method>(config: &FitConfig<M::Config>) -> LoadOptions {
+fn options<M: SceneMethod>(config: &FitConfig<M::Config>) -> LoadOptions {
     let mut options = config.data.options();
     M::loading(config, &mut options);
     options
 }
 
-fn plan<M: Method>(job: &Job, config: &FitConfig<M::Config>, data: &Data<M>) -> Plan {
+fn plan<M: SceneMethod>(job: &Job, config: &FitConfig<M::Config>, data: &Data<M>) -> Plan {
     let views = Fingerprint::of(&data.scene);
     let origin = Origin::new(M::NAME, config.to_toml(), full_path(&job.dataset), data.scene.origin, views);
     let fact = |(name, value, key): (&str, String, &str)| (name.to_string(), value, key.to_string());
@@ -229,15 +261,15 @@ fn settings(keys: &[ChartKey], config: &Table) -> Vec<Setting> {
 }
 
 /// The state of the newest checkpoint, if the run is to be continued and has one.
-fn resumed<M: Method>(job: &Job, config: &FitConfig<M::Config>, plan: &Plan) -> Result<Option<Trainer<M>>> {
-    let Some(checkpoint) = watch::saved(job, &plan.origin.config)? else { return Ok(None) };
+fn newest<M: SceneMethod>(job: &Job, config: &FitConfig<M::Config>, plan: &Plan) -> Result<Option<Trainer<M>>> {
+    let Some(checkpoint) = watch::newest_checkpoint(job, &plan.origin.config)? else { return Ok(None) };
     watch::check_views(job, checkpoint.origin.views, plan.origin.views)?;
     let restored = restore::<M>(&checkpoint, config, &job.device);
     Ok(Some(restored.map_err(|found| checkpoint.damaged(found))?))
 }
 
 /// Prints what the run is about to do.
-fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
+fn introduce<M: SceneMethod>(run: &Run, session: &Session<M>, job: &Job, introduction: &Introduction) {
     let (scene, trainer) = (&session.data.scene, &session.trainer);
     let size = scene.train.first().map_or((0, 0), |view| (view.width, view.height));
     let held_out: Vec<String> =
@@ -261,22 +293,21 @@ fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
     if !facts.is_empty() {
         run.say(&format!("found in the data set: {}", facts.join("; ")));
     }
-    let (lines, warnings) = trainer.method().introduction(scene, &session.at());
-    lines.iter().for_each(|line| run.say(line));
+    introduction.lines.iter().for_each(|line| run.say(line));
     let near = near_warning(trainer.facts.near, trainer.facts.subject_distance);
-    warnings.iter().chain(&near).for_each(|warning| run.say(&format!("warning: {warning}")));
+    introduction.warnings.iter().chain(&near).for_each(|warning| run.say(&format!("warning: {warning}")));
 }
 
 /// Updates bar and metrics after a step.
-fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) {
+fn observe<M: SceneMethod>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) {
     let Stepped { report, photos } = stepped;
-    let (trainer, config) = (&session.trainer, session.config);
+    let trainer = &session.trainer;
     let counts = [
         (watch::GAUSSIANS, trainer.gaussians().len() as f64),
         ("SH degree", trainer.gaussians().sh_degree() as f64),
         ("tile intersections", report.intersections as f64),
     ];
-    run.count(&report.notes, trainer.step, M::last_note(config));
+    run.count(&report.notes, trainer.step);
     run.observe(trainer.step, (report.loss, trainer.skipped), &counts, || {
         let (image, photo) = report.images.first().zip(photos.first())?;
         let (image, truth) = (image.clone().clamp(0.0, 1.0), photo.image.clone());
@@ -287,7 +318,7 @@ fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::E
     });
 }
 
-impl<M: Method> Pipeline for Fit<M> {
+impl<M: SceneMethod> Pipeline for Fit<M> {
     fn name(&self) -> &'static str {
         M::NAME
     }
@@ -328,57 +359,39 @@ impl<M: Method> Pipeline for Fit<M> {
         if job.devices() > 1 {
             bail!("--devices {}: the pipeline {} trains on one device", job.devices(), M::NAME);
         }
-        fit::<M>(job, &FitConfig::from_table(&job.config, "configuration")?)
+        fit::<M>(job, FitConfig::from_table(&job.config, "configuration")?)
     }
 
-    fn plan_steps(&self, dataset: &Path, config: &Table, minutes: f64, device: &Device) -> Result<StepPlan> {
-        let watch = Stopwatch::start();
-        let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
-        let scene = load::<M>(dataset, &config)?;
-        plan_steps::<M>((dataset, scene), &config, minutes, device, &watch)
-    }
-
-    fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {
+    fn open(&self, checkpoint: &Checkpoint, dataset: Option<&Path>, device: &Device) -> Result<Opened> {
         let (model, config, notes) = read_model::<M>(checkpoint, device)?;
-        Ok(loaded(&model, &config, &notes, checkpoint))
-    }
-
-    fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen> {
-        let (model, config, notes) = read_model::<M>(checkpoint, device)?;
-        let mut photos = load::<M>(dataset, &config)?;
-        let shift = photos.origin - checkpoint.origin.world();
-        let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
-        views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
-        photos.origin -= shift;
         let loaded = loaded(&model, &config, &notes, checkpoint);
-        let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
-        loaded.reaches(&dataset.display().to_string(), times)?;
-        let foresight = model.method.foresight(&model.gaussians, &photos.train, &config);
-        Ok(Foreseen { loaded, photos, foresight })
+        let photos = dataset.map(|dataset| photos_of::<M>(dataset, &config, &loaded)).transpose()?;
+        Ok(Opened { loaded, photos })
     }
 
     fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
         let config = FitConfig::<M::Config>::from_table(request.config, "configuration")?;
         let scene = load::<M>(request.dataset, &config)?;
-        let cues = M::cues(&scene, &config);
+        // A measurement reads no cue.
+        let cues = M::Cues::default();
         // As in training: a checkpoint has its facts; those of a PLY file are derived again.
-        let found = SceneFacts::of(&scene, &config, M::near_share(&scene, &config), M::UNSEEN);
         let (mut model, facts, step, origin) = match request.file {
             SceneFile::Checkpoint(checkpoint) => {
                 let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
                 (model, notes.facts(), notes.counters.step, checkpoint.origin.world())
             }
             SceneFile::Ply(packed) => {
-                let at = Step { step: 0, config: &config, facts: &found, cues: &cues, room: None };
+                let facts = SceneFacts::of(&scene, &config, M::near_share(&scene, &config), M::UNSEEN);
+                let at = Step { step: 0, config: &config, facts: &facts, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
                 let gaussians = gaussians_of(&packed.splats, request.device);
-                (Model { gaussians, method }, found, 0, glam::DVec3::from_array(packed.splats.offset))
+                (Model { gaussians, method }, facts, 0, glam::DVec3::from_array(packed.splats.offset))
             }
         };
         // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
         model.gaussians = translated(&model.gaussians, origin - scene.origin);
         let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues, room: None };
-        let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {
+        let Some(held_out) = HeldOut::of::<M>(&scene, request.split) else {
             let names: Vec<&str> = scene.held_out.iter().map(|split| split.name.as_str()).collect();
             let asked = request.split.unwrap_or_default();
             bail!("{}: expected a split from train, {}; found {asked:?}", request.dataset.display(), names.join(", "));
@@ -392,13 +405,28 @@ impl<M: Method> Pipeline for Fit<M> {
         Ok(Evaluated { step, measured, pictures })
     }
 
-    fn sizes(&self) -> &'static [(&'static str, &'static [&'static str])] {
-        M::sizes()
+    fn future(&self) -> Option<&dyn Future> {
+        self.future
     }
 }
 
+/// The photos of a data set with the origin of a scene subtracted from their cameras.
+///
+/// # Errors
+/// A sentence about the data set, or when the scene cannot be asked at its times.
+fn photos_of<M: SceneMethod>(dataset: &Path, config: &FitConfig<M::Config>, loaded: &LoadedScene) -> Result<Scene> {
+    let mut photos = load::<M>(dataset, config)?;
+    let shift = photos.origin - loaded.origin;
+    let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
+    views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
+    photos.origin -= shift;
+    let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
+    loaded.reaches(&dataset.display().to_string(), times)?;
+    Ok(photos)
+}
+
 /// A model as a scene.
-fn loaded<M: Method>(
+fn loaded<M: SceneMethod>(
     model: &Model<M>,
     config: &FitConfig<M::Config>,
     notes: &Notes,
@@ -407,7 +435,7 @@ fn loaded<M: Method>(
     let Model { gaussians, method } = model;
     let scene = method.scene(gaussians.clone());
     LoadedScene {
-        shutter: shutter(&*scene, &config.to_table()),
+        shutter: shutter::<M>(&*scene, config),
         scene,
         gaussians: gaussians.clone(),
         origin: checkpoint.origin.world(),
@@ -423,19 +451,16 @@ fn loaded<M: Method>(
     }
 }
 
-/// How exposures are formed, where the configuration has a blur model and the scene knows its exposure.
-fn shutter(scene: &dyn DynamicScene, config: &Table) -> Option<Shutter> {
-    let blur = config.get("blur")?;
-    let models_it = blur.get("mode")?.as_str()? != "none";
-    let linear = blur.get("linear").and_then(|linear| linear.as_bool()).unwrap_or(true);
-    scene.exposure().filter(|_| models_it).map(|exposure| Shutter { exposure, linear })
+/// How exposures are formed, where the method and `config` model blur.
+fn shutter<M: Told>(scene: &dyn DynamicScene, config: &FitConfig<M::Config>) -> Option<Shutter> {
+    M::blur()?.shutter(scene, config)
 }
 
 /// The model of a checkpoint with its configuration and notes, on `device` without autodiff.
 ///
 /// # Errors
 /// A sentence when the checkpoint is damaged or of another pipeline.
-pub fn read_model<M: Method>(
+pub fn read_model<M: SceneMethod>(
     checkpoint: &Checkpoint,
     device: &Device,
 ) -> Result<(Model<M>, FitConfig<M::Config>, Notes)> {

@@ -22,6 +22,7 @@
 //!     resume: false,
 //!     stop_at: None,
 //!     quiet: false,
+//!     minutes: None,
 //!     schedule_svg: None,
 //! })?;
 //! if let Ending::Finished(outcome) = ending {
@@ -45,14 +46,14 @@ pub mod taylormode;
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use gs_datasets::{CheckReport, Scene};
 use gs_models::DynamicScene;
 use toml::Table;
 
 use gs_train::config::ConfigError;
-use gs_train::fit::foresight::Foresight;
+use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::snapshot::Snapshot;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::evaluate::{Comparison, Measured};
@@ -61,7 +62,6 @@ use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::run::watch::{Ending, Job};
 
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
-pub use plan::StepPlan;
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.
@@ -69,7 +69,7 @@ pub static PIPELINES: [&dyn Pipeline; 5] = [
     &fit::Fit::<still::Still>::NEW,
     &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::NEW,
-    &fit::Fit::<sparsedyn::Sparsedyn>::NEW,
+    &fit::Fit::<sparsedyn::Sparsedyn>::with_future(&sparsedyn::future::RolledFutures),
     &flux4d::Flux4d,
 ];
 
@@ -103,20 +103,11 @@ pub trait Pipeline: Sync {
     /// One sentence: bad data, a damaged checkpoint, a full disk.
     fn train(&self, job: &Job) -> Result<Ending>;
 
-    /// The steps of `config` that fit into some minutes on a data set, by measuring a few: of processor time on a CPU, as the clock
-    /// shows on a GPU.
+    /// The scene of a checkpoint, with the photos of a data set if one is named.
     ///
     /// # Errors
-    /// One sentence: bad data, too few minutes, or a pipeline that does not plan its steps.
-    fn plan_steps(&self, _dataset: &Path, _config: &Table, _minutes: f64, _device: &Device) -> Result<StepPlan> {
-        bail!("--minutes: expected a pipeline that fits one scene, found {}; use --steps", self.name())
-    }
-
-    /// The scene of a checkpoint.
-    ///
-    /// # Errors
-    /// A sentence when the checkpoint is damaged.
-    fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene>;
+    /// A sentence when the checkpoint is damaged, or about the data set.
+    fn open(&self, checkpoint: &Checkpoint, dataset: Option<&Path>, device: &Device) -> Result<Opened>;
 
     /// Measures a scene on a split of a data set.
     ///
@@ -124,44 +115,45 @@ pub trait Pipeline: Sync {
     /// One sentence saying what was wrong with the scene or the data set.
     fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated>;
 
-    /// The scene of a checkpoint with the photos of a data set, for what comes after them.
-    ///
-    /// # Errors
-    /// One sentence saying what was wrong with the scene or the data set.
-    fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen>;
-
-    /// Keys that decide how large the model is, each with a few values; empty: the pipeline proposes none.
-    fn sizes(&self) -> &'static [(&'static str, &'static [&'static str])] {
-        &[]
+    /// The networks of the pipeline, if it trains networks over many logs.
+    fn networks(&self) -> Option<&dyn Networks> {
+        None
     }
 
-    /// Applies the network of a checkpoint to a recording that it has not seen; returns lines for the terminal.
+    /// The future of its scenes, if it can extrapolate beyond the Gaussians at any time.
+    fn future(&self) -> Option<&dyn Future> {
+        None
+    }
+}
+
+/// Networks that reconstruct recordings which they have not seen.
+pub trait Networks {
+    /// Applies the network of a checkpoint to a recording; returns lines for the terminal.
     ///
     /// # Errors
-    /// One sentence saying what was wrong with the recording, or that the pipeline has no network.
-    fn reconstruct(&self, checkpoint: &Checkpoint, _request: &Reconstruction) -> Result<Vec<String>> {
-        bail!(
-            "{}: expected a network that reconstructs logs, found a scene of the pipeline {}",
-            checkpoint.path.display(),
-            self.name()
-        )
-    }
+    /// One sentence saying what was wrong with the recording.
+    fn reconstruct(&self, checkpoint: &Checkpoint, request: &Reconstruction) -> Result<Vec<String>>;
 
-    /// The network of a checkpoint without the state of its optimiser; `None` where a pipeline has none.
+    /// The network of a checkpoint without the state of its optimiser.
     ///
     /// # Errors
     /// A sentence when the checkpoint is damaged.
-    fn network(&self, _checkpoint: &Checkpoint, _device: &Device) -> Result<Option<Snapshot>> {
-        Ok(None)
-    }
+    fn alone(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot>;
 
-    /// The network that ships with the program; `None` where there is none.
+    /// The network that ships with the program.
     ///
     /// # Errors
     /// When its file does not fit this version.
-    fn shipped(&self) -> Result<Option<Checkpoint>> {
-        Ok(None)
-    }
+    fn shipped(&self) -> Result<Checkpoint>;
+}
+
+/// The future of scenes.
+pub trait Future: Sync {
+    /// The future of the scene of a checkpoint, which was learned from `photos`.
+    ///
+    /// # Errors
+    /// A sentence when the checkpoint is damaged.
+    fn extrapolate(&self, checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Result<Box<dyn Extrapolation>>;
 }
 
 /// A request for a measurement.
@@ -185,8 +177,10 @@ pub struct EvalRequest<'a> {
 /// # Errors
 /// When its file does not fit this version.
 pub fn shipped() -> Result<Checkpoint> {
-    let mut found = PIPELINES.iter().filter_map(|pipeline| pipeline.shipped().transpose());
-    found.next().unwrap_or_else(|| bail!("no network ships with this program; name one with --model"))
+    match PIPELINES.iter().find_map(|pipeline| pipeline.networks()) {
+        Some(networks) => networks.shipped(),
+        None => bail!("no network ships with this program; name one with --model"),
+    }
 }
 
 /// A request for a reconstruction without training.
@@ -229,14 +223,23 @@ pub struct Evaluated {
     pub pictures: Vec<Comparison>,
 }
 
-/// A scene, its photos and what its method knows of its future.
-pub struct Foreseen {
+/// A scene of a checkpoint.
+pub struct Opened {
     /// The scene.
     pub loaded: LoadedScene,
-    /// The data set; the scene's own origin is subtracted from its cameras.
-    pub photos: Scene,
-    /// The method's part; `None`: the Gaussians at any time are all that is known.
-    pub foresight: Option<Box<dyn Foresight>>,
+    /// The data set, if one was named; the scene's own origin is subtracted from its cameras.
+    pub photos: Option<Scene>,
+}
+
+/// Keys of a configuration, each with a few values.
+pub type Sizes = &'static [(&'static str, &'static [&'static str])];
+
+/// The keys that decide how large a model of a pipeline is, with values to try; empty: none is proposed.
+pub fn sizes(pipeline: &dyn Pipeline) -> Sizes {
+    match pipeline.name() {
+        sparsedyn::NAME => &sparsedyn::SIZES,
+        _ => &[],
+    }
 }
 
 /// The pipeline called `name`.
@@ -256,8 +259,21 @@ pub fn names() -> String {
 pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
     match read_file(path, device)? {
         SceneFile::Ply(packed) => Ok(LoadedScene::of_packed(*packed, device)),
-        SceneFile::Checkpoint(checkpoint) => of_checkpoint(&checkpoint)?.open(&checkpoint, device),
+        SceneFile::Checkpoint(checkpoint) => Ok(of_checkpoint(&checkpoint)?.open(&checkpoint, None, device)?.loaded),
     }
+}
+
+/// The networks of the pipeline that wrote a checkpoint.
+///
+/// # Errors
+/// A sentence if it is of a scene, or of a pipeline that this program does not have.
+pub fn networks_of(checkpoint: &Checkpoint) -> Result<&'static dyn Networks> {
+    let pipeline = of_checkpoint(checkpoint)?;
+    let found = pipeline.name();
+    pipeline.networks().with_context(|| {
+        let path = checkpoint.path.display();
+        format!("{path}: expected a network that reconstructs logs, found a scene of the pipeline {found}")
+    })
 }
 
 /// The pipeline that wrote a checkpoint.

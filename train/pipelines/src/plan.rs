@@ -1,18 +1,16 @@
 //! `--minutes`: the cost of a step is measured on the data before the run, and the budget becomes a number of steps.
 
-use std::path::Path;
-
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use gs_burn::device::is_gpu;
-use gs_datasets::Scene;
 
 use gs_train::config::{FitConfig, Strategy, brief};
-use gs_train::fit::budget::{StepCost, steps_within};
-use gs_train::fit::method::Method;
+use gs_train::fit::budget::{STEPS_MAX, StepCost, steps_within};
+use gs_train::fit::intake::Intake;
 use gs_train::fit::session::{Data, Session};
 use gs_train::fit::trainer::Trainer;
 use gs_train::run::resources::Stopwatch;
+use gs_train::run::watch::Job;
 
 /// Steps before a measurement: the first ones fill buffers and caches.
 const WARM_UP: usize = 2;
@@ -31,19 +29,34 @@ pub struct StepPlan {
     pub step: [f64; 2],
 }
 
-/// The steps of `config` that fit into `minutes` on `scene`: of processor time on a CPU, as the clock shows on a GPU. `watch` began before the
-/// scene was read from `path`; what it shows is part of the budget, the measuring is not.
+impl StepPlan {
+    /// The plan in one line.
+    pub fn line(&self, minutes: f64) -> String {
+        let [first, last] = self.step;
+        let most = if self.steps == STEPS_MAX { ", the most that are planned," } else { "" };
+        format!(
+            "{} steps{most} fit into {} minutes: {:.1} s to begin, {first:.3} s a step with the first Gaussians, {last:.3} s with the most",
+            self.steps,
+            brief(minutes),
+            self.start
+        )
+    }
+}
+
+/// The steps of `config` that fit into `minutes` on `data`: of processor time on a CPU, as the clock shows on a GPU.
+/// `watch` began before the data set was read; what it shows is part of the budget, the measuring is not. The data come
+/// back without their reduced widths, which depend on the number of steps.
 ///
 /// # Errors
 /// A sentence, if the budget is too small for a single step.
-pub fn plan_steps<M: Method>(
-    (path, scene): (&Path, Scene),
+pub fn plan_steps<M: Intake>(
+    data: Data<M>,
     config: &FitConfig<M::Config>,
     minutes: f64,
-    device: &Device,
+    job: &Job,
     watch: &Stopwatch,
-) -> Result<StepPlan> {
-    let data = Data::<M>::new(scene, config);
+) -> Result<(Data<M>, StepPlan)> {
+    let device = &job.device;
     let first = Session::begin(&data, config, None, device).into_trainer();
     let start = seconds(watch, device);
     let count = first.gaussians().len();
@@ -74,14 +87,14 @@ pub fn plan_steps<M: Method>(
         bail!(
             "--minutes {}: expected more: reading {} and finding the first Gaussians takes {start:.1} s, and a step {few:.2} s",
             brief(minutes),
-            path.display()
+            job.dataset.display()
         );
     }
-    Ok(StepPlan { steps, start, step: [few, at_many] })
+    Ok((full, StepPlan { steps, start, step: [few, at_many] }))
 }
 
 /// Mean seconds of a step from the state of `trainer`.
-fn cost<M: Method>(data: &Data<M>, config: &FitConfig<M::Config>, trainer: Trainer<M>, device: &Device) -> f64 {
+fn cost<M: Intake>(data: &Data<M>, config: &FitConfig<M::Config>, trainer: Trainer<M>, device: &Device) -> f64 {
     let mut session = Session::begin(data, config, Some(trainer), device);
     for _ in 0..WARM_UP {
         session.step();

@@ -9,9 +9,12 @@ use gs_train::config::{FitConfig, NoSection};
 use gs_train::fit::coarse::dilation;
 use gs_train::fit::facts::Unseen;
 use gs_train::fit::initialise::InitialGaussians;
+use gs_train::fit::intake::Intake;
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Method, Step, begin_static};
 use gs_train::fit::photos::Photo;
+use gs_train::fit::saved::Saved;
+use gs_train::fit::told::{Introduction, Told};
 
 /// The empty method: nothing is learned beside the Gaussians.
 #[derive(Module, Debug)]
@@ -19,23 +22,9 @@ pub struct Still {}
 
 impl Method for Still {
     const NAME: &'static str = "static";
-    const ANY_WIDTH: bool = true;
-    const UNSEEN: Unseen = Unseen::MeanColor;
     type Config = NoSection;
     type Cues = ();
     type Extra = ();
-
-    fn defaults() -> FitConfig<NoSection> {
-        FitConfig::default()
-    }
-
-    fn loading(_config: &FitConfig<NoSection>, options: &mut LoadOptions) {
-        // A static scene is compared with neither depth nor pseudo-sharp photos. Masks of moving objects are kept, because moving
-        // parts are measured with them.
-        options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
-    }
-
-    fn cues(_scene: &Scene, _config: &FitConfig<NoSection>) {}
 
     fn begin(scene: &Scene, at: &Step<Self>, _device: &Device) -> (InitialGaussians, Self) {
         (begin_static(scene, at.config, at.facts), Self {})
@@ -57,19 +46,41 @@ impl Method for Still {
             remainder: None,
         }
     }
+}
 
-    fn introduction(&self, scene: &Scene, _at: &Step<Self>) -> (Vec<String>, Vec<String>) {
-        let moves = scene.time_range.is_some_and(|(low, high)| low < high);
-        let warning = "the photos have times, but this pipeline takes the scene to be static; for moving scenes: \
-                       --recipe taylormode/base";
-        (Vec::new(), moves.then(|| warning.to_string()).into_iter().collect())
+impl Intake for Still {
+    const ANY_WIDTH: bool = true;
+    const UNSEEN: Unseen = Unseen::MeanColor;
+
+    fn defaults() -> FitConfig<NoSection> {
+        FitConfig::default()
     }
 
+    fn loading(_config: &FitConfig<NoSection>, options: &mut LoadOptions) {
+        // A static scene is compared with neither depth nor pseudo-sharp photos. Masks of moving objects are kept, because moving
+        // parts are measured with them.
+        options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
+    }
+
+    fn cues(_scene: &Scene, _config: &FitConfig<NoSection>) {}
+}
+
+impl Saved for Still {
     fn from_frame(
         _frame: &serde_json::Value,
         _config: &FitConfig<NoSection>,
         _device: &Device,
     ) -> Result<Self, String> {
         Ok(Self {})
+    }
+}
+
+impl Told for Still {
+    fn introduction(&self, scene: &Scene, _at: &Step<Self>) -> Introduction {
+        let moves = scene.time_range.is_some_and(|(low, high)| low < high);
+        let warning = "the photos have times, but this pipeline takes the scene to be static; for moving scenes: \
+                       --recipe taylormode/base";
+        let warnings = moves.then(|| warning.to_string()).into_iter().collect();
+        Introduction { warnings, ..Introduction::default() }
     }
 }

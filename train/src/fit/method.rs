@@ -5,24 +5,20 @@
 //! Everything else (the loop, density control, checkpoints, evaluation, reports) is written once, in terms of this trait.
 
 use std::fmt::Debug;
-use std::path::Path;
 
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Gradients, Tensor};
 use gs_burn::adam::Adam;
 use gs_burn::ops::intersect::{DeviceCount, Room};
 use gs_burn::{Gaussians, NamedGradients, Rendering, RowMap};
-use gs_datasets::{LoadOptions, Scene, View};
+use gs_datasets::{Scene, View};
 use gs_models::{DynamicScene, Static};
 
 use super::density::Control;
-use super::facts::{SceneFacts, Unseen};
-use super::figure::Figures;
-use super::foresight::Foresight;
+use super::facts::SceneFacts;
 use super::initialise::{InitialGaussians, initial_gaussians};
 use super::photos::{Extra, Photo};
 use super::sampler::{Sampler, ViewOrder};
-use super::timetable::Timetable;
 use crate::config::{Config, FitConfig, Section};
 
 /// One step, or one measurement, with everything that a method may read in it.
@@ -110,123 +106,30 @@ impl Drawn {
 /// A departure of one step from the configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Note {
-    /// A sentence, shown once if the note came in more than `often_percent` of the steps; `{count}` and `{steps}` are replaced by
-    /// numbers.
+    /// A sentence, shown once if the note came in more than `often_percent` of the steps; `{count}` and `{steps}` are
+    /// replaced by numbers.
     pub sentence: &'static str,
+    /// The last step in which the note may come.
+    pub last: usize,
     /// Smallest share of the steps for the sentence to be shown, per cent.
     pub often_percent: u32,
 }
 
-/// A part of a held-out view that is scored separately.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Region {
-    /// Its name, such as "moving".
-    pub name: &'static str,
-    /// `[height, width]`: 255 inside.
-    pub mask: Vec<u8>,
-}
-
-/// The name of the region in which something moves.
-pub const MOVING: &str = "moving";
-
-/// The image with which a held-out photo was compared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Compared {
-    /// The sharp rendering.
-    Sharp,
-    /// The blurred image formed over the photo's exposure.
-    FormedBlur,
-}
-
-/// A key of the configuration by which charts distinguish runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ChartKey {
-    /// Name in charts.
-    pub name: &'static str,
-    /// Key of the configuration.
-    pub key: &'static str,
-    /// Label for a name and value: `("none", "no blur model")`; with `("*", "")` every other value is its own label.
-    pub words: &'static [(&'static str, &'static str)],
-    /// The key has no meaning if another key has this value: `("blur.mode", "none")`.
-    pub unless: Option<(&'static str, &'static str)>,
-}
-
-impl ChartKey {
-    /// The chart label of the key with a value: `no blur model`, `N 7`, `cap 20k`.
-    pub fn label(&self, value: &str) -> String {
-        if let Some((_, words)) = self.words.iter().find(|(of, _)| *of == value) {
-            return (*words).to_string();
-        }
-        if self.words.iter().any(|(of, _)| *of == "*") {
-            return value.to_string();
-        }
-        match value.parse::<usize>() {
-            Ok(number) if number >= 1000 && number.is_multiple_of(100) => {
-                format!("{} {}k", self.name, number as f64 / 1000.0)
-            }
-            _ => format!("{} {value}", self.name),
-        }
-    }
-}
-
-/// The key that is part of every chart of runs.
-pub const CAP: ChartKey = ChartKey { name: "cap", key: "density.cap", words: &[], unless: None };
-
-/// The contribution of a paper to fitting Gaussians to the photos of one scene.
+/// The contribution of a paper to a step: what is learned, and how.
 ///
-/// A type that implements it is a Burn module: its `Param`s are learned, saved under their paths and checked for NaN without
-/// further code. `docs/extend.md` walks through an implementation.
+/// A type that implements it is a Burn module: its `Param`s are learned, saved under their paths and checked for NaN
+/// without further code. [`Intake`](super::intake::Intake) is what it takes from a data set, [`Saved`](super::saved::Saved)
+/// what a file holds of it, [`Told`](super::told::Told) what people see. `docs/extend.md` walks through an implementation.
 pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     /// The method's name, as in `pipeline = "..."`.
     const NAME: &'static str;
-    /// Whether photos may be compared at a reduced width: nothing in [`Extra`](Self::Extra) or [`Cues`](Self::Cues) has their size.
-    const ANY_WIDTH: bool = false;
-    /// The background where the photos do not tell.
-    const UNSEEN: Unseen = Unseen::Black;
     /// The method's sections of the configuration.
     type Config: Section;
-    /// Cues inferred once from the data set, before the first step; never saved, never written into the data set.
-    type Cues: Debug + Send + Sync;
+    /// Cues inferred once from the data set, before the first step; never saved, never written into the data set. A
+    /// measurement of a saved scene has the default, which is none.
+    type Cues: Debug + Default + Send + Sync;
     /// Device data of a photo, beside its image.
     type Extra: Extra;
-
-    /// The configuration of `pipeline = "..."` alone.
-    fn defaults() -> FitConfig<Self::Config>;
-
-    /// Changes how the data set is loaded.
-    fn loading(_config: &FitConfig<Self::Config>, _options: &mut LoadOptions) {}
-
-    /// Removes views that the method cannot use, with a warning in `scene.warnings`.
-    fn prepare(_scene: &mut Scene) {}
-
-    /// The warning about `without_time` photos without a time, if others have one.
-    fn leaves_out(_without_time: usize) -> Option<String> {
-        None
-    }
-
-    /// Whether the method can learn from `train` training views, `timed` of which have a time.
-    ///
-    /// # Errors
-    /// A sentence about `dataset`.
-    fn suits(_dataset: &Path, _train: usize, _timed: usize) -> Result<(), String> {
-        Ok(())
-    }
-
-    /// Whether every photo's time can be reached under `config`.
-    ///
-    /// # Errors
-    /// A sentence about `dataset` or a key of the configuration.
-    fn reaches(_dataset: &Path, _scene: &Scene, _config: &FitConfig<Self::Config>) -> Result<(), String> {
-        Ok(())
-    }
-
-    /// The method's near plane, as a share of the subject's distance; `None`: the renderer's own.
-    fn near_share(_scene: &Scene, _config: &FitConfig<Self::Config>) -> Option<f64> {
-        None
-    }
-
-    /// Infers the cues from the training views, once per run.
-    fn cues(scene: &Scene, config: &FitConfig<Self::Config>) -> Self::Cues;
 
     /// The state before the first step, on `device` without autodiff.
     fn begin(scene: &Scene, at: &Step<Self>, device: &Device) -> (InitialGaussians, Self);
@@ -260,8 +163,7 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         self
     }
 
-    /// What is asked of density control at `step`: of refinements and lowered opacities. The pruning at which the count becomes fixed takes place
-    /// in any case.
+    /// Whether density control may refine at `step`, and lower opacities. The final pruning is not affected.
     fn control(_step: usize, _config: &FitConfig<Self::Config>) -> Control {
         Control::Scheduled
     }
@@ -271,8 +173,9 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         self
     }
 
-    /// Removes parameters that the photos do not need; called after every step.
-    fn simplify(self, _gaussians: &mut Gaussians, _adam: &mut Adam, _views: &[View], _at: &Step<Self>) -> Self {
+    /// Changes the model where the photos ask for it, such as removing parameters that they do not need; called after
+    /// every step.
+    fn after_step(self, _gaussians: &mut Gaussians, _adam: &mut Adam, _views: &[View], _at: &Step<Self>) -> Self {
         self
     }
 
@@ -280,110 +183,6 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     fn scene(&self, gaussians: Gaussians) -> Box<dyn DynamicScene> {
         Box::new(Static::new(gaussians))
     }
-
-    /// The default time at which a scene is shown.
-    fn middle(&self) -> f64 {
-        0.0
-    }
-
-    /// Bytes of the finished scene: every number, as f32, that is needed to draw it at any time.
-    fn bytes(&self, gaussians: &Gaussians, _config: &FitConfig<Self::Config>) -> usize {
-        4 * gaussians.len() * (11 + 3 * gaussians.sh.dims()[1])
-    }
-
-    /// The regions of each held-out view; by default the moving part, as given by the data set.
-    fn regions(views: &[View], _config: &FitConfig<Self::Config>) -> Vec<Vec<Region>> {
-        views.iter().map(given_regions).collect()
-    }
-
-    /// The image with which a held-out photo is compared if that is not the sharp rendering, `[H, W, 3]` from 0 to 1.
-    fn formed(&self, _gaussians: &Gaussians, _view: &View, _at: &Step<Self>) -> Option<Tensor<3>> {
-        None
-    }
-
-    /// Figures beside image quality, over `views`.
-    fn figures(&self, _gaussians: &Gaussians, _scene: &Scene, _views: &[View], _at: &Step<Self>) -> Figures {
-        Figures::default()
-    }
-
-    /// Lines and warnings about the method, shown before the first step.
-    fn introduction(&self, _scene: &Scene, _at: &Step<Self>) -> (Vec<String>, Vec<String>) {
-        (Vec::new(), Vec::new())
-    }
-
-    /// The schedule of the training, for a chart; `None`: nothing changes on the way.
-    fn timetable(_scene: &Scene, _at: &Step<Self>) -> Option<Timetable> {
-        None
-    }
-
-    /// Lines for `gsburn info`: name and value.
-    fn described(&self) -> Vec<(&'static str, String)> {
-        Vec::new()
-    }
-
-    /// What the method knows of the future of `gaussians`, learned from `views`; `None`: the Gaussians at any time alone.
-    fn foresight(
-        &self,
-        _gaussians: &Gaussians,
-        _views: &[View],
-        _config: &FitConfig<Self::Config>,
-    ) -> Option<Box<dyn Foresight>> {
-        None
-    }
-
-    /// The method's constants, which a checkpoint must hold: which rows move, a window of time.
-    fn frame(&self) -> serde_json::Value {
-        serde_json::Value::Null
-    }
-
-    /// A module with the structure described by [`frame`](Self::frame), on `device`; the values of its tensors are arbitrary.
-    ///
-    /// # Errors
-    /// A sentence when the frame is damaged.
-    fn from_frame(frame: &serde_json::Value, config: &FitConfig<Self::Config>, device: &Device)
-    -> Result<Self, String>;
-
-    /// Whether its tensors fit each other and `gaussians` rows, after they were read from a file.
-    ///
-    /// # Errors
-    /// A sentence about the mismatch.
-    fn fits(&self, _gaussians: usize) -> Result<(), String> {
-        Ok(())
-    }
-
-    /// The module for Gaussians that are known at one time alone, such as those of a PLY file.
-    ///
-    /// # Errors
-    /// A sentence if the method cannot do without its learned tensors.
-    fn at_rest(_scene: &Scene, at: &Step<Self>, device: &Device) -> Result<Self, String> {
-        Self::from_frame(&serde_json::Value::Null, at.config, device)
-    }
-
-    /// The last step in which a [`Note`] may come.
-    fn last_note(config: &FitConfig<Self::Config>) -> usize {
-        config.steps
-    }
-
-    /// Bytes that training needs beside those of 3D Gaussian Splatting, by purpose.
-    fn memory(_scene: &Scene, _config: &FitConfig<Self::Config>) -> Vec<(&'static str, u64)> {
-        Vec::new()
-    }
-
-    /// Keys of the configuration by which charts distinguish runs.
-    fn chart_keys() -> &'static [ChartKey] {
-        &[CAP]
-    }
-
-    /// Keys that decide how large the model is, each with a few values: what `gsburn sweep --choose smallest` tries by default.
-    fn sizes() -> &'static [(&'static str, &'static [&'static str])] {
-        &[]
-    }
-}
-
-/// The moving part of a view, as given by the data set: by the truth, else by the given masks.
-pub fn given_regions(view: &View) -> Vec<Region> {
-    let moving = view.truth.moving.as_ref().or(view.priors.moving.as_ref());
-    moving.map(|mask| Region { name: MOVING, mask: mask.clone() }).into_iter().collect()
 }
 
 /// The initial Gaussians of a static scene.

@@ -2,14 +2,15 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`method`] | the trait [`Method`](method::Method): the contribution of a paper to 3D Gaussian Splatting |
+//! | [`method`] | the trait [`Method`](method::Method): the contribution of a paper to a step |
+//! | [`intake`], [`saved`], [`told`] | what a method takes from a data set, what a file holds of it, what people see of it |
 //! | [`session`] | one step, from the choice of its photos to density control, for every driver |
 //! | [`trainer`] | the state and its step: forward, backward, update, density control |
 //! | [`training`] | a module with its optimiser and counters, for this loop and any other |
 //! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
 //! | [`coarse`] | their width over the steps |
 //! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
-//! | [`foresight`] | what a method knows of the future of its scene |
+//! | [`extrapolation`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`budget`] | a budget of time as a number of steps |
@@ -23,10 +24,11 @@ pub mod bench;
 pub mod budget;
 pub mod coarse;
 pub mod density;
+pub mod extrapolation;
 pub mod facts;
 pub mod figure;
-pub mod foresight;
 pub mod initialise;
+pub mod intake;
 pub mod losses;
 pub mod method;
 pub mod outlines;
@@ -36,9 +38,11 @@ pub mod preflight;
 pub mod random;
 pub mod room;
 pub mod sampler;
+pub mod saved;
 pub mod schedule;
 pub mod session;
 pub mod snapshot;
 pub mod timetable;
+pub mod told;
 pub mod trainer;
 pub mod training;

@@ -6,6 +6,7 @@ use gs_datasets::{Scene, View};
 
 use super::coarse::Coarse;
 use super::facts::SceneFacts;
+use super::intake::Intake;
 use super::method::{Method, Step};
 use super::photos::{Photo, Photos};
 use super::sampler::ViewOrder;
@@ -25,7 +26,7 @@ pub struct Data<M: Method> {
     pub coarse: Coarse,
 }
 
-impl<M: Method> Data<M> {
+impl<M: Intake> Data<M> {
     /// Derives facts and cues from `scene`, once.
     pub fn new(scene: Scene, config: &FitConfig<M::Config>) -> Self {
         let facts = SceneFacts::of(&scene, config, M::near_share(&scene, config), M::UNSEEN);

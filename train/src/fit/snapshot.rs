@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::density::{Adaptive, Density};
 use super::facts::SceneFacts;
-use super::method::Method;
 use super::parameters::Group;
+use super::saved::Saved;
 use super::trainer::{Model, Trainer};
 use super::training::Training;
 use crate::config::{FitConfig, Strategy};
@@ -173,7 +173,7 @@ impl Snapshot {
     }
 
     /// The state of `trainer`.
-    pub fn of<M: Method>(trainer: &Trainer<M>) -> Self {
+    pub fn of<M: Saved>(trainer: &Trainer<M>) -> Self {
         let mut columns = Self::of_training(trainer).columns;
         if let Density::Adaptive(adaptive) = &trainer.density {
             for (name, tensor) in DENSITY.into_iter().zip([&adaptive.gradient, &adaptive.views]) {
@@ -225,7 +225,7 @@ pub fn read_gaussians(source: &dyn Source, device: &Device) -> Result<Gaussians,
 ///
 /// # Errors
 /// A sentence if the frame or a tensor is damaged, or they do not fit each other.
-pub fn read_method<M: Method>(
+pub fn read_method<M: Saved>(
     source: &dyn Source,
     gaussians: usize,
     config: &FitConfig<M::Config>,
@@ -281,7 +281,7 @@ pub fn read_training<N: Module>(source: &dyn Source, module: N, device: &Device)
 ///
 /// # Errors
 /// A sentence when a part is missing or damaged, or parts do not fit each other.
-pub fn restore<M: Method>(
+pub fn restore<M: Saved>(
     source: &dyn Source,
     config: &FitConfig<M::Config>,
     device: &Device,

@@ -291,7 +291,7 @@ impl<M: Method> Trainer<M> {
         }
         let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
         self.training.change(|Model { mut gaussians, method }, adam| {
-            let method = method.simplify(&mut gaussians, adam, views, &at);
+            let method = method.after_step(&mut gaussians, adam, views, &at);
             Model { gaussians, method }
         });
     }

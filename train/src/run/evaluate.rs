@@ -13,8 +13,10 @@ use super::metrics::{
 };
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
-use crate::fit::method::{Compared, MOVING, Method, Region, Step, given_regions};
+use crate::fit::method::Step;
 use crate::fit::photos::{Photo, Photos, to_tensor};
+use crate::fit::saved::Saved;
+use crate::fit::told::{Compared, MOVING, Region, Told, given_regions};
 use crate::fit::trainer::Model;
 use crate::run::resources::release_freed_memory;
 
@@ -157,7 +159,7 @@ pub struct HeldOut<'a> {
 impl<'a> HeldOut<'a> {
     /// The split called `name` ("train" for the training views). Without a name: the split on which figures are reported, which is
     /// the test views, or the training views if nothing is held out. `None` if there is no such split.
-    pub fn of<M: Method>(scene: &'a Scene, name: Option<&str>, at: &Step<M>) -> Option<Self> {
+    pub fn of<M: Told>(scene: &'a Scene, name: Option<&str>) -> Option<Self> {
         let (split, views) = match name {
             Some("train") => ("train", scene.train.as_slice()),
             Some(name) => {
@@ -167,7 +169,11 @@ impl<'a> HeldOut<'a> {
                 scene.reported().map_or(("train", scene.train.as_slice()), |s| (s.name.as_str(), s.views.as_slice()))
             }
         };
-        Some(Self { split, views, regions: M::regions(views, at.config) })
+        let regions = match M::blur() {
+            Some(blur) => blur.regions(views),
+            None => views.iter().map(given_regions).collect(),
+        };
+        Some(Self { split, views, regions })
     }
 
     /// Whether the data set does not give one of the regions.
@@ -199,7 +205,7 @@ impl Evaluator {
     }
 
     /// Renders and measures a model on some views; also returns the pictures of `kept` views, spread evenly over all.
-    pub fn measure<M: Method>(
+    pub fn measure<M: Told + Saved>(
         &self,
         model: &Model<M>,
         scene: &Scene,
@@ -221,14 +227,14 @@ impl Evaluator {
         (measured, comparisons)
     }
 
-    fn quality<M: Method>(
+    fn quality<M: Told>(
         &self,
         model: &Model<M>,
         held_out: &HeldOut,
         at: &Step<M>,
         kept: usize,
     ) -> (Quality, Vec<Comparison>) {
-        let scene = model.method.scene(model.gaussians.clone());
+        let (scene, blur) = (model.method.scene(model.gaussians.clone()), M::blur());
         let views = held_out.views;
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let mut photos = Photos::plain(views, &self.device);
@@ -240,7 +246,8 @@ impl Evaluator {
                 for index in indices.iter().copied() {
                     let view = &views[index];
                     let photo = photos.get(index);
-                    let image = match model.method.formed(&model.gaussians, view, at) {
+                    let formed = blur.and_then(|blur| blur.formed(&model.method, &model.gaussians, view, at));
+                    let image = match formed {
                         Some(formed) => {
                             compared = Compared::FormedBlur;
                             formed

@@ -5,8 +5,9 @@ use std::fmt;
 use gs_datasets::{Scene, View};
 
 use crate::config::{FitConfig, InitConfig, Strategy};
-use crate::fit::method::Method;
+use crate::fit::intake::Intake;
 use crate::fit::parameters::Group;
+use crate::fit::told::Told;
 
 /// Predicted peak memory, by purpose.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -64,7 +65,7 @@ impl Prediction {
     /// - photos: as 8 bits, at reduced widths, and as cached floats;
     /// - the method's own data;
     /// - program: the program itself, its thread stacks and allocator slack.
-    pub fn of_fit<M: Method>(scene: &Scene, config: &FitConfig<M::Config>) -> Self {
+    pub fn of_fit<M: Intake + Told>(scene: &Scene, config: &FitConfig<M::Config>) -> Self {
         let cap = match config.density.strategy {
             Strategy::None => initial_count(scene, &config.init, config.density.cap),
             _ => config.density.cap as u64,
@@ -89,7 +90,7 @@ impl Prediction {
             ),
             ("photos", views().map(stored_bytes).sum::<u64>() + reduced + cached),
         ];
-        parts.extend(M::memory(scene, config));
+        parts.extend(M::blur().map(|blur| blur.memory(scene, config)).unwrap_or_default());
         parts.push(("program", PROGRAM_BYTES));
         Self { parts }
     }

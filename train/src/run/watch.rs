@@ -62,6 +62,8 @@ pub struct Job {
     pub stop_at: Option<usize>,
     /// Show nothing on the terminal.
     pub quiet: bool,
+    /// Minutes that the training may take, from which its steps are planned; `None`: it takes those of `config`.
+    pub minutes: Option<f64>,
     /// Draws the schedule of the training as SVG, before its first step.
     pub schedule_svg: Option<fn(&Timetable) -> String>,
 }
@@ -123,7 +125,7 @@ pub struct Run {
 ///
 /// # Errors
 /// A sentence when all are damaged, or it was begun with another configuration.
-pub fn saved(job: &Job, config: &str) -> Result<Option<Checkpoint>> {
+pub fn newest_checkpoint(job: &Job, config: &str) -> Result<Option<Checkpoint>> {
     if !job.resume {
         return Ok(None);
     }
@@ -171,11 +173,11 @@ pub fn finished(job: &Job, config: &str) -> Option<Outcome> {
     is_done.then_some(Outcome { eval, report: None })
 }
 
-/// That the paths of a run can be written down, and the lock of a folder that a run is to go on in.
+/// The lock of the folder that a run goes on in, after a check that the paths of the run can be written down.
 ///
 /// # Errors
 /// A sentence: a path that is not UTF-8, or another process that writes the folder.
-pub fn enter(job: &Job) -> Result<Option<Lock>> {
+pub fn acquire_lock(job: &Job) -> Result<Option<Lock>> {
     utf8(&job.dataset)?;
     utf8(job.folder.path())?;
     (job.resume && job.folder.path().is_dir()).then(|| Lock::take(job.folder.path())).transpose()
@@ -199,14 +201,14 @@ pub fn check_views(job: &Job, begun_on: Fingerprint, views: Fingerprint) -> Resu
 }
 
 impl Run {
-    /// Makes the folder, or goes on in it after `step` steps. `held` is the lock of a folder that a run goes on in.
+    /// Makes the folder, or goes on in it after `step` steps. `lock` is that of a folder that a run goes on in.
     ///
     /// # Errors
     /// When the disk does not take it, or another process writes it.
-    pub fn begin(job: &Job, plan: Plan, step: usize, held: Option<Lock>) -> Result<Self> {
+    pub fn begin(job: &Job, plan: Plan, step: usize, lock: Option<Lock>) -> Result<Self> {
         let folder = &job.folder;
         folder.make()?;
-        let lock = held.map_or_else(|| Lock::take(folder.path()), Ok)?;
+        let lock = lock.map_or_else(|| Lock::take(folder.path()), Ok)?;
         if !job.resume && folder.config().exists() {
             // While this run read its data.
             bail!(
@@ -269,7 +271,11 @@ impl Run {
 
     /// Adds the time since `watch` began to that of training: reading the photos and finding the first Gaussians are part of its cost.
     pub fn count_time(&mut self, watch: Stopwatch) {
-        let (seconds, cpu) = watch.spent();
+        self.count_spent(watch.spent());
+    }
+
+    /// Adds seconds, and those of the processor, to the time of training.
+    pub fn count_spent(&mut self, (seconds, cpu): (f64, Option<f64>)) {
         self.clock.seconds += seconds;
         self.clock.cpu_seconds = self.clock.cpu_seconds.zip(cpu).map(|(sum, spent)| sum + spent);
     }
@@ -305,17 +311,15 @@ impl Run {
         }
     }
 
-    /// Counts the notes of a step. After the `last` step that may have any, each frequent note is shown.
-    pub fn count(&mut self, notes: &[Note], step: usize, last: usize) {
+    /// Counts the notes of a step. After the last step that may have a note, it is shown if it was frequent.
+    pub fn count(&mut self, notes: &[Note], step: usize) {
         for note in notes {
             *self.notes.entry(*note).or_default() += 1;
         }
-        if step == last {
-            for (note, count) in &self.notes {
-                if count * 100 > note.often_percent as usize * last {
-                    let sentence = note.sentence.replace("{count}", &count.to_string());
-                    self.say(&format!("warning: {}", sentence.replace("{steps}", &last.to_string())));
-                }
+        for (note, count) in &self.notes {
+            if step == note.last && count * 100 > note.often_percent as usize * note.last {
+                let sentence = note.sentence.replace("{count}", &count.to_string());
+                self.say(&format!("warning: {}", sentence.replace("{steps}", &note.last.to_string())));
             }
         }
     }

@@ -173,7 +173,7 @@ mod tests {
         let mut moving = run("moving", &[(10.0, 20.0), (40.0, 22.0)]);
         for (evaluation, psnr) in moving.eval.evaluations.iter_mut().zip([17.0, 19.0]) {
             let scores = gs_train::run::evaluate::Scores { psnr, ..evaluation.measured.quality.mean.clone() };
-            evaluation.measured.quality.regions.insert(gs_train::fit::method::MOVING.into(), scores);
+            evaluation.measured.quality.regions.insert(gs_train::fit::told::MOVING.into(), scores);
         }
         let tables = soonest(&curves(&[moving]), &[], true);
         assert_eq!(tables[0].columns, ["run", "CPU s to 18 dB, moving"]);

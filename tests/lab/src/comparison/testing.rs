@@ -1,6 +1,6 @@
 //! Hand-made runs for tests.
 
-use gs_train::fit::method::MOVING;
+use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Cost, Evaluation, Measured, ModelSize, Quality, Scores};
 use gs_train::run::folder::{EvalFile, RunFolder, Setting};
 use gsburn::report::comparison::ComparedRun;

@@ -8,11 +8,11 @@ use std::time::Instant;
 use anyhow::Result;
 use burn::tensor::{Device, Tensor};
 use gs_datasets::{LoadOptions, Scene, load};
+use gs_pipelines::fit::SceneMethod;
 use gs_train::config::{ConfigError, FitConfig, tables};
-use gs_train::fit::method::MOVING;
-use gs_train::fit::method::Method;
 use gs_train::fit::photos::Photo;
 use gs_train::fit::session::{self, Data, Stepped};
+use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Evaluator, HeldOut, Measured};
 use gs_train::run::interrupt;
 use gs_worlds::deblur::{self, DeblurOptions, World};
@@ -161,7 +161,7 @@ impl Lab {
     ///
     /// # Errors
     /// When a change is not valid.
-    pub fn config<M: Method>(&self, steps: usize, changes: &[&str]) -> Result<FitConfig<M::Config>, ConfigError> {
+    pub fn config<M: SceneMethod>(&self, steps: usize, changes: &[&str]) -> Result<FitConfig<M::Config>, ConfigError> {
         let mut table = M::defaults().to_table();
         let own = [format!("steps={steps}")];
         for text in changes.iter().map(|text| (*text).to_string()).chain(own) {
@@ -194,13 +194,13 @@ pub fn small(world: World, frames: usize) -> DeblurOptions {
 }
 
 /// A run in progress, open to an experiment between its steps.
-pub struct Session<'a, M: Method> {
+pub struct Session<'a, M: SceneMethod> {
     lab: &'a Lab,
     /// The fit.
     pub fit: session::Session<'a, M>,
 }
 
-impl<'a, M: Method> Session<'a, M> {
+impl<'a, M: SceneMethod> Session<'a, M> {
     /// The state before the first step, as in a run.
     pub fn begin(lab: &'a Lab, data: &'a Data<M>, config: &'a FitConfig<M::Config>) -> Self {
         Self { lab, fit: session::Session::begin(data, config, None, &lab.device) }
@@ -243,7 +243,7 @@ impl<'a, M: Method> Session<'a, M> {
     pub fn measure(&self) -> Measured {
         let (scene, at) = (&self.fit.data.scene, self.fit.at());
         let evaluator = Evaluator::new(&self.fit.config.eval, &self.lab.device);
-        let held_out = HeldOut::of(scene, None, &at).expect("the reported split");
+        let held_out = HeldOut::of::<M>(scene, None).expect("the reported split");
         evaluator.measure(self.fit.trainer.model(), scene, &held_out, &at, 0).0
     }
 

@@ -108,6 +108,7 @@ fn finished(run: &Run, seed: u64, folder: &RunFolder, device: &Device) -> Result
         resume: begun,
         stop_at: None,
         quiet: false,
+        minutes: None,
         schedule_svg: Some(gsburn::report::schedule_svg),
     };
     Ok(!interrupt::asked() && matches!(train_and_report(resolved.pipeline, &job)?, Ending::Finished(_)))

@@ -52,6 +52,7 @@ fn train(folder: PathBuf, scene: &Path, stop_at: Option<usize>) {
         resume: false,
         stop_at,
         quiet: true,
+        minutes: None,
         schedule_svg: Some(gsburn::report::schedule_svg),
     };
     train_and_report(resolved.pipeline, &job).expect("the run succeeds");

@@ -52,13 +52,13 @@ use gs_base::counted;
 use gs_datasets::CheckReport;
 use toml::Table;
 
-use super::{EvalRequest, Evaluated, Foreseen, Pipeline, Reconstruction, resolve_changed};
+use super::{EvalRequest, Evaluated, Networks, Opened, Pipeline, Reconstruction, resolve_changed};
 use config::FluxConfig;
 use evaluate::{Split, measure};
 use gs_train::config::{ConfigError, tables};
 use gs_train::fit::snapshot::Snapshot;
 use gs_train::run::checkpoint::Checkpoint;
-use gs_train::run::scene::{LoadedScene, SceneFile};
+use gs_train::run::scene::SceneFile;
 use gs_train::run::watch::{Ending, Job};
 use gs_train::sentence::one_sentence;
 use logs::Logs;
@@ -107,14 +107,13 @@ impl Pipeline for Flux4d {
     }
 
     fn train(&self, job: &Job) -> Result<Ending> {
+        if job.minutes.is_some() {
+            bail!("--minutes: expected a pipeline that fits one scene, found {NAME}; use --steps");
+        }
         train::train(job, &FluxConfig::from_table(&job.config, "configuration")?)
     }
 
-    fn open(&self, checkpoint: &Checkpoint, _device: &Device) -> Result<LoadedScene> {
-        bail!("{}: {NO_SCENE}", checkpoint.path.display())
-    }
-
-    fn foresee(&self, checkpoint: &Checkpoint, _dataset: &Path, _device: &Device) -> Result<Foreseen> {
+    fn open(&self, checkpoint: &Checkpoint, _dataset: Option<&Path>, _device: &Device) -> Result<Opened> {
         bail!("{}: {NO_SCENE}", checkpoint.path.display())
     }
 
@@ -145,18 +144,24 @@ impl Pipeline for Flux4d {
         Ok(Evaluated { step: saved.step, measured: found.measured, pictures: found.pictures })
     }
 
+    fn networks(&self) -> Option<&dyn Networks> {
+        Some(self)
+    }
+}
+
+impl Networks for Flux4d {
     fn reconstruct(&self, checkpoint: &Checkpoint, request: &Reconstruction) -> Result<Vec<String>> {
         let origin = format!("{}: configuration", checkpoint.path.display());
         let config = resolve_changed(&tables::parse(&checkpoint.origin.config, &origin)?, &origin, request.set)?.config;
         reconstruct::reconstruct(&read_configured(checkpoint, &config, request.device)?, request)
     }
 
-    fn network(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Option<Snapshot>> {
-        saved::network_alone(checkpoint, device).map(Some)
+    fn alone(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot> {
+        saved::network_alone(checkpoint, device)
     }
 
-    fn shipped(&self) -> Result<Option<Checkpoint>> {
-        shipped_checkpoint().map(Some)
+    fn shipped(&self) -> Result<Checkpoint> {
+        shipped_checkpoint()
     }
 }
 

@@ -37,14 +37,14 @@ pub fn train(job: &Job, config: &FluxConfig) -> Result<Ending> {
         return Ok(Ending::Finished(outcome));
     }
     check_devices(job, config)?;
-    let held = watch::enter(job)?;
+    let lock = watch::acquire_lock(job)?;
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let logs = Arc::new(Logs::open(&job.dataset, &config.own.logs)?);
     logs.warn();
     let mut plan = plan(job, config, &logs);
-    let training = begun(job, config, &plan)?;
+    let training = newest(job, config, &plan)?;
     plan.prediction = memory::of_training(config, &logs, parameters(training.module()), job.devices());
-    let run = Run::begin(job, plan, training.step, held)?;
+    let run = Run::begin(job, plan, training.step, lock)?;
     introduce(&run, &logs, &training);
     let observer = Observer::new(run, logs, config.clone(), job.device.clone());
     let (training, observer) = advance(training, observer, job)?;
@@ -113,8 +113,8 @@ fn finish(observer: Observer, job: &Job, training: &Training<FluxNetwork>) -> Re
 }
 
 /// The saved training, or one before its first step.
-fn begun(job: &Job, config: &FluxConfig, plan: &Plan) -> Result<Training<FluxNetwork>> {
-    match watch::saved(job, &config.to_toml())? {
+fn newest(job: &Job, config: &FluxConfig, plan: &Plan) -> Result<Training<FluxNetwork>> {
+    match watch::newest_checkpoint(job, &config.to_toml())? {
         Some(checkpoint) => {
             watch::check_views(job, checkpoint.origin.views, plan.origin.views)?;
             Ok(restore(&checkpoint, config, &job.device).map_err(|found| checkpoint.damaged(found))?)

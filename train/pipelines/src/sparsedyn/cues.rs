@@ -21,7 +21,7 @@ const ONE_FRAME: f64 = 1e-4;
 const HALF_CONFIDENCE: f32 = 2.0;
 
 /// The cues of a data set.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Cues {
     /// The unit of time of the dynamics.
     pub clock: Clock,

@@ -42,13 +42,7 @@ const FEWEST: usize = 12;
 const FEWEST_OF_PART: usize = 3 * FEWEST;
 
 /// The model after the events of a step: bodies are found and found again, divided, joined and given laws.
-pub fn simplified(
-    mut model: Sparsedyn,
-    gaussians: &Gaussians,
-    adam: &mut Adam,
-    views: &[View],
-    at: &Step,
-) -> Sparsedyn {
+pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     if at.step == warmup_steps(at.config) {
         model.examine_evidence(gaussians, at);
     }

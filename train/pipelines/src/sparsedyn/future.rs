@@ -1,8 +1,10 @@
 //! The future of a run: its parts, an ensemble of perturbed dynamics, and other steps of integration.
 
+use anyhow::Result as Outcome;
+use burn::tensor::Device;
 use glam::DVec3;
 use gs_burn::Gaussians;
-use gs_datasets::View;
+use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
 use gs_models::sparsedyn::bodies::{Bodies, LawValues, Term};
 use gs_models::sparsedyn::uncertainty::{LawUncertainty, Observed, field_draw, field_numbers};
@@ -14,9 +16,12 @@ use super::cues::frames;
 use super::poses::pixel_size;
 use super::scene::RolledScene;
 use super::{Config, Sparsedyn};
-use gs_train::fit::foresight::{Foresight, Part};
+use crate::Future;
+use crate::fit::read_model;
+use gs_train::fit::extrapolation::{Extrapolation, Part};
 use gs_train::fit::parameters::{indices, to_host};
 use gs_train::fit::random::{Purpose, normal_pair, stream};
+use gs_train::run::checkpoint::Checkpoint;
 
 /// Lengths of a step that can be asked for, frames: as `dynamics.step_frames`.
 const STEP_FRAMES: std::ops::RangeInclusive<f64> = 0.01..=100.0;
@@ -35,6 +40,16 @@ const LARGEST_CHANGE: f64 = 30.0;
 
 /// The stream of random numbers with which the field's scale is found; members have the streams below it.
 const CALIBRATION: u64 = 1 << 32;
+
+/// The future of scenes of this pipeline.
+pub struct RolledFutures;
+
+impl Future for RolledFutures {
+    fn extrapolate(&self, checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Outcome<Box<dyn Extrapolation>> {
+        let (model, config, _) = read_model::<Sparsedyn>(checkpoint, device)?;
+        Ok(Box::new(RolledFuture::new(&model.method, &model.gaussians, &photos.train, &config)))
+    }
+}
 
 /// The future of a scene.
 #[derive(Debug, Clone)]
@@ -148,7 +163,7 @@ impl RolledFuture {
     }
 }
 
-impl Foresight for RolledFuture {
+impl Extrapolation for RolledFuture {
     fn scene(&self) -> Box<dyn DynamicScene> {
         Box::new(self.scene.clone())
     }
@@ -216,7 +231,7 @@ impl Foresight for RolledFuture {
         self.noise
     }
 
-    fn with_step(&self, frames: f64) -> Result<Box<dyn Foresight>, String> {
+    fn with_step(&self, frames: f64) -> Result<Box<dyn Extrapolation>, String> {
         if !STEP_FRAMES.contains(&frames) {
             let (least, most) = (STEP_FRAMES.start(), STEP_FRAMES.end());
             return Err(format!("expected a step of {least} to {most} frames, found {frames}"));

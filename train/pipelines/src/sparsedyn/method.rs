@@ -9,7 +9,6 @@ use gs_datasets::{LoadOptions, PriorUse, Scene, View};
 use gs_models::DynamicScene;
 
 use super::config::Sections;
-use super::future::RolledFuture;
 use super::model::Frame;
 use super::order::Progressive;
 use super::scene::RolledScene;
@@ -18,64 +17,19 @@ use gs_train::config::FitConfig;
 use gs_train::fit::density::Control;
 use gs_train::fit::facts::Unseen;
 use gs_train::fit::figure::Figures;
-use gs_train::fit::foresight::Foresight;
 use gs_train::fit::initialise::{InitialGaussians, NEAR_STATIC_CAMERAS};
-use gs_train::fit::method::{CAP, ChartKey, Forward, Method};
+use gs_train::fit::intake::Intake;
+use gs_train::fit::method::{Forward, Method};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::sampler::ViewOrder;
-use gs_train::fit::timetable::Timetable;
+use gs_train::fit::saved::Saved;
+use gs_train::fit::told::{CAP, ChartKey, Introduction, Told};
 
 impl Method for Sparsedyn {
-    const NAME: &'static str = "sparsedyn";
-    const UNSEEN: Unseen = Unseen::MeanColor;
+    const NAME: &'static str = super::NAME;
     type Config = Sections;
     type Cues = Cues;
     type Extra = PhotoCues;
-
-    fn defaults() -> FitConfig<Sections> {
-        config::defaults()
-    }
-
-    fn loading(_config: &Config, options: &mut LoadOptions) {
-        options.priors = PriorUse { sharp: false, ..options.priors };
-        options.predicts = true;
-    }
-
-    fn prepare(scene: &mut Scene) {
-        let before = scene.train.len();
-        scene.train.retain(|view| view.time.is_some());
-        let left_out = before - scene.train.len();
-        if left_out > 0 && !scene.train.is_empty() {
-            scene.warnings.extend(Self::leaves_out(left_out));
-        }
-    }
-
-    fn leaves_out(without_time: usize) -> Option<String> {
-        (without_time > 0).then(|| format!("{without_time} training photos have no time and are left out"))
-    }
-
-    fn suits(dataset: &Path, _train: usize, timed: usize) -> Result<(), String> {
-        match timed {
-            0 => Err(format!(
-                "{}: expected a time for each frame, found none; a static scene trains with pipeline = \"static\"",
-                dataset.display()
-            )),
-            1 => Err(format!("{}: expected at least 2 training photos with times, found 1", dataset.display())),
-            _ => Ok(()),
-        }
-    }
-
-    fn reaches(dataset: &Path, scene: &Scene, config: &Config) -> Result<(), String> {
-        cues::reaches(dataset, scene, config)
-    }
-
-    fn near_share(scene: &Scene, _config: &Config) -> Option<f64> {
-        begin::is_photos_alone(scene).then_some(NEAR_STATIC_CAMERAS)
-    }
-
-    fn cues(scene: &Scene, config: &Config) -> Cues {
-        Cues::of(scene, config)
-    }
 
     fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Self) {
         begin::begin(scene, at, device)
@@ -105,51 +59,62 @@ impl Method for Sparsedyn {
         self.followed(rows)
     }
 
-    fn simplify(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
-        discover::simplified(self, gaussians, adam, views, at)
+    fn after_step(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
+        discover::evolved(self, gaussians, adam, views, at)
     }
 
     fn scene(&self, gaussians: Gaussians) -> Box<dyn DynamicScene> {
         Box::new(RolledScene { gaussians, method: self.clone() })
     }
+}
 
-    fn middle(&self) -> f64 {
-        self.frame.clock.outer(self.frame.start)
+impl Intake for Sparsedyn {
+    const UNSEEN: Unseen = Unseen::MeanColor;
+
+    fn defaults() -> FitConfig<Sections> {
+        config::defaults()
     }
 
-    fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
-        figures::bytes(self, gaussians, config)
+    fn loading(_config: &Config, options: &mut LoadOptions) {
+        options.priors = PriorUse { sharp: false, ..options.priors };
+        options.predicts = true;
     }
 
-    fn figures(&self, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
-        figures::figures(self, gaussians, scene, views, at)
+    fn prepare(dataset: &Path, scene: &mut Scene, config: &Config) -> Result<(), String> {
+        let before = scene.train.len();
+        scene.train.retain(|view| view.time.is_some());
+        let left_out = before - scene.train.len();
+        if left_out > 0 && !scene.train.is_empty() {
+            scene.warnings.extend(Self::leaves_out(left_out));
+        }
+        cues::reaches(dataset, scene, config)
     }
 
-    fn introduction(&self, _scene: &Scene, at: &Step) -> (Vec<String>, Vec<String>) {
-        let cues = at.cues;
-        let lines = timetable::lines(&self.frame, at);
-        let single = (cues.times.len() < 2).then(|| "all photos have one time: no motion can be learned".to_string());
-        let alone = cues.by_frame.first().is_some_and(|views| views.len() < 2).then(|| {
-            "the first frame has 1 photo, expected 2 or more: without a depth prior nothing says how far away anything is".to_string()
-        });
-        (lines, single.into_iter().chain(alone).collect())
+    fn leaves_out(without_time: usize) -> Option<String> {
+        (without_time > 0).then(|| format!("{without_time} training photos have no time and are left out"))
     }
 
-    fn timetable(scene: &Scene, at: &Step) -> Option<Timetable> {
-        Some(timetable::curves(scene, at))
+    fn suits(dataset: &Path, _train: usize, timed: usize) -> Result<(), String> {
+        match timed {
+            0 => Err(format!(
+                "{}: expected a time for each frame, found none; a static scene trains with pipeline = \"static\"",
+                dataset.display()
+            )),
+            1 => Err(format!("{}: expected at least 2 training photos with times, found 1", dataset.display())),
+            _ => Ok(()),
+        }
     }
 
-    fn described(&self) -> Vec<(&'static str, String)> {
-        let [first, last] = self.frame.span.map(|time| self.frame.clock.outer(time));
-        let mut lines = vec![("moving", self.frame.rows.len().to_string()), ("seen", format!("{first} to {last}"))];
-        lines.extend(self.body_lines().into_iter().map(|line| ("body", line)));
-        lines
+    fn near_share(scene: &Scene, _config: &Config) -> Option<f64> {
+        begin::is_photos_alone(scene).then_some(NEAR_STATIC_CAMERAS)
     }
 
-    fn foresight(&self, gaussians: &Gaussians, views: &[View], config: &Config) -> Option<Box<dyn Foresight>> {
-        Some(Box::new(RolledFuture::new(self, gaussians, views, config)))
+    fn cues(scene: &Scene, config: &Config) -> Cues {
+        Cues::of(scene, config)
     }
+}
 
+impl Saved for Sparsedyn {
     fn frame(&self) -> serde_json::Value {
         serde_json::to_value(&self.frame).expect("a frame is JSON")
     }
@@ -171,6 +136,38 @@ impl Method for Sparsedyn {
         Ok(begin::at_rest(at.config, device))
     }
 
+    fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
+        figures::bytes(self, gaussians, config)
+    }
+}
+
+impl Told for Sparsedyn {
+    fn middle(&self) -> f64 {
+        self.frame.clock.outer(self.frame.start)
+    }
+
+    fn figures(&self, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
+        figures::figures(self, gaussians, scene, views, at)
+    }
+
+    fn introduction(&self, scene: &Scene, at: &Step) -> Introduction {
+        let cues = at.cues;
+        let lines = timetable::lines(&self.frame, at);
+        let single = (cues.times.len() < 2).then(|| "all photos have one time: no motion can be learned".to_string());
+        let alone = cues.by_frame.first().is_some_and(|views| views.len() < 2).then(|| {
+            "the first frame has 1 photo, expected 2 or more: without a depth prior nothing says how far away anything is".to_string()
+        });
+        let warnings = single.into_iter().chain(alone).collect();
+        Introduction { lines, warnings, schedule: Some(timetable::curves(scene, at)) }
+    }
+
+    fn described(&self) -> Vec<(&'static str, String)> {
+        let [first, last] = self.frame.span.map(|time| self.frame.clock.outer(time));
+        let mut lines = vec![("moving", self.frame.rows.len().to_string()), ("seen", format!("{first} to {last}"))];
+        lines.extend(self.body_lines().into_iter().map(|line| ("body", line)));
+        lines
+    }
+
     fn chart_keys() -> &'static [ChartKey] {
         const KEYS: [ChartKey; 6] = [
             ChartKey {
@@ -186,10 +183,5 @@ impl Method for Sparsedyn {
             CAP,
         ];
         &KEYS
-    }
-
-    fn sizes() -> &'static [(&'static str, &'static [&'static str])] {
-        // Eight runs: half the width, a third of the bands and a count that few objects exceed, each with and without.
-        &[("dynamics.width", &["32", "64"]), ("dynamics.bands", &["1", "3"]), ("density.cap", &["1500", "20000"])]
     }
 }

@@ -49,3 +49,11 @@ pub type Config = gs_train::config::FitConfig<Sections>;
 
 /// One step of the pipeline.
 pub type Step<'a> = gs_train::fit::method::Step<'a, Sparsedyn>;
+
+/// The pipeline's name.
+pub const NAME: &str = "sparsedyn";
+
+/// The keys that decide how large a model is, with values to try: half the width, a third of the bands and a count that
+/// few objects exceed, each with and without, in eight runs.
+pub const SIZES: [(&str, &[&str]); 3] =
+    [("dynamics.width", &["32", "64"]), ("dynamics.bands", &["1", "3"]), ("density.cap", &["1500", "20000"])];

@@ -4,7 +4,7 @@ use gs_datasets::{PointCloud, Scene, View};
 use gs_multiview::{Pinhole, foreground_masks};
 
 /// What tells where the Gaussians of the first frame begin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Source {
     /// Depth priors of the first frame.
     Priors,
@@ -13,6 +13,7 @@ pub enum Source {
     /// The visual hull of outlines before a plain background.
     Hull,
     /// The photos alone.
+    #[default]
     Photos,
 }
 

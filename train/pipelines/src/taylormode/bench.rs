@@ -13,7 +13,7 @@ use super::extra::ComparedPixels;
 use super::model::Units;
 use super::{PhotoPriors, Taylormode};
 use gs_train::fit::bench::{Steps, photo_of, steps};
-use gs_train::fit::method::Method;
+use gs_train::fit::intake::Intake;
 use gs_train::fit::parameters::from_host;
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::fit::trainer::Model;

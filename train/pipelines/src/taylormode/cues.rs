@@ -7,7 +7,7 @@ use gs_multiview::{self as multiview, Centre, ImageScale, MaskOptions, MaskOrigi
 
 use super::Config;
 use super::config::{BlurMode, MaskSource};
-use gs_train::fit::method::{MOVING, Region, given_regions};
+use gs_train::fit::told::{MOVING, Region, given_regions};
 
 /// Cues about motion, inferred from the training photos alone.
 #[derive(Debug, Clone, Default)]

@@ -24,12 +24,17 @@ use gs_train::fit::method::{Drawn, Forward, Note};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::Photo;
 
-/// Reported if depth priors cannot be aligned. The first renderings of a scene show almost nothing, hence the share.
-pub const DEPTH_MISFIT: Note = Note {
-    sentence: "in {count} of {steps} steps the photo's depth prior fitted nothing that was rendered, and the depth term (Eq. 16) was left \
-               out; is it depth, or its inverse (depth_kind)?",
-    often_percent: 10,
-};
+/// Smallest share of the steps at which a misfit of depth priors is told, per cent: the first renderings of a scene show
+/// almost nothing.
+const MISFIT_PERCENT: u32 = 10;
+
+/// The note on a depth prior that cannot be aligned.
+fn depth_misfit(config: &Config) -> Note {
+    let last = ((config.method.prior.until * config.steps as f64) as usize).clamp(1, config.steps);
+    let sentence = "in {count} of {steps} steps the photo's depth prior fitted nothing that was rendered, and the depth term (Eq. 16) was left \
+                    out; is it depth, or its inverse (depth_kind)?";
+    Note { sentence, last, often_percent: MISFIT_PERCENT }
+}
 
 /// An image with its loss.
 struct Formed {
@@ -71,7 +76,7 @@ impl Taylormode {
             images: vec![color],
             loss,
             drawn: vec![drawn],
-            notes: step.misfit.get().then_some(DEPTH_MISFIT).into_iter().collect(),
+            notes: step.misfit.get().then(|| depth_misfit(at.config)).into_iter().collect(),
             remainder: None,
         }
     }

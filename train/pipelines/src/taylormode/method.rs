@@ -6,9 +6,9 @@ use burn::tensor::{Device, Tensor};
 use gs_burn::adam::Adam;
 use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
-use gs_models::DynamicScene;
+use gs_models::{DynamicScene, Shutter};
 
-use super::config::Sections;
+use super::config::{BlurMode, Sections};
 use super::curriculum::Opening;
 use super::model::Frame;
 use super::scene::ExposedScene;
@@ -16,10 +16,13 @@ use super::{Config, Cues, PhotoPriors, Step, Taylormode, begin, config, cues, fi
 use gs_train::config::FitConfig;
 use gs_train::fit::figure::Figures;
 use gs_train::fit::initialise::InitialGaussians;
-use gs_train::fit::method::{CAP, ChartKey, Forward, Method, Region};
+use gs_train::fit::intake::Intake;
+use gs_train::fit::method::{Forward, Method};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::sampler::ViewOrder;
+use gs_train::fit::saved::Saved;
 use gs_train::fit::schedule::due;
+use gs_train::fit::told::{Blur, CAP, ChartKey, Introduction, Region, Told};
 use gs_train::run::memory::{largest_photo, of_rendering, pixels};
 
 /// Share of the run after which orders are first selected, after the recording is used to its ends
@@ -34,37 +37,6 @@ impl Method for Taylormode {
     type Config = Sections;
     type Cues = Cues;
     type Extra = PhotoPriors;
-
-    fn defaults() -> FitConfig<Sections> {
-        config::defaults()
-    }
-
-    fn prepare(scene: &mut Scene) {
-        cues::leave_out_timeless(scene);
-    }
-
-    fn leaves_out(without_time: usize) -> Option<String> {
-        cues::left_out_warning(without_time)
-    }
-
-    fn suits(dataset: &Path, _train: usize, timed: usize) -> Result<(), String> {
-        if timed > 0 {
-            return Ok(());
-        }
-        Err(format!(
-            "{}: expected a time for each frame, found none; a static scene trains with pipeline = \"static\"",
-            dataset.display()
-        ))
-    }
-
-    fn near_share(scene: &Scene, config: &Config) -> Option<f64> {
-        let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
-        (!has_points).then_some(config.method.cues.near_share)
-    }
-
-    fn cues(scene: &Scene, config: &Config) -> Cues {
-        cues::find_cues(scene, config)
-    }
 
     fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Self) {
         begin::begin(scene, at, device)
@@ -97,7 +69,7 @@ impl Method for Taylormode {
         self.followed(rows, adam)
     }
 
-    fn simplify(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
+    fn after_step(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
         let (motion, steps) = (&at.config.method.motion, at.config.steps);
         let begun = at.step as f64 >= SELECT_FROM * steps as f64;
         if !(motion.select && begun && (due(at.step, motion.select_every) || at.step == steps)) {
@@ -113,51 +85,43 @@ impl Method for Taylormode {
     fn scene(&self, gaussians: Gaussians) -> Box<dyn DynamicScene> {
         Box::new(ExposedScene { scene: self.moving_scene(gaussians), exposure: self.exposure_on_host() })
     }
+}
 
-    fn middle(&self) -> f64 {
-        self.motion.window.t0
+impl Intake for Taylormode {
+    fn defaults() -> FitConfig<Sections> {
+        config::defaults()
     }
 
-    fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
-        figures::cost(self, gaussians, config).bytes
+    fn prepare(_dataset: &Path, scene: &mut Scene, _config: &Config) -> Result<(), String> {
+        cues::leave_out_timeless(scene);
+        Ok(())
     }
 
-    fn regions(views: &[View], _config: &Config) -> Vec<Vec<Region>> {
-        cues::regions(views)
+    fn leaves_out(without_time: usize) -> Option<String> {
+        cues::left_out_warning(without_time)
     }
 
-    fn formed(&self, gaussians: &Gaussians, view: &View, at: &Step) -> Option<Tensor<3>> {
-        figures::is_blurry(view, at.config).then(|| figures::form_blur(self, gaussians, view, at))
+    fn suits(dataset: &Path, _train: usize, timed: usize) -> Result<(), String> {
+        if timed > 0 {
+            return Ok(());
+        }
+        Err(format!(
+            "{}: expected a time for each frame, found none; a static scene trains with pipeline = \"static\"",
+            dataset.display()
+        ))
     }
 
-    fn figures(&self, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
-        figures::figures(self, gaussians, scene, views, at)
+    fn near_share(scene: &Scene, config: &Config) -> Option<f64> {
+        let has_points = scene.points.as_ref().is_some_and(|points| !points.is_empty());
+        (!has_points).then_some(config.method.cues.near_share)
     }
 
-    fn introduction(&self, scene: &Scene, at: &Step) -> (Vec<String>, Vec<String>) {
-        let (exposure, warning) = cues::first_exposure(scene, at.config);
-        let line = format!(
-            "{} Gaussians may move, by {}; exposure {exposure:.4} to begin with{}",
-            self.motion.len(),
-            at.cues.describe_masks(),
-            at.cues.describe_path(&self.motion)
-        );
-        let single = match cues::frame_interval(&scene.train) {
-            Some(_) => None,
-            None => Some("all frames have one time: blur alone does not tell a motion from its reverse".to_string()),
-        };
-        (vec![line], at.cues.warnings.iter().cloned().chain(warning).chain(single).collect())
+    fn cues(scene: &Scene, config: &Config) -> Cues {
+        cues::find_cues(scene, config)
     }
+}
 
-    fn described(&self) -> Vec<(&'static str, String)> {
-        let [first, last] = self.motion.recording;
-        vec![
-            ("moving", self.motion.len().to_string()),
-            ("recording", format!("{first} to {last}")),
-            ("exposure", format!("{:.6}", self.exposure_on_host())),
-        ]
-    }
-
+impl Saved for Taylormode {
     fn frame(&self) -> serde_json::Value {
         serde_json::to_value(self.frame_data()).expect("a frame is JSON")
     }
@@ -176,19 +140,43 @@ impl Method for Taylormode {
         Ok(Self::at_rest(at, device))
     }
 
-    fn last_note(config: &Config) -> usize {
-        ((config.method.prior.until * config.steps as f64) as usize).clamp(1, config.steps)
+    fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
+        figures::cost(self, gaussians, config).bytes
+    }
+}
+
+impl Told for Taylormode {
+    fn middle(&self) -> f64 {
+        self.motion.window.t0
     }
 
-    fn memory(scene: &Scene, config: &Config) -> Vec<(&'static str, u64)> {
-        let masks = scene.train.iter().map(pixels).sum();
-        let (cap, motion) = (config.density.cap as u64, &config.method.motion);
-        // Values, gradients and two moments, if all that may be there moves.
-        let paths = 4 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;
-        // A measured exposure has more instants than a training step, whose buffers have been released then.
-        let instant = of_rendering(cap, largest_photo(scene));
-        let exposure = figures::MEASURE_SAMPLES as u64 * instant / TILES_PER_MOVING_TILE;
-        vec![("moving masks", masks), ("motion", paths), ("exposure", exposure)]
+    fn figures(&self, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
+        figures::figures(self, gaussians, scene, views, at)
+    }
+
+    fn introduction(&self, scene: &Scene, at: &Step) -> Introduction {
+        let (exposure, warning) = cues::first_exposure(scene, at.config);
+        let line = format!(
+            "{} Gaussians may move, by {}; exposure {exposure:.4} to begin with{}",
+            self.motion.len(),
+            at.cues.describe_masks(),
+            at.cues.describe_path(&self.motion)
+        );
+        let single = match cues::frame_interval(&scene.train) {
+            Some(_) => None,
+            None => Some("all frames have one time: blur alone does not tell a motion from its reverse".to_string()),
+        };
+        let warnings = at.cues.warnings.iter().cloned().chain(warning).chain(single).collect();
+        Introduction { lines: vec![line], warnings, schedule: None }
+    }
+
+    fn described(&self) -> Vec<(&'static str, String)> {
+        let [first, last] = self.motion.recording;
+        vec![
+            ("moving", self.motion.len().to_string()),
+            ("recording", format!("{first} to {last}")),
+            ("exposure", format!("{:.6}", self.exposure_on_host())),
+        ]
     }
 
     fn chart_keys() -> &'static [ChartKey] {
@@ -199,5 +187,39 @@ impl Method for Taylormode {
             CAP,
         ];
         &KEYS
+    }
+
+    fn blur() -> Option<&'static dyn Blur<Self>> {
+        Some(&Exposures)
+    }
+}
+
+/// The measurements over the exposures of photos.
+struct Exposures;
+
+impl Blur<Taylormode> for Exposures {
+    fn regions(&self, views: &[View]) -> Vec<Vec<Region>> {
+        cues::regions(views)
+    }
+
+    fn formed(&self, method: &Taylormode, gaussians: &Gaussians, view: &View, at: &Step) -> Option<Tensor<3>> {
+        figures::is_blurry(view, at.config).then(|| figures::form_blur(method, gaussians, view, at))
+    }
+
+    fn shutter(&self, scene: &dyn DynamicScene, config: &Config) -> Option<Shutter> {
+        let blur = &config.method.blur;
+        let exposure = scene.exposure().filter(|_| blur.mode != BlurMode::None)?;
+        Some(Shutter { exposure, linear: blur.linear })
+    }
+
+    fn memory(&self, scene: &Scene, config: &Config) -> Vec<(&'static str, u64)> {
+        let masks = scene.train.iter().map(pixels).sum();
+        let (cap, motion) = (config.density.cap as u64, &config.method.motion);
+        // Values, gradients and two moments, if all that may be there moves.
+        let paths = 4 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;
+        // A measured exposure has more instants than a training step, whose buffers have been released then.
+        let instant = of_rendering(cap, largest_photo(scene));
+        let exposure = figures::MEASURE_SAMPLES as u64 * instant / TILES_PER_MOVING_TILE;
+        vec![("moving masks", masks), ("motion", paths), ("exposure", exposure)]
     }
 }

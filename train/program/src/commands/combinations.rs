@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 
 use crate::cli::SweepArgs;
-use gs_pipelines::{Sources, resolve};
+use gs_pipelines::{Sources, resolve, sizes};
 
 /// Folder of the run without any change.
 const UNCHANGED: &str = "base";
@@ -92,7 +92,7 @@ fn proposed(args: &SweepArgs, recipe: Option<&str>) -> Result<Vec<(&'static str,
         return Ok(Vec::new());
     }
     let sources = Sources { file: args.config.as_deref(), recipe, overrides: args.set.as_slice() };
-    let sizes = resolve(sources)?.pipeline.sizes();
+    let sizes = sizes(resolve(sources)?.pipeline);
     Ok(sizes.iter().map(|(key, values)| (*key, values.to_vec())).collect())
 }
 

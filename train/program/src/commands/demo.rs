@@ -14,7 +14,7 @@ use crate::cli::DemoArgs;
 use crate::commands::train::{execute, next_folder};
 use crate::commands::{device, print};
 use crate::report::{schedule_svg, viewer};
-use gs_pipelines::{DEMO_RECIPES, Reconstruction, Sources, of_checkpoint, resolve, shipped};
+use gs_pipelines::{DEMO_RECIPES, Reconstruction, Sources, networks_of, resolve, shipped};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::Job;
 
@@ -58,6 +58,7 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
         resume: false,
         stop_at: None,
         quiet: args.quiet,
+        minutes: None,
         schedule_svg: Some(schedule_svg),
     };
     execute(resolved.pipeline, &job)
@@ -101,7 +102,7 @@ fn driving(args: &DemoArgs, device: &Device) -> Result<ExitCode> {
         device,
     };
     let network = shipped()?;
-    for line in of_checkpoint(&network)?.reconstruct(&network, &request)? {
+    for line in networks_of(&network)?.reconstruct(&network, &request)? {
         print(line);
     }
     print(format!("the log's own images are in {}", log.join("camera").display()));

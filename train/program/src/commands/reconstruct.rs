@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use crate::cli::ReconstructArgs;
 use crate::commands::{device, print};
 use crate::report::viewer;
-use gs_pipelines::{Reconstruction, of_checkpoint, shipped};
+use gs_pipelines::{Reconstruction, networks_of, shipped};
 use gs_train::run::interrupt;
 use gs_train::run::scene::{SceneFile, read_file};
 
@@ -42,7 +42,7 @@ pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
         device: &device,
     };
     interrupt::watch();
-    for line in of_checkpoint(&checkpoint)?.reconstruct(&checkpoint, &request)? {
+    for line in networks_of(&checkpoint)?.reconstruct(&checkpoint, &request)? {
         print(line);
     }
     Ok(if interrupt::asked() { ExitCode::from(interrupt::exit_code()) } else { ExitCode::SUCCESS })

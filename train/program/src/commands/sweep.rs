@@ -103,6 +103,7 @@ fn finishes(sweep: &Sweep<'_>, run: &Planned, device: &Device) -> Result<bool> {
         resume: run.state == State::Begun,
         stop_at: None,
         quiet: sweep.args.quiet,
+        minutes: None,
         schedule_svg: Some(report::schedule_svg),
     };
     match train_and_report(run.config.pipeline, &job)? {

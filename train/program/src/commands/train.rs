@@ -12,8 +12,7 @@ use crate::cli::{ConfigArgs, TrainArgs};
 use crate::commands::{device as chosen, missing, print};
 use crate::report;
 use gs_pipelines::{Pipeline, Resolved, Sources, resolve as resolve_sources, resolve_saved};
-use gs_train::config::{ConfigError, brief};
-use gs_train::fit::budget::STEPS_MAX;
+use gs_train::config::ConfigError;
 use gs_train::run::folder::{EvalFile, RunFolder, full_path};
 use gs_train::run::interrupt;
 use gs_train::run::profile::{self, Profile};
@@ -73,7 +72,7 @@ pub fn train_and_report(pipeline: &dyn Pipeline, job: &Job) -> Result<Ending<Eva
 
 fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
     let dataset = args.dataset.clone().expect("clap asks for the data set unless --resume is given");
-    let mut resolved = resolve(&args.config, &shortcuts(args))?;
+    let resolved = resolve(&args.config, &shortcuts(args))?;
     if !dataset.exists() {
         bail!("{}: expected a data set, found nothing", dataset.display());
     }
@@ -81,27 +80,8 @@ fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job
         Some(path) => RunFolder::vacant(path)?,
         None => RunFolder::vacant(next_folder(&stem(&dataset)))?,
     };
-    if let Some(minutes) = args.minutes {
-        resolved = planned(args, resolved, &dataset, minutes, &device)?;
-    }
-    Ok((resolved.pipeline, job(dataset, resolved, folder, device, args)))
-}
-
-/// The configuration with the steps that fit into `minutes`.
-fn planned(args: &TrainArgs, resolved: Resolved, dataset: &Path, minutes: f64, device: &Device) -> Result<Resolved> {
-    let plan = resolved.pipeline.plan_steps(dataset, &resolved.config, minutes, device)?;
-    if !args.quiet {
-        let [first, last] = plan.step;
-        let most = if plan.steps == STEPS_MAX { ", the most that are planned," } else { "" };
-        eprintln!(
-            "{} steps{most} fit into {} minutes: {:.1} s to begin, {first:.3} s a step with the first Gaussians, {last:.3} s with the most",
-            plan.steps,
-            brief(minutes),
-            plan.start
-        );
-    }
-    let more: Vec<String> = shortcuts(args).into_iter().chain([format!("steps={}", plan.steps)]).collect();
-    Ok(resolve(&args.config, &more)?)
+    let job = Job { minutes: args.minutes, ..job(dataset, resolved.clone(), folder, device, args) };
+    Ok((resolved.pipeline, job))
 }
 
 fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
@@ -149,6 +129,7 @@ fn job(dataset: PathBuf, resolved: Resolved, folder: RunFolder, device: Device, 
         resume: args.resume,
         stop_at: None,
         quiet: args.quiet,
+        minutes: None,
         schedule_svg: Some(report::schedule_svg),
     }
 }

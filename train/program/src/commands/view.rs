@@ -10,7 +10,7 @@ use gs_base::write_atomic;
 use crate::cli::ViewArgs;
 use crate::commands::{device, print};
 use crate::report::viewer::{self, Packed as Page};
-use gs_pipelines::{Foreseen, of_checkpoint};
+use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::run::exchange::Packed;
 use gs_train::run::folder::full_path;
 use gs_train::run::memory::megabytes;
@@ -33,7 +33,7 @@ pub fn run(args: &ViewArgs) -> Result<ExitCode> {
     outputs::check_one(&out)?;
     let name = name_of(&args.scene);
     let file = read_file(&args.scene, &device)?;
-    let packed = Opened::with_photos(&file, args.data.as_deref(), &device)?.packed(&name);
+    let packed = PageScene::with_photos(&file, args.data.as_deref(), &device)?.packed(&name);
     write_atomic(&out, viewer::page(&name, &packed).as_bytes())?;
     let size = std::fs::metadata(&out).map_or(0, |metadata| metadata.len());
     print(format!("{}: {}, to be opened in a browser", out.display(), megabytes(size)));
@@ -48,14 +48,14 @@ fn name_of(path: &Path) -> String {
 }
 
 /// A scene with everything that its page shows.
-pub struct Opened {
+pub struct PageScene {
     /// The scene.
     pub loaded: LoadedScene,
     /// Its cameras; empty where no data set is known.
     pub cameras: Vec<Camera>,
 }
 
-impl Opened {
+impl PageScene {
     /// A scene with the cameras and photos of `data`, or of its run's data set, where that can be read.
     ///
     /// # Errors
@@ -63,8 +63,11 @@ impl Opened {
     pub fn with_photos(file: &SceneFile, data: Option<&Path>, device: &Device) -> Result<Self> {
         let SceneFile::Checkpoint(checkpoint) = file else { return Self::alone(file, device) };
         let dataset = data.unwrap_or(&checkpoint.origin.dataset);
-        match of_checkpoint(checkpoint)?.foresee(checkpoint, dataset, device) {
-            Ok(Foreseen { loaded, photos, .. }) => Ok(Self { loaded, cameras: presentation::cameras(&photos) }),
+        match of_checkpoint(checkpoint)?.open(checkpoint, Some(dataset), device) {
+            Ok(Opened { loaded, photos }) => {
+                let cameras = photos.as_ref().map(presentation::cameras).unwrap_or_default();
+                Ok(Self { loaded, cameras })
+            }
             Err(error) => {
                 let opened = Self::alone(file, device)?;
                 tracing::warn!("the page has no cameras and photos: {}", one_sentence(&error));
@@ -80,7 +83,7 @@ impl Opened {
     pub fn alone(file: &SceneFile, device: &Device) -> Result<Self> {
         let loaded = match file {
             SceneFile::Ply(packed) => LoadedScene::of_packed(Packed::clone(packed), device),
-            SceneFile::Checkpoint(checkpoint) => of_checkpoint(checkpoint)?.open(checkpoint, device)?,
+            SceneFile::Checkpoint(checkpoint) => of_checkpoint(checkpoint)?.open(checkpoint, None, device)?.loaded,
         };
         Ok(Self { loaded, cameras: Vec::new() })
     }

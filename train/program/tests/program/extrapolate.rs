@@ -12,7 +12,7 @@ use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, Law, LawValues, Term};
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_pipelines::sparsedyn::future::RolledFuture;
 use gs_pipelines::sparsedyn::model::Frame;
-use gs_train::fit::foresight::Foresight;
+use gs_train::fit::extrapolation::Extrapolation;
 use gsburn::report::future::motion::angular_velocities;
 use gsburn::report::future::spread::{Spread, moving_rows};
 

@@ -12,7 +12,7 @@ use gs_pipelines::flux4d::logs::{self, Logs};
 use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::polish::polish;
 use gs_pipelines::flux4d::prepare::prepare;
-use gs_pipelines::{Reconstruction, of_checkpoint};
+use gs_pipelines::{Reconstruction, networks_of, of_checkpoint};
 use gs_train::run::checkpoint::Checkpoint;
 #[cfg(unix)]
 use gs_train::run::folder::RunFolder;
@@ -75,8 +75,8 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
         page: gsburn::report::viewer::page_of,
         device: &device,
     };
-    let pipeline = of_checkpoint(&checkpoint).expect("of this program");
-    let lines = pipeline.reconstruct(&checkpoint, &request).expect("reconstructed");
+    let networks = networks_of(&checkpoint).expect("a network");
+    let lines = networks.reconstruct(&checkpoint, &request).expect("reconstructed");
     assert!(lines.iter().any(|line| line.starts_with("seconds: ")), "{lines:?}");
     let count = |name: &str| fs::read_dir(out.join(name)).map_or(0, Iterator::count);
     assert_eq!([count("input"), count("target"), count("times")], [6, 5, 2]);
@@ -99,12 +99,12 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     }
     assert_eq!(count("actors"), actors.len());
     // An earlier reconstruction is written over, another folder is not, and a script that names no actor is told.
-    pipeline.reconstruct(&checkpoint, &Reconstruction { full: true, ..request }).expect("again");
+    networks.reconstruct(&checkpoint, &Reconstruction { full: true, ..request }).expect("again");
     let foreign = folder.join("foreign");
     fs::create_dir(&foreign).expect("made");
     fs::write(foreign.join("mine.txt"), "mine").expect("written");
     let refused =
-        |request: Reconstruction| format!("{:#}", pipeline.reconstruct(&checkpoint, &request).expect_err("refused"));
+        |request: Reconstruction| format!("{:#}", networks.reconstruct(&checkpoint, &request).expect_err("refused"));
     assert!(refused(Reconstruction { out: &foreign, ..request }).contains("expected an empty folder"));
     let script = folder.join("edits.toml");
     fs::write(&script, "[[edits]]\ndo = \"remove\"\nactor = 500\n").expect("written");
@@ -113,9 +113,9 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     assert!(refused(Reconstruction { edit: Some(&script), ..request }).contains("edits.toml"));
     assert!(refused(Reconstruction { start: 9, ..request }).contains("--start 9"));
     let count = || json(&out.join("reconstruction.json"))["gaussians"].as_u64().expect("a number");
-    pipeline.reconstruct(&checkpoint, &request).expect("as before");
+    networks.reconstruct(&checkpoint, &request).expect("as before");
     let (before, set) = (count(), ["lift.sky_points=40".to_string()]);
-    pipeline.reconstruct(&checkpoint, &Reconstruction { set: &set, ..request }).expect("with less sky");
+    networks.reconstruct(&checkpoint, &Reconstruction { set: &set, ..request }).expect("with less sky");
     // The training has 100.
     assert_eq!(count(), before - 60);
     let set = ["unet.width=0.5".to_string()];
@@ -508,7 +508,7 @@ fn a_stop_saves() {
     job.stop_at = Some(2);
     assert!(matches!(common::train(&job), Ok(Ending::Interrupted(2))));
     let saved = Checkpoint::load(&job.folder.checkpoint(2)).expect("saved");
-    let shown = of_checkpoint(&saved).expect("known").open(&saved, &common::device()).map(|_| ());
+    let shown = of_checkpoint(&saved).expect("known").open(&saved, None, &common::device()).map(|_| ());
     assert!(format!("{:#}", shown.expect_err("no scene")).contains("gsburn reconstruct"));
     // Trained further on other logs, it says so.
     (job.resume, job.stop_at, job.dataset) = (true, None, data.join("001"));

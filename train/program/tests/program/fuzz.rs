@@ -104,7 +104,7 @@ fn checkpoints(cases: u32) {
         fs::write(&file, bytes).expect("written");
         let read = || -> anyhow::Result<()> {
             let checkpoint = Checkpoint::load(&file)?;
-            of_checkpoint(&checkpoint)?.open(&checkpoint, &device)?;
+            of_checkpoint(&checkpoint)?.open(&checkpoint, None, &device)?;
             checkpoint.whole()?;
             Ok(())
         };

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::{EvalRequest, fit, of_checkpoint};
 use gs_train::config::tables;
-use gs_train::fit::method::{MOVING, Method, Step};
 use gs_train::fit::session::Data;
+use gs_train::fit::told::{MOVING, Told};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::evaluate::{HeldOut, Measured};
 use gs_train::run::scene::SceneFile;
@@ -131,14 +131,11 @@ fn inferred_masks_are_not_given_ones() {
     let found = data.cues.masks.masks.iter().flatten().count();
     assert_eq!(found, scene.train.len(), "static cameras show what moves");
 
-    let at = Step::<Taylormode> { step: 1, config: &config, facts: &data.facts, cues: &data.cues, room: None };
-    let held_out = HeldOut::of(&data.scene, None, &at).expect("a split");
+    let held_out = HeldOut::of::<Taylormode>(&data.scene, None).expect("a split");
     assert!(held_out.regions.iter().flatten().any(|region| region.name == MOVING), "moving parts are measured");
-    assert_eq!(held_out.regions, Taylormode::regions(held_out.views, &config));
-    // A run's own heuristics do not change which pixels are scored.
-    let other = [&OVERRIDES[..], &["data.priors=[]", "cues.shadow=0.0", "cues.speck=0.01"]].concat();
-    let other = common::typed::<Taylormode>(&common::config(STEPS, &other));
-    assert_eq!(held_out.regions, Taylormode::regions(held_out.views, &other));
+    // They know no configuration: a run's own heuristics do not change which pixels are scored.
+    let blur = Taylormode::blur().expect("a model of blur");
+    assert_eq!(held_out.regions, blur.regions(held_out.views));
     assert_eq!(data.scene, scene, "the data set stays what it was");
     let mut views = scene.train.iter().chain(scene.held_out_views());
     assert!(views.all(|view| view.priors.moving.is_none() && view.priors.depth.is_none()));

@@ -4,9 +4,8 @@
 use anyhow::Result;
 use gs_datasets::{Scene, Split, View};
 use gs_pipelines::sparsedyn::{Config, Sparsedyn};
-use gs_train::fit::method::MOVING;
-use gs_train::fit::method::Method;
 use gs_train::fit::session::Data;
+use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::{Evaluator, HeldOut};
 use gs_worlds::extrapolation::{ExtrapolationOptions, PriorErrors, World};
 
@@ -159,7 +158,7 @@ pub struct Score {
 /// The scores of `views` now.
 pub fn scores(lab: &Lab, session: &Session<Sparsedyn>, views: &[View]) -> Vec<Score> {
     let (fit, at) = (&session.fit, session.fit.at());
-    let held_out = HeldOut { split: Split::TEST, views, regions: Sparsedyn::regions(views, fit.config) };
+    let held_out = HeldOut { split: Split::TEST, views, regions: views.iter().map(given_regions).collect() };
     let evaluator = Evaluator::new(&fit.config.eval, &lab.device);
     let measured = evaluator.measure(fit.trainer.model(), &fit.data.scene, &held_out, &at, 0).0;
     let found = measured.quality.views.into_iter().filter_map(|scored| {

@@ -4,8 +4,8 @@
 use anyhow::Result;
 use gs_burn::render;
 use gs_datasets::{Scene, View};
+use gs_pipelines::fit::SceneMethod;
 use gs_pipelines::still::Still;
-use gs_train::fit::method::Method;
 use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::fit::session::Data;
 use gs_train::run::metrics::psnr;
@@ -107,7 +107,7 @@ fn strategy(lab: &Lab, policy: &str) -> [String; 4] {
     ["density.strategy=default".into(), "density.stop=0.7".into(), policy, reset]
 }
 
-fn curve<M: Method>(lab: &Lab, mut session: Session<M>) -> Result<Vec<(f64, f64)>> {
+fn curve<M: SceneMethod>(lab: &Lab, mut session: Session<M>) -> Result<Vec<(f64, f64)>> {
     let mut points = Vec::new();
     for step in (EVERY..=session.fit.config.steps).step_by(EVERY) {
         session.until(step)?;
@@ -117,7 +117,7 @@ fn curve<M: Method>(lab: &Lab, mut session: Session<M>) -> Result<Vec<(f64, f64)
 }
 
 /// PSNR over two held-out views: measurements take most of the time, and there are many.
-fn held_out<M: Method>(lab: &Lab, session: &Session<M>) -> f64 {
+fn held_out<M: SceneMethod>(lab: &Lab, session: &Session<M>) -> f64 {
     let (data, config) = (session.fit.data, session.fit.config);
     let model = session.fit.trainer.scene();
     let all: Vec<&View> = data.scene.held_out_views().collect();

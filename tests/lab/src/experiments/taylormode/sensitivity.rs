@@ -4,8 +4,8 @@
 use anyhow::Result;
 use gs_datasets::{Priors, Scene};
 use gs_pipelines::taylormode::config::CuesConfig;
+use gs_pipelines::taylormode::cues;
 use gs_pipelines::taylormode::{Config, Taylormode};
-use gs_train::fit::method::Method;
 use gs_train::run::evaluate::Measured;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
 use gsburn::report::charts::Series;
@@ -134,7 +134,7 @@ fn psnr(lab: &Lab, ground: &Ground, change: &str) -> Result<[f64; 2]> {
         false => lab.config::<Taylormode>(ground.steps, &changes)?,
     };
     let mut scene = ground.scene.clone();
-    Taylormode::prepare(&mut scene);
+    cues::leave_out_timeless(&mut scene);
     let measured: Measured = Trial::new(&scene, config).begin(lab).finish()?;
     Ok([measured.quality.mean.psnr, moving_psnr(&measured)])
 }

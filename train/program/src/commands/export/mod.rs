@@ -146,9 +146,10 @@ fn network(args: &ExportArgs, device: &Device) -> Result<ExitCode> {
     let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene, device)? else {
         bail!("{}: expected a run of a network, found a file of Gaussians", args.scene.display());
     };
-    let Some(network) = of_checkpoint(&checkpoint)?.network(&checkpoint, device)? else {
+    let Some(networks) = of_checkpoint(&checkpoint)?.networks() else {
         bail!("{}: expected a run of a network, found a scene; write it as {ENDINGS}", args.scene.display());
     };
+    let network = networks.alone(&checkpoint, device)?;
     // A file that is passed on says nothing of the folders of the machine that made it.
     let mut origin = checkpoint.origin.clone();
     origin.dataset = PathBuf::new();

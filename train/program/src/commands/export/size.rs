@@ -7,7 +7,7 @@ use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
 
 use crate::cli::ExportArgs;
-use gs_pipelines::{Foreseen, of_checkpoint};
+use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::fit::density::prune::contributions;
 use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::run::exchange::{Format, Packed};
@@ -46,9 +46,10 @@ pub(super) fn fit(
         bail!("{}: --target-mb needs a run, whose photos say which Gaussians contribute", args.scene.display());
     };
     let dataset = checkpoint.origin.dataset.clone();
-    let Foreseen { loaded, photos, .. } = of_checkpoint(&checkpoint)?
-        .foresee(&checkpoint, &dataset, device)
+    let Opened { loaded, photos } = of_checkpoint(&checkpoint)?
+        .open(&checkpoint, Some(&dataset), device)
         .context("--target-mb looks at the photos of the run")?;
+    let photos = photos.context("a data set was named")?;
     let options = RenderOptions { background: [0.0; 3], ..loaded.render_options(0) };
     let sums = contributions(&*loaded.scene, &photos.train, &options, 0);
     let mut order: Vec<u32> = (0..sums.len() as u32).collect();

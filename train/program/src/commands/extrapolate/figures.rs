@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::Work;
-use super::doubt::SpreadFigures;
+use super::ensemble::SpreadFigures;
 use super::frames::StepNote;
 use super::parts::PartFigures;
 use crate::report::future::Horizon;
@@ -63,7 +63,7 @@ impl Figures {
         Self {
             program: MARK,
             run: work.run_name(),
-            trained_steps: work.seen.loaded.run.as_ref().map(|run| run.step),
+            trained_steps: work.loaded.run.as_ref().map(|run| run.step),
             seen: work.span,
             times: work.times.clone(),
             cameras: work.shots.iter().map(|shot| shot.name.clone()).collect(),

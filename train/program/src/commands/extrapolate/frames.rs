@@ -9,8 +9,7 @@ use super::Work;
 use crate::cli::ExtrapolateArgs;
 use crate::commands::print;
 use crate::report::maps::write_gif;
-use gs_pipelines::Foreseen;
-use gs_train::fit::foresight::Foresight;
+use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::outputs::marked_png;
 use gs_train::run::pixels::image_bytes;
@@ -34,10 +33,10 @@ pub struct StepNote {
 ///
 /// # Errors
 /// A sentence, when the run has no steps or the length is not usable.
-pub fn stepped(args: &ExtrapolateArgs, seen: &Foreseen) -> Result<Option<Box<dyn Foresight>>> {
-    match (args.step, &seen.foresight) {
+pub fn stepped(args: &ExtrapolateArgs, future: Option<&dyn Extrapolation>) -> Result<Option<Box<dyn Extrapolation>>> {
+    match (args.step, future) {
         (None, _) => Ok(None),
-        (Some(frames), Some(foresight)) => match foresight.with_step(frames) {
+        (Some(frames), Some(future)) => match future.with_step(frames) {
             Ok(stepped) => Ok(Some(stepped)),
             Err(expected) => bail!("--step: {expected}"),
         },
@@ -60,7 +59,7 @@ impl Work<'_> {
                     animation.push(pixels);
                 }
                 if self.args.ply {
-                    write_ply(&self.files.ply(&self.run_name(), times[k]), gaussians, self.seen.loaded.origin)?;
+                    write_ply(&self.files.ply(&self.run_name(), times[k]), gaussians, self.loaded.origin)?;
                 }
             }
         }
@@ -78,7 +77,7 @@ impl Work<'_> {
         let Some(frames) = self.args.step else { return Ok(None) };
         let mut largest: f64 = 0.0;
         for times in self.times.chunks(TIMES_AT_ONCE) {
-            let trained = self.seen.loaded.scene.at_times(times);
+            let trained = self.loaded.scene.at_times(times);
             for (a, b) in self.known.scene.at_times(times).iter().zip(&trained) {
                 let [a, b] = [a, b].map(|gaussians| to_host(gaussians.means.val()));
                 let squared = |(a, b): (&[f32], &[f32])| -> f64 {

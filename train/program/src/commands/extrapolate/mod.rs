@@ -5,10 +5,10 @@
 //! | [`plan`] | times, cameras and files, checked before anything is drawn |
 //! | [`frames`] | frames, animation and PLY files |
 //! | [`parts`] | rigid parts and their laws |
-//! | [`doubt`] | the ensemble, and whether its spread is right |
+//! | [`ensemble`] | the ensemble, and whether its spread is right |
 //! | [`figures`] | extrapolate.json |
 
-pub mod doubt;
+pub mod ensemble;
 pub mod figures;
 pub mod frames;
 pub mod parts;
@@ -17,7 +17,7 @@ pub mod plan;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use gs_base::{counted, printable, write_atomic};
 use gs_datasets::Split;
@@ -28,13 +28,13 @@ use crate::commands::{device, print};
 use crate::report::future::spread::moving_rows;
 use crate::report::future::strip::Picture;
 use crate::report::future::{Known, Shown, Studio, add_to_report, motion, section, trajectories};
-use gs_pipelines::{Foreseen, of_checkpoint};
-use gs_train::fit::foresight::Foresight;
+use gs_pipelines::{Opened, of_checkpoint};
+use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs::{self, marked_png, marked_svg};
 use gs_train::run::results::Results;
-use gs_train::run::scene::{SceneFile, read_file};
+use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::sentence::one_sentence;
 
 use figures::Figures;
@@ -54,7 +54,7 @@ struct Work<'a> {
     /// The same where they will be.
     placed: Files,
     known: Known<'a>,
-    seen: &'a Foreseen,
+    loaded: &'a LoadedScene,
     /// First and last time that was seen.
     span: [f64; 2],
     times: Vec<f64>,
@@ -76,30 +76,33 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
         bail!("{}: expected a run with a moving scene, found a PLY file, which is one moment", args.run.display());
     };
     let dataset = args.data.clone().unwrap_or_else(|| checkpoint.origin.dataset.clone());
-    let seen = of_checkpoint(&checkpoint)?.foresee(&checkpoint, &dataset, &device)?;
-    let Some(span) = seen.loaded.scene.span() else {
+    let pipeline = of_checkpoint(&checkpoint)?;
+    let Opened { loaded, photos } = pipeline.open(&checkpoint, Some(&dataset), &device)?;
+    let photos = photos.context("a data set was named")?;
+    let Some(span) = loaded.scene.span() else {
         bail!("{}: expected a run with a moving scene, found one that stands still", args.run.display());
     };
-    let studio = Studio { facts: seen.loaded.facts, render: seen.loaded.render.clone(), device };
-    let stepped = frames::stepped(args, &seen)?;
-    let foresight = stepped.as_deref().or(seen.foresight.as_deref());
-    let scene = foresight.map(|foresight| foresight.scene());
-    let scene = scene.as_deref().unwrap_or(&*seen.loaded.scene);
-    let last = foresight.map_or(f64::INFINITY, |foresight| foresight.last());
-    let times = plan::times(args, span, plan::interval(&seen.photos), last)?;
-    let known = Known { studio: &studio, scene, photos: &seen.photos };
+    let trained = pipeline.future().map(|future| future.extrapolate(&checkpoint, &photos, &device)).transpose()?;
+    let studio = Studio { facts: loaded.facts, render: loaded.render.clone(), device };
+    let stepped = frames::stepped(args, trained.as_deref())?;
+    let future = stepped.as_deref().or(trained.as_deref());
+    let scene = future.map(|future| future.scene());
+    let scene = scene.as_deref().unwrap_or(&*loaded.scene);
+    let last = future.map_or(f64::INFINITY, |future| future.last());
+    let times = plan::times(args, span, plan::interval(&photos), last)?;
+    let known = Known { studio: &studio, scene, photos: &photos };
 
     let middle = middle(&known, span, args.to);
-    let shots = plan::shots(&args.camera, &seen.photos, middle, times.len())?;
+    let shots = plan::shots(&args.camera, &photos, middle, times.len())?;
     let camera = shots[0].pose(0);
     let depth = camera.c2w.inverse().transform_point3(middle).z;
     let pixel = if depth > 0.0 { depth / camera.intrinsics.fx } else { 1.0 };
     let moving = moving_rows(scene, &[span[0], span[1], 0.5 * (span[1] + args.to), args.to], MOVES * pixel);
     let (files, placed) = (Files::new(Results::unfinished(&out)), Files::new(out.clone()));
-    let work = Work { args, files, placed, known, seen: &seen, span, times, shots, moving, pixel };
+    let work = Work { args, files, placed, known, loaded: &loaded, span, times, shots, moving, pixel };
     work.check(&dataset)?;
     let results = Results::begin(&out, figures::JSON)?;
-    let section = work.all(foresight, &dataset)?;
+    let section = work.all(future, &dataset)?;
     results.finish()?;
     work.report(section);
     print(format!("future {}", out.display()));
@@ -138,7 +141,7 @@ impl Work<'_> {
     }
 
     /// Draws and measures everything; returns the section for the report of the run.
-    fn all(&self, foresight: Option<&dyn Foresight>, dataset: &std::path::Path) -> Result<String> {
+    fn all(&self, future: Option<&dyn Extrapolation>, dataset: &std::path::Path) -> Result<String> {
         let mut figures = Figures::new(self);
         let mut shown = Vec::new();
         self.frames()?;
@@ -160,13 +163,13 @@ impl Work<'_> {
             shown.push(Shown::Picture(map.picture.clone(), caption));
             figures.maps.push(map);
         }
-        match foresight {
-            Some(foresight) => {
-                if let Some((spread, map)) = self.doubt(foresight, dataset, &mut shown)? {
+        match future {
+            Some(future) => {
+                if let Some((spread, map)) = self.ensemble(future, dataset, &mut shown)? {
                     figures.spread = Some(spread);
                     figures.maps.push(map);
                 }
-                figures.parts = self.parts(foresight)?;
+                figures.parts = self.parts(future)?;
             }
             None if self.args.bodies || self.args.members > 0 => {
                 print("this run's pipeline knows no rigid parts and no ensemble: both are left out");

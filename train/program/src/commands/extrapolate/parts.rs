@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Work;
 use super::plan::Files;
 use crate::commands::print;
-use gs_train::fit::foresight::{Foresight, Part};
+use gs_train::fit::extrapolation::{Extrapolation, Part};
 use gs_train::fit::parameters::rows_of;
 use gs_train::run::outputs::{self, MARK};
 use gs_train::run::scene::write_ply;
@@ -45,9 +45,9 @@ struct File<'a> {
 
 impl Work<'_> {
     /// Lists the parts and, if they are asked for, writes each.
-    pub(super) fn parts(&self, foresight: &dyn Foresight) -> Result<Vec<PartFigures>> {
-        let parts = foresight.parts();
-        let origin = self.seen.loaded.origin;
+    pub(super) fn parts(&self, future: &dyn Extrapolation) -> Result<Vec<PartFigures>> {
+        let parts = future.parts();
+        let origin = self.loaded.origin;
         let described = |part: &Part| PartFigures {
             name: part.name.clone(),
             gaussians: part.rows.len(),

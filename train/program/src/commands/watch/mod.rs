@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use self::server::Answers;
 use crate::cli::WatchArgs;
-use crate::commands::view::Opened;
+use crate::commands::view::PageScene;
 use crate::commands::{device, print};
 use crate::report::curves;
 use crate::report::viewer::{self, Packed};
@@ -174,9 +174,9 @@ impl Watcher {
         let file = SceneFile::Checkpoint(Box::new(checkpoint));
         let opened = match &self.cameras {
             Some((of, cameras)) if *of == origin => {
-                Opened { cameras: cameras.clone(), ..Opened::alone(&file, &self.device)? }
+                PageScene { cameras: cameras.clone(), ..PageScene::alone(&file, &self.device)? }
             }
-            _ => Opened::with_photos(&file, self.data.as_deref(), &self.device)?,
+            _ => PageScene::with_photos(&file, self.data.as_deref(), &self.device)?,
         };
         self.cameras = Some((origin, opened.cameras.clone()));
         Ok(opened.packed(&self.folder.name()))

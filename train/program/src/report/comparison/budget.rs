@@ -6,7 +6,7 @@
 
 use super::ComparedRun;
 use super::choice::mean_and_error;
-use gs_train::fit::method::MOVING;
+use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Evaluation, ViewScores};
 
 /// The key of the cap.

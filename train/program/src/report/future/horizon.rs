@@ -10,8 +10,8 @@ use super::studio::{Known, pose_of};
 use super::{ONE_TIME, strip};
 use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
-use gs_train::fit::method::{MOVING, given_regions};
 use gs_train::fit::photos::to_tensor;
+use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::metrics::{psnr, psnr_masked};
 
 /// Splits of the future, the first of which is charted: cameras that did not train, then those that did.

@@ -122,6 +122,7 @@ pub fn job(dataset: &Path, folder: &Path, config: &Table) -> Job {
         resume: false,
         stop_at: None,
         quiet: true,
+        minutes: None,
         schedule_svg: Some(gsburn::report::schedule_svg),
     }
 }

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use gs_datasets::{CheckReport, Scene};
-use gs_pipelines::fit::load;
+use gs_pipelines::fit::{SceneMethod, load};
 use gs_pipelines::still::Still;
 use gs_pipelines::taylormode::{Config, Taylormode, cues};
-use gs_train::fit::method::Method;
+use gs_train::fit::intake::Intake;
 
 use crate::common;
 use crate::taylormode::{STEPS, config, finish_in, job, tiny_world};
@@ -17,7 +17,7 @@ fn examine(dataset: &Path, config: &toml::Table) -> CheckReport {
 }
 
 /// A data set as a method's training would load it.
-fn loaded<M: Method>(dataset: &Path, config: &toml::Table) -> Scene {
+fn loaded<M: SceneMethod>(dataset: &Path, config: &toml::Table) -> Scene {
     load::<M>(dataset, &common::typed::<M>(config)).expect("loads")
 }
 

@@ -14,7 +14,7 @@ use crate::report::future::calibration::{Against, Calibration, by_images, by_tru
 use crate::report::future::motion::Map;
 use crate::report::future::spread::{Spread, SpreadAt};
 use crate::report::future::{ONE_TIME, Shown, motion};
-use gs_train::fit::foresight::Foresight;
+use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::run::outputs::marked_svg;
 
 /// Times at which the spread is held against the truth at most.
@@ -35,9 +35,9 @@ pub struct SpreadFigures {
 
 impl Work<'_> {
     /// Draws the spread at the last time and measures it; `None` without an ensemble.
-    pub(super) fn doubt(
+    pub(super) fn ensemble(
         &self,
-        foresight: &dyn Foresight,
+        future: &dyn Extrapolation,
         dataset: &Path,
         shown: &mut Vec<Shown>,
     ) -> Result<Option<(SpreadFigures, Map)>> {
@@ -45,7 +45,7 @@ impl Work<'_> {
         if count == 0 {
             return Ok(None);
         }
-        let members = match foresight.members(count) {
+        let members = match future.members(count) {
             Ok(members) => members,
             Err(reason) => {
                 print(format!("no uncertainty: {reason}"));
@@ -82,7 +82,7 @@ impl Work<'_> {
                 ));
             }
         }
-        let figures = SpreadFigures { members: count, noise: foresight.noise(), times: summary, calibration };
+        let figures = SpreadFigures { members: count, noise: future.noise(), times: summary, calibration };
         Ok(Some((figures, map)))
     }
 
@@ -90,7 +90,7 @@ impl Work<'_> {
     fn calibration(&self, members: &[Box<dyn DynamicScene>], dataset: &Path) -> Result<Option<Calibration>> {
         let [first, end] = self.span;
         let room = ONE_TIME * (end - first);
-        let movers = movers(dataset, self.seen.loaded.origin)?;
+        let movers = movers(dataset, self.loaded.origin)?;
         let known: Vec<[f64; 2]> = movers.iter().filter_map(|mover| mover.span()).collect();
         let until = known.iter().map(|span| span[1]).fold(f64::INFINITY, f64::min).min(self.args.to);
         if !known.is_empty() && until > end + room {

@@ -1,9 +1,9 @@
-//! What a method knows of the future of its scene beside the Gaussians at any time: its parts, its doubts, its steps.
+//! The future of a scene beside the Gaussians at any time: its parts, an ensemble, its integration step.
 
 use glam::DVec3;
 use gs_models::DynamicScene;
 
-/// Gaussians that something moves together, or that nothing moves.
+/// A group of Gaussians with one motion: a rigid body, the field's, or the static rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Its name, which can name a file: "body_0", "field", "static".
@@ -18,8 +18,8 @@ pub struct Part {
     pub rows: Vec<u32>,
 }
 
-/// The future of a scene as its method sees it.
-pub trait Foresight {
+/// The future of a scene, as its method extrapolates it.
+pub trait Extrapolation {
     /// The scene at any time.
     fn scene(&self) -> Box<dyn DynamicScene>;
 
@@ -38,9 +38,9 @@ pub trait Foresight {
     /// Standard deviation of a position's coordinate in the recording, scene units, from which [`members`](Self::members) are drawn.
     fn noise(&self) -> f64;
 
-    /// The same with integration steps of `frames` frames.
+    /// The same future with integration steps of `frames` frames.
     ///
     /// # Errors
     /// A sentence, when that is no usable length.
-    fn with_step(&self, frames: f64) -> Result<Box<dyn Foresight>, String>;
+    fn with_step(&self, frames: f64) -> Result<Box<dyn Extrapolation>, String>;
 }
