@@ -20,9 +20,9 @@ use std::process::ExitCode;
 use anyhow::Result;
 use clap::Parser;
 use gs_base::printable;
-use gs_train::logging;
 use gs_train::run::resources;
 use gs_train::sentence::one_sentence;
+use gsburn::logging;
 
 use cli::{Cli, Command};
 

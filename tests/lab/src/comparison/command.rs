@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use gs_base::printable;
 use gs_base::write_atomic;
-use gs_train::report::comparison::{Table, enough, gather};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs;
+use gsburn::report::comparison::{Table, enough, gather};
 
 use crate::cli::ChartArgs;
 use crate::comparison::{Comparison, add_to_report, page, read_others, stacked};

@@ -1,6 +1,6 @@
 //! The position of a label beside its point: of several candidates, the first that covers least.
 
-use gs_train::report::axis::WIDTH_OF_CHARACTER;
+use gsburn::report::axis::WIDTH_OF_CHARACTER;
 
 /// Height of a line, pixels.
 const HEIGHT: f64 = 12.0;

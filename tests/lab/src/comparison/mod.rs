@@ -20,7 +20,7 @@ pub use others::{Other, read_others};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;
 
-use gs_train::report::comparison::{Gathered, Table, by_cpu};
+use gsburn::report::comparison::{Gathered, Table, by_cpu};
 
 /// Runs on one data set compared.
 #[derive(Debug)]

@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use anyhow::{Result, bail};
 use gs_base::write_atomic;
 use gs_base::{guarded, printable};
-use gs_train::report::html::{self, escaped};
-use gs_train::report::{COMPARISON, section_page, with_section};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs::MARK;
+use gsburn::report::html::{self, escaped};
+use gsburn::report::{COMPARISON, section_page, with_section};
 
 use super::Comparison;
 use super::scatter::{SIZE, Scatter};

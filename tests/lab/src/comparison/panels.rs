@@ -3,8 +3,8 @@
 
 use std::collections::BTreeSet;
 
-use gs_train::report::comparison::{ComparedRun, by_cpu, differing_keys, pareto_front, seconds, settings};
 use gs_train::run::evaluate::Evaluation;
+use gsburn::report::comparison::{ComparedRun, by_cpu, differing_keys, pareto_front, seconds, settings};
 
 use super::scatter::{COLORS, Dot, Scatter};
 use super::seeds::{Curve, Spread};

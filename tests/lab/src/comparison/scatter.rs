@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use gs_train::report::axis::{Axis, WIDTH_OF_CHARACTER, named};
-use gs_train::report::html::escaped;
+use gsburn::report::axis::{Axis, WIDTH_OF_CHARACTER, named};
+use gsburn::report::html::escaped;
 
 use super::labels::Placer;
 

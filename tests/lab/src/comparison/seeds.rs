@@ -1,7 +1,7 @@
 //! Runs that differ in nothing but their seed: one curve of their means, with the range over the seeds.
 
-use gs_train::report::comparison::{ComparedRun, Table, by_cpu, seconds};
 use gs_train::run::evaluate::Evaluation;
+use gsburn::report::comparison::{ComparedRun, Table, by_cpu, seconds};
 
 /// The key of the configuration by which such runs differ.
 const SEED: &str = "seed";

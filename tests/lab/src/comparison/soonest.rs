@@ -4,8 +4,8 @@
 //! Between two measurements the PSNR is taken to rise evenly with the logarithm of the cost, as it nearly does. A
 //! quality that the first measurement already exceeds was reached before it, at an unknown cost.
 
-use gs_train::report::comparison::{ComparedRun, Table, seconds};
 use gs_train::run::evaluate::Evaluation;
+use gsburn::report::comparison::{ComparedRun, Table, seconds};
 
 use super::Other;
 use super::seeds::{Curve, Spread};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gs_train::report::comparison::{ComparedRun, settings};
+use gsburn::report::comparison::{ComparedRun, settings};
 
 use super::scatter::COLORS;
 

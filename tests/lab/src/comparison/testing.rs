@@ -1,9 +1,9 @@
 //! Hand-made runs for tests.
 
 use gs_train::fit::method::MOVING;
-use gs_train::report::comparison::ComparedRun;
 use gs_train::run::evaluate::{Cost, Evaluation, Measured, ModelSize, Quality, Scores};
 use gs_train::run::folder::{EvalFile, RunFolder, Setting};
+use gsburn::report::comparison::ComparedRun;
 
 /// A setting.
 pub fn setting(name: &str, key: &str, value: &str, label: &str) -> Setting {

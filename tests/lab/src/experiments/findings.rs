@@ -1,6 +1,6 @@
 //! Findings of an experiment: bounds compared with measured values, figures, remarks.
 
-use gs_train::report::charts::{Chart, Series};
+use gsburn::report::charts::{Chart, Series};
 use serde::Serialize;
 
 use crate::experiments::Experiment;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use gs_train::report::html::{self, escaped};
+use gsburn::report::html::{self, escaped};
 
 use crate::experiments::Outcome;
 

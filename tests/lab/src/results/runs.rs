@@ -8,13 +8,13 @@ use burn::tensor::Device;
 use gs_base::guarded;
 use gs_base::write_atomic;
 use gs_burn::device::select;
-use gs_train::commands::describe;
-use gs_train::commands::train::train_and_report;
-use gs_train::pipelines::{Sources, resolve, resolve_saved};
-use gs_train::report::comparison::gather;
+use gs_pipelines::{Sources, resolve, resolve_saved};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::{Ending, Job};
 use gs_train::run::{interrupt, outputs};
+use gsburn::commands::describe;
+use gsburn::commands::train::train_and_report;
+use gsburn::report::comparison::gather;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -108,7 +108,7 @@ fn finished(run: &Run, seed: u64, folder: &RunFolder, device: &Device) -> Result
         resume: begun,
         stop_at: None,
         quiet: false,
-        schedule_svg: Some(gs_train::report::schedule_svg),
+        schedule_svg: Some(gsburn::report::schedule_svg),
     };
     Ok(!interrupt::asked() && matches!(train_and_report(resolved.pipeline, &job)?, Ending::Finished(_)))
 }

@@ -6,15 +6,15 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use clap::Parser;
-use gs_train::commands::train::train_and_report;
-use gs_train::pipelines::resolve_overrides;
-use gs_train::report::comparison::gather;
+use gs_pipelines::resolve_overrides;
 use gs_train::run::folder::RunFolder;
 use gs_train::run::lock::Lock;
 use gs_train::run::outcome::Contents;
 use gs_train::run::watch::Job;
 use gs_train::sentence::one_sentence;
 use gs_worlds::{DemoOptions, demo_scene};
+use gsburn::commands::train::train_and_report;
+use gsburn::report::comparison::gather;
 
 use super::device;
 use crate::cli::Cli;
@@ -52,7 +52,7 @@ fn train(folder: PathBuf, scene: &Path, stop_at: Option<usize>) {
         resume: false,
         stop_at,
         quiet: true,
-        schedule_svg: Some(gs_train::report::schedule_svg),
+        schedule_svg: Some(gsburn::report::schedule_svg),
     };
     train_and_report(resolved.pipeline, &job).expect("the run succeeds");
 }
@@ -103,7 +103,7 @@ fn a_chart_names_what_it_leaves_out() {
     let (config, _) = folder_a.read_config().expect("a run");
     let eval = folder_a.read_eval().expect("figures");
     let contents = Contents { config: config.to_string(), ..Contents::default() };
-    gs_train::report::write(&folder_a, &eval, &contents).expect("written");
+    gsburn::report::write(&folder_a, &eval, &contents).expect("written");
     assert!(report().contains("Accuracy against cost"));
 
     fs::create_dir(folder.join("empty")).expect("made");

@@ -4,15 +4,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
+use gs_pipelines::flux4d::config::{FluxConfig, VelocityChoice};
+use gs_pipelines::flux4d::feed::{Feed, SnippetCache};
+use gs_pipelines::flux4d::logs::Logs;
+use gs_pipelines::flux4d::network::FluxNetwork;
+use gs_pipelines::flux4d::trainer::{Setup, step};
 use gs_train::fit::training::Training;
-use gs_train::pipelines::flux4d::config::{FluxConfig, VelocityChoice};
-use gs_train::pipelines::flux4d::feed::{Feed, SnippetCache};
-use gs_train::pipelines::flux4d::logs::Logs;
-use gs_train::pipelines::flux4d::network::FluxNetwork;
-use gs_train::pipelines::flux4d::trainer::{Setup, step};
-use gs_train::report::charts::Series;
 use gs_train::run::interrupt;
 use gs_worlds::driving::StreetOptions;
+use gsburn::report::charts::Series;
 
 use super::trial::{Outcome, applied, network, streets};
 use crate::experiments::findings::largest;

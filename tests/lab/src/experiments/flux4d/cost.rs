@@ -4,14 +4,14 @@ use std::time::Instant;
 
 use anyhow::Result;
 use gs_driving::Snippet;
-use gs_train::pipelines::flux4d::evaluate::color;
-use gs_train::pipelines::flux4d::infer::{Ready, infer};
-use gs_train::pipelines::flux4d::logs::open;
-use gs_train::pipelines::flux4d::prepare::prepare;
-use gs_train::pipelines::flux4d::sample::camera;
-use gs_train::report::charts::Series;
+use gs_pipelines::flux4d::evaluate::color;
+use gs_pipelines::flux4d::infer::{Ready, infer};
+use gs_pipelines::flux4d::logs::open;
+use gs_pipelines::flux4d::prepare::prepare;
+use gs_pipelines::flux4d::sample::camera;
 use gs_train::run::interrupt;
 use gs_worlds::driving::StreetOptions;
+use gsburn::report::charts::Series;
 
 use super::trial::{applied, network, street};
 use crate::experiments::{Experiment, Findings, Interrupted, Lab};

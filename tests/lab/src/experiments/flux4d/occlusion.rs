@@ -2,11 +2,11 @@
 
 use anyhow::Result;
 use gs_driving::Snippet;
-use gs_train::pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
-use gs_train::pipelines::flux4d::infer::{Ready, infer};
-use gs_train::pipelines::flux4d::logs::open;
-use gs_train::pipelines::flux4d::prepare::prepare;
-use gs_train::pipelines::flux4d::saved::SavedNetwork;
+use gs_pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
+use gs_pipelines::flux4d::infer::{Ready, infer};
+use gs_pipelines::flux4d::logs::open;
+use gs_pipelines::flux4d::prepare::prepare;
+use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_train::run::interrupt;
 use gs_worlds::driving::{Encounter, StreetOptions};
 

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use gs_train::pipelines::flux4d::config::FluxConfig;
-use gs_train::pipelines::flux4d::evaluate::{Split, measure};
-use gs_train::pipelines::flux4d::logs::Logs;
-use gs_train::pipelines::flux4d::network::FluxNetwork;
-use gs_train::pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
+use gs_pipelines::flux4d::config::FluxConfig;
+use gs_pipelines::flux4d::evaluate::{Split, measure};
+use gs_pipelines::flux4d::logs::Logs;
+use gs_pipelines::flux4d::network::FluxNetwork;
+use gs_pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
 use gs_train::run::evaluate::Measured;
 use gs_train::run::interrupt;
 use gs_worlds::driving::StreetOptions;

@@ -3,8 +3,8 @@
 
 use anyhow::Result;
 use gs_datasets::View;
-use gs_train::report::charts::Series;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, SAME_TIME, STEPS, STEPS_QUICK, Score, Trial, mean, over_time, scores, small, steps, time};
 use crate::experiments::{Experiment, Findings, Lab};

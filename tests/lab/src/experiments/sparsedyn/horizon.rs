@@ -4,8 +4,8 @@
 use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::View;
-use gs_train::report::charts::Series;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Score, Trial, means, over_time, positions, scores, small, steps, time};
 use crate::experiments::findings::largest;

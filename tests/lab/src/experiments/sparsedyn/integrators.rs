@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use anyhow::Result;
 use burn::tensor::Device;
 use gs_models::sparsedyn::Integrator;
-use gs_train::report::charts::Series;
+use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, double, positions, radius, slope, starts};
 use crate::experiments::findings::{largest, smallest};

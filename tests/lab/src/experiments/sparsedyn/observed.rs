@@ -1,8 +1,8 @@
 //! How much of a motion must be seen? Runs that see less of it predict the same later photos.
 
 use anyhow::Result;
-use gs_train::report::charts::Series;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, mean, means, scores, small, steps};
 use crate::experiments::findings::largest;

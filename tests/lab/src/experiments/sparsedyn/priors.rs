@@ -4,8 +4,8 @@
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_train::fit::random::normal_pair;
-use gs_train::report::charts::Series;
 use gs_worlds::extrapolation::World;
+use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

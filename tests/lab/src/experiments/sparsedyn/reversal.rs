@@ -1,7 +1,7 @@
 //! Does a rollout forwards and then backwards return to its start? Arithmetic alone.
 
 use anyhow::Result;
-use gs_train::report::charts::Series;
+use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, difference, double, slope};
 use crate::experiments::findings::{largest, smallest};

@@ -1,8 +1,8 @@
 //! How far do runs spread that differ by the seed alone? Differences within the spread say nothing.
 
 use anyhow::Result;
-use gs_train::report::charts::Series;
 use gs_worlds::extrapolation::World;
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
 use crate::experiments::{Experiment, Findings, Lab};

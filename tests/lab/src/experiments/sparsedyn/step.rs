@@ -4,9 +4,9 @@
 use anyhow::Result;
 use glam::DVec3;
 use gs_models::sparsedyn::RolloutOptions;
-use gs_train::pipelines::sparsedyn::Sparsedyn;
-use gs_train::report::charts::Series;
+use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_worlds::extrapolation::World;
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, positions, scores, small, steps};
 use crate::experiments::findings::largest;

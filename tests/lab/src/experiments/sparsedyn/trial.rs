@@ -3,9 +3,9 @@
 
 use anyhow::Result;
 use gs_datasets::{Scene, Split, View};
+use gs_pipelines::sparsedyn::{Config, Sparsedyn};
 use gs_train::fit::method::{MOVING, Method};
 use gs_train::fit::session::Data;
-use gs_train::pipelines::sparsedyn::{Config, Sparsedyn};
 use gs_train::run::evaluate::{Evaluator, HeldOut};
 use gs_worlds::extrapolation::{ExtrapolationOptions, PriorErrors, World};
 

@@ -2,8 +2,8 @@
 //! that are held out.
 
 use anyhow::Result;
-use gs_train::report::charts::Series;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
+use gsburn::report::charts::Series;
 
 use super::trial::{Film, STEPS_QUICK, Trial, means, scores, small};
 use crate::experiments::findings::{largest, smallest};

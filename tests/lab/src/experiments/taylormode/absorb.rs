@@ -5,11 +5,11 @@ use anyhow::Result;
 use gs_burn::render;
 use gs_datasets::Scene;
 use gs_models::DynamicScene;
+use gs_pipelines::taylormode::Taylormode;
 use gs_train::fit::parameters::to_host;
-use gs_train::pipelines::taylormode::Taylormode;
-use gs_train::report::charts::Series;
 use gs_train::run::metrics::psnr_of_mse;
 use gs_worlds::deblur::{DeblurOptions, World};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::lab::{Session, moving_psnr, small};

@@ -4,9 +4,9 @@
 use anyhow::Result;
 use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
-use gs_train::pipelines::taylormode::forward::in_space;
-use gs_train::report::charts::Series;
+use gs_pipelines::taylormode::forward::in_space;
 use gs_worlds::deblur::World;
+use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

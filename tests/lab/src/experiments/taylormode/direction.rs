@@ -6,11 +6,11 @@ use burn::module::Param;
 use gs_datasets::Scene;
 use gs_models::taylormode::TaylorMotion;
 use gs_multiview::Trajectory;
+use gs_pipelines::taylormode::Taylormode;
+use gs_pipelines::taylormode::cues::find_cues;
 use gs_train::fit::parameters::from_host;
-use gs_train::pipelines::taylormode::Taylormode;
-use gs_train::pipelines::taylormode::cues::find_cues;
-use gs_train::report::charts::Series;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use super::surface::on_surface;

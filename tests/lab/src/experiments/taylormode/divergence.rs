@@ -8,9 +8,9 @@ use gs_base::least_squares::least_squares;
 use gs_models::taylormode::window::powers;
 use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
 use gs_multiview::{Centre, Track, Trajectory};
+use gs_pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 use gs_train::fit::parameters::{from_host, to_host};
-use gs_train::pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
-use gs_train::report::charts::Series;
+use gsburn::report::charts::Series;
 
 use crate::experiments::findings::{largest, smallest};
 use crate::experiments::{Experiment, Findings, Lab};

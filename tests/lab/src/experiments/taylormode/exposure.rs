@@ -7,11 +7,11 @@ use burn::tensor::Tensor;
 use gs_base::median;
 use gs_datasets::Scene;
 use gs_models::taylormode::{Kinks, TaylorScene};
+use gs_pipelines::taylormode::Taylormode;
+use gs_pipelines::taylormode::figures::blur_over;
 use gs_train::fit::photos::to_tensor;
-use gs_train::pipelines::taylormode::Taylormode;
-use gs_train::pipelines::taylormode::figures::blur_over;
-use gs_train::report::charts::Series;
 use gs_worlds::deblur::World;
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use super::surface::on_surface;

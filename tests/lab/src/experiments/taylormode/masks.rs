@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use gs_datasets::Scene;
-use gs_train::report::charts::Series;
 use gs_worlds::deblur::World;
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::largest;

@@ -4,13 +4,13 @@
 use anyhow::Result;
 use gs_burn::render;
 use gs_datasets::{Scene, View};
+use gs_pipelines::still::Still;
 use gs_train::fit::method::Method;
 use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::fit::session::Data;
-use gs_train::pipelines::still::Still;
-use gs_train::report::charts::Series;
 use gs_train::run::metrics::psnr;
 use gs_worlds::deblur::{DeblurOptions, World};
+use gsburn::report::charts::Series;
 
 use super::trial::{SHARED, Trial};
 use crate::experiments::findings::largest;

@@ -7,12 +7,12 @@ use gs_burn::render;
 use gs_datasets::View;
 use gs_models::DynamicScene;
 use gs_models::taylormode::{Samples, TaylorScene};
+use gs_pipelines::taylormode::Step;
+use gs_pipelines::taylormode::blur::expose;
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::camera;
-use gs_train::pipelines::taylormode::Step;
-use gs_train::pipelines::taylormode::blur::expose;
-use gs_train::report::charts::Series;
 use gs_worlds::deblur::World;
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::largest;

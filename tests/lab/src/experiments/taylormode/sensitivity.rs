@@ -3,12 +3,12 @@
 
 use anyhow::Result;
 use gs_datasets::{Priors, Scene};
+use gs_pipelines::taylormode::config::CuesConfig;
+use gs_pipelines::taylormode::{Config, Taylormode};
 use gs_train::fit::method::Method;
-use gs_train::pipelines::taylormode::config::CuesConfig;
-use gs_train::pipelines::taylormode::{Config, Taylormode};
-use gs_train::report::charts::Series;
 use gs_train::run::evaluate::Measured;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::lab::{moving_psnr, small};

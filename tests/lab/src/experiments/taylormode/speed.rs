@@ -3,8 +3,8 @@
 use anyhow::Result;
 use gs_base::median;
 use gs_datasets::Scene;
-use gs_train::report::charts::Series;
 use gs_worlds::deblur::{DeblurOptions, World};
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::smallest;

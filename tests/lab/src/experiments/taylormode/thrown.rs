@@ -4,11 +4,11 @@
 use anyhow::Result;
 use burn::tensor::Tensor;
 use gs_datasets::Scene;
-use gs_train::pipelines::taylormode::Config;
-use gs_train::pipelines::taylormode::Taylormode;
-use gs_train::pipelines::taylormode::config::MaskSource;
-use gs_train::report::charts::Series;
+use gs_pipelines::taylormode::Config;
+use gs_pipelines::taylormode::Taylormode;
+use gs_pipelines::taylormode::config::MaskSource;
 use gs_worlds::deblur::World;
+use gsburn::report::charts::Series;
 
 use super::Trial;
 use crate::experiments::findings::largest;

@@ -3,8 +3,8 @@
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_models::taylormode::TaylorScene;
+use gs_pipelines::taylormode::{Config, Taylormode};
 use gs_train::fit::session::Data;
-use gs_train::pipelines::taylormode::{Config, Taylormode};
 
 use crate::experiments::Lab;
 use crate::experiments::lab::Session;

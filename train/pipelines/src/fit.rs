@@ -1,0 +1,451 @@
+//! A [`Method`] as a pipeline: the loop that fits the Gaussians of one scene.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::path::Path;
+
+use anyhow::{Error, Result, bail, ensure};
+use burn::tensor::Device;
+use gs_base::counted;
+use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
+use gs_datasets::{CheckReport, LoadOptions, Scene};
+use gs_driving::{LogFormat, logs_in};
+use gs_models::{DynamicScene, Shutter};
+use toml::Table;
+
+use super::plan::{StepPlan, plan_steps};
+use super::{EvalRequest, Evaluated, Foreseen, Pipeline};
+use gs_train::config::{Background, Config, ConfigError, FitConfig, tables};
+use gs_train::fit::facts::SceneFacts;
+use gs_train::fit::method::{ChartKey, Method, Step};
+use gs_train::fit::preflight::{
+    check_pixels, few_points, judge_dataset, judge_scene, leave_out_few_points, near_warning, no_pixels,
+};
+use gs_train::fit::session::{Data, Session, Stepped};
+use gs_train::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
+use gs_train::fit::trainer::{Model, Trainer};
+use gs_train::run::checkpoint::{Checkpoint, Origin};
+use gs_train::run::ending::LastFiles;
+use gs_train::run::evaluate::{Evaluator, HeldOut};
+use gs_train::run::exchange::host::gaussians_of;
+use gs_train::run::fingerprint::Fingerprint;
+use gs_train::run::folder::{Setting, full_path};
+use gs_train::run::memory::Prediction;
+use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
+use gs_train::run::presentation::{self, Presentation, PresentedScene};
+use gs_train::run::progress;
+use gs_train::run::resources::Stopwatch;
+use gs_train::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
+use gs_train::run::watch::{self, Ending, Job, Plan, Run};
+
+/// The pipeline of a method.
+pub struct Fit<M> {
+    method: PhantomData<fn() -> M>,
+}
+
+impl<M> Fit<M> {
+    /// The pipeline.
+    pub const NEW: Self = Self { method: PhantomData };
+}
+
+/// Refuses a scene that would outgrow the device's buffers, before anything is read.
+///
+/// # Errors
+/// A sentence with the number of Gaussians that fit.
+fn check_capacity(config: &Config, device: &Device) -> Result<()> {
+    let (cap, sh_degree) = (config.density.cap as u64, config.model.sh_degree);
+    let Some(bytes) = largest_buffer(device) else { return Ok(()) };
+    let most = gaussians_within(bytes, sh_degree);
+    ensure!(cap <= most, too_many_gaussians(cap, sh_degree, bytes, most));
+    Ok(())
+}
+
+/// Trains a scene: begin or resume, step until done while the run observes, measure, save, report.
+fn fit<M: Method>(job: &Job, config: &FitConfig<M::Config>) -> Result<Ending> {
+    if let Some(outcome) = watch::finished(job, &config.to_toml()) {
+        return Ok(Ending::Finished(outcome));
+    }
+    let held = watch::enter(job)?;
+    check_capacity(config, &job.device)?;
+    let watch = Stopwatch::start();
+    // Photos, cues and initial Gaussians take from seconds to minutes.
+    progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
+    let mut scene = load::<M>(&job.dataset, config)?;
+    if let Some(fault) = judge_scene(&scene, &options::<M>(config)).warning() {
+        tracing::warn!("{fault}");
+        scene.warnings.push(fault);
+    }
+    let data = Data::<M>::new(scene, config);
+    let plan = plan::<M>(job, config, &data);
+    let trainer = resumed::<M>(job, config, &plan)?;
+    let mut session = Session::begin(&data, config, trainer, &job.device);
+    let mut run = Run::begin(job, plan, session.trainer.step, held)?;
+    if session.trainer.step == 0 {
+        run.count_time(watch);
+    }
+    introduce(&run, &session, job);
+    if let Some(schedule) = M::timetable(&data.scene, &session.at()) {
+        run.plot(&schedule)?;
+    }
+    let evaluator = Evaluator::new(&config.eval, &job.device);
+
+    while session.trainer.step < config.steps {
+        if run.is_stopped(session.trainer.step) {
+            run.save(session.trainer.step, &Snapshot::of(&session.trainer))?;
+            return run.leave(session.trainer.step);
+        }
+        let stepped = run.timed(|| session.step());
+        observe(&mut run, &session, stepped);
+        let step = session.trainer.step;
+        if config.eval.at.contains(&step) && step < config.steps {
+            let held_out = HeldOut::of(&data.scene, None, &session.at()).expect("the reported split");
+            let (measured, _) = evaluator.measure(session.trainer.model(), &data.scene, &held_out, &session.at(), 0);
+            run.record(step, measured).1?;
+        }
+        if run.is_save_due(step) {
+            run.save_on_the_way(step, &Snapshot::of(&session.trainer));
+        }
+    }
+    let trainer = session.into_trainer();
+    finish(run, job, data, trainer, config, &evaluator)
+}
+
+/// Saves and measures a finished training. Of the files that a disk is too full for, the others are written
+/// all the same.
+fn finish<M: Method>(
+    mut run: Run,
+    job: &Job,
+    data: Data<M>,
+    trainer: Trainer<M>,
+    config: &FitConfig<M::Config>,
+    evaluator: &Evaluator,
+) -> Result<Ending> {
+    let (step, at) = (trainer.step, trainer.at(&data.cues, config));
+    let mut files = LastFiles::default();
+    files.tried("the checkpoint", run.save(step, &Snapshot::of(&trainer)));
+    let ply = write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased);
+    files.tried("scene.ply", ply.map_err(|error| error.context("the finished scene could not be exported")));
+    if let Some(note) = placed_note(data.scene.origin) {
+        run.say(&format!("{}: {note}", job.folder.ply().display()));
+    }
+    let held_out = HeldOut::of(&data.scene, None, &at).expect("the reported split");
+    let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
+    let (eval, written) = run.record(step, measured);
+    files.tried("eval.json", written);
+    let (history, written) = run.finish();
+    files.tried("metrics.jsonl", written);
+    let schedule = M::timetable(&data.scene, &at);
+    let scene = presented(&data, &trainer, config, &eval.name);
+    let (facts, render, device) = (trainer.facts, config.render.clone(), job.device.clone());
+    let photos = Some(ScenePhotos { photos: data.scene, facts, render, device });
+    let contents =
+        Contents { config: config.to_toml(), history, pictures, schedule, scene: Some(scene), photos, files };
+    Ok(Ending::Finished(Outcome { eval, report: Some(Box::new(contents)) }))
+}
+
+/// The scene with its cameras, for the report.
+fn presented<M: Method>(
+    data: &Data<M>,
+    trainer: &Trainer<M>,
+    config: &FitConfig<M::Config>,
+    name: &str,
+) -> PresentedScene {
+    let gaussians = trainer.gaussians();
+    let scene = trainer.method().scene(gaussians.clone());
+    let presentation = Presentation {
+        name: name.into(),
+        options: trainer.facts.render_options(&config.render, gaussians.sh_degree()),
+        middle: trainer.method().middle(),
+        cameras: presentation::cameras(&data.scene),
+        distance: trainer.facts.subject_distance,
+        shutter: shutter(&*scene, &config.to_table()),
+        world: glam::DMat4::from_translation(data.scene.origin),
+    };
+    PresentedScene { scene, presentation }
+}
+
+/// Reads the data set at `path` for training and measuring.
+///
+/// # Errors
+/// A sentence naming the file, what was expected and what was found; or the reason why the method cannot learn from it.
+pub fn load<M: Method>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
+    let loaded = gs_datasets::load(path, &options::<M>(config));
+    let mut scene = loaded.map_err(|error| driving(path, M::NAME).map_or_else(|| error.into(), Error::msg))?;
+    let warnings = scene.warnings.len();
+    scene.warnings.extend(leave_out_few_points(&mut scene.points));
+    M::prepare(&mut scene);
+    for warning in &scene.warnings[warnings..] {
+        tracing::warn!("{warning}");
+    }
+    let timed = scene.train.iter().filter(|view| view.time.is_some()).count();
+    M::suits(path, scene.train.len(), timed).map_err(Error::msg)?;
+    M::reaches(path, &scene, config).map_err(Error::msg)?;
+    check_pixels(path, &scene).map_err(Error::msg)?;
+    Ok(scene)
+}
+
+/// Why a driving log is no data set of this pipeline; `None` where there is none.
+fn driving(path: &Path, name: &str) -> Option<String> {
+    let is_log = LogFormat::of(path).is_some() || path.is_dir() && logs_in(path).is_ok_and(|logs| !logs.is_empty());
+    let (path, of_logs) = (path.display(), super::flux4d::NAME);
+    is_log.then(|| {
+        format!(
+            "{path}: expected photos for the pipeline {name}, found driving logs, which --set pipeline={of_logs} takes"
+        )
+    })
+}
+
+fn options<M: Method>(config: &FitConfig<M::Config>) -> LoadOptions {
+    let mut options = config.data.options();
+    M::loading(config, &mut options);
+    options
+}
+
+fn plan<M: Method>(job: &Job, config: &FitConfig<M::Config>, data: &Data<M>) -> Plan {
+    let views = Fingerprint::of(&data.scene);
+    let origin = Origin::new(M::NAME, config.to_toml(), full_path(&job.dataset), data.scene.origin, views);
+    let fact = |(name, value, key): (&str, String, &str)| (name.to_string(), value, key.to_string());
+    Plan {
+        steps: config.steps,
+        checkpoint: config.checkpoint.clone(),
+        origin,
+        prediction: Prediction::of_fit::<M>(&data.scene, config),
+        facts: data.facts.listed().into_iter().map(fact).collect(),
+        settings: settings(M::chart_keys(), &config.to_table()),
+    }
+}
+
+/// The values of the keys by which charts distinguish runs, as far as they have a meaning.
+fn settings(keys: &[ChartKey], config: &Table) -> Vec<Setting> {
+    let values: BTreeMap<String, String> = tables::flat(config).into_iter().collect();
+    let means_something =
+        |key: &&ChartKey| key.unless.is_none_or(|(other, value)| values.get(other).is_none_or(|found| found != value));
+    let setting = |key: &ChartKey| {
+        let value = values.get(key.key)?.clone();
+        Some(Setting { name: key.name.into(), key: key.key.into(), label: key.label(&value), value })
+    };
+    keys.iter().filter(means_something).filter_map(setting).collect()
+}
+
+/// The state of the newest checkpoint, if the run is to be continued and has one.
+fn resumed<M: Method>(job: &Job, config: &FitConfig<M::Config>, plan: &Plan) -> Result<Option<Trainer<M>>> {
+    let Some(checkpoint) = watch::saved(job, &plan.origin.config)? else { return Ok(None) };
+    watch::check_views(job, checkpoint.origin.views, plan.origin.views)?;
+    let restored = restore::<M>(&checkpoint, config, &job.device);
+    Ok(Some(restored.map_err(|found| checkpoint.damaged(found))?))
+}
+
+/// Prints what the run is about to do.
+fn introduce<M: Method>(run: &Run, session: &Session<M>, job: &Job) {
+    let (scene, trainer) = (&session.data.scene, &session.trainer);
+    let size = scene.train.first().map_or((0, 0), |view| (view.width, view.height));
+    let held_out: Vec<String> =
+        scene.held_out.iter().map(|split| format!("{} {}", split.views.len(), split.name)).collect();
+    let held_out = if held_out.is_empty() { "0 held-out".to_string() } else { held_out.join(" and ") };
+    run.say(&format!(
+        "{} ({}): {} training and {held_out} views of {} x {} pixels, {} to begin with, at most {}",
+        job.dataset.display(),
+        scene.format,
+        scene.train.len(),
+        size.0,
+        size.1,
+        counted(trainer.gaussians().len(), "Gaussian"),
+        session.config.density.cap
+    ));
+    let near_open = session.config.render.near == 0.0;
+    let background_open = matches!(session.config.data.background, Background::Found(_));
+    let is_open = |key: &str| (key == "render.near" && near_open) || (key == "data.background" && background_open);
+    let facts = trainer.facts.listed().into_iter().filter(|(_, _, key)| is_open(key));
+    let facts: Vec<String> = facts.map(|(name, value, key)| format!("{name} {value} ({key})")).collect();
+    if !facts.is_empty() {
+        run.say(&format!("found in the data set: {}", facts.join("; ")));
+    }
+    let (lines, warnings) = trainer.method().introduction(scene, &session.at());
+    lines.iter().for_each(|line| run.say(line));
+    let near = near_warning(trainer.facts.near, trainer.facts.subject_distance);
+    warnings.iter().chain(&near).for_each(|warning| run.say(&format!("warning: {warning}")));
+}
+
+/// Updates bar and metrics after a step.
+fn observe<M: Method>(run: &mut Run, session: &Session<M>, stepped: Stepped<M::Extra>) {
+    let Stepped { report, photos } = stepped;
+    let (trainer, config) = (&session.trainer, session.config);
+    let counts = [
+        (watch::GAUSSIANS, trainer.gaussians().len() as f64),
+        ("SH degree", trainer.gaussians().sh_degree() as f64),
+        ("tile intersections", report.intersections as f64),
+    ];
+    run.count(&report.notes, trainer.step, M::last_note(config));
+    run.observe(trainer.step, (report.loss, trainer.skipped), &counts, || {
+        let (image, photo) = report.images.first().zip(photos.first())?;
+        let (image, truth) = (image.clone().clamp(0.0, 1.0), photo.image.clone());
+        Some(match &photo.mask {
+            None => psnr(image, truth),
+            Some(mask) => psnr_masked(image, truth, mask.clone()),
+        })
+    });
+}
+
+impl<M: Method> Pipeline for Fit<M> {
+    fn name(&self) -> &'static str {
+        M::NAME
+    }
+
+    fn defaults(&self) -> Table {
+        M::defaults().to_table()
+    }
+
+    fn validate(&self, config: &Table, origin: &str) -> Result<String, ConfigError> {
+        Ok(FitConfig::<M::Config>::from_table(config, origin)?.to_toml())
+    }
+
+    fn check(&self, dataset: &Path, config: &Table) -> Result<CheckReport> {
+        let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
+        let mut report = gs_datasets::check(dataset, &options::<M>(&config));
+        // Without a training view the report gives the reason, and there is nothing to check against the configuration.
+        if report.train == 0 {
+            return Ok(report);
+        }
+        report.warnings.extend(M::leaves_out(report.without_time));
+        if config.render.near > 0.0 {
+            report.warnings.extend(near_warning(config.render.near, report.subject_distance));
+        }
+        report.warnings.extend(few_points(report.points));
+        report.errors.extend((report.blank == report.views()).then(|| no_pixels(dataset)));
+        report.errors.extend(M::suits(dataset, report.train, report.timed).err());
+        // Its errors are in the report.
+        if report.is_ok()
+            && let Ok(judgement) = judge_dataset(dataset, &options::<M>(&config))
+        {
+            report.facts.push(judgement.fact());
+            report.warnings.extend(judgement.warning());
+        }
+        Ok(report)
+    }
+
+    fn train(&self, job: &Job) -> Result<Ending> {
+        if job.devices() > 1 {
+            bail!("--devices {}: the pipeline {} trains on one device", job.devices(), M::NAME);
+        }
+        fit::<M>(job, &FitConfig::from_table(&job.config, "configuration")?)
+    }
+
+    fn plan_steps(&self, dataset: &Path, config: &Table, minutes: f64, device: &Device) -> Result<StepPlan> {
+        let watch = Stopwatch::start();
+        let config = FitConfig::<M::Config>::from_table(config, "configuration")?;
+        let scene = load::<M>(dataset, &config)?;
+        plan_steps::<M>((dataset, scene), &config, minutes, device, &watch)
+    }
+
+    fn open(&self, checkpoint: &Checkpoint, device: &Device) -> Result<LoadedScene> {
+        let (model, config, notes) = read_model::<M>(checkpoint, device)?;
+        Ok(loaded(&model, &config, &notes, checkpoint))
+    }
+
+    fn foresee(&self, checkpoint: &Checkpoint, dataset: &Path, device: &Device) -> Result<Foreseen> {
+        let (model, config, notes) = read_model::<M>(checkpoint, device)?;
+        let mut photos = load::<M>(dataset, &config)?;
+        let shift = photos.origin - checkpoint.origin.world();
+        let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
+        views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
+        photos.origin -= shift;
+        let loaded = loaded(&model, &config, &notes, checkpoint);
+        let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
+        loaded.reaches(&dataset.display().to_string(), times)?;
+        let foresight = model.method.foresight(&model.gaussians, &photos.train, &config);
+        Ok(Foreseen { loaded, photos, foresight })
+    }
+
+    fn evaluate(&self, request: &EvalRequest) -> Result<Evaluated> {
+        let config = FitConfig::<M::Config>::from_table(request.config, "configuration")?;
+        let scene = load::<M>(request.dataset, &config)?;
+        let cues = M::cues(&scene, &config);
+        // As in training: a checkpoint has its facts; those of a PLY file are derived again.
+        let found = SceneFacts::of(&scene, &config, M::near_share(&scene, &config), M::UNSEEN);
+        let (mut model, facts, step, origin) = match request.file {
+            SceneFile::Checkpoint(checkpoint) => {
+                let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
+                (model, notes.facts(), notes.counters.step, checkpoint.origin.world())
+            }
+            SceneFile::Ply(packed) => {
+                let at = Step { step: 0, config: &config, facts: &found, cues: &cues, room: None };
+                let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
+                let gaussians = gaussians_of(&packed.splats, request.device);
+                (Model { gaussians, method }, found, 0, glam::DVec3::from_array(packed.splats.offset))
+            }
+        };
+        // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
+        model.gaussians = translated(&model.gaussians, origin - scene.origin);
+        let at = Step { step: step.max(1), config: &config, facts: &facts, cues: &cues, room: None };
+        let Some(held_out) = HeldOut::of(&scene, request.split, &at) else {
+            let names: Vec<&str> = scene.held_out.iter().map(|split| split.name.as_str()).collect();
+            let asked = request.split.unwrap_or_default();
+            bail!("{}: expected a split from train, {}; found {asked:?}", request.dataset.display(), names.join(", "));
+        };
+        let of_model = model.method.scene(model.gaussians.clone());
+        let name = request.dataset.display().to_string();
+        within_reach(&*of_model, &name, held_out.views.iter().filter_map(|view| view.time))?;
+        let kept = if request.pictures { held_out.views.len() } else { 0 };
+        let evaluator = Evaluator::new(&config.eval, request.device);
+        let (measured, pictures) = evaluator.measure(&model, &scene, &held_out, &at, kept);
+        Ok(Evaluated { step, measured, pictures })
+    }
+
+    fn sizes(&self) -> &'static [(&'static str, &'static [&'static str])] {
+        M::sizes()
+    }
+}
+
+/// A model as a scene.
+fn loaded<M: Method>(
+    model: &Model<M>,
+    config: &FitConfig<M::Config>,
+    notes: &Notes,
+    checkpoint: &Checkpoint,
+) -> LoadedScene {
+    let Model { gaussians, method } = model;
+    let scene = method.scene(gaussians.clone());
+    LoadedScene {
+        shutter: shutter(&*scene, &config.to_table()),
+        scene,
+        gaussians: gaussians.clone(),
+        origin: checkpoint.origin.world(),
+        facts: notes.facts(),
+        render: config.render.clone(),
+        middle: method.middle(),
+        run: Some(SceneRun {
+            pipeline: M::NAME.into(),
+            dataset: checkpoint.origin.dataset.clone(),
+            step: notes.counters.step,
+            described: method.described(),
+        }),
+    }
+}
+
+/// How exposures are formed, where the configuration has a blur model and the scene knows its exposure.
+fn shutter(scene: &dyn DynamicScene, config: &Table) -> Option<Shutter> {
+    let blur = config.get("blur")?;
+    let models_it = blur.get("mode")?.as_str()? != "none";
+    let linear = blur.get("linear").and_then(|linear| linear.as_bool()).unwrap_or(true);
+    scene.exposure().filter(|_| models_it).map(|exposure| Shutter { exposure, linear })
+}
+
+/// The model of a checkpoint with its configuration and notes, on `device` without autodiff.
+///
+/// # Errors
+/// A sentence when the checkpoint is damaged or of another pipeline.
+pub fn read_model<M: Method>(
+    checkpoint: &Checkpoint,
+    device: &Device,
+) -> Result<(Model<M>, FitConfig<M::Config>, Notes)> {
+    let origin = format!("{}: configuration", checkpoint.path.display());
+    let config = FitConfig::<M::Config>::from_table(&tables::parse(&checkpoint.origin.config, &origin)?, &origin)?;
+    let read = || -> Result<(Model<M>, Notes), String> {
+        let gaussians = read_gaussians(checkpoint, device)?;
+        let method = read_method::<M>(checkpoint, gaussians.len(), &config, device)?;
+        Ok((Model { gaussians, method }, Notes::read(checkpoint)?))
+    };
+    let (model, notes) = read().map_err(|found| checkpoint.damaged(found))?;
+    Ok((model, config, notes))
+}

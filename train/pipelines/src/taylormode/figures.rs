@@ -1,0 +1,301 @@
+//! Figures of a moving scene beside image quality: its blurred images, velocities and exposure, and the cost of its motion.
+
+use burn::tensor::Tensor;
+use gs_base::median;
+use gs_burn::exposure::ExposureOptions;
+use gs_burn::{Extras, Gaussians, RenderOptions, parameter_bytes, render_with};
+use gs_datasets::{Scene, View};
+use gs_models::taylormode::blur_path::{back_project, to_world};
+use gs_models::taylormode::{FixedOrder, Paths, Samples, Size, Summary, TaylorMotion};
+use gs_models::{Pixels, sh_bands};
+
+use super::blur::expose;
+use super::config::{BlurMode, VelocitySource};
+use super::cues::stated_exposure;
+use super::update::learns_exposure;
+use super::{Config, Step, Taylormode};
+use gs_train::fit::figure::{Better, Figure, FigureTable, Figures};
+use gs_train::fit::parameters::to_host;
+use gs_train::fit::photos::{camera, to_tensor};
+use gs_train::run::memory::megabytes;
+use gs_train::run::metrics::{psnr, psnr_masked};
+
+/// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty pixels of motion.
+pub const MEASURE_SAMPLES: usize = 33;
+
+/// Alpha below which a pixel's velocity is not measured.
+const ALPHA_SEEN: f32 = 0.5;
+
+/// Share of the largest true speed below which the direction of a velocity is not measured.
+const SPEED_SHARE: f64 = 0.05;
+
+/// The cost of a scene, compared with the same Gaussians at one fixed order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MotionCost {
+    /// Gaussians that move.
+    pub moving: usize,
+    /// Share of static Gaussians, 0 to 1.
+    pub static_share: f64,
+    /// Mean order of the paths of moving Gaussians.
+    pub mean_order: f64,
+    /// Gaussians by order of their path, from 0 on.
+    pub orders: Vec<usize>,
+    /// Moving Gaussians by order of their rotation, from 0 on.
+    pub rotation_orders: Vec<usize>,
+    /// Kinks in every path.
+    pub kinks: usize,
+    /// Whether paths have the 3D remainder of Eq. 2.
+    pub remainder: bool,
+    /// Numbers of motion: coefficients of paths and rotations up to each Gaussian's order, and the 3D remainder.
+    pub motion_parameters: usize,
+    /// Numbers of motion at the orders `motion.order` and `motion.rotation_order` for every Gaussian.
+    pub fixed_motion_parameters: usize,
+    /// Gaussians by the degree of their view-dependent colour, from 0 on.
+    pub sh_degrees: Vec<usize>,
+    /// All numbers of the scene.
+    pub parameters: usize,
+    /// All numbers with fixed orders for every Gaussian.
+    pub fixed_parameters: usize,
+    /// Bytes of `parameters` as f32, with a row number for each moving Gaussian.
+    pub bytes: usize,
+    /// Bytes of `fixed_parameters` as f32, without row numbers because all move.
+    pub fixed_bytes: usize,
+    /// The fixed order of paths, `motion.order`.
+    pub fixed_order: usize,
+}
+
+/// Measures the scene on some views.
+pub fn figures(model: &Taylormode, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
+    let measured = Moving { model, gaussians, paths: model.motion.paths(&gaussians.means.val()), at };
+    let cost = cost(model, gaussians, at.config);
+    let mut numbers = Vec::new();
+    let blurry: Vec<f64> = views.iter().filter_map(|view| measured.blurry_psnr(view)).collect();
+    if !blurry.is_empty() {
+        let mean = blurry.iter().sum::<f64>() / blurry.len() as f64;
+        let figure = Figure::new("blurry_psnr", "blurry photo", mean, "dB").digits(2).better(Better::Higher);
+        numbers.push(figure.note("as the scene forms it").headline());
+    }
+    let (angles, magnitudes) = measured.velocity_errors(views);
+    if let Some(angle) = median(angles) {
+        let figure = Figure::new("velocity_angle", "velocity off by", angle, "°").digits(1).better(Better::Lower);
+        numbers.push(figure.note("median over moving surfaces").headline());
+    }
+    if let Some(error) = median(magnitudes) {
+        let figure = Figure::new("speed_error", "speed off by", 100.0 * error, "%").digits(1).better(Better::Lower);
+        numbers.push(figure.note("median over moving surfaces").headline());
+    }
+    let exposure = model.exposure_on_host();
+    // Exposures of the training photos; held-out views may have others.
+    let stated = stated_exposure(&scene.train).or_else(|| stated_exposure(views));
+    let error = stated.filter(|_| learns_exposure(model, at.config)).map(|stated| (exposure / stated - 1.0).abs());
+    let note = error.map_or(String::new(), |error| format!("off by {:.1} %", 100.0 * error));
+    numbers.push(Figure::new("exposure", "exposure", exposure, "").digits(4).note(note).headline());
+    if let Some(error) = error {
+        let figure = Figure::new("exposure_error", "exposure off by", 100.0 * error, "%").digits(1);
+        numbers.push(figure.better(Better::Lower));
+    }
+    numbers.extend(cost.figures());
+    Figures { numbers, tables: vec![cost.table(gaussians.len())] }
+}
+
+/// A moving scene under measurement.
+struct Moving<'a> {
+    model: &'a Taylormode,
+    gaussians: &'a Gaussians,
+    paths: Paths,
+    at: &'a Step<'a>,
+}
+
+/// The blurred image of a view over the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
+pub fn form_blur(model: &Taylormode, gaussians: &Gaussians, view: &View, at: &Step) -> Tensor<3> {
+    blur_over(gaussians, &model.motion, model.exposure_on_host(), view, at)
+}
+
+/// The blurred image of a view over any exposure, in the data set's unit of time.
+pub fn blur_over(gaussians: &Gaussians, motion: &TaylorMotion, exposure: f64, view: &View, at: &Step) -> Tensor<3> {
+    let device = gaussians.device();
+    let render = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+    let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, MEASURE_SAMPLES);
+    let options = ExposureOptions { render, linear: at.config.method.blur.linear, room: None };
+    let paths = motion.paths(&gaussians.means.val());
+    let formed = expose(gaussians, &paths, &motion.rows, &instants, &camera(view, &device), &options, None);
+    formed.color.clamp(0.0, 1.0)
+}
+
+/// Whether a held-out photo is blurry and has no sharp truth, so that it is compared with a formed blur: the data set states an
+/// exposure, or training used a blur model.
+pub fn is_blurry(view: &View, config: &Config) -> bool {
+    let no_truth = view.truth.blurry.is_none();
+    let stated = view.exposure.map(|exposure| exposure > 0.0);
+    no_truth && view.time.is_some() && stated.unwrap_or(config.method.blur.mode != BlurMode::None)
+}
+
+impl Moving<'_> {
+    /// PSNR of the blurred image, if the blurry photo is known beside a sharp truth, dB.
+    fn blurry_psnr(&self, view: &View) -> Option<f64> {
+        let blurry = view.truth.blurry.as_ref()?;
+        let truth = to_tensor(view, &blurry.data, 3, &self.gaussians.device());
+        let formed = form_blur(self.model, self.gaussians, view, self.at);
+        Some(match &view.mask {
+            None => psnr(formed, truth),
+            Some(mask) => psnr_masked(formed, truth.clone(), to_tensor(view, mask, 1, &truth.device())),
+        })
+    }
+
+    /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
+    fn velocities(&self, view: &View) -> (Vec<f32>, Vec<f32>) {
+        let t = view.time.unwrap_or(0.0);
+        let blur = &self.at.config.method.blur;
+        let scene = self.paths.moved(self.gaussians, t);
+        let camera = camera(view, &scene.device());
+        let usual = self.at.facts.render_options(&self.at.config.render, 0);
+        let options = RenderOptions { depth: true, background: [0.0; 3], ..usual };
+        let extras = Extras { features: Some(self.paths.velocities(self.gaussians.len(), t)), ..Extras::default() };
+        let rendering = render_with(&scene, &camera, &options, extras);
+        let pixels = Pixels::all(view.width, view.height, &scene.device());
+        let alpha = pixels.of(rendering.alpha.clone());
+        let splatted = pixels.of(rendering.features.clone().expect("features were given"));
+        let seen = alpha.clone().clamp_min(f32::MIN_POSITIVE);
+        let found = if blur.mode == BlurMode::Warp {
+            let depth = || pixels.of(rendering.expected_depth().expect("depth was asked for"));
+            let positions = || to_world(back_project(&pixels, depth(), &camera.intrinsics), &camera.viewmat);
+            let found = self.model.pixel_velocity(self.paths.window.normalised(t), || splatted, positions);
+            if blur.velocity == VelocitySource::Taylor { found / seen } else { found }
+        } else {
+            splatted / seen
+        };
+        (to_host(found), to_host(alpha))
+    }
+
+    /// Angles in degrees and relative speed errors, over the pixels of moving surfaces.
+    fn velocity_errors(&self, views: &[View]) -> (Vec<f64>, Vec<f64>) {
+        let (mut angles, mut magnitudes) = (Vec::new(), Vec::new());
+        for view in views {
+            let (Some(truth), Some(moving)) = (&view.truth.velocity, &view.truth.moving) else { continue };
+            let (found, alpha) = self.velocities(view);
+            let truth = truth.as_chunks::<3>().0;
+            let fastest = truth.iter().map(|v| length(*v)).fold(0.0, f64::max);
+            for (pixel, true_velocity) in truth.iter().enumerate() {
+                let speed = length(*true_velocity);
+                if moving[pixel] == 0 || alpha[pixel] < ALPHA_SEEN || speed <= SPEED_SHARE * fastest {
+                    continue;
+                }
+                let seen = found.as_chunks::<3>().0[pixel];
+                let dot: f64 = (0..3).map(|c| f64::from(seen[c]) * f64::from(true_velocity[c])).sum();
+                let cosine = dot / (speed * length(seen)).max(f64::MIN_POSITIVE);
+                angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
+                magnitudes.push((length(seen) / speed - 1.0).abs());
+            }
+        }
+        (angles, magnitudes)
+    }
+}
+
+/// Numbers of Gaussians by the SH degree of their colour.
+fn sh_degrees(gaussians: &Gaussians) -> Vec<usize> {
+    let mut degrees = vec![0; gaussians.sh_degree() + 1];
+    let sh = to_host(gaussians.sh.val().flatten::<2>(1, 2));
+    sh.chunks_exact(3 * gaussians.sh.dims()[1]).for_each(|sh| degrees[sh_bands::degree(sh)] += 1);
+    degrees
+}
+
+/// The cost of a scene.
+pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> MotionCost {
+    let usize_of = |orders: &[u8]| -> Vec<usize> { orders.iter().map(|order| usize::from(*order)).collect() };
+    let motion = &model.motion;
+    // Rendering needs the 3D remainder; the other networks only form blur in training.
+    let remainder = motion.remainder.as_ref().map_or(0, |network| parameter_bytes(network) / size_of::<f32>());
+    let degrees = sh_degrees(gaussians);
+    let size = Size {
+        gaussians: gaussians.len(),
+        sh_coefficients: degrees.iter().enumerate().map(|(degree, count)| count * (degree + 1).pow(2)).sum(),
+        position_orders: usize_of(&motion.orders),
+        rotation_orders: usize_of(&motion.rotation_orders),
+        // Times of the contacts, and a jump for each moving Gaussian at each.
+        network: remainder + motion.contacts().len() * (2 + 3 * motion.rows.len()),
+    };
+    let choice = &config.method.motion;
+    let fixed = FixedOrder {
+        gaussians: size.gaussians,
+        sh_coefficients: gaussians.sh.dims()[1],
+        position: choice.order,
+        rotation: choice.rotation_order,
+    };
+    let blocks: usize = size.position_orders.iter().chain(&size.rotation_orders).sum();
+    let summary = Summary::new(&size, &fixed);
+    MotionCost {
+        moving: motion.rows.len(),
+        static_share: summary.static_share,
+        mean_order: size.position_orders.iter().sum::<usize>() as f64 / motion.rows.len().max(1) as f64,
+        orders: summary.histogram,
+        rotation_orders: histogram(&size.rotation_orders),
+        kinks: motion.contacts().len(),
+        remainder: motion.remainder.is_some(),
+        motion_parameters: 3 * blocks + size.network,
+        fixed_motion_parameters: 3 * size.gaussians * (fixed.position + fixed.rotation),
+        sh_degrees: degrees,
+        parameters: summary.parameters,
+        fixed_parameters: summary.fixed_order_parameters,
+        bytes: summary.bytes,
+        fixed_bytes: 4 * summary.fixed_order_parameters,
+        fixed_order: fixed.position,
+    }
+}
+
+impl MotionCost {
+    fn figures(&self) -> Vec<Figure> {
+        let count = |key: &str, name: &str, value: usize| Figure::new(key, name, value as f64, "");
+        let static_share = 100.0 * self.static_share;
+        let mean_order = format!("{static_share:.0} % static, mean order {:.2}", self.mean_order);
+        vec![
+            count("moving_gaussians", "moving Gaussians", self.moving).note(mean_order).headline(),
+            Figure::new("static_share", "static", static_share, "%").digits(1),
+            Figure::new("mean_order", "mean order of the moving", self.mean_order, "").digits(2),
+            count("kinks", "kinks in each path", self.kinks),
+            count("remainder", "3D remainder", usize::from(self.remainder)),
+            count("motion_numbers", "numbers of motion", self.motion_parameters).better(Better::Lower).column(),
+            count("fixed_motion_numbers", "numbers of motion at one order", self.fixed_motion_parameters),
+            count("numbers", "numbers", self.parameters).better(Better::Lower),
+            count("fixed_numbers", "numbers at one order and degree", self.fixed_parameters),
+        ]
+    }
+
+    /// A table of the scene's numbers, compared with the same Gaussians at one order and degree.
+    fn table(&self, gaussians: usize) -> FigureTable {
+        let all = gaussians.max(1) as f64;
+        let moving: usize = self.orders.iter().enumerate().map(|(order, count)| order * count).sum();
+        let counts = |of: &[usize]| of.iter().map(usize::to_string).collect::<Vec<_>>().join(" · ");
+        let mut fixed_orders = vec![0; self.fixed_order + 1];
+        fixed_orders[self.fixed_order] = gaussians;
+        let mut fixed_degrees = vec![0; self.sh_degrees.len().max(1)];
+        *fixed_degrees.last_mut().expect("one at least") = gaussians;
+        let remainder = if self.remainder { "yes" } else { "no" };
+        let rows = [
+            ("Gaussians", gaussians.to_string(), gaussians.to_string()),
+            ("numbers", self.parameters.to_string(), self.fixed_parameters.to_string()),
+            ("of them motion", self.motion_parameters.to_string(), self.fixed_motion_parameters.to_string()),
+            ("bytes", megabytes(self.bytes as u64), megabytes(self.fixed_bytes as u64)),
+            ("share static", format!("{:.1} %", 100.0 * self.static_share), "0 %".into()),
+            ("mean order of motion, over all", format!("{:.2}", moving as f64 / all), self.fixed_order.to_string()),
+            ("Gaussians of order 0 · 1 · 2 · ...", counts(&self.orders), counts(&fixed_orders)),
+            ("moving Gaussians of rotation order 0 · 1 · ...", counts(&self.rotation_orders), String::new()),
+            ("kinks in each path; remainder", format!("{}; {remainder}", self.kinks), String::new()),
+            ("Gaussians of SH degree 0 · 1 · ...", counts(&self.sh_degrees), counts(&fixed_degrees)),
+        ];
+        FigureTable {
+            title: "What the scene stores".into(),
+            columns: vec![String::new(), "this scene".into(), "one order and degree for all".into()],
+            rows: rows.into_iter().map(|(name, here, fixed)| vec![name.to_string(), here, fixed]).collect(),
+        }
+    }
+}
+
+fn histogram(orders: &[usize]) -> Vec<usize> {
+    let mut counts = vec![0; orders.iter().max().map_or(0, |highest| highest + 1)];
+    orders.iter().for_each(|order| counts[*order] += 1);
+    counts
+}
+
+fn length(v: [f32; 3]) -> f64 {
+    v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
+}

@@ -1,0 +1,140 @@
+//! Likelihood check of the simpler motion that [`select`](super::select) proposes: does it explain the photos as well?
+//!
+//! The check judges all Gaussians together, with the residual variance of training photos: a single Gaussian changes too few
+//! pixels, and no photo is set aside. The check rejects visible changes; for single Gaussians, the threshold in pixels of
+//! [`select`](super::select) decides.
+
+use burn::tensor::{Device, Tensor};
+use gs_burn::Gaussians;
+use gs_burn::adam::Adam;
+use gs_burn::exposure::ExposureOptions;
+use gs_datasets::View;
+use gs_models::taylormode::shrinkage::pixels_per_unit;
+use gs_models::taylormode::{Evidence, Exposure, Samples, TaylorMotion};
+
+use super::blur::expose;
+use super::config::BlurMode;
+use super::select::{Selected, Selection, select, view_scales};
+use super::update::follow_moments;
+use super::{Step, Taylormode};
+use gs_train::fit::parameters::to_host;
+use gs_train::fit::photos::{camera, to_tensor};
+
+/// Photos that judge a proposal, spread evenly over the training views: enough that no single one decides.
+const PHOTOS: usize = 6;
+
+/// Shares of the threshold in pixels that are tried in turn until the photos agree.
+const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
+
+/// A scene to be judged.
+struct Candidate<'a> {
+    gaussians: &'a Gaussians,
+    motion: &'a TaylorMotion,
+    exposure: &'a Exposure,
+}
+
+/// Selects, and reverts the selection if the photos need the removed motion (Schwarz's criterion, with pixels that share a blur
+/// counted as one).
+pub fn select_with_check(
+    model: Taylormode,
+    gaussians: &mut Gaussians,
+    adam: &mut Adam,
+    views: &[View],
+    at: &Step,
+) -> (Taylormode, Selected) {
+    if model.motion.is_empty() || views.is_empty() {
+        return (model, Selected::default());
+    }
+    let device = gaussians.device();
+    let judges: Vec<&View> = views.iter().step_by(views.len().div_ceil(PHOTOS)).collect();
+    let present = Candidate { gaussians, motion: &model.motion, exposure: &model.exposure };
+    let before: Vec<Tensor<3>> = judges.iter().map(|view| present.formed(view, at)).collect();
+    let area = present.blur_area(views);
+    for share in SHARES {
+        let mut config = at.config.method.motion.clone();
+        config.select_pixels *= share;
+        let selection = select(gaussians, &model.motion, views, &config);
+        let dropped = blocks(&model.motion) - blocks(&selection.motion);
+        let simpler =
+            Candidate { gaussians: &selection.gaussians, motion: &selection.motion, exposure: &model.exposure };
+        let one =
+            |(view, before): (&&View, &Tensor<3>)| compared(view, simpler.formed(view, at), before.clone(), &device);
+        let [lower, higher, pixels] = judges.iter().zip(&before).map(one).fold([0.0; 3], add);
+        let evidence = Evidence {
+            lower,
+            higher,
+            variance: (higher / pixels).max(f64::MIN_POSITIVE),
+            pixels,
+            blur_area: area,
+            parameters: 3.0 * dropped as f64,
+        };
+        if !evidence.accepts() {
+            let Selection { gaussians: moved, motion, kept, selected } = selection;
+            *gaussians = moved;
+            if let Some(kept) = &kept {
+                follow_moments(adam, kept);
+            }
+            return (Taylormode { motion, ..model }.held_to_orders(adam), selected);
+        }
+        tracing::debug!(share, lower, higher, pixels, dropped, "the photos want the motion kept");
+    }
+    (model, Selected::default())
+}
+
+/// Coefficient blocks and jumps in use.
+fn blocks(motion: &TaylorMotion) -> usize {
+    let blocks: usize = motion.orders.iter().chain(&motion.rotation_orders).map(|order| usize::from(*order)).sum();
+    blocks + motion.contacts().len() * motion.rows.len()
+}
+
+impl Candidate<'_> {
+    /// The image that the scene forms for a view.
+    fn formed(&self, view: &View, at: &Step) -> Tensor<3> {
+        let blur = &at.config.method.blur;
+        let render = at.facts.render_options(&at.config.render, self.gaussians.sh_degree());
+        let count = if blur.mode == BlurMode::None { 1 } else { blur.samples };
+        let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), self.exposure.tau_on_host(), count);
+        let options = ExposureOptions { render, linear: blur.linear, room: None };
+        let (paths, device) = (self.motion.paths(&self.gaussians.means.val()), self.gaussians.device());
+        expose(self.gaussians, &paths, &self.motion.rows, &instants, &camera(view, &device), &options, None).color
+    }
+
+    /// Mean path of the moving Gaussians during one exposure, pixels: the length over which blur correlates pixels.
+    fn blur_area(&self, views: &[View]) -> f64 {
+        let paths = self.motion.paths(&self.gaussians.means.val());
+        let speeds = to_host(paths.velocity(paths.window.t0));
+        let means = to_host(self.gaussians.means.val());
+        let scales = pixels_per_unit(&means, &self.motion.rows, &view_scales(views));
+        let exposure = self.exposure.tau_on_host();
+        let lengths = speeds
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .zip(&scales)
+            .filter(|(_, scale)| scale.is_finite())
+            .map(|(v, scale)| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() * exposure * scale);
+        let lengths: Vec<f64> = lengths.collect();
+        (lengths.iter().sum::<f64>() / lengths.len().max(1) as f64).max(1.0)
+    }
+}
+
+/// Sums of squared differences from the photo with the simpler and with the present motion, and the number of differences, over the
+/// pixels in which the two images differ. The other pixels do not distinguish the two, and are explained better than moving ones.
+fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device) -> [f64; 3] {
+    let differs = (simpler.clone() - present.clone()).abs().max_dim(2).greater_elem(NOTICED).float();
+    let counts = match &view.mask {
+        None => differs,
+        Some(mask) => differs * to_tensor(view, mask, 1, device),
+    };
+    let photo = to_tensor(view, &view.image.data, 3, device);
+    let sum = |tensor: Tensor<3>| f64::from(tensor.sum().into_scalar::<f32>());
+    let misses = |image: Tensor<3>| sum((image - photo.clone()).square() * counts.clone());
+    [misses(simpler), misses(present), 3.0 * sum(counts.clone())]
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| a[i] + b[i])
+}
+
+/// Difference of a colour channel (0 to 1) from which on two images differ: half a step of an 8-bit photo.
+const NOTICED: f64 = 0.5 / 255.0;

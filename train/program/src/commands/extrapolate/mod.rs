@@ -1,0 +1,222 @@
+//! `gsburn extrapolate`: what comes after a recording.
+//!
+//! | file | idea |
+//! |---|---|
+//! | [`plan`] | times, cameras and files, checked before anything is drawn |
+//! | [`frames`] | frames, animation and PLY files |
+//! | [`parts`] | rigid parts and their laws |
+//! | [`doubt`] | the ensemble, and whether its spread is right |
+//! | [`figures`] | extrapolate.json |
+
+pub mod doubt;
+pub mod figures;
+pub mod frames;
+pub mod parts;
+pub mod plan;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use glam::DVec3;
+use gs_base::{counted, printable, write_atomic};
+use gs_datasets::Split;
+use gs_datasets::image_io::encode_png;
+
+use crate::cli::ExtrapolateArgs;
+use crate::commands::{device, print};
+use crate::report::future::spread::moving_rows;
+use crate::report::future::strip::Picture;
+use crate::report::future::{Known, Shown, Studio, add_to_report, motion, section, trajectories};
+use gs_pipelines::{Foreseen, of_checkpoint};
+use gs_train::fit::foresight::Foresight;
+use gs_train::fit::parameters::to_host;
+use gs_train::run::folder::RunFolder;
+use gs_train::run::outputs::{self, marked_png, marked_svg};
+use gs_train::run::results::Results;
+use gs_train::run::scene::{SceneFile, read_file};
+use gs_train::sentence::one_sentence;
+
+use figures::Figures;
+use plan::{Files, Shot};
+
+/// Pixels by which a Gaussian moves at least from the first time to the last to count as moving.
+const MOVES: f64 = 0.5;
+
+/// Seed of the choice of paths that are drawn.
+const SEED: u64 = 0;
+
+/// Everything that the parts of the command share.
+struct Work<'a> {
+    args: &'a ExtrapolateArgs,
+    /// The files while they are made.
+    files: Files,
+    /// The same where they will be.
+    placed: Files,
+    known: Known<'a>,
+    seen: &'a Foreseen,
+    /// First and last time that was seen.
+    span: [f64; 2],
+    times: Vec<f64>,
+    shots: Vec<Shot>,
+    /// The Gaussians that move.
+    moving: Vec<u32>,
+    /// Scene units of a pixel of the first camera, where things move.
+    pixel: f64,
+}
+
+/// Predicts, draws and measures the future of a run.
+///
+/// # Errors
+/// One sentence saying what was wrong with the run, the data set, the times or the disk.
+pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
+    let device = device(&args.device)?;
+    let out = plan::folder(args)?;
+    let SceneFile::Checkpoint(checkpoint) = read_file(&args.run, &device)? else {
+        bail!("{}: expected a run with a moving scene, found a PLY file, which is one moment", args.run.display());
+    };
+    let dataset = args.data.clone().unwrap_or_else(|| checkpoint.origin.dataset.clone());
+    let seen = of_checkpoint(&checkpoint)?.foresee(&checkpoint, &dataset, &device)?;
+    let Some(span) = seen.loaded.scene.span() else {
+        bail!("{}: expected a run with a moving scene, found one that stands still", args.run.display());
+    };
+    let studio = Studio { facts: seen.loaded.facts, render: seen.loaded.render.clone(), device };
+    let stepped = frames::stepped(args, &seen)?;
+    let foresight = stepped.as_deref().or(seen.foresight.as_deref());
+    let scene = foresight.map(|foresight| foresight.scene());
+    let scene = scene.as_deref().unwrap_or(&*seen.loaded.scene);
+    let last = foresight.map_or(f64::INFINITY, |foresight| foresight.last());
+    let times = plan::times(args, span, plan::interval(&seen.photos), last)?;
+    let known = Known { studio: &studio, scene, photos: &seen.photos };
+
+    let middle = middle(&known, span, args.to);
+    let shots = plan::shots(&args.camera, &seen.photos, middle, times.len())?;
+    let camera = shots[0].pose(0);
+    let depth = camera.c2w.inverse().transform_point3(middle).z;
+    let pixel = if depth > 0.0 { depth / camera.intrinsics.fx } else { 1.0 };
+    let moving = moving_rows(scene, &[span[0], span[1], 0.5 * (span[1] + args.to), args.to], MOVES * pixel);
+    let (files, placed) = (Files::new(Results::unfinished(&out)), Files::new(out.clone()));
+    let work = Work { args, files, placed, known, seen: &seen, span, times, shots, moving, pixel };
+    work.check(&dataset)?;
+    let results = Results::begin(&out, figures::JSON)?;
+    let section = work.all(foresight, &dataset)?;
+    results.finish()?;
+    work.report(section);
+    print(format!("future {}", out.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The middle of what moves up to `to`, or of everything.
+fn middle(known: &Known, [first, end]: [f64; 2], to: f64) -> DVec3 {
+    let [positions, later] = [end, to].map(|time| to_host(known.scene.at(time).means.val()));
+    let opacities = to_host(known.scene.at(first).opacities());
+    let at = |values: &[f32], row: usize| DVec3::from_slice(&[0, 1, 2].map(|axis| f64::from(values[3 * row + axis])));
+    let mean = |moving: bool| -> Option<DVec3> {
+        let rows = (0..opacities.len()).filter(|row| !moving || at(&positions, *row) != at(&later, *row));
+        let weighted = rows.map(|row| (at(&positions, row), f64::from(opacities[row])));
+        let (sum, total) = weighted.fold((DVec3::ZERO, 0.0), |(sum, total), (x, w)| (sum + w * x, total + w));
+        (total > 0.0).then(|| sum / total)
+    };
+    mean(true).or_else(|| mean(false)).unwrap_or(DVec3::ZERO)
+}
+
+impl Work<'_> {
+    /// That no file of somebody else would be written over.
+    fn check(&self, dataset: &std::path::Path) -> Result<()> {
+        let frames = self.shots.iter().flat_map(|shot| (0..self.times.len()).map(|k| self.placed.frame(shot, k)));
+        let animations = self.shots.iter().map(|shot| self.placed.animation(shot));
+        let single = figures::NAMES.iter().map(|name| self.placed.at(name));
+        let ply = self.times.iter().filter(|_| self.args.ply).map(|time| self.placed.ply(&self.run_name(), *time));
+        let paths: Vec<PathBuf> = frames.chain(animations).chain(single).chain(ply).collect();
+        let photos = self.known.photos.held_out_views().chain(&self.known.photos.train);
+        let named: Vec<PathBuf> = photos.map(|view| view.image_path.clone()).chain([dataset.to_path_buf()]).collect();
+        outputs::check(&paths, &named)
+    }
+
+    fn run_name(&self) -> String {
+        RunFolder::at(&self.args.run).name()
+    }
+
+    /// Draws and measures everything; returns the section for the report of the run.
+    fn all(&self, foresight: Option<&dyn Foresight>, dataset: &std::path::Path) -> Result<String> {
+        let mut figures = Figures::new(self);
+        let mut shown = Vec::new();
+        self.frames()?;
+        let horizon = self.horizon(&mut figures)?;
+        let (paths, count) = trajectories::draw(
+            self.known.studio,
+            self.known.scene,
+            self.shots[0].pose(0),
+            (self.span, self.args.to),
+            SEED,
+        );
+        self.write_picture("trajectories.png", &paths)?;
+        let caption = format!("Paths of {}: seen in blue, the future in orange to red", counted(count, "Gaussian"));
+        shown.push(Shown::Picture(paths, caption));
+        for map in motion::maps(self.known.studio, self.known.scene, self.shots[0].pose(0), self.times[0]) {
+            self.write_picture(&format!("{}.png", map.name), &map.picture)?;
+            let caption =
+                format!("{}, the brightest colour is {:.3} {}", map.name.replace('_', " "), map.full, map.unit);
+            shown.push(Shown::Picture(map.picture.clone(), caption));
+            figures.maps.push(map);
+        }
+        match foresight {
+            Some(foresight) => {
+                if let Some((spread, map)) = self.doubt(foresight, dataset, &mut shown)? {
+                    figures.spread = Some(spread);
+                    figures.maps.push(map);
+                }
+                figures.parts = self.parts(foresight)?;
+            }
+            None if self.args.bodies || self.args.members > 0 => {
+                print("this run's pipeline knows no rigid parts and no ensemble: both are left out");
+            }
+            None => {}
+        }
+        figures.step = self.step_note()?;
+        write_atomic(&self.files.at(figures::JSON), figures.json().as_bytes())?;
+        match &horizon {
+            Some(horizon) => self.known.section(horizon, &shown),
+            None => section::without_photos(&shown),
+        }
+    }
+
+    /// Puts the section into the report of the run. One that cannot be written is no reason to fail: the results are in
+    /// their folder.
+    fn report(&self, section: String) {
+        let folder = RunFolder::at(&self.args.run);
+        // The report is about the run as it was trained.
+        if !folder.report().is_file() || self.args.step.is_some() {
+            return;
+        }
+        match add_to_report(&folder, &section) {
+            Ok(()) => print(format!("report {}", folder.report().display())),
+            Err(error) => tracing::warn!("{}; the report is left as it is", printable(&one_sentence(&error))),
+        }
+    }
+
+    /// PSNR over time against photos of later times, where there are any.
+    fn horizon(&self, figures: &mut Figures) -> Result<Option<crate::report::future::Horizon>> {
+        let until = Some(self.args.to);
+        let found = [Split::TEST, Split::TEST_SEEN].map(|split| self.known.horizon_of(split, until));
+        let found: Vec<_> = found.into_iter().flatten().collect();
+        let Some(first) = found.first().cloned() else {
+            print("no photos of later times: the prediction is not measured");
+            return Ok(None);
+        };
+        found.iter().for_each(|horizon| print(horizon.line()));
+        write_atomic(&self.files.at("psnr_over_time.svg"), marked_svg(&first.chart().svg()).as_bytes())?;
+        if let Some(strip) = self.known.strip(&first, until) {
+            self.write_picture("strip.png", &strip)?;
+        }
+        figures.future = found;
+        Ok(Some(first))
+    }
+
+    /// Writes a picture that a later call may write over.
+    fn write_picture(&self, name: &str, picture: &Picture) -> Result<()> {
+        let path = self.files.at(name);
+        let png = encode_png(&path, picture.width, picture.height, &picture.pixels)?;
+        Ok(write_atomic(&path, &marked_png(&png))?)
+    }
+}

@@ -1,0 +1,36 @@
+//! Training, its pipelines and the program as they are used: one module a subject.
+//!
+//! ```text
+//! cargo test --release -p gsburn --test program -- taylormode::
+//! ```
+#![recursion_limit = "256"]
+
+mod brightness;
+mod checkpoint;
+mod cli;
+mod common;
+mod config_docs;
+mod configs;
+mod density;
+mod docs;
+mod extrapolate;
+mod flux4d;
+mod formats;
+mod fuzz;
+mod golden;
+mod held_out;
+#[cfg(any(feature = "wgpu", feature = "vulkan"))]
+mod launches;
+mod layers;
+#[path = "../../../../tests/src/mutate.rs"]
+mod mutate;
+mod profile;
+mod resume;
+mod scene_files;
+mod sparsedyn;
+mod sparsedyn_inputs;
+mod step;
+mod sweep;
+mod taylormode;
+mod trouble;
+mod viewer;

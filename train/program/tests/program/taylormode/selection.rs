@@ -1,0 +1,79 @@
+//! Orders are lowered where nothing shows.
+
+use burn::module::Param;
+use burn::tensor::Tensor;
+use gs_burn::map_parameters;
+use gs_datasets::View;
+use gs_models::DynamicScene;
+use gs_models::taylormode::{MotionFrame, RemainderFrame, TaylorMotion, TaylorScene, TimeWindow};
+use gs_pipelines::taylormode::config::MotionConfig;
+use gs_pipelines::taylormode::select::{Selected, select};
+use gs_train::fit::parameters::{from_host, gaussians, to_host};
+
+use crate::common;
+
+/// A black photo of 1 x 1 pixels by a camera at the origin in which a unit at depth 1 is 100 pixels.
+fn black_view() -> View {
+    let mut view = View { time: Some(0.4), ..View::blank(1, 1) };
+    (view.intrinsics.fx, view.intrinsics.fy) = (100.0, 100.0);
+    view
+}
+
+#[test]
+fn selection_changes_nothing_that_shows() {
+    let device = common::device();
+    let table = |row: &[f32]| from_host(row.repeat(6), row.len(), &device);
+    let scene = gaussians([
+        table(&[0.0, 0.0, 1.0]),
+        table(&[1.0, 0.0, 0.0, 0.0]),
+        table(&[-2.0; 3]),
+        table(&[0.0]),
+        table(&[0.5; 3]),
+    ]);
+    // Gaussian 1 stands still but for 0.05 pixels, 2 needs order 2, 4 turns on its place.
+    let window = TimeWindow { t0: 0.4, half: 0.25 };
+    let mut motion = MotionFrame::new(vec![1, 2, 4], 3, 2, window).init(1, &device);
+    #[rustfmt::skip]
+    let paths = vec![
+        0.0005, 0.0, 0.0,  0.0, 0.0, 0.0,  0.0, 0.0, 0.0,
+        0.5, 0.0, 0.0,     0.0, 0.3, 0.0,  0.0, 0.0, 0.0005,
+        0.0, 0.0, 0.0,     0.0, 0.0, 0.0,  0.0, 0.0, 0.0,
+    ];
+    motion.position = param(from_host(paths, 9, &device));
+    let turns = [[0.0; 6], [0.0; 6], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]];
+    motion.rotation = param(from_host(turns.as_flattened().to_vec(), 6, &device));
+    let times = [0.15, 0.25, 0.4, 0.5, 0.65];
+    let before = times.map(|t| TaylorScene { gaussians: scene.clone(), motion: motion.clone() }.at(t));
+
+    let config = MotionConfig { shrink_pixels: 0.0, ..MotionConfig::default() };
+    // What a remainder network moves needs no order to do so; one that says nothing keeps no Gaussian moving.
+    let stopped = |shift: f32| {
+        let network = RemainderFrame { centre: [0.0; 3], scale: 1.0, order: 3 }.init(1, &device);
+        let network = map_parameters(network, |_, tensor| tensor + shift);
+        let carried = TaylorMotion { remainder: Some(network), ..motion.clone() };
+        select(&scene, &carried, &[black_view()], &config).selected.stopped
+    };
+    assert_eq!((stopped(0.01), stopped(0.0)), (0, 1));
+
+    let selection = select(&scene, &motion, &[black_view()], &config);
+
+    assert_eq!(selection.selected, Selected { lowered: 3 + 1 + 3, stopped: 1 });
+    assert_eq!(selection.kept.expect("one stopped").from, [1, 2]);
+    let motion = &selection.motion;
+    assert_eq!((motion.rows.as_slice(), motion.orders.as_slice()), ([2, 4].as_slice(), [2, 0].as_slice()));
+    assert_eq!(motion.rotation_orders, [0, 1]);
+    let kept = to_host(motion.position.val());
+    assert!(kept[6..].iter().all(|x| *x == 0.0), "blocks above the orders: {kept:?}");
+    let limit = config.select_pixels / 100.0;
+    let selected = TaylorScene { gaussians: selection.gaussians, motion: motion.clone() };
+    for (t, before) in times.iter().zip(before) {
+        let after = selected.at(*t);
+        let moved = to_host((before.means.val() - after.means.val()).abs().max());
+        assert!(f64::from(moved[0]) <= limit, "{t}: moved by {moved:?}");
+        assert_eq!(to_host(before.quats.val()), to_host(after.quats.val()), "{t}");
+    }
+}
+
+fn param(table: Tensor<2>) -> Param<Tensor<2>> {
+    Param::from_tensor(table)
+}
