@@ -9,7 +9,7 @@ use common::program::{fails, fails_with, says, succeeds};
 use glam::{DMat3, DMat4, DVec3};
 use gs_base::Intrinsics;
 use gs_burn::{Camera, RenderOptions, render};
-use gs_formats::Splats;
+use gs_splats::Splats;
 use gs_train::run::exchange::{Packed, host::gaussians_of};
 
 const QUICK: [&str; 10] = [

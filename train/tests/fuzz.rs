@@ -14,7 +14,7 @@ mod mutate;
 use std::fs;
 use std::path::Path;
 
-use gs_formats::Splats;
+use gs_splats::Splats;
 use gs_train::pipelines::{PIPELINES, Sources, of_checkpoint, resolve};
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::exchange::{Format, Packed, read_packed};

@@ -19,7 +19,7 @@ const NO_CIRCLES: [&str; 8] = [
     "../datasets/driving/src",
     "../models/src",
     "../gs-burn/src",
-    "../formats/src",
+    "../datasets/splats/src",
     "../tests/lab/src",
 ];
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use common::program::{fails, says, succeeds};
 use glam::{DMat4, DVec3};
 use gs_datasets::load_cameras;
-use gs_formats::Splats;
+use gs_splats::Splats;
 use gs_train::run::exchange::{Format, Packed, read_packed};
 use serde_json::{Value, json};
 

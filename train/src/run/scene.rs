@@ -9,7 +9,7 @@ use gs_base::local::is_far;
 use gs_base::{agree, counted, median};
 use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
-use gs_formats::Splats;
+use gs_splats::Splats;
 use gs_models::{DynamicScene, Shutter, Static};
 
 use super::checkpoint::Checkpoint;

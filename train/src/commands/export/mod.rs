@@ -135,7 +135,7 @@ fn rotation(args: &ExportArgs, loaded: &LoadedScene, up: Up) -> Result<DMat3> {
 /// # Errors
 /// When `up` has no direction.
 pub fn upright(up: DVec3) -> Result<DMat3> {
-    gs_formats::turn::upright(up).context("expected an axis that is up, found none")
+    gs_splats::turn::upright(up).context("expected an axis that is up, found none")
 }
 
 /// Writes the network of a run.

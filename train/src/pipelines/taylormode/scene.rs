@@ -44,7 +44,7 @@ impl DynamicScene for ExposedScene {
 #[cfg(test)]
 mod tests {
     use burn::tensor::{Device, Tensor};
-    use gs_formats::TimeFunction;
+    use gs_splats::TimeFunction;
     use gs_models::taylormode::window::{described_powers, powers};
     use gs_models::taylormode::{Contact, Remainder};
 

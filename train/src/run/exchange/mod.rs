@@ -13,7 +13,7 @@ use glam::{DMat3, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted};
 use gs_burn::ply::{self, SplatRenderMode};
-use gs_formats::{Law, Motion, Splats, glb, spz, turn, usda};
+use gs_splats::{Law, Motion, Splats, glb, spz, turn, usda};
 
 pub use foreign::refuse_foreign;
 use host::{gaussians_of, splats_of};

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use gs_formats::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction, glb, turn};
+use gs_splats::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction, glb, turn};
 use serde_json::Value;
 
 /// Python's figures against ours: both compute in f64 and ours are stored as f32, of values below 10.
@@ -59,7 +59,7 @@ fn python_reads_the_motion_as_it_is() {
         eprintln!("there is no python3");
         return;
     }
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/read_motion.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/read_motion.py");
     let lines = std::fs::read_to_string(&script).expect("the script").lines().count();
     assert!(lines <= 60, "it fits on a page: {lines}");
     let folder = tempfile::tempdir().expect("a folder");
