@@ -1,7 +1,7 @@
 //! Real logs. Their folders come from environment variables, and the tests are ignored without them:
 //!
 //! ```text
-//! GS_PANDASET=.../002 GS_ARGOVERSE=.../LOG cargo test --release -p gs-driving --test samples -- --ignored
+//! GS_PANDASET=.../002 GS_ARGOVERSE=.../LOG cargo test --release -p gs-driving --test driving -- --ignored
 //! ```
 
 use std::path::PathBuf;

@@ -3,19 +3,18 @@
 //! [`SHORT`] cases run for each layout with all other tests. The long run is asked for:
 //!
 //! ```text
-//! GS_FUZZ_CASES=100000 cargo test --release -p gs-driving --features waymo --test waymo_fuzz -- --ignored
+//! GS_FUZZ_CASES=100000 cargo test --release -p gs-driving --features waymo --test fuzz -- --ignored
 //! ```
 
-#[path = "../../../tests/fuzz/bounded.rs"]
-mod bounded;
 // Shared with the tests of sound segments, which use the rest.
 #[allow(dead_code)]
+#[path = "../driving/waymo/modular.rs"]
 mod modular;
-#[path = "../../../../tests/src/mutate.rs"]
-mod mutate;
 #[allow(dead_code)]
+#[path = "../driving/waymo/record.rs"]
 mod record;
 #[allow(dead_code)]
+#[path = "../driving/waymo/scene.rs"]
 mod scene;
 
 use std::fs;
@@ -26,8 +25,9 @@ use parquet::file::properties::WriterVersion;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use modular::{NAME, Style};
+
 use crate::bounded::bounded;
-use crate::modular::{NAME, Style};
 use crate::mutate::{Step, damaged};
 
 /// Cases for each layout with all other tests.

@@ -12,8 +12,8 @@ use gs_datasets::FrameSource;
 use gs_driving::{CameraUse, DrivingLog, LogFormat, LogOptions, ObjectClass, check, colors, project};
 use parquet::file::properties::WriterVersion;
 
-use crate::modular::{NAME, PLAIN, Style, stamp};
-use crate::scene::*;
+use modular::{NAME, PLAIN, Style, stamp};
+use scene::*;
 
 /// Most that a point may be off, metres: f32 keeps poses of pixels at 4096 to 8192 m to half of 2^-11 m along each axis (0.42 mm along the
 /// diagonal), their angles to 2^-25 rad each and ranges to 2^-24 of 60 m (0.01 mm in all), and centred points below 128 m to 2^-18 m.
@@ -113,11 +113,13 @@ fn points_times_boxes_and_flow() {
     }
 }
 
-/// Writes the segment that `fixtures/waymo.py` rewrites.
+/// Writes the segment that `fixtures/waymo.py` rewrites, and reads it back.
 #[test]
 #[ignore = "needs GS_WAYMO_FIXTURE"]
 fn the_source_of_the_fixture() {
-    modular::segment(&PathBuf::from(std::env::var_os("GS_WAYMO_FIXTURE").expect("a folder")), PLAIN);
+    let folder = PathBuf::from(std::env::var_os("GS_WAYMO_FIXTURE").expect("a folder"));
+    modular::segment(&folder, PLAIN);
+    assert_scene(&open(&folder));
 }
 
 /// The frame of a segment whose row and column are known by hand: the first column looks back, and columns turn clockwise.

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use gs_driving::{DrivingLog, LogOptions};
 
-use crate::modular::{self, Cells, Columns, NAME, PLAIN, components, write};
-use crate::record::{self, Message, framed};
-use crate::scene::*;
+use super::modular::{self, Cells, Columns, NAME, PLAIN, components, write};
+use super::record::{self, Message, framed};
+use super::scene::*;
 
 fn segment() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");

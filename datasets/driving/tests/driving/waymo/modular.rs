@@ -10,7 +10,7 @@ use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
 
-use crate::scene::*;
+use super::scene::*;
 
 /// The name of the segment.
 pub const NAME: &str = "10023947602400723454_1120_000_1140_000";

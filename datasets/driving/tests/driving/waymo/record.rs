@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::modular::{NAME, png, stamp};
-use crate::scene::*;
+use super::modular::{NAME, png, stamp};
+use super::scene::*;
 
 /// CRC-32C bit by bit, masked.
 pub fn masked(bytes: &[u8]) -> u32 {
