@@ -12,7 +12,7 @@ const PAPERS: [&str; 3] = ["taylormode", "sparsedyn", "flux4d"];
 
 /// Source folders, from the folder of this crate, in which no circle is allowed. Twins of a kernel are one idea in several files, so
 /// `gs-kernels` is not one of them.
-const NO_CIRCLES: [&str; 8] = [
+const NO_CIRCLES: [&str; 9] = [
     "src",
     "../datasets/src",
     "../datasets/multiview/src",
@@ -20,6 +20,7 @@ const NO_CIRCLES: [&str; 8] = [
     "../models/src",
     "../gs-burn/src",
     "../datasets/splats/src",
+    "../datasets/base/src",
     "../tests/lab/src",
 ];
 

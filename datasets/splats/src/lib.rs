@@ -1,8 +1,7 @@
-//! Files of 3D Gaussians for other programs. Knows slices, nothing of tensors or training; which positions are far from
-//! their world's origin is said by `gs-kernels`.
+//! Files of 3D Gaussians. Knows slices, nothing of tensors or training.
 //!
-//! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`spz`] and [`glb`] are read and written, [`usda`] is
-//! written. PLY, the layout of 3DGS, is in the crate `gs-burn`. `docs/formats.md` has the layouts.
+//! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`ply`] (the layout of 3DGS), [`spz`] and
+//! [`glb`] are read and written, [`usda`] is written. `docs/formats.md` has the layouts.
 //!
 //! # Axes
 //!
@@ -11,20 +10,21 @@
 //! A world whose up is another axis is turned first: [`turn::turn`].
 
 mod bounded;
-mod error;
-mod file;
 pub mod glb;
 mod motion;
+pub mod ply;
 mod sh_rotation;
 mod splats;
 pub mod spz;
 pub mod turn;
 pub mod usda;
 
-pub use error::FormatError;
-pub use file::{read_file, write_file};
 pub use motion::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};
 pub use splats::Splats;
+
+/// Longest file that is read whole, bytes: 67 million Gaussians of degree 3 as glTF take 16 GB, and nobody passes such
+/// files on.
+pub(crate) const FILE_MAX: u64 = 8 << 30;
 
 /// Most Gaussians that are read: 67 million, which take 16 GB at degree 3.
 pub const COUNT_MAX: usize = 1 << 26;

@@ -3,9 +3,11 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use gs_base::{FileError, write_atomic};
+
 use crate::splats::{sigmoid, unit};
 use crate::turn::flip;
-use crate::{FormatError, MARK, Splats, write_file};
+use crate::{MARK, Splats};
 
 /// Frames a second that a player shows. Times are frame numbers, since most players of USD play whole numbers.
 pub const FRAMES_PER_SECOND: u32 = 24;
@@ -15,9 +17,9 @@ pub const FRAMES_PER_SECOND: u32 = 24;
 ///
 /// # Errors
 /// When the file cannot be written, a value is not finite, or a sample has another number of Gaussians.
-pub fn write(path: &Path, splats: &Splats, samples: &[Splats]) -> Result<(), FormatError> {
+pub fn write(path: &Path, splats: &Splats, samples: &[Splats]) -> Result<(), FileError> {
     let text = encode(splats, samples);
-    write_file(path, text.map_err(|message| FormatError::Wrong { path: path.to_owned(), message })?.as_bytes())
+    write_atomic(path, text.map_err(|message| FileError::wrong(path, message))?.as_bytes())
 }
 
 /// The text of [`write()`].

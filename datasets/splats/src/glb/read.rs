@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use gs_base::local::{is_offset, localised};
+use gs_base::{FileError, guarded};
 use serde_json::Value;
 
 use super::arrays::Accessors;
@@ -13,7 +14,7 @@ use super::placed::Place;
 use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, SPLATS, motion, primitive};
 use crate::bounded::Bytes;
 use crate::turn::{flip, flip_motion};
-use crate::{COUNT_MAX, FormatError, Law, Motion, Splats, read_file};
+use crate::{COUNT_MAX, FILE_MAX, Law, Motion, Splats};
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,8 +38,8 @@ const PRIMITIVES_MAX: usize = 1 << 16;
 ///
 /// # Errors
 /// When the file cannot be read, is no binary glTF with plain Gaussians, or is cut short.
-pub fn read(path: &Path) -> Result<Contents, FormatError> {
-    decode(&read_file(path)?).map_err(|message| FormatError::Wrong { path: path.to_owned(), message })
+pub fn read(path: &Path) -> Result<Contents, FileError> {
+    decode(&guarded::read(path, FILE_MAX)?).map_err(|message| FileError::wrong(path, message))
 }
 
 /// [`read`] of bytes.

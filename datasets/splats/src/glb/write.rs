@@ -2,22 +2,23 @@
 
 use std::path::Path;
 
+use gs_base::{FileError, write_atomic};
 use serde_json::{Map, Value, json};
 
 use super::arrays::Arrays;
 use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, SPLATS, harmonic_name, motion};
 use crate::splats::{sigmoid, unit};
 use crate::turn::{flip, flip_motion};
-use crate::{FormatError, MARK, Motion, Splats, write_file};
+use crate::{MARK, Motion, Splats};
 
 /// Writes a scene, and its motion if it moves; `linear` says that colours are linear light and not as a display takes them.
 ///
 /// # Errors
 /// When the file cannot be written, there is no Gaussian, a value is not finite, a row of the motion is none of the scene, or the file would be longer
 /// than 4 GiB, which glTF cannot say.
-pub fn write(path: &Path, splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<(), FormatError> {
+pub fn write(path: &Path, splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<(), FileError> {
     let bytes = encode(splats, motion, linear);
-    write_file(path, &bytes.map_err(|message| FormatError::Wrong { path: path.to_owned(), message })?)
+    write_atomic(path, &bytes.map_err(|message| FileError::wrong(path, message))?)
 }
 
 /// The bytes of [`write()`].

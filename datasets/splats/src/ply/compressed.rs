@@ -12,8 +12,9 @@ use std::io::{self, Read};
 use gs_base::FileError;
 use gs_base::ply::{Element, Encoding, Header, Scalar};
 
-use super::source::{Records, Source};
-use super::{PlyError, REST_KEPT, REST_PER_CHANNEL, VERTICES_MAX};
+use super::source::{Records, Source, cut, missing, not_finite, too_many};
+use super::{REST_KEPT, REST_PER_CHANNEL};
+use crate::COUNT_MAX;
 
 /// Gaussians in a chunk.
 const CHUNK: usize = 256;
@@ -34,9 +35,9 @@ pub(super) fn is_compressed(header: &Header) -> bool {
 }
 
 /// The Gaussians, and the coefficients per channel above degree 0 in the file.
-pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
+pub(super) fn read(mut source: Source) -> Result<(Records, usize), FileError> {
     if source.header.encoding == Encoding::Ascii {
-        return Err(FileError::malformed(&source.path, "header", "a compressed PLY file in binary", "text").into());
+        return Err(FileError::malformed(&source.path, "header", "a compressed PLY file in binary", "text"));
     }
     let (count, rest) = (counted(&source)?, rest_per_channel(&source)?);
     let (mut chunks, mut words, mut harmonics) = (Table::default(), Table::default(), Table::default());
@@ -49,8 +50,7 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
         };
         *table = Table::read(&mut source, &element, &names)?;
     }
-    let room = Records::with_capacity(count, rest.min(REST_KEPT));
-    let mut records = room.map_err(|error| FileError::read(&source.path, io::Error::other(error)))?;
+    let mut records = Records::with_capacity(&source.path, count, rest.min(REST_KEPT))?;
     let (mut record, mut broken) = (Vec::new(), None::<(usize, usize)>);
     for index in 0..count {
         record.clear();
@@ -67,20 +67,19 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), PlyError> {
     match broken {
         None => Ok((records, rest)),
         Some((vertex, broken)) => {
-            let (property, found) = ("a range of its chunk".to_owned(), "another value".to_owned());
-            Err(PlyError::NotFinite { path: source.path, vertex, property, found, broken, count })
+            Err(not_finite(&source.path, vertex, "a range of its chunk", "another value", (broken, count)))
         }
     }
 }
 
 /// How many Gaussians there are, if the file is long enough for all that its header promises.
-fn counted(source: &Source) -> Result<usize, PlyError> {
+fn counted(source: &Source) -> Result<usize, FileError> {
     let Source { path, header, file_len, .. } = source;
     let wrong = |expected: String, found: &str| FileError::malformed(path, "header", expected, found);
     let count_of = |name: &str| header.elements.iter().find(|e| e.name == name).map_or(0, |element| element.count);
     let count = count_of("vertex");
-    if count > VERTICES_MAX {
-        return Err(PlyError::TooMany { path: path.clone(), count });
+    if count > COUNT_MAX as u64 {
+        return Err(too_many(path, count));
     }
     let mut expected = header.len as u64;
     for element in &header.elements {
@@ -88,13 +87,13 @@ fn counted(source: &Source) -> Result<usize, PlyError> {
         expected = expected.saturating_add(element.count.saturating_mul(stride as u64));
     }
     if expected > *file_len {
-        return Err(PlyError::Cut { path: path.clone(), count, expected, found: *file_len });
+        return Err(cut(path, count, expected, *file_len));
     }
     let chunks = count.div_ceil(CHUNK as u64);
     let is_right = count_of("chunk") == chunks && [0, count].contains(&count_of("sh"));
     if !is_right {
         let expected = format!("{chunks} chunks of {CHUNK} and harmonics of each Gaussian for {count} of them");
-        return Err(wrong(expected, "others").into());
+        return Err(wrong(expected, "others"));
     }
     Ok(count as usize)
 }
@@ -123,7 +122,7 @@ struct Table {
 
 impl Table {
     /// Reads an element to its end, and keeps the columns `names`.
-    fn read(source: &mut Source, element: &Element, names: &[String]) -> Result<Self, PlyError> {
+    fn read(source: &mut Source, element: &Element, names: &[String]) -> Result<Self, FileError> {
         let path = source.path.clone();
         let io = |error| FileError::read(&path, error);
         let mut offset = 0;
@@ -135,7 +134,7 @@ impl Table {
         }
         let column = |name: &String| {
             let found = offsets.iter().find(|(known, ..)| known == name);
-            found.copied().ok_or_else(|| PlyError::MissingProperty { path: path.clone(), name: name.clone() })
+            found.copied().ok_or_else(|| missing(&path, name))
         };
         let columns = names.iter().map(column).collect::<Result<Vec<_>, _>>()?;
         let mut table = Self { values: Vec::new(), columns: columns.len() };

@@ -1,13 +1,12 @@
 //! Scenes as PLY files in the layout of 3DGS, which other viewers and trainers read.
 //!
-//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel
-//! by channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as
-//! little-endian binary; read also as big-endian binary or text, with properties in any order and any others beside
-//! them.
+//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel by
+//! channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as little-endian
+//! binary; read also as big-endian binary or text, with properties in any order and any others beside them.
 //!
 //! A comment `SplatRenderMode: default` or `mip` says whether small Gaussians are brightened by the blur of a pixel;
-//! PlayCanvas' and other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is
-//! read. Harmonics of degree 4 are read up to degree 3.
+//! PlayCanvas' and other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is read.
+//! Harmonics of degree 4 are read up to degree 3.
 //!
 //! A scene far from its world's origin has local positions and a comment `SplatOffset: x y z`, which is added to each
 //! of them.
@@ -19,14 +18,10 @@ mod source;
 mod tests;
 mod write;
 
-use std::path::PathBuf;
+pub use read::{PlyScene, read};
+pub use write::{encoded_len, write};
 
-use gs_base::FileError;
-use gs_base::sentence::shown;
-pub use read::{PlyScene, read_ply, read_ply_scene};
-pub use write::{encoded_len, write_ply, write_ply_as};
-
-/// The comment `SplatRenderMode` of a file.
+/// The render mode that the comment `SplatRenderMode` of a file says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SplatRenderMode {
     /// `default`: as in 3DGS, small Gaussians are brightened by the blur of a pixel.
@@ -38,8 +33,7 @@ pub enum SplatRenderMode {
 }
 
 impl SplatRenderMode {
-    /// The word in the comment.
-    pub fn word(self) -> &'static str {
+    fn word(self) -> &'static str {
         match self {
             Self::Default => "default",
             Self::Mip => "mip",
@@ -57,91 +51,6 @@ const RENDER_MODE: &str = "SplatRenderMode:";
 
 /// The name of the comment with the offset, three numbers.
 const OFFSET: &str = "SplatOffset:";
-
-/// Errors of reading and writing a scene.
-#[derive(Debug, thiserror::Error)]
-pub enum PlyError {
-    /// The file cannot be read or written, is no PLY file, or holds no Gaussians.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The header promises more Gaussians than any machine holds.
-    #[error(
-        "{path}: expected at most {VERTICES_MAX} vertices, found {count}", path = shown(path)
-    )]
-    TooMany {
-        /// The file.
-        path: PathBuf,
-        /// Vertices the header promises.
-        count: u64,
-    },
-    /// A vertex lacks something a Gaussian needs.
-    #[error("{path}: expected vertex property `{name}` of a Gaussian splatting scene, found none", path = shown(path))]
-    MissingProperty {
-        /// The file.
-        path: PathBuf,
-        /// The first property that is missing.
-        name: String,
-    },
-    /// The file ends too early.
-    #[error(
-        "{path}: expected at least {expected} bytes for {count} vertices, found {found}; the file is cut short",
-        path = shown(path)
-    )]
-    Cut {
-        /// The file.
-        path: PathBuf,
-        /// Number of vertices in the header.
-        count: u64,
-        /// Bytes that they need, with the header.
-        expected: u64,
-        /// Bytes there are.
-        found: u64,
-    },
-    /// A value is no number where a number is needed.
-    #[error(
-        "{path}: vertex {vertex}: expected a finite number for `{property}`, found {found}; {broken} of {count} \
-         vertices have such values, and `npx @playcanvas/splat-transform IN.ply --filter-nan OUT.ply` leaves these out",
-        path = shown(path)
-    )]
-    NotFinite {
-        /// The file.
-        path: PathBuf,
-        /// Index of the vertex, from 0.
-        vertex: usize,
-        /// Name of its property.
-        property: String,
-        /// The value as it is in the file.
-        found: String,
-        /// How many vertices have such a value.
-        broken: usize,
-        /// All vertices.
-        count: usize,
-    },
-    /// A Gaussian that is to be written holds a value that is no number.
-    #[error(
-        "{path}: Gaussian {vertex}: expected a finite number for `{property}`, found {found} ({broken} of {count} \
-         are broken)",
-        path = shown(path)
-    )]
-    Broken {
-        /// The file.
-        path: PathBuf,
-        /// Index of the Gaussian, from 0.
-        vertex: usize,
-        /// Name of its property.
-        property: String,
-        /// The value.
-        found: f32,
-        /// How many Gaussians are broken.
-        broken: usize,
-        /// All Gaussians.
-        count: usize,
-    },
-}
-
-/// Most Gaussians that are read: 67 million, which take 16 GB at degree 3 before anything is done with them. A file may
-/// be of any length and take no room on its disk, so that its length alone does not bound what its header may ask for.
-const VERTICES_MAX: u64 = 1 << 26;
 
 /// Coefficients above degree 0 that a file may hold per channel: those of degrees 0 to 4.
 const REST_PER_CHANNEL: [usize; 5] = [0, 3, 8, 15, 24];

@@ -1,84 +1,46 @@
 //! Reading a scene.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use burn::tensor::{Device, Tensor, TensorData};
 use gs_base::local::localised;
 use gs_base::ply::{Element, Encoding, Header, Scalar, start_of};
 use gs_base::{FileError, printable};
 
-use super::source::{Records, Source};
-use super::{
-    PlyError, RECORD_OPACITY, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, VERTICES_MAX, compressed, record_names,
-};
-use crate::Gaussians;
+use super::source::{Records, Source, cut, degree, missing, not_finite, too_many};
+use super::{RECORD_OPACITY, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, compressed, record_names};
+use crate::{COUNT_MAX, Splats};
 
 /// A scene and what its file says of it.
 #[derive(Debug, Clone)]
 pub struct PlyScene {
-    /// The Gaussians, with positions relative to `offset`.
-    pub gaussians: Gaussians,
-    /// The vector to be added to every position: zero unless the scene is far from its world's origin. By the file's
-    /// comment, or else the middle of the Gaussians.
-    pub offset: [f64; 3],
+    /// The Gaussians. Their offset is that of the file's comment, or else the middle of the Gaussians where that is far
+    /// from the origin.
+    pub splats: Splats,
     /// How they are to be drawn, where the file says so.
     pub render_mode: Option<SplatRenderMode>,
     /// Degree of the harmonics in the file, 0 to 4; above 3 they were left out.
     pub sh_degree: usize,
 }
 
-/// Reads a scene onto a device, in its world: positions far from the origin are rounded, which [`read_ply_scene`] does
-/// not.
+/// Reads a scene.
 ///
 /// # Errors
-/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not
-/// finite.
-pub fn read_ply(path: impl AsRef<Path>, device: &Device) -> Result<Gaussians, PlyError> {
-    let PlyScene { gaussians, offset, .. } = read_ply_scene(path, device)?;
-    if offset == [0.0; 3] {
-        return Ok(gaussians);
-    }
-    let means = gaussians.means.val();
-    let offset = Tensor::<1>::from_floats(offset.map(|x| x as f32), &means.device()).unsqueeze::<2>();
-    let [quats, log_scales] = [&gaussians.quats, &gaussians.log_scales].map(|parameter| parameter.val());
-    let (opacity_logits, sh) = (gaussians.opacity_logits.val(), gaussians.sh.val());
-    Ok(Gaussians::from_tensors(means + offset, quats, log_scales, opacity_logits, sh))
-}
-
-/// [`read_ply`], with what the file says beside its Gaussians.
-///
-/// # Errors
-/// As [`read_ply`].
-pub fn read_ply_scene(path: impl AsRef<Path>, device: &Device) -> Result<PlyScene, PlyError> {
-    let source = Source::open(path.as_ref())?;
+/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
+pub fn read(path: &Path) -> Result<PlyScene, FileError> {
+    let source = Source::open(path)?;
     let (render_mode, offset) = (source.render_mode, source.offset);
-    let (records, rest) = if compressed::is_compressed(&source.header) {
+    let (Records { means, mut splats }, rest) = if compressed::is_compressed(&source.header) {
         compressed::read(source)?
     } else {
         let reader = Reader::of(source)?;
         let rest = reader.rest;
         (reader.read()?, rest)
     };
-    let (means, offset) = localised(&records.means, offset);
-    let gaussians = gaussians(means.into_flattened(), records, device);
-    Ok(PlyScene { gaussians, offset, render_mode, sh_degree: (rest + 1).isqrt() - 1 })
-}
-
-fn gaussians(means: Vec<f32>, records: Records, device: &Device) -> Gaussians {
-    let count = records.opacity_logits.len();
-    let coefficients = records.rest + 1;
-    fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
-        Tensor::from_data(TensorData::new(values, shape), device)
-    }
-    Gaussians::from_tensors(
-        tensor(means, [count, 3], device),
-        tensor(records.quats, [count, 4], device),
-        tensor(records.log_scales, [count, 3], device),
-        tensor(records.opacity_logits, [count], device),
-        tensor(records.sh, [count, coefficients, 3], device),
-    )
+    (splats.means, splats.offset) = localised(&means, offset);
+    splats.antialiased = render_mode.map(|mode| mode == SplatRenderMode::Mip);
+    Ok(PlyScene { splats, render_mode, sh_degree: degree(rest) })
 }
 
 /// The logit of an opacity of 1 - 1e-7, the nearest to 1 that a sigmoid in `f32` tells from it.
@@ -121,20 +83,20 @@ struct Reader {
 }
 
 impl Reader {
-    fn of(Source { path, file, file_len, header, .. }: Source) -> Result<Self, PlyError> {
+    fn of(Source { path, file, file_len, header, .. }: Source) -> Result<Self, FileError> {
         let bad = |expected: &str, found: &str| FileError::malformed(&path, "header", expected, found);
         let vertex = header.elements.iter().position(|element| element.name == "vertex");
         let vertex = vertex.ok_or_else(|| bad("an element `vertex`", "none"))?;
         let element = &header.elements[vertex];
         if let Some(list) = element.properties.iter().find(|property| property.scalar.is_none()) {
-            return Err(bad("numbers in element `vertex`", &format!("the list `{}`", start_of(&list.name))).into());
+            return Err(bad("numbers in element `vertex`", &format!("the list `{}`", start_of(&list.name))));
         }
         let rest = rest_per_channel(element).map_err(|found| bad(REST_EXPECTED, &found))?;
         let columns = columns(&path, element, rest)?;
         Ok(Self { path, file, file_len, start: header.len as u64, header, vertex, rest, columns })
     }
 
-    fn read(mut self) -> Result<Records, PlyError> {
+    fn read(mut self) -> Result<Records, FileError> {
         match self.header.encoding {
             Encoding::Ascii => self.read_text(),
             encoding => {
@@ -149,24 +111,24 @@ impl Reader {
     }
 
     /// Rejects a file that is shorter than its vertices, before memory is allocated for them.
-    fn check_length(&self, before: u64, each: u64) -> Result<usize, PlyError> {
+    fn check_length(&self, before: u64, each: u64) -> Result<usize, FileError> {
         let count = self.element().count;
         let expected = count.saturating_mul(each).saturating_add(before);
         if expected > self.file_len {
-            return Err(PlyError::Cut { path: self.path.clone(), count, expected, found: self.file_len });
+            return Err(cut(&self.path, count, expected, self.file_len));
         }
-        if count > VERTICES_MAX {
-            return Err(PlyError::TooMany { path: self.path.clone(), count });
+        if count > COUNT_MAX as u64 {
+            return Err(too_many(&self.path, count));
         }
         Ok(count as usize)
     }
 
-    fn room(&self, count: usize) -> Result<Records, PlyError> {
-        Records::with_capacity(count, self.rest.min(REST_KEPT)).map_err(|error| self.io(io::Error::other(error)))
+    fn room(&self, count: usize) -> Result<Records, FileError> {
+        Records::with_capacity(&self.path, count, self.rest.min(REST_KEPT))
     }
 
     /// Bytes of header and of the elements in front of the vertices, which are skipped.
-    fn skip_binary(&mut self) -> Result<(), PlyError> {
+    fn skip_binary(&mut self) -> Result<(), FileError> {
         let mut skipped = 0_u64;
         for element in &self.header.elements[..self.vertex] {
             let stride = element.stride().ok_or_else(|| {
@@ -183,7 +145,7 @@ impl Reader {
         Ok(())
     }
 
-    fn read_binary(&mut self, encoding: Encoding) -> Result<Records, PlyError> {
+    fn read_binary(&mut self, encoding: Encoding) -> Result<Records, FileError> {
         let stride = self.element().stride().expect("a vertex without lists");
         let count = self.check_length(self.start, stride as u64)?;
         let mut records = self.room(count)?;
@@ -200,7 +162,7 @@ impl Reader {
         self.complete(records, broken)
     }
 
-    fn read_text(&mut self) -> Result<Records, PlyError> {
+    fn read_text(&mut self) -> Result<Records, FileError> {
         let properties = self.element().properties.len();
         // Every number takes a digit and a separator; the last line may lack its end.
         let count = self.check_length(self.start.saturating_sub(1), 2 * properties as u64)?;
@@ -232,7 +194,7 @@ impl Reader {
     }
 
     /// The next line that is not blank.
-    fn next_line(&mut self, line: &mut String) -> Result<(), PlyError> {
+    fn next_line(&mut self, line: &mut String) -> Result<(), FileError> {
         loop {
             line.clear();
             let length = self.file.by_ref().take(LINE_MAX).read_line(line).map_err(|source| self.io(source))?;
@@ -242,8 +204,7 @@ impl Reader {
             }
             if length == 0 {
                 let count = self.element().count;
-                let (path, found) = (self.path.clone(), self.file_len);
-                return Err(PlyError::Cut { path, count, expected: found + 1, found });
+                return Err(cut(&self.path, count, self.file_len + 1, self.file_len));
             }
             if !line.trim().is_empty() {
                 return Ok(());
@@ -268,18 +229,18 @@ impl Reader {
     }
 
     /// The records, if none is broken.
-    fn complete(&self, records: Records, broken: Option<Broken>) -> Result<Records, PlyError> {
+    fn complete(&self, records: Records, broken: Option<Broken>) -> Result<Records, FileError> {
         let Some(Broken { vertex, column, found, count: broken }) = broken else { return Ok(records) };
-        let (path, property) = (self.path.clone(), self.columns[column].name.clone());
-        Err(PlyError::NotFinite { path, vertex, property, found, broken, count: self.element().count as usize })
+        let counts = (broken, self.element().count as usize);
+        Err(not_finite(&self.path, vertex, &self.columns[column].name, &found, counts))
     }
 
-    fn io(&self, source: std::io::Error) -> PlyError {
-        FileError::read(&self.path, source).into()
+    fn io(&self, source: std::io::Error) -> FileError {
+        FileError::read(&self.path, source)
     }
 
-    fn wrong(&self, location: String, expected: String, found: String) -> PlyError {
-        FileError::malformed(&self.path, location, expected, found).into()
+    fn wrong(&self, location: String, expected: String, found: String) -> FileError {
+        FileError::malformed(&self.path, location, expected, found)
     }
 }
 
@@ -306,7 +267,7 @@ fn rest_per_channel(element: &Element) -> Result<usize, String> {
     })
 }
 
-fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, PlyError> {
+fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, FileError> {
     let mut offsets = Vec::new();
     let mut offset = 0;
     for property in &element.properties {
@@ -318,7 +279,7 @@ fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, P
         let found = index.and_then(|index| Some((index, element.properties[index].scalar?)));
         match found {
             Some((index, scalar)) => Ok(Column { name, index, offset: offsets[index], scalar }),
-            None => Err(PlyError::MissingProperty { path: path.to_owned(), name }),
+            None => Err(missing(path, &name)),
         }
     };
     record_names(rest).into_iter().map(column).collect()

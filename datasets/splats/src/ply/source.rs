@@ -2,15 +2,16 @@
 
 use std::collections::TryReserveError;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use gs_base::local::{OFFSET_MAX, is_offset};
 use gs_base::ply::{HEADER_MAX, Header, start_of};
 use gs_base::{FileError, guarded};
 
-use super::{OFFSET, PlyError, RECORD_LOG_SCALES, RECORD_MEANS, RECORD_OPACITY, RECORD_QUATS, RECORD_SH};
+use super::{OFFSET, RECORD_LOG_SCALES, RECORD_MEANS, RECORD_OPACITY, RECORD_QUATS, RECORD_SH};
 use super::{RENDER_MODE, SplatRenderMode};
+use crate::{COUNT_MAX, Splats};
 
 /// A file whose header was read.
 pub struct Source {
@@ -25,7 +26,7 @@ pub struct Source {
 }
 
 impl Source {
-    pub fn open(path: &Path) -> Result<Self, PlyError> {
+    pub fn open(path: &Path) -> Result<Self, FileError> {
         // A file of any length: its vertices are read one by one, and their count is held against the length.
         let mut file = guarded::open_regular(path, u64::MAX)?;
         let io = |error| FileError::read(path, error);
@@ -62,44 +63,83 @@ fn offset_of(words: &[&str]) -> Option<[f64; 3]> {
     numbers.and_then(|numbers| numbers.try_into().ok()).filter(|offset| is_offset(*offset))
 }
 
-/// Gaussians on the host.
+/// Gaussians as they are read.
 #[derive(Default)]
 pub struct Records {
     /// As they are in the file: of doubles and of text every digit.
     pub means: Vec<[f64; 3]>,
-    pub quats: Vec<f32>,
-    pub log_scales: Vec<f32>,
-    pub opacity_logits: Vec<f32>,
-    pub sh: Vec<f32>,
-    /// Coefficients per channel above degree 0 that are kept.
-    pub rest: usize,
+    /// All but the means.
+    pub splats: Splats,
 }
 
 impl Records {
-    /// With room for `count` Gaussians, if the machine has it.
-    pub fn with_capacity(count: usize, rest: usize) -> Result<Self, TryReserveError> {
+    /// With room for `count` Gaussians with `rest` coefficients per channel above degree 0, if the machine has it.
+    pub fn with_capacity(path: &Path, count: usize, rest: usize) -> Result<Self, FileError> {
         fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
             let mut values = Vec::new();
             values.try_reserve_exact(count)?;
             Ok(values)
         }
-        Ok(Self {
-            means: room(count)?,
-            quats: room(4 * count)?,
-            log_scales: room(3 * count)?,
-            opacity_logits: room(count)?,
-            sh: room(3 * (rest + 1) * count)?,
-            rest,
-        })
+        let records = || -> Result<Self, TryReserveError> {
+            let splats = Splats {
+                quats: room(count)?,
+                log_scales: room(count)?,
+                opacity_logits: room(count)?,
+                sh: room((rest + 1) * count)?,
+                degree: degree(rest),
+                ..Splats::default()
+            };
+            Ok(Self { means: room(count)?, splats })
+        };
+        records().map_err(|error| FileError::read(path, io::Error::other(error)))
     }
 
     /// Adds a packed record of finite numbers.
     pub fn push(&mut self, record: &[f64]) {
-        let floats = |range: std::ops::Range<usize>| record[range].iter().map(|x| *x as f32);
+        fn floats<const N: usize>(values: &[f64]) -> [f32; N] {
+            std::array::from_fn(|index| values[index] as f32)
+        }
         self.means.push(std::array::from_fn(|axis| record[RECORD_MEANS][axis]));
-        self.quats.extend(floats(RECORD_QUATS));
-        self.log_scales.extend(floats(RECORD_LOG_SCALES));
-        self.opacity_logits.push(record[RECORD_OPACITY] as f32);
-        self.sh.extend(floats(RECORD_SH..record.len()));
+        self.splats.quats.push(floats(&record[RECORD_QUATS]));
+        self.splats.log_scales.push(floats(&record[RECORD_LOG_SCALES]));
+        self.splats.opacity_logits.push(record[RECORD_OPACITY] as f32);
+        self.splats.sh.extend(record[RECORD_SH..].chunks_exact(3).map(floats::<3>));
     }
+}
+
+/// The degree of harmonics with `rest` coefficients above degree 0.
+pub fn degree(rest: usize) -> usize {
+    (rest + 1).isqrt() - 1
+}
+
+/// More Gaussians than any machine holds.
+pub fn too_many(path: &Path, count: u64) -> FileError {
+    FileError::malformed(path, "header", format!("at most {COUNT_MAX} vertices"), count.to_string())
+}
+
+/// A file that ends before its last vertex.
+pub fn cut(path: &Path, count: u64, expected: u64, found: u64) -> FileError {
+    let expected = format!("at least {expected} bytes for {count} vertices");
+    FileError::malformed(path, "length", expected, format!("{found}; the file is cut short"))
+}
+
+/// A property that every Gaussian has and the file has not.
+pub fn missing(path: &Path, name: &str) -> FileError {
+    let expected = format!("vertex property `{name}` of a Gaussian splatting scene");
+    FileError::malformed(path, "header", expected, "none")
+}
+
+/// The first of `broken` vertices, of `count`, whose `property` is no number.
+pub fn not_finite(
+    path: &Path,
+    vertex: usize,
+    property: &str,
+    found: &str,
+    (broken, count): (usize, usize),
+) -> FileError {
+    let found = format!(
+        "{found}; {broken} of {count} vertices have such values, and `npx @playcanvas/splat-transform IN.ply \
+         --filter-nan OUT.ply` leaves these out"
+    );
+    FileError::malformed(path, format!("vertex {vertex}"), format!("a finite number for `{property}`"), found)
 }

@@ -6,13 +6,14 @@ use std::path::Path;
 use flate2::GzHeader;
 use flate2::read::MultiGzDecoder;
 use gs_base::local::{is_offset, localised};
+use gs_base::{FileError, guarded};
 
 use super::rotation::{unpack, unpack_v2};
 use super::{ALPHA_LEAST, ANTIALIASED, COLOUR, HEADER, MAGIC, OFFSET, SCALE_LEAST, SCALE_STEPS};
 use crate::bounded::Bytes;
 use crate::splats::logit;
 use crate::turn::flip;
-use crate::{COUNT_MAX, FormatError, MARK, Splats, read_file};
+use crate::{COUNT_MAX, FILE_MAX, MARK, Splats};
 
 /// No deflate stream holds more than 1032 bytes a byte: a match of 258 bytes takes at least two bits.
 const DEFLATE_MOST: usize = 1032;
@@ -27,8 +28,8 @@ const DEGREE_MAX: usize = 4;
 ///
 /// # Errors
 /// When the file cannot be read, is no SPZ of these versions, or is cut short.
-pub fn read(path: &Path) -> Result<Splats, FormatError> {
-    decode(&read_file(path)?).map_err(|message| FormatError::Wrong { path: path.to_owned(), message })
+pub fn read(path: &Path) -> Result<Splats, FileError> {
+    decode(&guarded::read(path, FILE_MAX)?).map_err(|message| FileError::wrong(path, message))
 }
 
 /// [`read`] of bytes.

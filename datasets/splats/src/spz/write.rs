@@ -4,11 +4,12 @@ use std::io::Write;
 use std::path::Path;
 
 use flate2::{Compression, GzBuilder};
+use gs_base::{FileError, write_atomic};
 
 use super::{ANTIALIASED, COLOUR, FRACTIONAL_BITS, MAGIC, OFFSET, SCALE_LEAST, SCALE_STEPS, rotation};
 use crate::splats::{sigmoid, unit};
 use crate::turn::flip;
-use crate::{FormatError, MARK, Splats, write_file};
+use crate::{MARK, Splats};
 
 /// Most Gaussians that Niantic's own reader takes.
 const COUNT_MAX: usize = 10_000_000;
@@ -21,9 +22,9 @@ const POSITION_MAX: f64 = 8_388_607.0;
 /// # Errors
 /// When the file cannot be written, a value is not finite, the scene spans more than 8 million units, or has more than 10 million
 /// Gaussians.
-pub fn write(path: &Path, splats: &Splats) -> Result<(), FormatError> {
-    let bytes = encode(splats).map_err(|message| FormatError::Wrong { path: path.to_owned(), message })?;
-    write_file(path, &bytes)
+pub fn write(path: &Path, splats: &Splats) -> Result<(), FileError> {
+    let bytes = encode(splats).map_err(|message| FileError::wrong(path, message))?;
+    write_atomic(path, &bytes)
 }
 
 /// Bits behind the point of a position: 12, or as many fewer as the farthest Gaussian needs; `None` if it fits with

@@ -3,14 +3,13 @@
 //! A short run goes with all other tests. The long one is asked for:
 //!
 //! ```text
-//! GS_FUZZ_CASES=100000 cargo test --release -p gs-burn --test all fuzz_ply -- --ignored
+//! GS_FUZZ_CASES=100000 cargo test --release -p gs-splats -- --ignored
 //! ```
 
 use std::fs;
 
-use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::Gaussians;
-use gs_burn::ply::{SplatRenderMode, read_ply, write_ply_as};
+use gs_splats::Splats;
+use gs_splats::ply::{read, write};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
@@ -26,30 +25,24 @@ const LONG: u32 = 20_000;
 /// The variable with the number of cases of the long run.
 const CASES: &str = "GS_FUZZ_CASES";
 
-fn device() -> Device {
-    #[cfg(feature = "flex")]
-    return Device::flex();
-    #[cfg(not(feature = "flex"))]
-    return Device::ndarray();
-}
-
 /// Three Gaussians as this crate writes them, far from their world's origin, and the same in the two other encodings.
 fn seeds() -> [Vec<u8>; 3] {
-    let device = device();
-    let ramp = |count: usize| -> Vec<f32> { (0..count).map(|i| 0.1 * (i as f32 + 1.0)).collect() };
-    fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
-        Tensor::from_data(TensorData::new(values, shape), device)
+    fn ramp<const C: usize>(count: usize) -> Vec<[f32; C]> {
+        (0..count).map(|row| std::array::from_fn(|column| 0.1 * ((row * C + column) as f32 + 1.0))).collect()
     }
-    let gaussians = Gaussians::from_tensors(
-        tensor(ramp(9), [3, 3], &device),
-        tensor(ramp(12), [3, 4], &device),
-        tensor(ramp(9), [3, 3], &device),
-        tensor(ramp(3), [3], &device),
-        tensor(ramp(36), [3, 4, 3], &device),
-    );
+    let splats = Splats {
+        means: ramp(3),
+        offset: [450_123.5, 5_200_456.25, -300.0],
+        quats: ramp(3),
+        log_scales: ramp(3),
+        opacity_logits: ramp::<1>(3).into_flattened(),
+        degree: 1,
+        sh: ramp(12),
+        antialiased: Some(true),
+    };
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.ply");
-    write_ply_as(&path, &gaussians, Some(SplatRenderMode::Mip), [450_123.5, 5_200_456.25, -300.0]).expect("written");
+    write(&path, &splats).expect("written");
     let little = fs::read(&path).expect("read");
     let end = b"end_header\n";
     let len = little.windows(end.len()).position(|window| window == end).expect("a header") + end.len();
@@ -68,16 +61,15 @@ fn seeds() -> [Vec<u8>; 3] {
 fn fuzz(cases: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.ply");
-    let device = device();
     for (encoding, whole) in seeds().into_iter().enumerate() {
         fs::write(&path, &whole).expect("written");
-        assert_eq!(read_ply(&path, &device).expect("the seed itself is sound").len(), 3, "encoding {encoding}");
+        assert_eq!(read(&path).expect("the seed itself is sound").splats.len(), 3, "encoding {encoding}");
         let step = (any::<u8>(), any::<u32>(), any::<u64>());
         let strategy = proptest::collection::vec(step, 1..6);
         let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
         let outcome = runner.run(&strategy, |steps| {
             fs::write(&path, damaged(&whole, &steps)).expect("written");
-            let case = || bounded(|| examine(&path, &device));
+            let case = || bounded(|| examine(&path));
             std::panic::catch_unwind(std::panic::AssertUnwindSafe(case))
                 .map_err(|_| TestCaseError::fail("a panic, which is printed above"))
         });
@@ -87,12 +79,10 @@ fn fuzz(cases: u32) {
     }
 }
 
-fn examine(path: &std::path::Path, device: &Device) {
-    match read_ply(path, device) {
+fn examine(path: &std::path::Path) {
+    match read(path) {
         Ok(scene) => {
-            let means = scene.means.val();
-            assert_eq!(means.dims(), [scene.len(), 3]);
-            assert!(means.into_data().iter::<f32>().all(f32::is_finite), "a mean that is not finite");
+            scene.splats.check().expect("whole and finite");
         }
         Err(error) => {
             let text = error.to_string();

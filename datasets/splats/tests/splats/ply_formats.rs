@@ -1,19 +1,9 @@
-//! PLY files of other programs: compressed ones, harmonics of degree 4, and the comment that says how to draw.
+//! PLY files of other programs: compressed ones, and harmonics of degree 4.
 
 use std::fs;
 use std::path::Path;
 
-use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::ply::{SplatRenderMode, read_ply, read_ply_scene, write_ply_as};
-use gs_burn::{Gaussians, device::select};
-
-fn device() -> Device {
-    select("auto").expect("a backend")
-}
-
-fn values<const D: usize>(tensor: &Tensor<D>) -> Vec<f64> {
-    tensor.to_data().iter::<f64>().collect()
-}
+use gs_splats::ply::read;
 
 fn header_len(bytes: &[u8]) -> usize {
     let end = b"end_header\n";
@@ -23,7 +13,7 @@ fn header_len(bytes: &[u8]) -> usize {
 #[track_caller]
 fn assert_refused(path: &Path, bytes: &[u8], message: &str) {
     fs::write(path, bytes).expect("written");
-    let error = read_ply(path, &device()).expect_err("refused").to_string();
+    let error = read(path).expect_err("refused").to_string();
     assert!(error.contains(message) && error.contains("scene.ply"), "{error}");
 }
 
@@ -45,32 +35,10 @@ fn harmonics_of_degree_4_are_cut() {
     let numbers = (0..14).map(|_| 0.5).chain((0..72).map(|k| k as f32));
     numbers.for_each(|x: f32| bytes.extend(x.to_le_bytes()));
     fs::write(&path, bytes).expect("no error");
-    let scene = read_ply_scene(&path, &device()).expect("no error");
-    assert_eq!((scene.gaussians.sh_degree(), scene.sh_degree), (3, 4));
-    let sh = values(&scene.gaussians.sh.val());
-    assert_eq!(sh.len(), 48);
-    assert_eq!((&sh[3..6], &sh[45..48]), (&[0.0, 24.0, 48.0][..], &[14.0, 38.0, 62.0][..]));
-}
-
-#[test]
-fn the_render_mode_comes_back() {
-    let tensor = |values: &[f32]| TensorData::new(values.to_vec(), [1, values.len()]);
-    let gaussians = Gaussians::from_tensors(
-        Tensor::from_data(tensor(&[1.0, 2.0, 3.0]), &device()),
-        Tensor::from_data(tensor(&[1.0, 0.0, 0.0, 0.0]), &device()),
-        Tensor::from_data(tensor(&[-1.0; 3]), &device()),
-        Tensor::from_data(TensorData::new(vec![0.5_f32], [1]), &device()),
-        Tensor::from_data(TensorData::new(vec![0.5_f32; 3], [1, 1, 3]), &device()),
-    );
-    let folder = tempfile::tempdir().expect("no error");
-    let path = folder.path().join("scene.ply");
-    for mode in [None, Some(SplatRenderMode::Default), Some(SplatRenderMode::Mip)] {
-        write_ply_as(&path, &gaussians, mode, [0.0; 3]).expect("no error");
-        assert_eq!(read_ply_scene(&path, &device()).expect("no error").render_mode, mode);
-    }
-    let bytes = fs::read(&path).expect("no error");
-    let text = String::from_utf8_lossy(&bytes).into_owned();
-    assert!(text.contains("comment SplatRenderMode: mip\n"));
+    let scene = read(&path).expect("no error");
+    assert_eq!((scene.splats.degree, scene.sh_degree), (3, 4));
+    let sh = &scene.splats.sh;
+    assert_eq!((sh.len(), sh[1], sh[15]), (16, [0.0, 24.0, 48.0], [14.0, 38.0, 62.0]));
 }
 
 /// Two Gaussians by hand: the ends of their chunk's ranges, a turn by 180 degrees about x, and harmonics at 0, 128 and
@@ -81,22 +49,22 @@ fn compressed_files_are_read() {
     let path = folder.path().join("scene.ply");
     let bytes = compressed();
     fs::write(&path, &bytes).expect("no error");
-    let scene = read_ply_scene(&path, &device()).expect("no error");
-    assert_eq!((scene.gaussians.len(), scene.sh_degree), (2, 1));
-    let g = &scene.gaussians;
-    assert_eq!(values(&g.means.val()), [-1.0, -2.0, -3.0, 1.0, 2.0, 3.0]);
-    assert_eq!(values(&g.log_scales.val()), [-5.0, -5.0, -5.0, 0.0, 0.0, 0.0]);
+    let scene = read(&path).expect("no error");
+    let g = &scene.splats;
+    assert_eq!((g.len(), scene.sh_degree), (2, 1));
+    assert_eq!(g.means, [[-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]]);
+    assert_eq!(g.log_scales, [[-5.0; 3], [0.0; 3]]);
     // Ten bits have no exact middle: 511 / 1023 - 0.5 is -0.0005.
-    let quats = values(&g.quats.val());
+    let quats = g.quats.as_flattened();
     assert!((quats[0] - 1.0).abs() < 1e-3 && (quats[5] - 1.0).abs() < 1e-3 && quats[1].abs() < 1e-3, "{quats:?}");
-    let opacities = values(&g.opacity_logits.val());
+    let opacities = &g.opacity_logits;
     assert!(opacities[0] < -6.0 && opacities[0].is_finite() && opacities[1] > 6.0 && opacities[1].is_finite());
-    let sh = values(&g.sh.val());
-    assert!((sh[0] - 1.772).abs() < 1e-3 && (sh[1] + 1.772).abs() < 1e-3, "{sh:?}");
-    assert_eq!(&sh[3..6], [-4.0, 0.015625, 4.0], "red, green and blue of the first coefficient");
+    let sh = &g.sh;
+    assert!((sh[0][0] - 1.772).abs() < 1e-3 && (sh[0][1] + 1.772).abs() < 1e-3, "{sh:?}");
+    assert_eq!(sh[1], [-4.0, 0.015625, 4.0], "red, green and blue of the first coefficient");
     for length in (0..bytes.len()).step_by(13).chain([bytes.len() - 1]) {
         fs::write(&path, &bytes[..length]).expect("no error");
-        assert!(read_ply(&path, &device()).is_err(), "{length} bytes");
+        assert!(read(&path).is_err(), "{length} bytes");
     }
     let header = String::from_utf8_lossy(&bytes[..header_len(&bytes)]).into_owned();
     let with = |from: &str, to: &str| {
