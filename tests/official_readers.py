@@ -90,7 +90,7 @@ def compare(what, rows, others, bounds):
         assert worst[key] <= bound, f"{what}: {key} differs by {worst[key]}, expected at most {bound}"
 
 
-# Half a step of each quantisation of SPZ, as in formats/src/spz/tests.rs; a rotation of three components off by half of 1/(511 sqrt 2).
+# Half a step of each quantisation of SPZ, as in datasets/splats/src/spz/tests.rs; a rotation of three components off by half of 1/(511 sqrt 2).
 SPZ = {"position": 0.00013, "opacity": 0.0021, "scale": 0.0313, "rotation": 0.006, "colour": 0.0132, "harmonics": 0.067}
 EXACT = {"position": 1e-6, "opacity": 1e-6, "scale": 1e-5, "rotation": 1e-3, "colour": 1e-6, "harmonics": 1e-6}
 # 11 and 10 bits between the ends of a chunk that may span the scene, 8 bits of colour over 8 / 256 of harmonics.

@@ -43,7 +43,6 @@ mod foreign;
 mod formats;
 mod frame;
 pub mod image_io;
-pub mod import;
 mod jpeg;
 mod lens;
 mod levels;
@@ -88,6 +87,8 @@ pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RowOrder, SparseViews, SplitUse,
 };
 pub use photo::{ExrChannels, decode_photo, downscaled_size, photo_size, read_exr, read_photo};
+pub use priors::depth::{DepthMap, read_depth};
+pub use priors::sources::find_depth;
 pub use scene::{PointCloud, Scene, SceneFormat, Split};
 pub use split::{ViewKind, view_kind};
 pub use subject::{nearest_to_axes, subject, subject_distance};

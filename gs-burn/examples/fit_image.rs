@@ -1,11 +1,11 @@
 //! Fits Gaussians to a picture: a flat scene in front of a camera that stands still.
 //!
-//! `cargo run --release -p gs-burn --example fit_image [device]` prints the loss and writes `fit_image.ply`.
+//! `cargo run --release -p gs-burn --example fit_image [device]` prints the loss.
 
 use burn::tensor::{Device, Distribution, Tensor};
 use gs_base::Intrinsics;
 use gs_burn::ops::ssim::photometric_loss;
-use gs_burn::{Adam, AdamRate, Camera, Gaussians, NamedGradients, RenderOptions, device, glam::DMat4, ply, render};
+use gs_burn::{Adam, AdamRate, Camera, Gaussians, NamedGradients, RenderOptions, device, glam::DMat4, render};
 
 const SIZE: usize = 128;
 const COUNT: usize = 1000;
@@ -30,7 +30,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("step {step}: loss {:.4}", loss.into_scalar::<f32>());
         }
     }
-    ply::write_ply("fit_image.ply", &scene)?;
     Ok(())
 }
 

@@ -118,8 +118,8 @@ pub enum DeviceError {
 pub struct Selected {
     /// The device, without gradient tracking.
     pub device: Device,
-    /// The choice of `auto` and the adapters that it passed over, as a sentence without its full stop; `None` where there was nothing to
-    /// choose from: for every other name, and in a build for the CPU alone.
+    /// The choice of `auto` and the adapters that it passed over, as a sentence without its full stop; `None` where
+    /// there was nothing to choose from: for every other name, and in a build for the CPU alone.
     pub why: Option<String>,
 }
 

@@ -3,8 +3,7 @@
 //!
 //! [`Gaussians`] is a Burn module; [`render()`] turns it and a [`Camera`] into an image through which gradients flow to
 //! every parameter and to the camera's pose. The steps between are [`ops`] of their own, each with an accelerated
-//! forward and backward and with a reference in plain tensor operations. [`ply`] reads and writes scenes as other
-//! viewers do; [`device`] finds a device by name. The arithmetic itself lives in `gs-kernels`, which knows nothing of
+//! forward and backward and with a reference in plain tensor operations. [`device`] finds a device by name. The arithmetic itself lives in `gs-kernels`, which knows nothing of
 //! Burn.
 //!
 //! ```
@@ -59,7 +58,6 @@ pub mod launches;
 pub mod limits;
 pub mod named_parameters;
 pub mod ops;
-pub mod ply;
 pub mod profile;
 pub mod render;
 pub mod row_map;

@@ -38,6 +38,14 @@ pub enum FileError {
         found: String,
     },
 
+    /// A file's content is not what the name of the file says.
+    Wrong {
+        /// The file.
+        path: PathBuf,
+        /// The expected and the found.
+        message: String,
+    },
+
     /// A file's content breaks the rules of its format.
     Malformed {
         /// The file.
@@ -59,6 +67,7 @@ impl fmt::Display for FileError {
             Self::TooLarge { path, limit, found } => {
                 format!("{}: expected a file of at most {limit}, found {found}", shown(path))
             }
+            Self::Wrong { path, message } => format!("{}: {message}", shown(path)),
             Self::Malformed { path, location, expected, found } => {
                 format!("{}: {location}: expected {expected}, found {found}", shown(path))
             }
@@ -86,6 +95,11 @@ impl FileError {
     /// A failed writing.
     pub fn write(path: &Path, source: io::Error) -> Self {
         Self::Io { path: path.to_path_buf(), action: "write", source }
+    }
+
+    /// Content that is not what the file's name says, in a sentence without the name.
+    pub fn wrong(path: &Path, message: String) -> Self {
+        Self::Wrong { path: path.to_path_buf(), message }
     }
 
     /// Content that breaks the rules of its format.

@@ -163,6 +163,8 @@ impl Header {
             match text.split_whitespace().collect::<Vec<_>>()[..] {
                 ["ply"] if number == 1 => {}
                 _ if number == 1 => return Err(unclear("a PLY file, which begins with `ply`")),
+                // Cut short, or longer than a header.
+                _ if !line.ends_with(b"\n") => break,
                 ["format", name, ..] => encoding = Some(Encoding::parse(name).ok_or_else(|| unclear("a PLY format"))?),
                 ["comment", ..] => comments.push(text.trim_start()["comment".len()..].trim_start().to_owned()),
                 ["obj_info", ..] | [] => {}
@@ -179,7 +181,7 @@ impl Header {
                     let element = elements.last_mut().ok_or_else(|| unclear("an element before"))?;
                     element.properties.push(Property { name: name.to_owned(), scalar });
                 }
-                ["end_header"] if line.ends_with(b"\n") => {
+                ["end_header"] => {
                     let encoding = encoding.ok_or_else(|| unclear("a line `format` before"))?;
                     return Ok(Self { encoding, elements, comments, len });
                 }

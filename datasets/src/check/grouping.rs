@@ -79,6 +79,7 @@ fn file_apart(error: &FileError) -> Option<(String, String)> {
             Some((format!("{}: {place}: expected {expected}, found {found}", shown(path)), name))
         }
         FileError::Io { path, action, source } => Some((format!("cannot {action}: {source}"), shown(path))),
+        FileError::Wrong { .. } => None,
         FileError::NotAFile { path, found } => Some((format!("expected files, found {found}"), shown(path))),
         FileError::TooLarge { path, limit, found } => {
             Some((format!("expected files of at most {limit}, found {found}"), shown(path)))

@@ -80,6 +80,29 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     Ok(Depth { map, space, metric, guessed: meaning.kind.is_none() })
 }
 
+/// A depth file as it is, at its own resolution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DepthMap {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `[height, width]`, 0 where unknown.
+    pub values: Vec<f32>,
+    /// The space in which the numbers are depth up to a scale and a shift.
+    pub space: DepthSpace,
+}
+
+/// Reads a depth file of any kind that priors may have. Without a `kind`, an 8-bit picture is inverse depth and any other
+/// file depth.
+///
+/// # Errors
+/// When it cannot be read, or holds no depth.
+pub fn read_depth(path: &Path, kind: Option<DepthKind>) -> Result<DepthMap, DatasetError> {
+    let Depth { map, space, .. } = depth(path, DepthMeaning { kind, step: 1.0 })?;
+    Ok(DepthMap { width: map.width, height: map.height, values: map.values, space })
+}
+
 /// Opens a map of confidences; at least 1, where the file knows nothing.
 pub(super) fn confidence(path: &Path) -> Result<Map<f32>, DatasetError> {
     let mut map = depth(path, DepthMeaning { kind: Some(DepthKind::Depth), step: 1.0 })?.map;

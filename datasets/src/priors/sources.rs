@@ -29,10 +29,13 @@ pub(crate) const TRUTH_KEYS: &[(&str, Kind)] = &[
     ("mask_union_path", Kind::TrueMovingUnion),
 ];
 
+/// Extensions of files of depth and confidence, in the order in which they are tried.
+const DEPTH_ENDINGS: &[&str] = &["exr", "npy", "png"];
+
 /// Side folders of each prior, best first, and the extensions tried in them.
 const FOLDERS: &[(Kind, &[&str], &[&str])] = &[
-    (Kind::Depth, &["priors/depth", "depth"], &["exr", "npy", "png"]),
-    (Kind::Confidence, &["priors/confidence"], &["exr", "npy", "png"]),
+    (Kind::Depth, &["priors/depth", "depth"], DEPTH_ENDINGS),
+    (Kind::Confidence, &["priors/confidence"], DEPTH_ENDINGS),
     (Kind::Moving, &["priors/masks", "masks", "seg"], &["png", "npy", "jpg"]),
     (Kind::Sharp, &["priors/sharp", "sharp"], &["png", "jpg", "jpeg"]),
 ];
@@ -114,6 +117,11 @@ fn report(kind: Kind, folder: &Path, file: &Path, found: usize, findings: &mut F
     } else {
         findings.fact(format!("{sentence}."));
     }
+}
+
+/// The depth file of the photo `name` in a folder, as side folders are searched.
+pub fn find_depth(folder: &Path, name: &str) -> Option<PathBuf> {
+    beside(folder, name, DEPTH_ENDINGS)
 }
 
 /// `folder/train/0001.png` for `train/0001`, or `folder/0001.png`: some tools keep the photos' own folder, others not.

@@ -17,19 +17,12 @@ Examples:
 /// Shown below `gsburn import --help`.
 pub const IMPORT: &str = "\
 Examples:
-  gsburn import predictions.npz --into fan --out fan-vggt          depth, confidence and points, with a copy of the JSON
-  gsburn import predictions.npz --into fan --views cam00,cam03,cam07 --out fan-vggt
-  gsburn import arrays/ --into my-photos --images order.txt --out my-photos-vggt
-  gsburn train fan-vggt --recipe sparsedyn/base
+  gsburn import arrays --into fan                            priors/depth in fan, read from then on
+  gsburn import arrays --into my-photos --out my-photos-depth --kind inverse_depth
 
-VGGT's web demo writes predictions.npz. OmniVGGT's script writes only a GLB; add this line where it has the dictionary:
-  numpy.savez('predictions.npz', **{k: v.float().cpu().numpy() for k, v in predictions.items() if hasattr(v, 'cpu')},
-              image_names=image_names)
-Read are extrinsic (3 x 4, camera from world) or pose_enc, depth or world_points, and if present intrinsic, depth_conf, image_names.
-
-Predicted cameras give the scale and are then thrown away; depth is placed by the cameras of the data set. Each view's depth is
-fitted by a scale and a shift to what other views see of the same colour. The report gives the median disagreement between views
-before and after; above some percent after the fit, the views are in another order or the prediction is of little use.";
+Each photo's depth is fitted by a scale and a shift to the points of the data set; a fifth of wrong points does no harm.
+Of an archive or a dictionary of a network a line of Python makes the files:
+  for name, depth in zip(names, predictions['depth']): numpy.save(f'arrays/{name}.npy', depth)";
 
 /// Shown below `gsburn sweep --help`.
 pub const SWEEP: &str = "\

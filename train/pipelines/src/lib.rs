@@ -257,7 +257,7 @@ pub fn names() -> String {
 /// # Errors
 /// A sentence naming the file, what was expected and what was found.
 pub fn load_scene(path: &Path, device: &Device) -> Result<LoadedScene> {
-    match read_file(path, device)? {
+    match read_file(path)? {
         SceneFile::Ply(packed) => Ok(LoadedScene::of_packed(*packed, device)),
         SceneFile::Checkpoint(checkpoint) => Ok(of_checkpoint(&checkpoint)?.open(&checkpoint, None, device)?.loaded),
     }

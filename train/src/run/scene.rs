@@ -7,14 +7,13 @@ use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_base::local::is_far;
 use gs_base::{agree, counted, median};
-use gs_burn::ply::{self, SplatRenderMode};
 use gs_burn::{Gaussians, RenderOptions};
-use gs_formats::Splats;
 use gs_models::{DynamicScene, Shutter, Static};
+use gs_splats::{Splats, ply};
 
 use super::checkpoint::Checkpoint;
 use super::exchange::host::{gaussians_of, splats_of};
-use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign, render_mode};
+use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign};
 use super::folder::RunFolder;
 use crate::config::{Config, RenderConfig, brief};
 use crate::fit::density::ops::Draft;
@@ -174,7 +173,7 @@ pub fn within_reach(scene: &dyn DynamicScene, what: &str, times: impl IntoIterat
 ///
 /// # Errors
 /// A sentence naming the file, what was expected and what was found.
-pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
+pub fn read_file(path: &Path) -> Result<SceneFile> {
     if !path.exists() {
         bail!("{}: expected a run folder, a checkpoint or a PLY file, found nothing", path.display());
     }
@@ -190,7 +189,7 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
     if path.extension().is_some_and(|extension| extension == "safetensors") {
         return checkpoint(path);
     }
-    match read_packed(path, device)? {
+    match read_packed(path)? {
         Some(packed) => Ok(SceneFile::Ply(Box::new(packed))),
         None => {
             bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply, .spz or .glb file", path.display())
@@ -204,9 +203,6 @@ pub fn read_file(path: &Path, device: &Device) -> Result<SceneFile> {
 /// # Errors
 /// When the file cannot be written, one sentence that names it; then no partial file is left.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    }
     write_placed(path, gaussians, origin, None)
 }
 
@@ -215,16 +211,16 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()
 /// # Errors
 /// As [`write_ply`].
 pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: bool) -> Result<()> {
-    write_placed(path, gaussians, origin, Some(render_mode(antialiased)))
+    write_placed(path, gaussians, origin, Some(antialiased))
 }
 
-fn write_placed(path: &Path, gaussians: &Gaussians, origin: DVec3, mode: Option<SplatRenderMode>) -> Result<()> {
-    let written = if is_far(origin.to_array()) {
-        ply::write_ply_as(path, gaussians, mode, origin.to_array())
+fn write_placed(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: Option<bool>) -> Result<()> {
+    let splats = if is_far(origin.to_array()) {
+        Splats { offset: origin.to_array(), ..splats_of(gaussians, antialiased) }
     } else {
-        ply::write_ply_as(path, &translated(gaussians, origin), mode, [0.0; 3])
+        splats_of(&translated(gaussians, origin), antialiased)
     };
-    written.context("cannot write the scene")
+    ply::write(path, &splats).context("cannot write the scene")
 }
 
 /// The note on the positions of a file that [`write_ply`] wrote with this `origin`; `None` where they are the world's.

@@ -10,6 +10,8 @@
 mod bounded;
 #[path = "../../../../tests/src/mutate.rs"]
 mod mutate;
+#[cfg(feature = "waymo")]
+mod waymo;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -63,7 +63,7 @@ fn cameras_in_one_place() {
 fn everything_moves() {
     let scene = small();
     let masks = vec![Some(vec![255; WIDTH * HEIGHT]); scene.train.len()];
-    run(&scene, &masks);
+    assert_eq!(run(&scene, &masks), Vec::<String>::new(), "masks of everything are answered");
     let mut scene = scene;
     for (i, view) in scene.train.iter_mut().enumerate() {
         view.image.data.iter_mut().enumerate().for_each(|(j, value)| *value = ((i * 7919 + j * 104_729) % 251) as u8);
@@ -79,9 +79,9 @@ fn no_times() {
     says(&run(&scene, &masks), "no training view has a time");
     scene.train.iter_mut().for_each(|view| view.time = Some(f64::NAN));
     says(&run(&scene, &masks), "no training view has a time");
-    // All at one time: a position, no path.
+    // All at one time, in which the object is in four places.
     scene.train.iter_mut().for_each(|view| view.time = Some(3.0));
-    run(&scene, &masks);
+    says(&run(&scene, &masks), "do not agree on one position");
     scene.train.clear();
     says(&run(&scene, &[]), "no training view has a time");
 }
@@ -104,7 +104,7 @@ fn broken_views() {
         view.c2w.z_axis = -view.c2w.z_axis;
         view.c2w.x_axis = -view.c2w.x_axis;
     }
-    run(&behind, &masks);
+    says(&run(&behind, &masks), "same direction");
 }
 
 /// Two times without a common object, and a time far from any view.

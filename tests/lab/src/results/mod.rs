@@ -14,8 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
-use gs_base::guarded;
-use gs_base::write_atomic;
+use gs_base::{guarded, write_atomic};
 use serde::{Deserialize, Serialize};
 
 use crate::cli::ResultsArgs;

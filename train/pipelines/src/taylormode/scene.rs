@@ -44,9 +44,9 @@ impl DynamicScene for ExposedScene {
 #[cfg(test)]
 mod tests {
     use burn::tensor::{Device, Tensor};
-    use gs_formats::TimeFunction;
     use gs_models::taylormode::window::{described_powers, powers};
     use gs_models::taylormode::{Contact, Remainder};
+    use gs_splats::TimeFunction;
 
     use gs_train::run::exchange::time_function;
 

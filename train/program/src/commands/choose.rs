@@ -59,7 +59,7 @@ pub(super) fn choose(sweep: &Sweep, runs: &[ComparedRun], device: &Device) -> Re
         let own = sweep.runs.iter().find(|planned| planned.folder.path() == run.folder.path());
         let Some(resolved) = own.map(|planned| &planned.config) else { continue };
         let config = resolve_changed(&resolved.config, "config.toml", &left_out)?;
-        let file = read_file(run.folder.path(), device)?;
+        let file = read_file(run.folder.path())?;
         let evaluated = resolved.pipeline.evaluate(&EvalRequest {
             file: &file,
             dataset: sweep.dataset,

@@ -17,14 +17,13 @@ const SAMPLES: usize = 49;
 /// # Errors
 /// One sentence saying what was wrong with the files.
 pub fn run(args: &ConvertArgs) -> Result<ExitCode> {
-    let device = gs_burn::device::select("auto")?;
     let Some(format) = Format::of(&args.to) else {
         bail!("{}: expected the name of a {ENDINGS} file", args.to.display());
     };
     if !args.from.exists() {
         bail!("{}: expected a file of Gaussians, found nothing", args.from.display());
     }
-    let packed = read_packed(&args.from, &device)?
+    let packed = read_packed(&args.from)?
         .with_context(|| format!("{}: expected a .ply, .spz or .glb file", args.from.display()))?;
     if args.to.exists() && args.from.canonicalize().ok() == args.to.canonicalize().ok() {
         bail!("{}: this is the file to read; name another to write", args.to.display());
@@ -46,6 +45,6 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode> {
     {
         packed = packed.select(&rows);
     }
-    write_one(&args.to, &packed, format, Vec::new(), &device)?;
+    write_one(&args.to, &packed, format, Vec::new())?;
     Ok(ExitCode::SUCCESS)
 }

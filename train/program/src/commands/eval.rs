@@ -39,7 +39,7 @@ struct Figures {
 pub fn run(args: &EvalArgs) -> Result<ExitCode> {
     args.out.as_deref().map_or(Ok(()), check_one)?;
     let device = device(&args.device)?;
-    let file = read_file(&args.scene, &device)?;
+    let file = read_file(&args.scene)?;
     let (pipeline, resolved) = match &file {
         SceneFile::Checkpoint(_) if args.config.config.is_some() || args.config.recipe.is_some() => {
             bail!("{}: a run has its own configuration; leave out --config and --recipe", args.scene.display())

@@ -19,7 +19,7 @@ pub fn run(args: &ReconstructArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let checkpoint = match &args.model {
         None => shipped()?,
-        Some(path) => match read_file(path, &device)? {
+        Some(path) => match read_file(path)? {
             SceneFile::Checkpoint(checkpoint) => *checkpoint,
             SceneFile::Ply(_) => {
                 bail!("{}: expected a run or a checkpoint of a network, found a PLY file", path.display())

@@ -32,7 +32,7 @@ pub fn run(args: &ViewArgs) -> Result<ExitCode> {
     let out: PathBuf = args.out.clone().unwrap_or_else(default);
     outputs::check_one(&out)?;
     let name = name_of(&args.scene);
-    let file = read_file(&args.scene, &device)?;
+    let file = read_file(&args.scene)?;
     let packed = PageScene::with_photos(&file, args.data.as_deref(), &device)?.packed(&name);
     write_atomic(&out, viewer::page(&name, &packed).as_bytes())?;
     let size = std::fs::metadata(&out).map_or(0, |metadata| metadata.len());

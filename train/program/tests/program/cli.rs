@@ -7,6 +7,7 @@ use std::process::Command;
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
+use gs_train::run::exchange::host::splats_of;
 use gsburn::report::comparison::{Table, gather};
 
 use crate::common::program::{fails, fails_with, gsburn, program, succeeds};
@@ -201,7 +202,7 @@ fn a_picture_too_large_is_said() {
         Tensor::zeros([count], &device),
         Tensor::zeros([count, 1, 3], &device),
     );
-    gs_burn::ply::write_ply(folder.join("large.ply"), &gaussians).expect("written");
+    gs_splats::ply::write(&folder.join("large.ply"), &splats_of(&gaussians, None)).expect("written");
     let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,9],[0,0,0,1]]";
     let frames = format!(r#"[{{"file_path": "a", "transform_matrix": {pose}}}]"#);
     let camera = format!(r#"{{"fl_x": {side}, "w": {side}, "h": {side}, "frames": {frames}}}"#);

@@ -91,7 +91,7 @@ fn a_run_is_extrapolated_into_whole_files_that_repeat() {
     assert!(moments.iter().all(|m| m["held"].is_number() == (m["time"].as_f64() > json["seen"][1].as_f64())));
     let parts = json["parts"].as_array().expect("parts");
     let in_parts: u64 = parts.iter().filter_map(|part| part["gaussians"].as_u64()).sum();
-    let whole = gs_burn::ply::read_ply(folder.join("run/scene.ply"), &common::device()).expect("a scene");
+    let whole = gs_splats::ply::read(&folder.join("run/scene.ply")).expect("a scene").splats;
     assert_eq!(in_parts, whole.len() as u64, "each Gaussian is in one part");
     assert_eq!(count("bodies"), parts.len() + 1, "a file for each part and their list");
 

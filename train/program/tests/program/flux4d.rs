@@ -4,7 +4,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gs_burn::ply::read_ply;
 use gs_driving::Snippet;
 use gs_pipelines::flux4d::config::FluxConfig;
 use gs_pipelines::flux4d::infer::{Ready, infer};
@@ -13,6 +12,7 @@ use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::polish::polish;
 use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::{Reconstruction, networks_of, of_checkpoint};
+use gs_splats::ply;
 use gs_train::run::checkpoint::Checkpoint;
 #[cfg(unix)]
 use gs_train::run::folder::RunFolder;
@@ -89,10 +89,10 @@ fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     assert!(!actors.is_empty(), "twelve movers");
     for actor in &actors {
         let path = out.join(format!("actors/002-000-{:02}.ply", actor["actor"].as_u64().expect("a number")));
-        let gaussians = read_ply(&path, &device).expect("a PLY file");
+        let gaussians = ply::read(&path).expect("a PLY file").splats;
         assert_eq!(actor["gaussians"], gaussians.len(), "{}", path.display());
         // In the world of the log, in the middle of the window, when the box was found.
-        let means: Vec<f64> = gaussians.means.val().to_data().iter::<f64>().collect();
+        let means: Vec<f64> = gaussians.means.into_flattened().into_iter().map(f64::from).collect();
         let centre = |axis: usize| actor["centre"][axis].as_f64().expect("metres");
         let size = actor["size"].as_array().expect("metres").iter().filter_map(|x| x.as_f64()).fold(0.0, f64::max);
         assert!(means.chunks(3).all(|mean| (0..2).all(|axis| (mean[axis] - centre(axis)).abs() < size + 0.1)));

@@ -9,7 +9,7 @@ use crate::common::program::{fails, fails_with, says, succeeds};
 use glam::{DMat3, DMat4, DVec3};
 use gs_base::Intrinsics;
 use gs_burn::{Camera, RenderOptions, render};
-use gs_formats::Splats;
+use gs_splats::Splats;
 use gs_train::run::exchange::{Packed, host::gaussians_of};
 
 const QUICK: [&str; 10] = [
@@ -105,10 +105,8 @@ fn up_is_turned() {
     trained(folder);
     for up in ["z", "auto"] {
         succeeds(folder, &["export", "run", "--out", "up.ply", "--up", up]);
-        let means = |file: &str| {
-            let scene = gs_burn::ply::read_ply(folder.join(file), &common::device()).expect("a scene");
-            scene.means.val().into_data().iter::<f32>().collect::<Vec<f32>>()
-        };
+        let means =
+            |file: &str| gs_splats::ply::read(&folder.join(file)).expect("a scene").splats.means.into_flattened();
         let (before, after) = (means("run/scene.ply"), means("up.ply"));
         let most = before.chunks(3).zip(after.chunks(3)).map(|(a, b)| (a[2] + b[1]).abs()).fold(0.0, f32::max);
         let bound = if up == "z" { 1e-4 } else { 2.0 };

@@ -12,8 +12,8 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
-use gs_formats::Splats;
 use gs_pipelines::{PIPELINES, Sources, of_checkpoint, resolve};
+use gs_splats::Splats;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::exchange::{Format, Packed, read_packed};
 use gs_worlds::deblur::{self, DeblurOptions};
@@ -134,7 +134,7 @@ fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 3] {
     let packed = Packed { splats: far_scene(), motion: None, samples: 0 };
     let written = |name: &str, format: Format| {
         let path = folder.join(name);
-        packed.write(&path, format, &common::device()).expect("written");
+        packed.write(&path, format).expect("written");
         fs::read(&path).expect("read")
     };
     let ply = written("seed.ply", Format::Ply);
@@ -155,18 +155,17 @@ fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 3] {
 
 fn scenes(cases: u32) {
     let folder = tempfile::tempdir().expect("a folder");
-    let device = common::device();
     for (ending, seeds) in scene_seeds(folder.path()) {
         let file = folder.path().join(format!("scene.{ending}"));
         for seed in &seeds {
             fs::write(&file, seed).expect("written");
-            let read = read_packed(&file, &device).expect("a sound seed").expect("a scene");
+            let read = read_packed(&file).expect("a sound seed").expect("a scene");
             // SPZ and glTF are written with rotations of norm 1.
             assert_eq!(read.splats.len(), if ending == "ply" { 5 } else { 6 }, "{ending}");
         }
         fuzz(cases, &seeds, |bytes| {
             fs::write(&file, bytes).expect("written");
-            match read_packed(&file, &device) {
+            match read_packed(&file) {
                 Ok(packed) => {
                     packed.expect("an ending that is read").splats.check().expect("finite numbers");
                     None

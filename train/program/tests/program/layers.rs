@@ -20,7 +20,7 @@ const NO_CIRCLES: [&str; 12] = [
     "datasets/worlds/src",
     "models/src",
     "gs-burn/src",
-    "formats/src",
+    "datasets/splats/src",
     "train/src",
     "train/pipelines/src",
     "train/program/src",

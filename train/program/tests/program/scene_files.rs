@@ -9,7 +9,7 @@ use std::path::Path;
 use crate::common::program::{fails, says, succeeds};
 use glam::{DMat4, DVec3};
 use gs_datasets::load_cameras;
-use gs_formats::Splats;
+use gs_splats::Splats;
 use gs_train::run::exchange::{Format, Packed, read_packed};
 use serde_json::{Value, json};
 
@@ -74,7 +74,7 @@ fn far_scenes_keep_their_digits() {
     {
         assert!(succeeds(folder, &["convert", from, to]).contains("positions are relative to (450"));
     }
-    let found = |file: &str| read_packed(&folder.join(file), &common::device()).expect("read").expect("a scene").splats;
+    let found = |file: &str| read_packed(&folder.join(file)).expect("read").expect("a scene").splats;
     for file in ["a.ply", "a.glb", "a.spz", "b.spz", "c.glb", "d.ply", "e.ply", "f.glb"] {
         let splats = found(file);
         // A number in JSON is read to one unit in the last place.
@@ -139,7 +139,7 @@ fn cloud(count: usize) -> Splats {
 
 fn write(folder: &Path, name: &str, splats: Splats) {
     let packed = Packed { splats, motion: None, samples: 0 };
-    packed.write(&folder.join(name), Format::Ply, &common::device()).expect("written");
+    packed.write(&folder.join(name), Format::Ply).expect("written");
 }
 
 /// Two Gaussians far from 398 others: left out of an SPZ with a sentence, kept when asked for, and named where nothing

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Gaussians;
-use gs_formats::Splats;
+use gs_splats::Splats;
 
 /// The Gaussians on the host, without an offset.
 pub fn splats_of(gaussians: &Gaussians, antialiased: Option<bool>) -> Splats {

@@ -7,16 +7,14 @@ mod spare;
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
-use burn::tensor::Device;
+use anyhow::{Result, bail};
 use glam::{DMat3, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted};
-use gs_burn::ply::{self, SplatRenderMode};
-use gs_formats::{Law, Motion, Splats, glb, spz, turn, usda};
+use gs_splats::ply::{self, SplatRenderMode};
+use gs_splats::{Law, Motion, Splats, glb, spz, turn, usda};
 
 pub use foreign::refuse_foreign;
-use host::{gaussians_of, splats_of};
 pub use motion::{MotionScene, motion_of, time_function};
 
 /// A format that is written.
@@ -116,10 +114,7 @@ impl Packed {
     /// When the scene does not fit the format.
     pub fn length(&self, format: Format) -> Result<u64> {
         let length = match format {
-            Format::Ply => {
-                let Splats { degree, offset, .. } = self.splats;
-                ply::encoded_len(self.splats.len(), degree, self.render_mode(), offset)
-            }
+            Format::Ply => ply::encoded_len(&self.splats),
             Format::Spz => spz::encode(&self.splats).map_err(anyhow::Error::msg)?.len(),
             Format::Glb => glb::encode(&self.splats, self.motion.as_ref(), false).map_err(anyhow::Error::msg)?.len(),
             Format::Usda => usda::encode(&self.splats, &self.sampled()).map_err(anyhow::Error::msg)?.len(),
@@ -143,29 +138,15 @@ impl Packed {
     ///
     /// # Errors
     /// One sentence that names the file; then no partial file is left.
-    pub fn write(&self, path: &Path, format: Format, device: &Device) -> Result<()> {
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-        }
+    pub fn write(&self, path: &Path, format: Format) -> Result<()> {
         match format {
-            Format::Ply => {
-                ply::write_ply_as(path, &gaussians_of(&self.splats, device), self.render_mode(), self.splats.offset)?;
-            }
+            Format::Ply => ply::write(path, &self.splats)?,
             Format::Spz => spz::write(path, &self.splats)?,
             Format::Glb => glb::write(path, &self.splats, self.motion.as_ref(), false)?,
             Format::Usda => usda::write(path, &self.splats, &self.sampled())?,
         }
         Ok(())
     }
-
-    fn render_mode(&self) -> Option<SplatRenderMode> {
-        self.splats.antialiased.map(render_mode)
-    }
-}
-
-/// The comment of a PLY file.
-pub fn render_mode(antialiased: bool) -> SplatRenderMode {
-    if antialiased { SplatRenderMode::Mip } else { SplatRenderMode::Default }
 }
 
 /// The note on an offset, for the sentence on a file; `None` where there is none.
@@ -179,12 +160,12 @@ pub fn offset_note(offset: [f64; 3]) -> Option<String> {
 ///
 /// # Errors
 /// One sentence that names the file, what was expected and what was found.
-pub fn read_packed(path: &Path, device: &Device) -> Result<Option<Packed>> {
+pub fn read_packed(path: &Path) -> Result<Option<Packed>> {
     refuse_foreign(path)?;
     let Some(format) = Format::of(path).filter(|_| !path.is_dir()) else { return Ok(None) };
     let still = |splats| Packed { splats, motion: None, samples: 0 };
     let packed = match format {
-        Format::Ply => still(read_ply(path, device)?),
+        Format::Ply => still(read_ply(path)?),
         Format::Spz => still(spz::read(path)?),
         Format::Glb => {
             let contents = glb::read(path)?;
@@ -198,16 +179,15 @@ pub fn read_packed(path: &Path, device: &Device) -> Result<Option<Packed>> {
     without_empty_rows(path, packed).map(Some)
 }
 
-fn read_ply(path: &Path, device: &Device) -> Result<Splats> {
-    let scene = ply::read_ply_scene(path, device)?;
+fn read_ply(path: &Path) -> Result<Splats> {
+    let scene = ply::read(path)?;
     if scene.sh_degree > 3 {
         tracing::warn!("{}: spherical harmonics of degree {} were cut to degree 3", path.display(), scene.sh_degree);
     }
     if scene.render_mode == Some(SplatRenderMode::Flat) {
         tracing::warn!("{}: made for 2D Gaussians, which are drawn as thin 3D ones here", path.display());
     }
-    let antialiased = scene.render_mode.map(|mode| mode == SplatRenderMode::Mip);
-    Ok(Splats { offset: scene.offset, ..splats_of(&scene.gaussians, antialiased) })
+    Ok(scene.splats)
 }
 
 /// A row of zeros has no rotation and is no Gaussian.

@@ -2,9 +2,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Gaussians;
-use gs_formats::{Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction};
 use gs_models::DynamicScene;
 use gs_models::basis::{self, Form, MotionBasis};
+use gs_splats::{Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction};
 
 use super::host::{gaussians_of, splats_of};
 

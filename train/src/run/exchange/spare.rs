@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gs_base::{agree, counted};
-use gs_formats::spz;
+use gs_splats::spz;
 
 use super::{Format, Packed};
 

@@ -88,7 +88,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
             Some(turn) => scene.turned(turn),
             None => scene,
         };
-        write_one(path, &scene, format, note, &device)?;
+        write_one(path, &scene, format, note)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -104,8 +104,8 @@ fn keep(scene: &mut Packed, rows: Option<&[u32]>) {
 ///
 /// # Errors
 /// One sentence that names the file; then no partial file is left.
-pub fn write_one(path: &Path, scene: &Packed, format: Format, mut notes: Vec<String>, device: &Device) -> Result<()> {
-    scene.write(path, format, device)?;
+pub fn write_one(path: &Path, scene: &Packed, format: Format, mut notes: Vec<String>) -> Result<()> {
+    scene.write(path, format)?;
     let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
     notes.extend(scene.notes(format));
     let notes: String = notes.iter().map(|note| format!(", {note}")).collect();
@@ -135,7 +135,7 @@ fn rotation(args: &ExportArgs, loaded: &LoadedScene, up: Up) -> Result<DMat3> {
 /// # Errors
 /// When `up` has no direction.
 pub fn upright(up: DVec3) -> Result<DMat3> {
-    gs_formats::turn::upright(up).context("expected an axis that is up, found none")
+    gs_splats::turn::upright(up).context("expected an axis that is up, found none")
 }
 
 /// Writes the network of a run.
@@ -143,7 +143,7 @@ fn network(args: &ExportArgs, device: &Device) -> Result<ExitCode> {
     if args.out.exists() {
         bail!("{}: expected the name of a new file, since it may be a checkpoint of a run", args.out.display());
     }
-    let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene, device)? else {
+    let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene)? else {
         bail!("{}: expected a run of a network, found a file of Gaussians", args.scene.display());
     };
     let Some(networks) = of_checkpoint(&checkpoint)?.networks() else {

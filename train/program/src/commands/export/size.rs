@@ -42,7 +42,7 @@ pub(super) fn fit(
         scenes.clone_from_slice(&whole);
         return Ok(vec![format!("all fit into {target} MB")]);
     }
-    let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene, device)? else {
+    let SceneFile::Checkpoint(checkpoint) = read_file(&args.scene)? else {
         bail!("{}: --target-mb needs a run, whose photos say which Gaussians contribute", args.scene.display());
     };
     let dataset = checkpoint.origin.dataset.clone();

@@ -72,7 +72,7 @@ struct Work<'a> {
 pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
     let device = device(&args.device)?;
     let out = plan::folder(args)?;
-    let SceneFile::Checkpoint(checkpoint) = read_file(&args.run, &device)? else {
+    let SceneFile::Checkpoint(checkpoint) = read_file(&args.run)? else {
         bail!("{}: expected a run with a moving scene, found a PLY file, which is one moment", args.run.display());
     };
     let dataset = args.data.clone().unwrap_or_else(|| checkpoint.origin.dataset.clone());

@@ -7,6 +7,7 @@ use std::process::{Child, Stdio};
 use std::time::Duration;
 
 use gs_models::Static;
+use gs_train::run::exchange::host::splats_of;
 use gsburn::report::viewer::{self, Packed};
 use serde_json::Value;
 
@@ -65,7 +66,7 @@ fn many_gaussians_lose_their_harmonics_and_the_page_says_so() {
 #[test]
 fn a_ply_alone_has_a_page() {
     let folder = tempfile::tempdir().expect("a folder");
-    gs_burn::ply::write_ply(folder.path().join("scene.ply"), &cloud(50, 1, 3)).expect("written");
+    gs_splats::ply::write(&folder.path().join("scene.ply"), &splats_of(&cloud(50, 1, 3), None)).expect("written");
     says(folder.path(), &["view", "scene.ply"]);
     let page = std::fs::read_to_string(folder.path().join("scene.html")).expect("a page");
     assert!(page.contains("Content-Security-Policy") && !page.contains("src=\"http"));
