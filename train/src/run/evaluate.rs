@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::metrics::{
     Perceptual, is_of_equal_images, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, shown_psnr, ssim, ssim_masked,
 };
+use super::scene::TIMES_AT_ONCE;
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
 use crate::fit::method::Step;
@@ -368,9 +369,6 @@ fn psnr_of_mean_error(views: &[ViewScores]) -> f64 {
     psnr_of_mse(errors.sum::<f64>() / views.len() as f64)
 }
 
-/// Times at which a scene is held at once: a rollout is integrated once for all of them, and each holds its Gaussians.
-const TIMES_AT_ONCE: usize = 16;
-
 /// The views of each time by index, times ascending; 0 for a view without a time.
 fn by_time(views: &[View]) -> Vec<(f64, Vec<usize>)> {
     let mut order: Vec<(f64, usize)> =
@@ -474,12 +472,15 @@ impl Measured {
     }
 }
 
+/// The word for sharp renderings that are compared with photos.
+pub const PHOTO: &str = "photo";
+
 /// A comparison in a word; `has_truth`: the sharp truth of blurry photos is known.
 fn described_comparison(compared: Compared, has_truth: bool) -> &'static str {
     match (compared, has_truth) {
         (Compared::FormedBlur, _) => "formed blur",
         (Compared::Sharp, true) => "sharp truth",
-        (Compared::Sharp, false) => "photo",
+        (Compared::Sharp, false) => PHOTO,
     }
 }
 

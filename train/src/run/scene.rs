@@ -144,6 +144,14 @@ impl LoadedScene {
     }
 }
 
+/// Times at which a scene is held at once: a rollout is integrated once for all of them, and each holds its Gaussians.
+pub const TIMES_AT_ONCE: usize = 16;
+
+/// The Gaussians at each of `times`, of which a few are held at once.
+pub fn through_time<'a>(scene: &'a dyn DynamicScene, times: &'a [f64]) -> impl Iterator<Item = Gaussians> + 'a {
+    times.chunks(TIMES_AT_ONCE).flat_map(|times| scene.at_times(times))
+}
+
 /// A sentence about times outside a recording; `None` without any.
 pub fn outside(times: &[f64], [first, last]: [f64; 2]) -> Option<String> {
     let outside = || times.iter().filter(|t| !(first..=last).contains(*t));

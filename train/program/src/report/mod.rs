@@ -44,7 +44,7 @@ pub fn finish(folder: &RunFolder, outcome: Outcome) -> Result<EvalFile> {
     let Outcome { eval, report } = outcome;
     let Some(mut contents) = report else { return Ok(eval) };
     let mut files = std::mem::take(&mut contents.files);
-    files.tried("report.html", write(folder, &eval, &contents).and_then(|()| add_future(folder, &contents)));
+    files.tried("report.html", write(folder, &eval, &contents).and_then(|()| add_future(folder, &eval, &contents)));
     files.done()?;
     if let Some(peak) = eval.last.cost.peak_memory_bytes {
         tracing::info!("peak memory {} (expected {})", megabytes(peak), megabytes(eval.predicted_memory_bytes));
@@ -58,11 +58,11 @@ pub fn schedule_svg(schedule: &Timetable) -> String {
 }
 
 /// Adds the future to the report, where cameras that are held out saw one.
-fn add_future(folder: &RunFolder, contents: &Contents) -> Result<()> {
+fn add_future(folder: &RunFolder, eval: &EvalFile, contents: &Contents) -> Result<()> {
     let (Some(presented), Some(photos)) = (&contents.scene, &contents.photos) else { return Ok(()) };
     let ScenePhotos { photos, facts, render, device } = photos;
     let studio = Studio { facts: *facts, render: render.clone(), device: device.clone() };
-    let known = Known { studio: &studio, scene: &*presented.scene, photos };
+    let known = Known { studio: &studio, scene: &*presented.scene, photos, measured: Some(&eval.last.measured) };
     match known.horizon(None) {
         Some(horizon) => future::add_to_report(folder, &known.section(&horizon, &[])?),
         None => Ok(()),

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
-use gs_burn::{RenderOptions, render};
+use gs_burn::{Gaussians, RenderOptions, render};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
 
@@ -12,7 +12,7 @@ use gs_train::fit::density::prune::contributions;
 use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::run::exchange::{Format, Packed};
 use gs_train::run::metrics::{psnr, psnr_masked};
-use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
+use gs_train::run::scene::{LoadedScene, SceneFile, read_file, through_time};
 
 use super::keep;
 
@@ -118,8 +118,8 @@ fn shown(photos: &Scene) -> (&'static str, &[View]) {
 }
 
 fn mean_psnr(scene: &dyn DynamicScene, views: &[View], options: &RenderOptions) -> f64 {
-    let of_view = |view: &View| {
-        let gaussians = scene.at(view.time.unwrap_or(0.0));
+    let times: Vec<f64> = views.iter().map(|view| view.time.unwrap_or(0.0)).collect();
+    let score = |(view, gaussians): (&View, Gaussians)| {
         let device = gaussians.device();
         let image = render(&gaussians, &camera(view, &device), options).color;
         let photo = view.truth.sharp.as_ref().unwrap_or(&view.image);
@@ -129,5 +129,5 @@ fn mean_psnr(scene: &dyn DynamicScene, views: &[View], options: &RenderOptions) 
             None => psnr(image, truth),
         }
     };
-    views.iter().map(of_view).sum::<f64>() / views.len().max(1) as f64
+    views.iter().zip(through_time(scene, &times)).map(score).sum::<f64>() / views.len().max(1) as f64
 }

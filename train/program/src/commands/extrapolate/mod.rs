@@ -90,7 +90,7 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
     let scene = scene.as_deref().unwrap_or(&*loaded.scene);
     let last = future.map_or(f64::INFINITY, |future| future.last());
     let times = plan::times(args, span, plan::interval(&photos), last)?;
-    let known = Known { studio: &studio, scene, photos: &photos };
+    let known = Known { studio: &studio, scene, photos: &photos, measured: None };
 
     let middle = middle(&known, span, args.to);
     let shots = plan::shots(&args.camera, &photos, middle, times.len())?;

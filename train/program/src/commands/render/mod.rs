@@ -20,7 +20,7 @@ use gs_pipelines::load_scene;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::outputs::{self, MARK, marked_png};
 use gs_train::run::pixels::{image_bytes, velocity_colors};
-use gs_train::run::scene::LoadedScene;
+use gs_train::run::scene::{LoadedScene, through_time};
 
 use film::Film;
 
@@ -72,8 +72,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         let c2w = glam::DMat4::from_translation(-loaded.origin) * pose.c2w;
         let camera = Camera::from_c2w(c2w, pose.intrinsics, pose.width, pose.height, &device);
         let mut animation = Vec::new();
-        for (stem, t) in moments {
-            let gaussians = loaded.scene.at(t);
+        let times: Vec<f64> = moments.iter().map(|(_, t)| *t).collect();
+        for ((stem, t), gaussians) in moments.into_iter().zip(through_time(&*loaded.scene, &times)) {
             let features = (args.maps && loaded.scene.span().is_some()).then(|| loaded.scene.velocity(t));
             let rendering = render_with(&gaussians, &camera, &options, Extras { features, ..Extras::default() });
             write(&stem, pose, &rendering, args.format)?;

@@ -15,6 +15,7 @@ use super::studio::{Known, pose_of};
 use crate::report::charts::{Chart, Series};
 use gs_train::fit::parameters::{from_host, to_host};
 use gs_train::fit::photos::to_tensor;
+use gs_train::run::scene::through_time;
 
 /// Groups of equal size in which spread and error are compared.
 const GROUPS: usize = 10;
@@ -127,8 +128,8 @@ pub fn by_true_motion(scene: &dyn DynamicScene, spread: &Spread, rows: &[u32], m
     let first = to_host(scene.at(start).means.val());
     let of_body: Vec<Option<&Mover>> = rows.iter().map(|row| carrier(movers, at(&first, *row), start)).collect();
     let mut pairs = Vec::new();
-    for (time, values) in spread.times.iter().zip(&spread.values) {
-        let now = to_host(scene.at(*time).means.val());
+    for ((time, values), now) in spread.times.iter().zip(&spread.values).zip(through_time(scene, &spread.times)) {
+        let now = to_host(now.means.val());
         for (row, mover) in rows.iter().zip(&of_body) {
             let begin = at(&first, *row);
             let Some(truth) = mover.map_or(Some(begin), |mover| mover.carried(begin, start, *time)) else { continue };
@@ -152,10 +153,12 @@ fn carrier(movers: &[Mover], point: glam::DVec3, time: f64) -> Option<&Mover> {
 pub fn by_images(known: &Known, spread: &Spread, views: &[&View]) -> Vec<(f64, f64)> {
     let device = &known.studio.device;
     let mut pairs = Vec::new();
-    for view in views.iter().step_by(views.len().div_ceil(VIEWS).max(1)) {
-        let time = view.time.unwrap_or(0.0);
-        let Some(index) = spread.times.iter().position(|other| *other == time) else { continue };
-        let (gaussians, pose) = (known.scene.at(time), pose_of(view));
+    let position = |view: &&View| spread.times.iter().position(|time| view.time == Some(*time));
+    let views = views.iter().step_by(views.len().div_ceil(VIEWS).max(1));
+    let views: Vec<(&View, usize)> = views.filter_map(|view| Some((*view, position(view)?))).collect();
+    let times: Vec<f64> = views.iter().map(|(_, index)| spread.times[*index]).collect();
+    for ((view, index), gaussians) in views.into_iter().zip(through_time(known.scene, &times)) {
+        let pose = pose_of(view);
         let features = from_host(spread.values[index].clone(), 1, device);
         let (spreads, alpha) = seen(known.studio, &gaussians, &pose, features);
         let image = known.studio.image(&gaussians, &pose);

@@ -12,7 +12,9 @@ use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
 use gs_train::fit::photos::to_tensor;
 use gs_train::fit::told::{MOVING, given_regions};
+use gs_train::run::evaluate::PHOTO;
 use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::scene::through_time;
 
 /// Splits of the future, the first of which is charted: cameras that did not train, then those that did.
 const FUTURES: [&str; 2] = [Split::TEST, Split::TEST_SEEN];
@@ -125,9 +127,14 @@ impl Known<'_> {
         let held = self.scene.at(end);
         let mut seen: Vec<(DMat4, Tensor<3>)> = Vec::new();
         let mut scores = Vec::with_capacity(views.len());
-        for views in views.chunk_by(|a, b| a.time == b.time) {
-            let time = views[0].time.unwrap_or(0.0);
-            let now = self.scene.at(time);
+        let groups: Vec<&[&View]> = views.chunk_by(|a, b| a.time == b.time).collect();
+        let time_of = |views: &[&View]| views[0].time.unwrap_or(0.0);
+        let is_measured = |views: &[&View]| views.iter().all(|view| self.measured_scores(view).is_some());
+        let times: Vec<f64> = groups.iter().filter(|views| !is_measured(views)).map(|views| time_of(views)).collect();
+        let mut scenes = through_time(self.scene, &times);
+        for views in groups {
+            let time = time_of(views);
+            let now = if is_measured(views) { None } else { scenes.next() };
             for view in views {
                 let pose = pose_of(view);
                 let held = (time > end).then(|| {
@@ -138,11 +145,20 @@ impl Known<'_> {
                         image
                     })
                 });
-                let model = self.studio.image(&now, &pose);
-                scores.push(Score { time, model: compared(model, view), held: held.map(|held| compared(held, view)) });
+                let rendered = now.as_ref().map(|now| compared(self.studio.image(now, &pose), view));
+                let model = rendered.or_else(|| self.measured_scores(view)).expect("one of the two");
+                scores.push(Score { time, model, held: held.map(|held| compared(held, view)) });
             }
         }
         scores
+    }
+
+    /// The scores of a view, whole and over the moving part, where its split was measured against the photos.
+    fn measured_scores(&self, view: &View) -> Option<(f64, Option<f64>)> {
+        let measured = self.measured.filter(|measured| measured.quality.compared == PHOTO)?;
+        let is_own = self.photos.split(&measured.split)?.iter().any(|other| std::ptr::eq(other, view));
+        let scores = measured.quality.views.iter().find(|scores| is_own && scores.name == view.name)?;
+        Some((scores.scores.psnr, scores.regions.get(MOVING).map(|scores| scores.psnr)))
     }
 
     /// Predicted frames above the photos of the horizon's split.

@@ -4,6 +4,7 @@ use gs_datasets::View;
 
 use super::studio::{Known, pose_of};
 use gs_train::run::pixels::image_bytes;
+use gs_train::run::scene::through_time;
 
 /// Columns at most: as many frames as a page shows side by side.
 const COLUMNS: usize = 6;
@@ -28,10 +29,12 @@ pub struct Picture {
 /// Predictions above photos of the camera with the most of `views`, at a few times from the first to the last.
 pub fn strip(known: &Known, views: &[&View]) -> Picture {
     let chosen = chosen(views);
+    let times: Vec<f64> = chosen.iter().map(|view| view.time.unwrap_or(0.0)).collect();
     let rows: Vec<(Picture, Picture)> = chosen
         .iter()
-        .map(|view| {
-            let image = known.studio.image(&known.scene.at(view.time.unwrap_or(0.0)), &pose_of(view));
+        .zip(through_time(known.scene, &times))
+        .map(|(view, gaussians)| {
+            let image = known.studio.image(&gaussians, &pose_of(view));
             let (width, height) = (view.width, view.height);
             let predicted = Picture { width, height, pixels: image_bytes(image) };
             (predicted, Picture { width, height, pixels: view.image.data.clone() })

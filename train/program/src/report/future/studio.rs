@@ -7,6 +7,7 @@ use gs_models::DynamicScene;
 
 use gs_train::config::RenderConfig;
 use gs_train::fit::facts::SceneFacts;
+use gs_train::run::evaluate::Measured;
 
 /// How pictures of a scene are drawn.
 #[derive(Debug, Clone)]
@@ -28,6 +29,8 @@ pub struct Known<'a> {
     pub scene: &'a dyn DynamicScene,
     /// The photos; the scene's origin is subtracted from their cameras.
     pub photos: &'a Scene,
+    /// A measurement of the scene on a split of the photos, whose scores are not taken again.
+    pub measured: Option<&'a Measured>,
 }
 
 impl Studio {
