@@ -26,7 +26,7 @@ const FARTHEST: f64 = 0.5;
 /// Fewest sweeps that judge: two give no scatter to speak of.
 const FEWEST_SWEEPS: usize = 3;
 
-/// What the choice of degrees left.
+/// The outcome of the choice of degrees.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Degrees {
     /// Actors of each degree.

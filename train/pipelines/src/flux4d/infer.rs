@@ -26,7 +26,7 @@ impl Ready {
     }
 }
 
-/// What a network says of a snippet.
+/// The output of a network for a snippet.
 #[derive(Debug, Clone)]
 pub struct Inferred {
     /// The snippet.

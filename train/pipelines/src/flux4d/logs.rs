@@ -208,7 +208,7 @@ pub fn times(log: &DrivingLog) -> Vec<f64> {
     log.frames().iter().map(|frame| frame.time).collect()
 }
 
-/// What the gaps of a recording cost, in a sentence; `None` without any.
+/// The cost of the gaps of a recording, in a sentence; `None` without any.
 pub fn gaps(log: &DrivingLog) -> Option<String> {
     let runs = runs(&times(log));
     let short: usize = runs.iter().map(Range::len).filter(|frames| *frames < MIN_FRAMES).sum();

@@ -80,7 +80,7 @@ impl Rows {
         7 * snippet.frames.len() * pixels + 60 * self.all() + 18 * self.points
     }
 
-    /// What the network and the renderings of a step hold.
+    /// Bytes that the network and the renderings of a step hold.
     fn step(self, config: &FluxConfig) -> [(&'static str, u64); 2] {
         // Half of the points share their voxel with another at the default edge; each far point is alone in its voxel.
         let alone = if config.own.unet.far == FarChoice::Voxels { self.far } else { 0 };

@@ -58,7 +58,7 @@ pub struct HostSnippet {
     pub rows: LiftedRows,
     /// Of each row that is not far, the place of its input frame in the snippet.
     pub row_frames: Vec<u16>,
-    /// What the sweeps themselves show of the motion of each row that is not far; empty where velocities start at zero.
+    /// The motion that the sweeps themselves show of each row that is not far; empty where velocities start at zero.
     pub start: Vec<RowMotion>,
     /// Images of the inputs.
     pub inputs: Vec<HostView>,

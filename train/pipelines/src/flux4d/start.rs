@@ -35,7 +35,7 @@ impl RowMotion {
     }
 }
 
-/// What the sweeps of some frames show to move, in the axes that `from_world` leads to.
+/// The motions that the sweeps of some frames show, in the axes that `from_world` leads to.
 pub fn aligned<'a>(
     log: &DrivingLog,
     sweeps: impl IntoIterator<Item = (usize, &'a Sweep)>,

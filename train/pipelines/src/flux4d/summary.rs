@@ -26,7 +26,7 @@ pub struct Seconds {
     pub render: f64,
 }
 
-/// What is written beside the images.
+/// The figures that are written beside the images.
 #[derive(Debug, Serialize)]
 pub struct Summary {
     /// The mark of the program's files.

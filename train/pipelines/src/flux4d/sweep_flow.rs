@@ -26,7 +26,7 @@ const SUMMARY: &str = "flow.json";
 /// Points of a sweep that a fit looks at; the flow is then evaluated on all. As many as the field's fits of pairs take.
 pub const FIT_POINTS: usize = 8192;
 
-/// What is asked for.
+/// A request for scene flow.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepFlow<'a> {
     /// The log.

@@ -1,11 +1,12 @@
-//! Golden figures: what 300 steps of five recipes (`static/base`; `taylormode/base`, `paper`, `itg` and `no-blur`) reach on a small world,
-//! as the mean over three seeds. A change of the code that loses half a decibel fails here, and one that wins it has to write down the new
-//! figures. The other recipes have no golden figures: they differ from these in their data or in single keys.
+//! Golden figures: what 300 steps of five recipes (`static/base`; `taylormode/base`, `paper`, `itg` and `no-blur`)
+//! reach on a small world, as the mean over three seeds. A change of the code that loses half a decibel fails here, and
+//! one that wins it has to write down the new figures. The other recipes have no golden figures: they differ from these
+//! in their data or in single keys.
 //!
-//! Single runs scatter with the seed: by 0.13 dB over whole images (standard deviation within a recipe, pooled over the five recipes with
-//! three seeds each, ten degrees of freedom) and by 0.035 dB over moving parts (four recipes, eight degrees). Numbers of another processor
-//! round differently, which is no worse than another seed. Two means over three such runs then differ by less than
-//! `t * deviation * sqrt(2 / 3)` in 99 of 100 cases, with t = 3.17 and 3.36.
+//! Single runs scatter with the seed: by 0.13 dB over whole images (standard deviation within a recipe, pooled over the
+//! five recipes with three seeds each, ten degrees of freedom) and by 0.035 dB over moving parts (four recipes, eight
+//! degrees). Numbers of another processor round differently, which is no worse than another seed. Two means over three
+//! such runs then differ by less than `t * deviation * sqrt(2 / 3)` in 99 of 100 cases, with t = 3.17 and 3.36.
 
 use crate::common;
 
@@ -21,7 +22,7 @@ const SEEDS: [u64; 3] = [42, 43, 44];
 const WHOLE: f64 = 0.34;
 const MOVING: f64 = 0.10;
 
-/// What the five recipes are asked with: few Gaussians and steps.
+/// The overrides of the five recipes: few Gaussians and steps.
 const SMALL: [&str; 8] = [
     "steps=300",
     "density.cap=1500",
@@ -41,7 +42,7 @@ struct Golden {
     moving: Option<f64>,
 }
 
-/// What a recipe reached.
+/// The scores that a recipe reached.
 struct Held {
     /// Mean PSNR of moving parts, dB.
     moving: Option<f64>,
@@ -49,8 +50,8 @@ struct Held {
     misses: Vec<String>,
 }
 
-/// Seeds 42, 43, 44: 26.92, 26.93, 26.84. With copies that coincide: 25.23, 25.59, 25.20; as published, also without the measures that follow
-/// the run: 20.37, 20.14, 20.17.
+/// Seeds 42, 43, 44: 26.92, 26.93, 26.84. With copies that coincide: 25.23, 25.59, 25.20; as published, also without
+/// the measures that follow the run: 20.37, 20.14, 20.17.
 const STATIC: Golden = Golden { recipe: "static/base", whole: 26.90, moving: None };
 
 /// Seeds 42, 43, 44, whole and moving:
@@ -62,8 +63,8 @@ const STATIC: Golden = Golden { recipe: "static/base", whole: 26.90, moving: Non
 /// | itg | 23.46, 23.49, 23.64 | 17.17, 17.19, 17.22 |
 /// | no-blur | 23.63, 23.58, 23.75 | 17.40, 17.46, 17.51 |
 ///
-/// With the published rates in a short run their means were 23.14, 23.08, 23.10 and 23.04, and 17.56, 17.64, 17.11 and 17.38; with copies that
-/// coincide, besides, 22.86, 22.76, 22.69 and 22.80, and 17.49, 17.48, 17.02 and 17.31.
+/// With the published rates in a short run their means were 23.14, 23.08, 23.10 and 23.04, and 17.56, 17.64, 17.11 and
+/// 17.38; with copies that coincide, besides, 22.86, 22.76, 22.69 and 22.80, and 17.49, 17.48, 17.02 and 17.31.
 const MOTION: [Golden; 4] = [
     Golden { recipe: "taylormode/base", whole: 23.83, moving: Some(17.91) },
     Golden { recipe: "taylormode/paper", whole: 23.75, moving: Some(18.24) },
