@@ -20,7 +20,8 @@ pub struct ImportArgs {
     #[arg(long, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
     pub into: PathBuf,
 
-    /// The folder of the priors [default: priors/depth beside the photos, where a data set with times is searched for them]
+    /// The folder of the priors [default: priors/depth beside the photos, where a data set with times is searched for
+    /// them]
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
 

@@ -1,7 +1,7 @@
 //! `gsburn import`: depth of a network as priors of a data set.
 //!
-//! Networks give depth, or inverse depth, up to a scale and a shift that differ from photo to photo. Both are fitted for
-//! each photo to the data set's own points, and the depth is written in scene units.
+//! Networks give depth, or inverse depth, up to a scale and a shift that differ from photo to photo. Both are fitted
+//! for each photo to the data set's own points, and the depth is written in scene units.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -27,8 +27,8 @@ const FOLDER: &str = "priors/depth";
 /// Writes the priors and prints a line for each photo.
 ///
 /// # Errors
-/// One sentence: a data set that cannot be read or has no points, no depth of any of its photos, a file that is no depth,
-/// a full disk.
+/// One sentence: a data set that cannot be read or has no points, no depth of any of its photos, a file that is no
+/// depth, a full disk.
 pub fn run(args: &ImportArgs) -> Result<ExitCode> {
     // A path that training would refuse.
     utf8(&args.into)?;
