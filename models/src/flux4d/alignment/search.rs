@@ -57,14 +57,23 @@ impl PlanarMotion {
 
     /// Velocity and acceleration of the body at a position, metres and seconds.
     pub fn at(&self, position: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        self.at_arm(position, self.central_acceleration())
+    }
+
+    /// Acceleration of the body's middle, metres per second squared.
+    fn central_acceleration(&self) -> [f64; 2] {
         let ([vx, vy], speed) = (self.velocity, self.speed());
-        let arm = [position[0] - self.centre[0], position[1] - self.centre[1]];
         let along = if speed > 0.0 { self.acceleration / speed } else { 0.0 };
+        [along * vx - self.turn * vy, along * vy + self.turn * vx]
+    }
+
+    /// [`at`](Self::at) with the acceleration of the middle, which is the same for all positions.
+    fn at_arm(&self, position: [f64; 2], [ax, ay]: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        let [vx, vy] = self.velocity;
+        let arm = [position[0] - self.centre[0], position[1] - self.centre[1]];
         let velocity = [vx - self.turn * arm[1], vy + self.turn * arm[0]];
         let squared = self.turn * self.turn;
-        let acceleration =
-            [along * vx - self.turn * vy - squared * arm[0], along * vy + self.turn * vx - squared * arm[1]];
-        (velocity, acceleration)
+        (velocity, [ax - squared * arm[0], ay - squared * arm[1]])
     }
 
     /// The same motion about a later time, its acceleration unchanged along the velocity.
@@ -74,10 +83,18 @@ impl PlanarMotion {
         Self { centre: self.moved(self.centre, seconds), velocity, ..*self }
     }
 
-    /// Where a position is after `seconds`.
+    /// The position after `seconds` of the part of the body that is at a position now.
     pub fn moved(&self, position: [f64; 2], seconds: f64) -> [f64; 2] {
-        let (velocity, acceleration) = self.at(position);
-        [0, 1].map(|axis| position[axis] + seconds * (velocity[axis] + 0.5 * seconds * acceleration[axis]))
+        self.mover(seconds)(position)
+    }
+
+    /// [`moved`](Self::moved) for many positions.
+    fn mover(&self, seconds: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
+        let central = self.central_acceleration();
+        move |position| {
+            let (velocity, acceleration) = self.at_arm(position, central);
+            [0, 1].map(|axis| position[axis] + seconds * (velocity[axis] + 0.5 * seconds * acceleration[axis]))
+        }
     }
 }
 
@@ -96,8 +113,9 @@ impl Other<'_> {
     /// Mean closeness of points that move, 0 to 1; `None` where most of them would be hidden and are not met.
     fn closeness(&self, points: &[[f64; 2]], motion: &PlanarMotion) -> Option<f64> {
         let (mut sum, mut hidden) = (0.0, 0);
+        let moved = motion.mover(self.after);
         for point in points {
-            let at = motion.moved(*point, self.after);
+            let at = moved(*point);
             let close = self.plan.closeness(at[0], at[1]);
             sum += f64::from(close);
             hidden += usize::from(close == 0.0 && self.shadow.hides(at));
