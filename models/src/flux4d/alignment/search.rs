@@ -25,7 +25,7 @@ const SIDE_MAX: f64 = 200.0;
 const SPEED_COST: f64 = 0.002;
 /// Gain of the score from which on an acceleration and a turn are believed.
 const BEND_GAIN: f64 = 0.02;
-/// Where the search for them begins, metres per second squared and radians per second.
+/// First values of the search for them, metres per second squared and radians per second.
 const ACCELERATIONS: [f64; 7] = [0.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0];
 const TURNS: [f64; 5] = [0.0, -0.5, -0.25, 0.25, 0.5];
 /// Length from which on a body's turn can be seen, metres.
@@ -34,9 +34,9 @@ const TURN_LENGTH: f64 = 2.0;
 /// Horizontal motion of a rigid body about a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanarMotion {
-    /// Of the body's middle at that time, metres.
+    /// Position of the body's middle at that time, metres.
     pub centre: [f64; 2],
-    /// Of the middle, metres per second.
+    /// Velocity of the middle, metres per second.
     pub velocity: [f64; 2],
     /// Along the velocity, metres per second squared.
     pub acceleration: f64,
@@ -45,7 +45,7 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// At rest.
+    /// No motion.
     pub fn rest(centre: [f64; 2]) -> Self {
         Self { centre, velocity: [0.0; 2], acceleration: 0.0, turn: 0.0 }
     }
@@ -103,7 +103,7 @@ impl PlanarMotion {
 pub struct Other<'a> {
     /// Its points from above.
     pub plan: &'a Plan,
-    /// What it does not see.
+    /// The places that it does not see.
     pub shadow: &'a Shadow,
     /// Seconds from the body's sweep to it.
     pub after: f64,
@@ -124,8 +124,8 @@ impl Other<'_> {
     }
 }
 
-/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the points are
-/// hidden, and without the share `unsure` of all sweeps, the worst ones, of which those are a part.
+/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the points
+/// are hidden, and without the share `unsure` of all sweeps, the worst ones, of which those are a part.
 pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
     let counted = others.len() - (unsure * others.len() as f64) as usize;
     let mut scores: Vec<f64> = others.iter().filter_map(|other| other.closeness(points, motion)).collect();
@@ -135,8 +135,8 @@ pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[
     scores.iter().sum::<f64>() / seen.max(1) as f64
 }
 
-/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time; the
-/// share `unsure` of them does not count. `bends`: whether the velocity may change.
+/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time;
+/// the share `unsure` of them does not count. `bends`: whether the velocity may change.
 pub fn search(body: &[[f64; 2]], others: &[Other], unsure: f64, bends: bool) -> (PlanarMotion, f64, f64) {
     let points = thinned(body, FINE_POINTS);
     let rest = PlanarMotion::rest(middle(body));
@@ -227,7 +227,7 @@ fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Va
     kept
 }
 
-/// What is to become large: of points and a motion.
+/// The value of points and a motion that is to become large.
 type Value<'a> = &'a dyn Fn(&[[f64; 2]], &PlanarMotion) -> f64;
 
 /// Compass search from a motion: the parameters (velocity, acceleration, turn) change by `steps`, which are halved four
