@@ -79,7 +79,7 @@ fn car(lab: &Lab, saved: &SavedNetwork, options: &StreetOptions) -> Result<Car> 
     let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
     let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
     let inferred = infer(&Ready::new(&saved.network), &host, &log, config, &lab.device)?;
-    let sweeps = of_inputs(&log, &host, &inferred, &snippet.inputs)?;
+    let sweeps = of_inputs(&log, &host, &inferred)?;
     let last = sweeps.iter().flat_map(|sweep| &sweep.tracks).max().cloned();
     Ok(sweeps.iter().fold(Car::default(), |car, sweep| added(car, sweep, last.as_deref())))
 }
