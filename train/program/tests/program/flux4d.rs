@@ -58,8 +58,8 @@ fn a_short_training_beats_the_lifted_points_of_an_unseen_street() {
     reconstructs(&data.join("002"), &job, temporary.path());
 }
 
-/// The mean PSNR of the frames between the inputs of a street, dB, by the untrained network's Gaussians, whose opacities
-/// (logits) are all changed by the best number.
+/// The mean PSNR of the frames between the inputs of a street, dB, by the untrained network's Gaussians, whose
+/// opacities (logits) are all changed by the best number.
 fn best_of_one_opacity(log: &Path, job: &Job) -> f64 {
     let (device, config) = (common::device(), FluxConfig::from_table(&job.config, "the test").expect("valid"));
     let log = logs::open(log, &config.own.logs).expect("a log");
