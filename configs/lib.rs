@@ -1,4 +1,5 @@
-//! The recipes of `gsburn`, compiled in, so that an installed program has them: the TOML files of this folder, by path without extension.
+//! The recipes of `gsburn`, compiled in, so that an installed program has them: the TOML files of this folder, by path
+//! without extension.
 //!
 //! ```
 //! let paper = gs_recipes::find("taylormode/paper").expect("a recipe");
@@ -14,8 +15,8 @@ pub struct Recipe {
     pub text: &'static str,
 }
 
-/// A network of the pipeline `flux4d`, trained on synthetic streets alone: a checkpoint without the state of its optimiser. The recipe
-/// `flux4d/streets` says how.
+/// A network of the pipeline `flux4d`, trained on synthetic streets alone: a checkpoint without the state of its
+/// optimiser. The recipe `flux4d/streets` says how.
 pub const STREETS: &[u8] = include_bytes!("flux4d/streets.safetensors");
 
 macro_rules! recipe {

@@ -17,11 +17,11 @@ pub enum DatasetError {
 
     /// The folder or file is none of the formats this crate reads.
     UnknownFormat {
-        /// What was given to `load`.
+        /// The path given to `load`.
         path: PathBuf,
         /// The layouts that would have been accepted.
         expected: String,
-        /// What is there.
+        /// The content of that path.
         found: String,
     },
 
@@ -31,9 +31,9 @@ pub enum DatasetError {
         path: PathBuf,
         /// The frame's name as the file writes it.
         frame: String,
-        /// What a pose must be.
+        /// The rule of a pose.
         expected: String,
-        /// What this one is.
+        /// The fault of this one.
         found: String,
     },
 
@@ -73,9 +73,9 @@ pub enum DatasetError {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What it asks for.
+        /// The feature it asks for.
         what: String,
-        /// What would be accepted.
+        /// The features that would be accepted.
         expected: String,
     },
 
@@ -101,9 +101,9 @@ pub enum DatasetError {
         path: PathBuf,
         /// The option's name.
         option: &'static str,
-        /// What it may be.
+        /// The values it may have.
         expected: String,
-        /// What it is.
+        /// The value it has.
         found: String,
     },
 }

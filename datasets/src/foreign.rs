@@ -54,7 +54,7 @@ impl Foreign {
         })
     }
 
-    /// What it is and what to do, for a sentence that names the file.
+    /// The kind of file and the next step, for a sentence that names the file.
     pub fn advice(self) -> String {
         match self {
             Self::Photo(name) => format!("a file of the kind {name}; {CONVERT}, and name these in the description"),
@@ -72,8 +72,8 @@ pub(crate) const EXTRACT: &str =
     "extract frames of the video first (`ffmpeg -i VIDEO -vf fps=2 -qscale:v 2 images/%05d.jpg`)";
 
 /// How to make poses.
-pub(crate) const POSES: &str = "COLMAP finds the poses (`colmap automatic_reconstructor --workspace_path FOLDER --image_path \
-                                FOLDER/images`), and so does `ns-process-data` of nerfstudio";
+pub(crate) const POSES: &str = "COLMAP finds the poses (`colmap automatic_reconstructor --workspace_path FOLDER \
+    --image_path FOLDER/images`), and so does `ns-process-data` of nerfstudio";
 
 /// Whether a file is a photo that is read, by its name. `NAME.mask.png` is a mask beside one.
 pub(crate) fn is_photo(path: &Path) -> bool {

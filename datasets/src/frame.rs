@@ -15,8 +15,8 @@ pub struct RgbImage8 {
     pub data: Vec<u8>,
 }
 
-/// One undistorted photo at training size with the camera that took it. Every field is given by the data set; nothing that was
-/// inferred from photos (masks, tracks, depth) is ever written into a view.
+/// One undistorted photo at training size with the camera that took it. Every field is given by the data set; nothing
+/// that was inferred from photos (masks, tracks, depth) is ever written into a view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     /// Path of the image relative to the scene, without extension, separated by `/`; unique in the scene and free of
@@ -34,13 +34,13 @@ pub struct View {
     pub height: usize,
     /// Time as the file gives it (D-NeRF: 0 to 1); `None` in a static scene.
     pub time: Option<f64>,
-    /// The physical camera, by the name in the file. Where the file names none and poses return at other times, cameras are told
-    /// apart by pose ("pose00" and on). `None` where neither tells.
+    /// The physical camera, by the name in the file. Where the file names none and poses return at other times, cameras
+    /// are told apart by pose ("pose00" and on). `None` where neither tells.
     pub camera_id: Option<String>,
     /// The photo; RGBA is already composited on the chosen background.
     pub image: RgbImage8,
-    /// `[height, width]` the photo file's own alpha: 0 where it is transparent, 255 where it is opaque. `None` where the file has none or is
-    /// opaque everywhere.
+    /// `[height, width]` the photo file's own alpha: 0 where it is transparent, 255 where it is opaque. `None` where
+    /// the file has none or is opaque everywhere.
     pub alpha: Option<Vec<u8>>,
     /// `[height, width]`: 255 = compare this pixel, 0 = ignore it; `None` when every pixel counts.
     pub mask: Option<Vec<u8>>,
@@ -54,8 +54,9 @@ pub struct View {
 }
 
 impl View {
-    /// A photo and its camera, with nothing else known: no name, time, camera, alpha, mask, exposure, prior or truth. Width and height are the
-    /// image's. Further fields are set by struct update, `View { time: Some(0.5), ..View::new(..) }`.
+    /// A photo and its camera, with nothing else known: no name, time, camera, alpha, mask, exposure, prior or truth.
+    /// Width and height are the image's. Further fields are set by struct update, `View { time: Some(0.5),
+    /// ..View::new(..) }`.
     pub fn new(c2w: glam::DMat4, intrinsics: Intrinsics, image: RgbImage8) -> Self {
         Self {
             name: String::new(),
@@ -101,8 +102,8 @@ impl View {
             + mask(moving_union)
     }
 
-    /// A black photo by a camera at the world's origin that looks along z, with a focal length of one image width and its principal
-    /// point in the middle; for tests.
+    /// A black photo by a camera at the world's origin that looks along z, with a focal length of one image width and
+    /// its principal point in the middle; for tests.
     pub fn blank(width: usize, height: usize) -> Self {
         let (w, h) = (width as f64, height as f64);
         let intrinsics = Intrinsics { fx: w, fy: w, cx: 0.5 * w, cy: 0.5 * h };
@@ -111,10 +112,11 @@ impl View {
     }
 }
 
-/// Guesses about a photo that were computed beforehand and lie in the data set, at the size of [`View::image`]. Each is optional.
+/// Guesses about a photo that were computed beforehand and lie in the data set, at the size of [`View::image`]. Each is
+/// optional.
 ///
-/// Priors are given, not inferred: a mask or a depth that a program finds itself while it trains or evaluates belongs to that
-/// program. Otherwise a later step could not tell it from a file of the data set.
+/// Priors are given, not inferred: a mask or a depth that a program finds itself while it trains or evaluates belongs
+/// to that program. Otherwise a later step could not tell it from a file of the data set.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Priors {
     /// Depth or inverse depth.
@@ -151,8 +153,8 @@ pub struct DepthPrior {
 /// Ground truth of a synthetic world, at the size of [`View::image`]. It is given by the data set, never inferred.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Truth {
-    /// The image of a shutter of no duration at the exposure's centre. In held-out views it is [`View::image`] itself, and this is
-    /// `None`.
+    /// The image of a shutter of no duration at the exposure's centre. In held-out views it is [`View::image`] itself,
+    /// and this is `None`.
     pub sharp: Option<RgbImage8>,
     /// The blurry photo, where [`View::image`] is sharp (held-out views).
     pub blurry: Option<RgbImage8>,

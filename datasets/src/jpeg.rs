@@ -1,5 +1,5 @@
-//! How large the image of a JPEG file is, and whether the file ends where it says: its segments are walked, nothing is decoded
-//! (ITU T.81, annex B).
+//! How large the image of a JPEG file is, and whether the file ends where it says: its segments are walked, nothing is
+//! decoded (ITU T.81, annex B).
 
 use std::io::{Read, Seek};
 
@@ -11,8 +11,8 @@ const START: u8 = 0xD8;
 const END: u8 = 0xD9;
 const SCAN: u8 = 0xDA;
 
-/// Width and height as the first frame header says, read from the start of a file: segments before it are skipped, and nothing
-/// behind it is read. `None` where there is no such header.
+/// Width and height as the first frame header says, read from the start of a file: segments before it are skipped, and
+/// nothing behind it is read. `None` where there is no such header.
 pub(crate) fn size(file: &mut (impl Read + Seek)) -> Option<(u32, u32)> {
     let mut start = [0; 2];
     file.read_exact(&mut start).ok()?;

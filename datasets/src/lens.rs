@@ -18,7 +18,8 @@ const ASPECT_TOLERANCE: f64 = 0.01;
 /// Focal lengths of lenses that are pinholes to us, in image sides: from 179 degrees across to a telescope's.
 const FOCAL_SIDES: RangeInclusive<f64> = 0.01..=1e4;
 
-/// Farthest principal point from the middle, image sides: a photo may be a crop of a larger one, and is then a fifth of it at least.
+/// Farthest principal point from the middle, image sides: a photo may be a crop of a larger one, and is then a fifth of
+/// it at least.
 const CENTRE_SIDES: f64 = 2.0;
 
 /// A focal length as the file writes it.
@@ -46,7 +47,8 @@ impl Focal {
     }
 }
 
-/// "960.0 pixels", "1e300 pixels": the debug format of a number shortens large ones, which otherwise fill lines with zeros.
+/// "960.0 pixels", "1e300 pixels": the debug format of a number shortens large ones, which otherwise fill lines with
+/// zeros.
 fn in_pixels(value: f64) -> String {
     format!("{value:?} pixels")
 }
@@ -71,7 +73,8 @@ pub(crate) struct Resolved {
     pub intrinsics: Intrinsics,
     /// The declared size, where the file's intrinsics had to be rescaled from it.
     pub rescaled_from: Option<(f64, f64)>,
-    /// The principal point is not inside the photo: of a crop, or the intrinsics are for another size and do not say which.
+    /// The principal point is not inside the photo: of a crop, or the intrinsics are for another size and do not say
+    /// which.
     pub off_photo: bool,
 }
 
@@ -79,8 +82,8 @@ pub(crate) struct Resolved {
 pub(crate) fn off_photo_warning(scene: &Path, views: &[&str]) -> Option<String> {
     (!views.is_empty()).then(|| {
         format!(
-            "{}: the principal point (cx, cy) of {} is not inside the photo; if the intrinsics are for photos of another size, \
-             w and h must say which ({})",
+            "{}: the principal point (cx, cy) of {} is not inside the photo; if the intrinsics are for photos of \
+             another size, w and h must say which ({})",
             scene.display(),
             counted(views.len(), "view"),
             some_names(views)

@@ -27,8 +27,8 @@ pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>
     let unit = 10.0_f64.powi(places as i32);
     let (low, high) = ((low * unit).floor() / unit, ((high * unit).ceil() / unit).min(1.0));
     Some(format!(
-        "{}: {} of more than 8 bits {} levels from {low:.places$} to {high:.places$} of the full range, which leaves {} of 256; \
-         data.levels=[{low:.places$}, {high:.places$}] spreads them over all",
+        "{}: {} of more than 8 bits {} levels from {low:.places$} to {high:.places$} of the full range, which leaves \
+         {} of 256; data.levels=[{low:.places$}, {high:.places$}] spreads them over all",
         scene.display(),
         counted(ranges.len(), "photo"),
         agree(ranges.len(), "has", "have"),

@@ -1,20 +1,21 @@
 //! Readers for posed photo sets.
 //!
 //! [`load`] turns a folder into a [`Scene`]: photos undistorted and resized, cameras in one convention (OpenCV axes,
-//! camera to world), points to start from, and named splits into training and held-out views. [`Log`] describes the same folders and
-//! decodes a view when it is asked for; [`LogCache`] keeps decoded views under a bound in bytes. [`check`] reports contents and
-//! mistakes of a folder, [`load_cameras`] reads a camera path, and [`blur_from_frames`] averages the frames of multi-view video
-//! to a blurred set with its truth. The crate `gs-worlds` writes synthetic scenes.
+//! camera to world), points to start from, and named splits into training and held-out views. [`Log`] describes the
+//! same folders and decodes a view when it is asked for; [`LogCache`] keeps decoded views under a bound in bytes.
+//! [`check`] reports contents and mistakes of a folder, [`load_cameras`] reads a camera path, and [`blur_from_frames`]
+//! averages the frames of multi-view video to a blurred set with its truth. The crate `gs-worlds` writes synthetic
+//! scenes.
 //!
-//! Read are the transforms.json family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with exposure, priors
-//! and truth), COLMAP models (text and binary), Panoptic sets, LLFF poses with frames of several cameras, tables of RealityScan, and
-//! the folders with a text for each camera that OmniVGGT takes.
+//! Read are the transforms.json family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with
+//! exposure, priors and truth), COLMAP models (text and binary), Panoptic sets, LLFF poses with frames of several
+//! cameras, tables of RealityScan, and the folders with a text for each camera that OmniVGGT takes.
 //!
-//! Four words have one meaning each. A *photo* is an image that a camera took. A *frame* is the description of one photo: its camera,
-//! time and files. A *view* is the record made from a frame, [`View`]: the undistorted photo at training size with its camera, masks,
-//! priors and truth. A *split* is a named list of views. All fields of a view are given by the data set; nothing inferred from photos
-//! is written there: the crate `gs-multiview` infers masks, tracks and points. Neither knows tensors; the trainer turns a `Scene` into
-//! them.
+//! Four words have one meaning each. A *photo* is an image that a camera took. A *frame* is the description of one
+//! photo: its camera, time and files. A *view* is the record made from a frame, [`View`]: the undistorted photo at
+//! training size with its camera, masks, priors and truth. A *split* is a named list of views. All fields of a view are
+//! given by the data set; nothing inferred from photos is written there: the crate `gs-multiview` infers masks, tracks
+//! and points. Neither knows tensors; the trainer turns a `Scene` into them.
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};

@@ -52,7 +52,8 @@ mod tests {
         for byte in 0..=255_u8 {
             assert_eq!(to_byte(table[usize::from(byte)]), byte);
         }
-        // f32 and the standard's rounded constants leave 1e-6; the two straight parts meet the curves within 1e-7 / 12.92.
+        // f32 and the standard's rounded constants leave 1e-6; the two straight parts meet the curves within 1e-7 /
+        // 12.92.
         for i in -50..=1200 {
             let encoded = i as f32 / 1000.0;
             assert!((to_encoded(to_linear(encoded)) - encoded).abs() < 2e-6, "{encoded}");

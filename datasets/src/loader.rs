@@ -77,9 +77,10 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
 
 /// Reads cameras for rendering; images need not exist where the sizes are given.
 ///
-/// Of a transforms.json file, in file order; in a folder, the first of transforms_render.json, transforms.json, transforms_test.json
-/// and transforms_train.json. Of a folder with a COLMAP model, by name. Of a JSON file of key frames, the path through them
-/// (see [`camera_path`]); of Inria's cameras.json and nerfstudio's camera_path.json, their cameras.
+/// Of a transforms.json file, in file order; in a folder, the first of transforms_render.json, transforms.json,
+/// transforms_test.json and transforms_train.json. Of a folder with a COLMAP model, by name. Of a JSON file of key
+/// frames, the path through them (see [`camera_path`]); of Inria's cameras.json and nerfstudio's camera_path.json,
+/// their cameras.
 ///
 /// # Errors
 /// As [`load`], and when a frame has neither `w` and `h` nor an image to take the size from.
@@ -102,8 +103,8 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
     let rescaled: Vec<&ViewNote> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
     if let Some(ViewNote { name, rescaled: Some(declared), size: actual, .. }) = rescaled.first() {
         findings.warn(format!(
-            "{}: {} {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, found {} \
-             x {})",
+            "{}: {} {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, \
+             found {} x {})",
             path.display(),
             counted(rescaled.len(), "view"),
             agree(rescaled.len(), "has", "have"),

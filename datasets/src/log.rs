@@ -1,6 +1,7 @@
 //! A data set whose frames are described first and decoded when asked: [`Log`].
 //!
-//! [`check`](crate::check()) does not go through a log: a log ends at the first error of its description, and `check` lists all of them.
+//! [`check`](crate::check()) does not go through a log: a log ends at the first error of its description, and `check`
+//! lists all of them.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -46,9 +47,10 @@ pub struct FrameDescription {
     pub exposure: Option<f64>,
 }
 
-/// Frames that are described, and decoded when asked. A reader of another kind of log implements it for the photos of that log,
-/// and everything that serves frames (see [`LogCache`](crate::LogCache)) serves them too. Sweeps of a LiDAR are not frames: they
-/// have times, poses and sizes of their own, so a reader of a log with sweeps offers them beside this trait and not through it.
+/// Frames that are described, and decoded when asked. A reader of another kind of log implements it for the photos of
+/// that log, and everything that serves frames (see [`LogCache`](crate::LogCache)) serves them too. Sweeps of a LiDAR
+/// are not frames: they have times, poses and sizes of their own, so a reader of a log with sweeps offers them beside
+/// this trait and not through it.
 pub trait FrameSource: Sync {
     /// All frames. Their order does not change.
     fn frames(&self) -> &[FrameDescription];
@@ -63,11 +65,11 @@ pub trait FrameSource: Sync {
     fn decode(&self, index: usize) -> Result<View, DatasetError>;
 }
 
-/// A data set in any layout that [`load`](crate::load) reads, described but not decoded. It holds descriptions and the points to
-/// start from, and no pixel.
+/// A data set in any layout that [`load`](crate::load) reads, described but not decoded. It holds descriptions and the
+/// points to start from, and no pixel.
 ///
-/// Frames come split by split, training frames first, sorted by name in each, as in a [`Scene`](crate::Scene); the view of a
-/// frame is the one that `load` gives, to the bit.
+/// Frames come split by split, training frames first, sorted by name in each, as in a [`Scene`](crate::Scene); the view
+/// of a frame is the one that `load` gives, to the bit.
 #[derive(Debug)]
 pub struct Log {
     path: PathBuf,
@@ -85,8 +87,8 @@ pub struct Log {
 }
 
 impl Log {
-    /// Describes the data set at `path`. Of images only the headers are read, for their sizes: an image that is cut short or missing
-    /// is an error when it is decoded.
+    /// Describes the data set at `path`. Of images only the headers are read, for their sizes: an image that is cut
+    /// short or missing is an error when it is decoded.
     ///
     /// # Errors
     /// As [`load`](crate::load), without the errors of images and masks.
@@ -204,7 +206,8 @@ impl Log {
     /// Decodes one frame, see [`FrameSource::decode`].
     ///
     /// # Errors
-    /// When its image or a mask is missing or broken, or contradicts its camera. Priors and truth that cannot be read are left out.
+    /// When its image or a mask is missing or broken, or contradicts its camera. Priors and truth that cannot be read
+    /// are left out.
     ///
     /// # Panics
     /// When there is no frame at `index`.

@@ -11,12 +11,13 @@ use crate::log::{FrameSource, Log};
 
 /// Keeps the views of a log that were asked for last, and never more than a bound in bytes.
 ///
-/// The bound is on the views that the cache holds, each counted by [`View::bytes`]. Two kinds of views are not in it: a view that the
-/// cache has let go of lives on while a caller has its `Arc`, and a view that is being decoded (one a thread) is not yet held. A
-/// view larger than the whole bound is decoded and handed out, and not held; a bound of 0 holds nothing.
+/// The bound is on the views that the cache holds, each counted by [`View::bytes`]. Two kinds of views are not in it: a
+/// view that the cache has let go of lives on while a caller has its `Arc`, and a view that is being decoded (one a
+/// thread) is not yet held. A view larger than the whole bound is decoded and handed out, and not held; a bound of 0
+/// holds nothing.
 ///
-/// All methods may be called from several threads. Frames are decoded outside the lock, so that a slow one delays nobody else; two
-/// threads that ask for the same frame at once may both decode it, and one of the two views is kept.
+/// All methods may be called from several threads. Frames are decoded outside the lock, so that a slow one delays
+/// nobody else; two threads that ask for the same frame at once may both decode it, and one of the two views is kept.
 #[derive(Debug)]
 pub struct LogCache<S = Log> {
     source: S,
@@ -70,7 +71,8 @@ impl<S: FrameSource> LogCache<S> {
     /// Decodes frames that will be asked for, in parallel, as many of the first ones as the bound has room for.
     ///
     /// # Errors
-    /// As [`get`](LogCache::get): the error of the first frame in the list that has one. The frames decoded with it are held.
+    /// As [`get`](LogCache::get): the error of the first frame in the list that has one. The frames decoded with it are
+    /// held.
     ///
     /// # Panics
     /// When there is no frame at an index.
@@ -106,8 +108,8 @@ impl Held {
         Some(view.clone())
     }
 
-    /// Holds a view if it is within the bound, and lets go of the ones asked for longest ago until there is room for it. The view that
-    /// is already held, where another thread was faster.
+    /// Holds a view if it is within the bound, and lets go of the ones asked for longest ago until there is room for
+    /// it. The view that is already held, where another thread was faster.
     fn keep(&mut self, index: usize, view: Arc<View>, bound: usize) -> Arc<View> {
         if let Some(held) = self.touch(index) {
             return held;

@@ -13,7 +13,7 @@ const JPEG_BLACK: u8 = 128;
 /// When masks take more than this share of the median view, their polarity is probably the other one.
 pub(crate) const SUSPECT_SHARE: f64 = 0.6;
 
-/// What white (any pixel that is not black) means in a mask file.
+/// The meaning of white (any pixel that is not black) in a mask file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum White {
     Keep,
@@ -82,8 +82,8 @@ pub(crate) fn suspicion(scene: &Path, mut shares: Vec<f64>) -> Option<String> {
     let median = *shares.get(shares.len() / 2)?;
     (median > SUSPECT_SHARE).then(|| {
         format!(
-            "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. They may mean the opposite: look at one; data.masks=keep-white, keep-black \
-             and ignore say how they are read",
+            "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. They may mean the opposite: look at one; \
+             data.masks=keep-white, keep-black and ignore say how they are read",
             scene.display(),
             100.0 * median
         )

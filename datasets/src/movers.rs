@@ -42,7 +42,8 @@ struct DescribedPose {
     quaternion_wxyz: [f64; 4],
 }
 
-/// The bodies of the world at `dataset`, a folder or its description, with `origin` subtracted; none where it does not name any.
+/// The bodies of the world at `dataset`, a folder or its description, with `origin` subtracted; none where it does not
+/// name any.
 ///
 /// # Errors
 /// When its description names bodies in a form that cannot be read.

@@ -43,8 +43,8 @@ pub(crate) fn moved_here(root: &Path, written: &str) -> Option<String> {
 /// Most parts of a path that are looked at; a file system allows paths of some thousand bytes, and a description any.
 const PARTS_MAX: usize = 64;
 
-/// The file that `written` names relative to `root`, trying extensions if it has none. `None` if there is none. What is there and is
-/// no file, a folder `a.png` or a pipe, is found too, to be refused when it is read.
+/// The file that `written` names relative to `root`, trying extensions if it has none. `None` if there is none. What is
+/// there and is no file, a folder `a.png` or a pipe, is found too, to be refused when it is read.
 pub(crate) fn find_image(root: &Path, written: &str) -> Option<PathBuf> {
     let path = root.join(with_slashes(written));
     if guarded::is_there(&path) || has_image_extension(written) && path.exists() {
@@ -71,8 +71,8 @@ fn has_image_extension(written: &str) -> bool {
         .is_some_and(|extension| EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str()))
 }
 
-/// A view's name from the path the data set writes: relative to `root`, without extension, and without `.`, `..`, drive letters and
-/// characters that steer a terminal (`_` in place of each), since output files are named after it.
+/// A view's name from the path the data set writes: relative to `root`, without extension, and without `.`, `..`, drive
+/// letters and characters that steer a terminal (`_` in place of each), since output files are named after it.
 pub(crate) fn view_name(root: &Path, written: &str) -> String {
     let slashed = with_slashes(written);
     let relative = match Path::new(&slashed).strip_prefix(root) {
@@ -92,12 +92,13 @@ pub(crate) fn view_name(root: &Path, written: &str) -> String {
     stem.chars().map(|c| if is_steering(c) { '_' } else { c }).collect()
 }
 
-/// Longest part of a view's name between slashes, bytes. File systems allow 255 (NAME_MAX of Linux, macOS and Windows), and output
-/// files append to it: at most `_4294967295_depth_color.png`, 27 bytes, after the number that tells equal names apart.
+/// Longest part of a view's name between slashes, bytes. File systems allow 255 (NAME_MAX of Linux, macOS and Windows),
+/// and output files append to it: at most `_4294967295_depth_color.png`, 27 bytes, after the number that tells equal
+/// names apart.
 const PART_MAX: usize = 215;
 
-/// The [`view_name`] of a frame that `file` describes, if output files can be named after it. It is asked for before the image is
-/// looked for: one of a longer name cannot exist, and would be counted among those that are missing.
+/// The [`view_name`] of a frame that `file` describes, if output files can be named after it. It is asked for before
+/// the image is looked for: one of a longer name cannot exist, and would be counted among those that are missing.
 pub(crate) fn output_name(root: &Path, written: &str, file: &Path) -> Result<String, DatasetError> {
     let name = view_name(root, written);
     let Some(long) = name.split('/').find(|part| part.len() > PART_MAX) else { return Ok(name) };
@@ -107,7 +108,8 @@ pub(crate) fn output_name(root: &Path, written: &str, file: &Path) -> Result<Str
     Err(DatasetError::malformed(file, format!("frame {:?}", start + "..."), expected, format!("{} bytes", long.len())))
 }
 
-/// A path below `root` as text, which names are. Other bytes are refused: names with the same text instead of them would be one.
+/// A path below `root` as text, which names are. Other bytes are refused: names with the same text instead of them
+/// would be one.
 pub(crate) fn text_below<'a>(root: &Path, path: &'a Path) -> Result<&'a str, DatasetError> {
     path.strip_prefix(root).unwrap_or(path).to_str().ok_or_else(|| {
         DatasetError::malformed(

@@ -4,15 +4,18 @@ use std::path::PathBuf;
 
 use crate::convention::PoseConvention;
 
-/// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as [`Split::TEST`](crate::Split::TEST).
+/// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as
+/// [`Split::TEST`](crate::Split::TEST).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Holdout {
     /// Every n-th of all views sorted by name, beginning with the first (index % n == 0).
     Every(usize),
-    /// The data set's own split where it has one, otherwise one camera in 8 of static cameras that film, or every 8th view.
+    /// The data set's own split where it has one, otherwise one camera in 8 of static cameras that film, or every 8th
+    /// view.
     ///
-    /// A split of its own is transforms_test.json and transforms_val.json, or the lists `test_filenames` and `val_filenames` of
-    /// nerfstudio. Beside `train_filenames` any other list `NAME_filenames` holds its frames out under its name.
+    /// A split of its own is transforms_test.json and transforms_val.json, or the lists `test_filenames` and
+    /// `val_filenames` of nerfstudio. Beside `train_filenames` any other list `NAME_filenames` holds its frames out
+    /// under its name.
     Dataset,
     /// These views, by file stem ("0012") or whole name ("images/0012"); each must exist.
     Names(Vec<String>),
@@ -25,9 +28,9 @@ pub enum Holdout {
 pub enum SplitUse {
     /// All of them.
     All,
-    /// The one that figures are quoted on ([`Scene::reported`](crate::Scene::reported)). Views of other lists are left out, as if
-    /// the data set did not have them. A D-NeRF set has 20 validation and 20 test views beside 50 to 200 training views, and a
-    /// view of 800 x 800 pixels is 2 MB.
+    /// The one that figures are quoted on ([`Scene::reported`](crate::Scene::reported)). Views of other lists are left
+    /// out, as if the data set did not have them. A D-NeRF set has 20 validation and 20 test views beside 50 to 200
+    /// training views, and a view of 800 x 800 pixels is 2 MB.
     Reported,
 }
 
@@ -38,7 +41,8 @@ pub struct SparseViews {
     pub train: usize,
     /// Cameras that are held out, at most; about half of them look from between training cameras.
     pub validation: usize,
-    /// Share of the recording that is seen, above 0 and at most 1. A data set with a list of later frames keeps its own last time.
+    /// Share of the recording that is seen, above 0 and at most 1. A data set with a list of later frames keeps its own
+    /// last time.
     pub seen: f64,
 }
 
@@ -55,10 +59,10 @@ pub const DEFAULT_HOLDOUT: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MaskUse {
     /// By the rules of the format: `mask_path` (nerfstudio) and COLMAP's `masks` folder ignore where black;
-    /// instant-ngp's `dynamic_mask_<stem>.png` ignores where white. A transforms.json that says
-    /// `"mask_meaning": "dynamic"` marks moving objects, and so do the masks of a Panoptic set (`seg`): they become
-    /// [`Priors::moving`](crate::Priors::moving), and every pixel counts. So do, with a warning, masks without a stated meaning in
-    /// a set with `exposure`, and a `masks` folder that no frame of a set with times names.
+    /// instant-ngp's `dynamic_mask_<stem>.png` ignores where white. A transforms.json that says `"mask_meaning":
+    /// "dynamic"` marks moving objects, and so do the masks of a Panoptic set (`seg`): they become
+    /// [`Priors::moving`](crate::Priors::moving), and every pixel counts. So do, with a warning, masks without a stated
+    /// meaning in a set with `exposure`, and a `masks` folder that no frame of a set with times names.
     Auto,
     /// No mask file is read.
     Ignore,
@@ -122,19 +126,21 @@ pub struct LoadOptions {
     pub holdout: Holdout,
     /// Which of the held-out splits are loaded. Default [`SplitUse::All`].
     pub splits: SplitUse,
-    /// Few training cameras, and the times that are seen, in place of the split; `None` (the default) goes by `holdout`.
+    /// Few training cameras, and the times that are seen, in place of the split; `None` (the default) goes by
+    /// `holdout`.
     pub sparse: Option<SparseViews>,
     /// The image folder of a COLMAP model, where it is not one of the usual ones; absolute, or relative to the scene.
     pub images: Option<PathBuf>,
-    /// Whether a scene far from its world's origin is moved to the origin. See [`RECENTRE_DISTANCE`](gs_base::local::RECENTRE_DISTANCE). Default yes.
+    /// Whether a scene far from its world's origin is moved to the origin. See
+    /// [`RECENTRE_DISTANCE`](gs_base::local::RECENTRE_DISTANCE). Default yes.
     pub recentre: bool,
     /// How mask files are used. Default [`MaskUse::Auto`].
     pub masks: MaskUse,
     /// Which priors are read. Default all.
     pub priors: PriorUse,
-    /// Whether the truth of training views is read where views are held out. Nobody measures by it there, and velocity maps alone
-    /// are twelve bytes a pixel. Default no. The truth of held-out views is always read, and where nothing is held out the truth
-    /// of all views.
+    /// Whether the truth of training views is read where views are held out. Nobody measures by it there, and velocity
+    /// maps alone are twelve bytes a pixel. Default no. The truth of held-out views is always read, and where nothing
+    /// is held out the truth of all views.
     pub training_truth: bool,
     /// Meaning of depth files, whatever the data set says; `None` (the default) goes by the data set.
     pub depth_kind: Option<DepthKind>,

@@ -1,4 +1,5 @@
-//! Single photos and maps for readers of other kinds of logs: [`read_photo`], [`decode_photo`], [`photo_size`], [`read_exr`].
+//! Single photos and maps for readers of other kinds of logs: [`read_photo`], [`decode_photo`], [`photo_size`],
+//! [`read_exr`].
 
 use std::path::Path;
 
@@ -12,8 +13,8 @@ use crate::resample::resample;
 use crate::resize::target_size;
 use crate::undistort::Undistortion;
 
-/// Decodes a PNG or JPEG file and downscales it by area to `max_width` pixels where it is wider. Transparent pixels are composited on
-/// black.
+/// Decodes a PNG or JPEG file and downscales it by area to `max_width` pixels where it is wider. Transparent pixels are
+/// composited on black.
 ///
 /// # Errors
 /// When the file is missing, cut short, no PNG or JPEG, or larger than memory for one photo may be.
@@ -24,8 +25,8 @@ pub fn read_photo(path: &Path, max_width: Option<usize>) -> Result<RgbImage8, Da
     Ok(RgbImage8 { width, height, data })
 }
 
-/// As [`read_photo`], of the content of a photo in a larger file, `path`, which messages name. With an `undistortion` the lens distortion
-/// is removed before the image is downscaled.
+/// As [`read_photo`], of the content of a photo in a larger file, `path`, which messages name. With an `undistortion`
+/// the lens distortion is removed before the image is downscaled.
 ///
 /// # Errors
 /// As [`read_photo`], and when the photo has another size than the undistortion.
@@ -72,7 +73,8 @@ pub struct ExrChannels {
     pub values: Vec<f32>,
 }
 
-/// Reads channels of an OpenEXR file by their names, without regard to case and to the names of layers before the last dot.
+/// Reads channels of an OpenEXR file by their names, without regard to case and to the names of layers before the last
+/// dot.
 ///
 /// # Errors
 /// When the file is missing or broken, asks for more memory than its length can fill, or lacks a channel.

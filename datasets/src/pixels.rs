@@ -18,8 +18,9 @@ const SIDE_MAX: u32 = 65_535;
 /// Most memory that decoding one image may take, bytes. Room for 250 megapixels.
 const DECODE_MAX: u64 = 1 << 30;
 
-/// Most decoded bytes for each byte of a file: deflate makes at most 1032 bytes of one, and of a palette of two colours each is eight
-/// pixels of three bytes. A header that asks for more is broken, and its memory is asked for before the pixels are looked at.
+/// Most decoded bytes for each byte of a file: deflate makes at most 1032 bytes of one, and of a palette of two colours
+/// each is eight pixels of three bytes. A header that asks for more is broken, and its memory is asked for before the
+/// pixels are looked at.
 const DECODED_PER_BYTE: u64 = 1032 * 24;
 
 /// The finding about a file of no bytes, as a copy that was interrupted leaves it.
@@ -106,7 +107,8 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
 
 /// Width and height from the file's header.
 pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
-    // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be described.
+    // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be
+    // described.
     let mut file = BufReader::new(guarded::open_regular(path, guarded::IMAGE_MAX)?);
     if file.fill_buf().is_ok_and(<[u8]>::is_empty) {
         return Err(DatasetError::Image { path: path.to_path_buf(), found: EMPTY.to_string() });
@@ -119,9 +121,9 @@ pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     reader.into_dimensions().map_err(|error| DatasetError::Image { path: path.to_path_buf(), found: error.to_string() })
 }
 
-/// Whether the file says by EXIF that its pixels are to be turned or mirrored when they are shown. Nothing here does that: poses and
-/// intrinsics are of the pixels as stored, in COLMAP's and nerfstudio's data sets. `false` where nothing is said or the file cannot
-/// be read.
+/// Whether the file says by EXIF that its pixels are to be turned or mirrored when they are shown. Nothing here does
+/// that: poses and intrinsics are of the pixels as stored, in COLMAP's and nerfstudio's data sets. `false` where
+/// nothing is said or the file cannot be read.
 pub(crate) fn is_turned(path: &Path) -> bool {
     let Ok(file) = guarded::open_regular(path, guarded::IMAGE_MAX) else { return false };
     let Ok(mut reader) = ImageReader::new(BufReader::new(file)).with_guessed_format() else { return false };
@@ -137,8 +139,8 @@ pub(crate) fn is_turned(path: &Path) -> bool {
 pub(crate) struct Behind {
     /// Encoded, 0 to 1 per channel.
     pub color: [f32; 3],
-    /// Whether alpha is a share of light, as where things moved while the shutter was open: at a blurred edge it says for how
-    /// long the background was seen. Otherwise encoded values are mixed, as those who publish still scenes do.
+    /// Whether alpha is a share of light, as where things moved while the shutter was open: at a blurred edge it says
+    /// for how long the background was seen. Otherwise encoded values are mixed, as those who publish still scenes do.
     pub is_light: bool,
     /// The levels that become black and white, as shares of the full range; `None`: 0 and 1.
     pub levels: Option<[f64; 2]>,
@@ -164,8 +166,8 @@ impl Behind {
     }
 }
 
-/// Opens a photo and composites it on the background `behind`: `rgb * alpha + background * (1 - alpha)`, straight alpha, in
-/// floats and before any resampling. Resampling first would mix in the hidden colour of transparent pixels.
+/// Opens a photo and composites it on the background `behind`: `rgb * alpha + background * (1 - alpha)`, straight
+/// alpha, in floats and before any resampling. Resampling first would mix in the hidden colour of transparent pixels.
 pub(crate) fn open(path: &Path, behind: Behind) -> Result<Photo, DatasetError> {
     Ok(composited(decode(path)?, behind))
 }

@@ -18,8 +18,8 @@ const SCALE_TOLERANCE: f64 = 0.05;
 /// From this much off 1 the user hears of it.
 const SCALE_NOTICE: f64 = 1e-3;
 
-/// Farthest that a camera may be from the origin of its world, scene units: squared distances, and their products with focal
-/// lengths in pixels, stay within what an f32 holds.
+/// Farthest that a camera may be from the origin of its world, scene units: squared distances, and their products with
+/// focal lengths in pixels, stay within what an f32 holds.
 const FARTHEST: f64 = 1e15;
 
 /// A camera-to-world matrix with an exactly orthonormal rotation, and the scale that was divided out if notable.

@@ -5,8 +5,8 @@ use crate::resample::COVERAGE_MIN;
 use crate::resize::{AreaResampler, target_size};
 
 impl View {
-    /// The view at `width` pixels, in proportion, filtered by area: each new pixel is the mean of what it covers, and counts where all of
-    /// that does. Priors and truth are left out. A view that is no wider keeps its size.
+    /// The view at `width` pixels, in proportion, filtered by area: each new pixel is the mean of what it covers, and
+    /// counts where all of that does. Priors and truth are left out. A view that is no wider keeps its size.
     pub fn reduced(&self, width: usize) -> Self {
         let (old, new) = ((self.width, self.height), target_size((self.width, self.height), Some(width)));
         let data = filtered::<3>(&self.image.data, old, new).into_iter();

@@ -111,7 +111,8 @@ impl Scene {
         self.held_out.iter().find(|split| split.name == name).map(|split| &split.views[..])
     }
 
-    /// The held-out split that figures are quoted on: test, else validation, else the first. `None` where nothing is held out.
+    /// The held-out split that figures are quoted on: test, else validation, else the first. `None` where nothing is
+    /// held out.
     pub fn reported(&self) -> Option<&Split> {
         self.held_out.get(reported(self.held_out.iter().map(|split| split.name.as_str()))?)
     }

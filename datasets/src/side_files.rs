@@ -1,11 +1,12 @@
-//! Files beside a photo, by kind: priors, which are guesses, and the truth. [`priors`](crate::priors) finds and reads them.
+//! Files beside a photo, by kind: priors, which are guesses, and the truth. [`priors`](crate::priors) finds and reads
+//! them.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use crate::options::DepthKind;
 
-/// What a file beside a photo holds.
+/// The content of a file beside a photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Depth,
@@ -51,7 +52,7 @@ pub(crate) struct SideFile {
     pub path: Option<PathBuf>,
 }
 
-/// What a data set says about the numbers in its depth files.
+/// The meaning of the numbers in depth files, as a data set says it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DepthMeaning {
     /// `None` where it does not say.

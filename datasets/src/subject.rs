@@ -9,9 +9,9 @@ const LOOKING_AT: f64 = 0.5;
 /// Least determinant (see [`nearest_to_axes`]) with which axes meet at all; parallel ones have 0.
 const MEETING: f64 = 1e-4;
 
-/// The point with the least sum of squared distances to the optical axes of `poses` (camera to world, OpenCV axes), scene units; `None`
-/// where they hardly meet: the determinant of the mean projection across an axis is below `least` (0 for parallel axes, at most 8/27;
-/// 0.005 is a spread of some 10 degrees).
+/// The point with the least sum of squared distances to the optical axes of `poses` (camera to world, OpenCV axes),
+/// scene units; `None` where they hardly meet: the determinant of the mean projection across an axis is below `least`
+/// (0 for parallel axes, at most 8/27; 0.005 is a spread of some 10 degrees).
 pub fn nearest_to_axes(poses: &[DMat4], least: f64) -> Option<DVec3> {
     // The point p solves (sum of I - d d^T) p = sum of (I - d d^T) o.
     let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
@@ -59,17 +59,17 @@ pub(crate) fn without_strays(positions: &[DVec3]) -> Vec<DVec3> {
     positions.iter().zip(strays(positions)).filter(|(_, stray)| !stray).map(|(position, _)| *position).collect()
 }
 
-/// Least determinant (see [`nearest_to_axes`]) with which the subject says how far things are: axes that spread by some 10 degrees. A
-/// narrower rig knows its subject's distance worse than by half.
+/// Least determinant (see [`nearest_to_axes`]) with which the subject says how far things are: axes that spread by some
+/// 10 degrees. A narrower rig knows its subject's distance worse than by half.
 const SPREAD: f64 = 0.005;
 
 /// Fewest cameras whose axes say where the subject is: those of two need not come near each other.
 const CAMERAS_MIN: usize = 3;
 
-/// The median depth of the subject, along the optical axes of the cameras (camera to world, OpenCV axes) that have it before them, scene
-/// units; `None` where their axes do not meet before most of them (parallel axes, a forward-facing rig, a walk through rooms, fewer than
-/// three cameras). The one meaning of "distance of the subject": near planes, warnings about them, and the depths at which random points
-/// begin are shares of it.
+/// The median depth of the subject, along the optical axes of the cameras (camera to world, OpenCV axes) that have it
+/// before them, scene units; `None` where their axes do not meet before most of them (parallel axes, a forward-facing
+/// rig, a walk through rooms, fewer than three cameras). The one meaning of "distance of the subject": near planes,
+/// warnings about them, and the depths at which random points begin are shares of it.
 pub fn subject_distance(poses: &[DMat4]) -> Option<f64> {
     let centres: Vec<DVec3> = poses.iter().map(|pose| pose.w_axis.truncate()).collect();
     let poses: Vec<DMat4> =

@@ -1,18 +1,21 @@
 //! Removing lens distortion: for each pixel of the ideal pinhole image, where the photo shows it.
 //!
 //! The ideal image has the photo's size and fx, fy, cx, cy. The lens model runs forward (ideal to observed), so nothing
-//! is inverted. Colours are interpolated between the four pixels around the observed position; ideal pixels whose observed
-//! position lies outside the photo, or where the lens model folds back on itself, have no colour and are masked out.
+//! is inverted. Colours are interpolated between the four pixels around the observed position; ideal pixels whose
+//! observed position lies outside the photo, or where the lens model folds back on itself, have no colour and are
+//! masked out.
 
 use gs_base::Intrinsics;
 
 use crate::distortion::Distortion;
 use crate::pixels::Photo;
 
-/// Most by which [`Undistortion::filling`] enlarges the focal lengths. A lens that needs more would lose three quarters of the photo.
+/// Most by which [`Undistortion::filling`] enlarges the focal lengths. A lens that needs more would lose three quarters
+/// of the photo.
 const ZOOM_MAX: f64 = 2.0;
 
-/// Halvings of the interval of enlargements: the last one moves no pixel of an image with 65 535 columns by a hundredth of its width.
+/// Halvings of the interval of enlargements: the last one moves no pixel of an image with 65 535 columns by a hundredth
+/// of its width.
 const ZOOM_STEPS: usize = 24;
 
 /// From ideal pixels to positions in the photo.
@@ -41,9 +44,9 @@ impl Undistortion {
         Some(Self { distortion, intrinsics, inverse, width, height, valid_radius2 })
     }
 
-    /// For readers without masks: the focal lengths of the ideal image are larger than `intrinsics`, those of the photo, by the smallest
-    /// factor with which every pixel of the ideal image is in the photo; the principal point stays. Also the ideal intrinsics. `None`
-    /// when a coefficient is not finite, or when the factor would be above 2.
+    /// For readers without masks: the focal lengths of the ideal image are larger than `intrinsics`, those of the
+    /// photo, by the smallest factor with which every pixel of the ideal image is in the photo; the principal point
+    /// stays. Also the ideal intrinsics. `None` when a coefficient is not finite, or when the factor would be above 2.
     pub fn filling(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<(Self, Intrinsics)> {
         let (width, height) = (size.0 as f64, size.1 as f64);
         let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
@@ -76,8 +79,8 @@ impl Undistortion {
         Some((zoomed(high), Intrinsics { fx: fx * high, fy: fy * high, cx, cy }))
     }
 
-    /// Whether every pixel of the ideal image is in the photo. The pixels of the border are looked at: within the fold the model is
-    /// continuous and one to one, so that the inside of the border's curve stays inside.
+    /// Whether every pixel of the ideal image is in the photo. The pixels of the border are looked at: within the fold
+    /// the model is continuous and one to one, so that the inside of the border's curve stays inside.
     fn is_filled(&self) -> bool {
         let shows = |u: f64, v: f64| self.observed(u, v).is_some();
         let pixels = |side: f64| (0..side as usize).map(|i| i as f64 + 0.5);

@@ -10,8 +10,8 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
 }
 
-/// First names of the paths that begin with `crate::`, or with as many `super::` as lead to the crate's root from `depth` modules
-/// below it. Comments and tests do not count.
+/// First names of the paths that begin with `crate::`, or with as many `super::` as lead to the crate's root from
+/// `depth` modules below it. Comments and tests do not count.
 fn imports(text: &str, depth: usize) -> Vec<String> {
     let code = text.split("#[cfg(test)]").next().unwrap_or_default();
     let code: String = code.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();

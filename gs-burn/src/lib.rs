@@ -3,8 +3,8 @@
 //!
 //! [`Gaussians`] is a Burn module; [`render()`] turns it and a [`Camera`] into an image through which gradients flow to
 //! every parameter and to the camera's pose. The steps between are [`ops`] of their own, each with an accelerated
-//! forward and backward and with a reference in plain tensor operations. [`device`] finds a device by name. The arithmetic itself lives in `gs-kernels`, which knows nothing of
-//! Burn.
+//! forward and backward and with a reference in plain tensor operations. [`device`] finds a device by name. The
+//! arithmetic itself lives in `gs-kernels`, which knows nothing of Burn.
 //!
 //! ```
 //! use burn::tensor::Tensor;

@@ -1,10 +1,11 @@
-//! A network of this crate, trained by Burn's own optimiser and saved as a Burn record: no trainer of this project is needed.
+//! A network of this crate, trained by Burn's own optimiser and saved as a Burn record: no trainer of this project is
+//! needed.
 //!
 //! `cargo run --release -p gs-models --example train_network [device]` prints the loss as it falls.
 //!
-//! The network is that of TaylorMoDe-GS, Eq. 11: how much each moment of the exposure counts at a pixel. Here it learns a leaf
-//! shutter, which takes time to open and to close: the moments at both ends count less, and on near, fast surfaces, whose light
-//! a small opening already passes, they count more than on far, slow ones.
+//! The network is that of TaylorMoDe-GS, Eq. 11: how much each moment of the exposure counts at a pixel. Here it learns
+//! a leaf shutter, which takes time to open and to close: the moments at both ends count less, and on near, fast
+//! surfaces, whose light a small opening already passes, they count more than on far, slow ones.
 
 use std::error::Error;
 use std::path::Path;

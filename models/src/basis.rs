@@ -1,7 +1,8 @@
 //! Motion as a sum of fixed functions of time, for readers that evaluate it without the model: [`MotionBasis`].
 //!
-//! `mean(t) = mean + sum_j f_j(s) p_j` and `quat(t) = exp(1/2 sum_k g_k(s) r_k) quat` with `s = (t - t0) / half`. The functions
-//! are the same for all rows, the vectors `p_j` (scene units) and `r_k` (radians, world axes) are each row's own.
+//! `mean(t) = mean + sum_j f_j(s) p_j` and `quat(t) = exp(1/2 sum_k g_k(s) r_k) quat` with `s = (t - t0) / half`. The
+//! functions are the same for all rows, the vectors `p_j` (scene units) and `r_k` (radians, world axes) are each row's
+//! own.
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
@@ -53,7 +54,8 @@ pub enum Form {
         /// Radians a unit of `s`.
         rate: f64,
     },
-    /// 0 up to `near`, then a parabola up to `far`, then a line of slope 1, outwards from `s = 0`; `near` and `far` have one sign.
+    /// 0 up to `near`, then a parabola up to `far`, then a line of slope 1, outwards from `s = 0`; `near` and `far`
+    /// have one sign.
     Ramp {
         /// End of the parabola nearer to 0.
         near: f64,
@@ -62,8 +64,8 @@ pub enum Form {
     },
 }
 
-/// How a function goes on past the window: value and slope join those of `form` at `|s| = 1` and, by Hermite's cubics, those of
-/// the line at `|s| = 1 + fade`.
+/// How a function goes on past the window: value and slope join those of `form` at `|s| = 1` and, by Hermite's cubics,
+/// those of the line at `|s| = 1 + fade`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Past {
     /// Value of the line at `s = 0`, and its slope.

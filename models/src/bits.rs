@@ -1,5 +1,5 @@
-//! `#[serde(with = "gs_models::bits")]`: floats as their bits, because a JSON reader may lose the last one, and a resumed run must
-//! go on to the bit.
+//! `#[serde(with = "gs_models::bits")]`: floats as their bits, because a JSON reader may lose the last one, and a
+//! resumed run must go on to the bit.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

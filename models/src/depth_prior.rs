@@ -1,9 +1,11 @@
-//! Depth priors beside photos: one scale and one shift per photo, in the prior's own space, and the losses against them.
+//! Depth priors beside photos: one scale and one shift per photo, in the prior's own space, and the losses against
+//! them.
 //!
-//! Networks give depth, or inverse depth, up to an affine map that differs from photo to photo; one pair for all photos,
-//! or one fitted in the other space, bends the prior. The fit is against depths that are already in scene units (rendered,
-//! or of triangulated points), and holds out against a fifth of them being wrong: it starts from medians, then twice
-//! rejects outliers and fits the rest by weighted least squares. The fit runs on the host and has no gradient.
+//! Networks give depth, or inverse depth, up to an affine map that differs from photo to photo; one pair for all
+//! photos, or one fitted in the other space, bends the prior. The fit is against depths that are already in scene units
+//! (rendered, or of triangulated points), and holds out against a fifth of them being wrong: it starts from medians,
+//! then twice rejects outliers and fits the rest by weighted least squares. The fit runs on the host and has no
+//! gradient.
 //!
 //! Two losses compare rendered depth with a prior: [`depth_loss`] (TaylorMoDe-GS, Eq. 16) after such a fit, and
 //! [`depth_correlation_loss`] without one.
@@ -36,7 +38,8 @@ const DEVIATION: f64 = 1.4826;
 /// A perfect prior has no deviation; residuals of this share of the median value are rounding in `f32`.
 const ROUNDING: f64 = 1e-5;
 
-/// `epsilon` of [`depth_loss`], scene units. Below it depths are the same to the loss; the renderer shows nothing nearer.
+/// `epsilon` of [`depth_loss`], scene units. Below it depths are the same to the loss; the renderer shows nothing
+/// nearer.
 pub const DEPTH_EPSILON: f64 = 0.01;
 /// Standard deviation below which a depth map is flat, in the map's unit.
 const RELIEF: f64 = 1e-6;
@@ -56,8 +59,8 @@ pub struct Alignment {
     pub deviation: f64,
 }
 
-/// Aligns `prior` to `reference` (camera z, scene units), a value a pixel each; 0 or not finite means unknown. `weights`,
-/// not negative, say how sure each reference is, such as the rendering's alpha; all 1 without them.
+/// Aligns `prior` to `reference` (camera z, scene units), a value a pixel each; 0 or not finite means unknown.
+/// `weights`, not negative, say how sure each reference is, such as the rendering's alpha; all 1 without them.
 ///
 /// None when too few pixels are known in both, when the prior is flat, or when it says near where the reference says
 /// far: then nothing can be learned from it.
@@ -113,8 +116,8 @@ impl Alignment {
     }
 }
 
-/// TaylorMoDe-GS, Eq. 16, between rendered and aligned prior depth `[H, W, 1]`, camera z in scene units. Pixels where either is unknown
-/// (0) are left out of the sum; the prior gets no gradient.
+/// TaylorMoDe-GS, Eq. 16, between rendered and aligned prior depth `[H, W, 1]`, camera z in scene units. Pixels where
+/// either is unknown (0) are left out of the sum; the prior gets no gradient.
 pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
     let _stage = profile::stage("depth loss");
     let prior = prior.detach();
@@ -127,9 +130,10 @@ pub fn depth_loss(rendered: Tensor<3>, prior: Tensor<3>) -> Tensor<1> {
     sum(difference) / pixels as f64
 }
 
-/// One less the correlation (Pearson's) of rendered depth `[H, W, 1]` (camera z, scene units) with a prior, over the pixels where
-/// both are known: 0 for a prior that is any scale and shift of the truth in its own `space`, 2 for its mirror image. Not part
-/// of the paper: the loss of those who do not fit scale and shift. The prior gets no gradient; zero where either has no relief.
+/// One less the correlation (Pearson's) of rendered depth `[H, W, 1]` (camera z, scene units) with a prior, over the
+/// pixels where both are known: 0 for a prior that is any scale and shift of the truth in its own `space`, 2 for its
+/// mirror image. Not part of the paper: the loss of those who do not fit scale and shift. The prior gets no gradient;
+/// zero where either has no relief.
 pub fn depth_correlation_loss(rendered: Tensor<3>, prior: Tensor<3>, space: DepthSpace) -> Tensor<1> {
     let _stage = profile::stage("depth loss");
     let prior = prior.detach();

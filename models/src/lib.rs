@@ -15,8 +15,8 @@
 //! # fn check(gaussians: Gaussians) { midway(&Static::new(gaussians)); }
 //! ```
 //!
-//! Everything that is learned is a Burn [`Module`](burn::module::Module): its `Param`s are learned, its other fields are not.
-//! A configuration's `init` gives it before training. Burn's own optimisers and records work on it, and so do
+//! Everything that is learned is a Burn [`Module`](burn::module::Module): its `Param`s are learned, its other fields
+//! are not. A configuration's `init` gives it before training. Burn's own optimisers and records work on it, and so do
 //! [`gs_burn::Adam`] and [`gs_burn::named_parameters()`], which know parameters by path.
 #![recursion_limit = "256"]
 

@@ -80,8 +80,8 @@ impl Mlp {
         self.after_first(affine(input, self.layers[0].weight.val(), bias(&self.layers[0])))
     }
 
-    /// [`forward`](Self::forward) on rows that all end in the same columns: `input` is `[R, a]`, `shared` `[1, c]`, and the
-    /// network takes `a + c`. The shared columns enter once, as part of the first bias, instead of once a row.
+    /// [`forward`](Self::forward) on rows that all end in the same columns: `input` is `[R, a]`, `shared` `[1, c]`, and
+    /// the network takes `a + c`. The shared columns enter once, as part of the first bias, instead of once a row.
     pub fn forward_shared(&self, input: Tensor<2>, shared: Tensor<2>) -> Tensor<2> {
         let _stage = profile::stage("networks");
         let own = input.dims()[1];

@@ -1,7 +1,7 @@
 //! A selection of an image's pixels, as rows.
 //!
-//! Losses and networks that concern moving pixels work on rows of them, not on images: moving pixels are a small part of most
-//! images.
+//! Losses and networks that concern moving pixels work on rows of them, not on images: moving pixels are a small part
+//! of most images.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use gs_burn::ops::rows::{add_rows, take_rows};

@@ -1,20 +1,20 @@
 //! Turning Gaussians: rotation vector to quaternion, and the quaternion product, on rows.
 //!
-//! `q(t) = exp(r(t) / 2) q_0` with `exp(r / 2) = (cos(a / 2), sin(a / 2) / a r)`, `a = |r|`: a turn by `a` radians about
-//! the world axis `r / a`, applied after the Gaussian's own orientation `q_0`. TaylorMoDe-GS moves positions only; its base
-//! (Infinite Taylor Gaussian) gives rotation a Taylor series too, and so do we, but of the rotation vector, which stays
-//! a rotation whatever its coefficients.
+//! `q(t) = exp(r(t) / 2) q_0` with `exp(r / 2) = (cos(a / 2), sin(a / 2) / a r)`, `a = |r|`: a turn by `a` radians
+//! about the world axis `r / a`, applied after the Gaussian's own orientation `q_0`. TaylorMoDe-GS moves positions
+//! only; its base (Infinite Taylor Gaussian) gives rotation a Taylor series too, and so do we, but of the rotation
+//! vector, which stays a rotation whatever its coefficients.
 
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::exact_matmul;
 
-/// `a` is measured as `sqrt(|r|^2 + ANGLE_FLOOR^2)`, which has a derivative at 0 where `|r|` has none. The square is the
-/// smallest at which `f32` still has a normal number and the identity stays the identity in `f64`: `cos` is then off by
-/// 1e-17. The result differs from the exact one by less than `ANGLE_FLOOR` times the angle.
+/// `a` is measured as `sqrt(|r|^2 + ANGLE_FLOOR^2)`, which has a derivative at 0 where `|r|` has none. The square is
+/// the smallest at which `f32` still has a normal number and the identity stays the identity in `f64`: `cos` is then
+/// off by 1e-17. The result differs from the exact one by less than `ANGLE_FLOOR` times the angle.
 const ANGLE_FLOOR: f64 = 1e-8;
 
-/// Positions and signs of products of quaternion entries: entry `4 i + j` of the outer product of `a` and `b` (w x y z) has this
-/// sign in this entry of `a b` (Hamilton).
+/// Positions and signs of products of quaternion entries: entry `4 i + j` of the outer product of `a` and `b` (w x y z)
+/// has this sign in this entry of `a b` (Hamilton).
 const PRODUCT: [[(usize, f64); 4]; 4] = [
     [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)],
     [(1, 1.0), (0, -1.0), (3, 1.0), (2, -1.0)],
@@ -35,8 +35,8 @@ pub fn exp_less_one(rotation: Tensor<2>) -> Tensor<2> {
     Tensor::cat(vec![real, imaginary], 1)
 }
 
-/// Quaternion products `a b`, row by row, w x y z: first the turn `b`, then the turn `a`. `a` `[n M, 4]` may be `n` times as long as `b`
-/// `[M, 4]`, whose rows are then gone through `n` times.
+/// Quaternion products `a b`, row by row, w x y z: first the turn `b`, then the turn `a`. `a` `[n M, 4]` may be `n`
+/// times as long as `b` `[M, 4]`, whose rows are then gone through `n` times.
 ///
 /// # Panics
 /// When the rows of `a` are no multiple of those of `b`.
@@ -58,8 +58,8 @@ pub fn product(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     exact_matmul(outer, signs)
 }
 
-/// The difference that turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[n M, 3]` adds to them, `[n M, 4]`; see [`product`]. For a rotation of
-/// zero it is so small (1e-17 of them) that the sum is `quats` to the last bit.
+/// The difference that turning `quats` `[M, 4]` (any norm, kept) by `rotation` `[n M, 3]` adds to them, `[n M, 4]`; see
+/// [`product`]. For a rotation of zero it is so small (1e-17 of them) that the sum is `quats` to the last bit.
 pub fn turn(quats: Tensor<2>, rotation: Tensor<2>) -> Tensor<2> {
     product(exp_less_one(rotation), quats)
 }

@@ -23,12 +23,14 @@ pub trait DynamicScene {
     /// First and last time that the model was trained for; `None` if the scene does not move.
     fn span(&self) -> Option<[f64; 2]>;
 
-    /// The earliest and the latest time at which the scene can be asked; `None`: any. A time outside is a mistake of the caller.
+    /// The earliest and the latest time at which the scene can be asked; `None`: any. A time outside is a mistake of
+    /// the caller.
     fn reach(&self) -> Option<[f64; 2]> {
         None
     }
 
-    /// The Gaussians at each of `times`. A model that integrates its motion over time overrides this, to integrate once.
+    /// The Gaussians at each of `times`. A model that integrates its motion over time overrides this, to integrate
+    /// once.
     fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
         times.iter().map(|t| self.at(*t)).collect()
     }
@@ -38,8 +40,8 @@ pub trait DynamicScene {
         None
     }
 
-    /// How long the shutter was open for the photos that the scene was learned from, in the unit of time; `None` where the model
-    /// does not know.
+    /// How long the shutter was open for the photos that the scene was learned from, in the unit of time; `None` where
+    /// the model does not know.
     fn exposure(&self) -> Option<f64> {
         None
     }

@@ -1,16 +1,17 @@
 //! Pruning of view-dependent colour: spherical-harmonic bands are judged by the colour change they can make.
 //!
-//! Band `l` adds `sum_m b_lm Y_lm(d)` to a channel. Since `sum_m Y_lm(d)^2 = (2 l + 1) / 4 pi` in every direction (addition
-//! theorem), it changes the channel by at most `sqrt((2 l + 1) / 4 pi) |b_l|`, and by that much in some direction. As for
-//! orders of motion, each band is shrunk as one group by a soft threshold, and the highest bands are removed as long as nobody sees it.
+//! Band `l` adds `sum_m b_lm Y_lm(d)` to a channel. Since `sum_m Y_lm(d)^2 = (2 l + 1) / 4 pi` in every direction
+//! (addition theorem), it changes the channel by at most `sqrt((2 l + 1) / 4 pi) |b_l|`, and by that much in some
+//! direction. As for orders of motion, each band is shrunk as one group by a soft threshold, and the highest bands are
+//! removed as long as nobody sees it.
 
 use std::f64::consts::PI;
 
 /// Largest change of a channel that nobody sees: one step of an 8-bit photo.
 pub const NOTICEABLE: f64 = 1.0 / 255.0;
 
-/// Largest change of a channel (0 to 1) that band `l` of `sh` can make in any direction. `sh` holds one Gaussian's coefficients
-/// `[S, 3]`, row by row.
+/// Largest change of a channel (0 to 1) that band `l` of `sh` can make in any direction. `sh` holds one Gaussian's
+/// coefficients `[S, 3]`, row by row.
 pub fn change(sh: &[f32], l: usize) -> f64 {
     let squares =
         band(sh, l).chunks_exact(3).fold([0.0; 3], |sum, c| [0, 1, 2].map(|i| sum[i] + f64::from(c[i]).powi(2)));
@@ -31,8 +32,8 @@ pub fn shrink(sh: &mut [f32], amount: f64) {
     }
 }
 
-/// Zeroes the highest bands as long as all of them together change no channel by more than `limit`, and returns the degree that
-/// is left. NaN counts as colour: a degree must not hide it.
+/// Zeroes the highest bands as long as all of them together change no channel by more than `limit`, and returns the
+/// degree that is left. NaN counts as colour: a degree must not hide it.
 pub fn lower(sh: &mut [f32], limit: f64) -> usize {
     let (mut degree, mut changed) = (room(sh), 0.0);
     while degree > 0 {

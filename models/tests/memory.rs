@@ -20,11 +20,12 @@ const STEPS: usize = 30;
 /// Units of a hidden layer; there are seven hidden layers, as in the light network of TRACE.
 const WIDTH: usize = 128;
 
-/// Bytes that the process may take at most. Stored activations of the field alone are 30 steps of 2 stages of 7 layers, each 9,000 x 128
-/// numbers of 4 bytes, kept before and after SiLU: 3.9 GB.
+/// Bytes that the process may take at most. Stored activations of the field alone are 30 steps of 2 stages of 7 layers,
+/// each 9,000 x 128 numbers of 4 bytes, kept before and after SiLU: 3.9 GB.
 const MOST: u64 = 1_000_000_000;
 
-/// Gaussians of the comparison in `f64`: as many as have stored activations of 130 MB, so that both tests at once stay below [`MOST`].
+/// Gaussians of the comparison in `f64`: as many as have stored activations of 130 MB, so that both tests at once stay
+/// below [`MOST`].
 const COMPARED: usize = 150;
 
 /// Largest difference of the two gradients, relative to the largest number of a tensor.
@@ -122,7 +123,8 @@ fn a_long_rollout_is_differentiated_in_a_gigabyte() {
     }
 }
 
-/// The same rollout of fewer Gaussians: its gradients of Gaussians do not depend on each other, and those of the field are sums over them.
+/// The same rollout of fewer Gaussians: its gradients of Gaussians do not depend on each other, and those of the field
+/// are sums over them.
 #[test]
 fn over_as_many_steps_the_gradient_is_that_of_stored_activations() {
     let device = device();

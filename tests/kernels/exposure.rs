@@ -115,8 +115,8 @@ fn radii_are_the_largest_over_the_instants() {
     }
 }
 
-/// A Gaussian that does not move is not asked where it would be, a mover that is nowhere is not drawn, and off screen is as
-/// nowhere.
+/// A Gaussian that does not move is not asked where it would be, a mover that is nowhere is not drawn, and off screen
+/// is as nowhere.
 #[test]
 fn rows_that_are_not_finite_or_out_of_sight() {
     for place in everywhere() {

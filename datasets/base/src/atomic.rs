@@ -31,7 +31,8 @@ pub fn write_atomic_with(path: &Path, content: impl FnOnce(&mut File) -> io::Res
     written.map_err(|error| FileError::write(path, error))
 }
 
-/// A file that is being written under a temporary name beside its own. Dropped before [`finish`](Self::finish), it is removed.
+/// A file that is being written under a temporary name beside its own. Dropped before [`finish`](Self::finish), it is
+/// removed.
 #[derive(Debug)]
 pub struct PartialFile {
     temporary: PathBuf,

@@ -30,7 +30,8 @@ pub fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     solution.iter().all(|x| x.is_finite()).then_some(solution)
 }
 
-/// Gauss and Jordan's elimination of `[A | B]`, `A` positive definite, `B` of `C` columns. It rounds otherwise than [`solve`].
+/// Gauss and Jordan's elimination of `[A | B]`, `A` positive definite, `B` of `C` columns. It rounds otherwise than
+/// [`solve`].
 pub fn solve_columns<const C: usize>(mut rows: Vec<Vec<f64>>) -> Vec<[f64; C]> {
     let order = rows.len();
     for column in 0..order {

@@ -14,7 +14,7 @@ pub enum FileError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was being done: "read", "write", ...
+        /// The verb: "read", "write", ...
         action: &'static str,
         /// The operating system's answer.
         source: io::Error,
@@ -24,7 +24,7 @@ pub enum FileError {
     NotAFile {
         /// The path of the file.
         path: PathBuf,
-        /// What it is: "a folder", "a device", "a pipe" or "a socket".
+        /// The kind of thing it is: "a folder", "a device", "a pipe" or "a socket".
         found: &'static str,
     },
 
@@ -52,9 +52,9 @@ pub enum FileError {
         path: PathBuf,
         /// Where in the file: a line, a byte offset, a key or a frame.
         location: String,
-        /// What the format asks for.
+        /// The rule of the format.
         expected: String,
-        /// What the file holds.
+        /// The content of the file there.
         found: String,
     },
 }

@@ -1,13 +1,14 @@
 //! Reading files that somebody else wrote: regular files only, and never more than a limit.
 //!
-//! A name in a data set, or on a command line, may lead to a device that never ends (`/dev/zero`), to a pipe that nobody
-//! writes to, or to a file of terabytes that takes no room on its disk. All of them are refused before anything is read.
+//! A name in a data set, or on a command line, may lead to a device that never ends (`/dev/zero`), to a pipe that
+//! nobody writes to, or to a file of terabytes that takes no room on its disk. All of them are refused before anything
+//! is read.
 //!
 //! # Limits
 //!
 //! | limit | bytes | reason |
 //! |---|---|---|
-//! | [`DESCRIPTION_MAX`] | 256 MiB | JSON in memory takes up to 16 times its file; a frame takes 1 KB, so that 250 000 frames fit |
+//! | [`DESCRIPTION_MAX`] | 256 MiB | in memory up to 16 times as much; a frame takes 1 KB, so that 250 000 fit |
 //! | [`MODEL_MAX`] | 8 GiB | a COLMAP model of 10 000 photos with 10 000 observations each has 3 GB |
 //! | [`POINTS_MAX`] | 2 GiB | 100 million points of a scanner, each a line of text |
 //! | [`IMAGE_MAX`] | 1 GiB | no more than decoding one photo may take; 250 megapixels without compression |
@@ -35,8 +36,8 @@ pub const IMAGE_MAX: u64 = 1 << 30;
 /// Opens a file for reading, if it is a regular file (or a link to one) of at most `limit` bytes.
 ///
 /// # Errors
-/// When it is a folder, a device, a pipe or a socket, is longer than `limit`, or cannot be opened. A pipe is not opened,
-/// because that waits for a writer.
+/// When it is a folder, a device, a pipe or a socket, is longer than `limit`, or cannot be opened. A pipe is not
+/// opened, because that waits for a writer.
 pub fn open_regular(path: &Path, limit: u64) -> Result<File, FileError> {
     let unreadable = |error| FileError::read(path, error);
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
@@ -53,7 +54,8 @@ pub fn open_regular(path: &Path, limit: u64) -> Result<File, FileError> {
 /// The bytes of a regular file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`open_regular`], when reading fails, and when the file grows beyond `limit` meanwhile or there is no memory for it.
+/// As [`open_regular`], when reading fails, and when the file grows beyond `limit` meanwhile or there is no memory for
+/// it.
 pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, FileError> {
     let unreadable = |error| FileError::read(path, error);
     let file = open_regular(path, limit)?;

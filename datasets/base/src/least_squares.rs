@@ -4,16 +4,18 @@
 //! minimise sum_i w_i |sum_k a_k(i) c_k - x_i|^2 over the coefficients c_k
 //! ```
 //!
-//! Columns are made orthonormal (Gram-Schmidt, twice) instead of solving the normal equations, so that no digits are lost to the
-//! likeness of monomials on [-1, 1], and a column that the samples say nothing about needs no ridge: its coefficient is 0.
+//! Columns are made orthonormal (Gram-Schmidt, twice) instead of solving the normal equations, so that no digits are
+//! lost to the likeness of monomials on [-1, 1], and a column that the samples say nothing about needs no ridge: its
+//! coefficient is 0.
 
 use glam::DVec3;
 
 /// Lengths under this, of columns of about unit length, are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// `[columns]` coefficients of the least squares fit to `targets` (`[samples]`). Each column holds one function at all samples,
-/// `[samples]` values of about unit size. A column within the span of those before it (or of zeros) has the coefficient 0.
+/// `[columns]` coefficients of the least squares fit to `targets` (`[samples]`). Each column holds one function at all
+/// samples, `[samples]` values of about unit size. A column within the span of those before it (or of zeros) has the
+/// coefficient 0.
 ///
 /// ```
 /// use glam::DVec3;

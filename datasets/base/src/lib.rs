@@ -1,4 +1,5 @@
-//! The ground under the other crates: files, sentences, and small sums, one of each. It knows nothing of tensors, scenes or training.
+//! The ground under the other crates: files, sentences, and small sums, one of each. It knows nothing of tensors,
+//! scenes or training.
 //!
 //! | module | holds |
 //! |---|---|

@@ -145,7 +145,8 @@ pub struct Number {
 }
 
 impl Number {
-    /// The type of NumPy's text for it, `<f4` or without the order of its bytes `f4`; `None` for one of no plain numbers.
+    /// The type of NumPy's text for it, `<f4` or without the order of its bytes `f4`; `None` for one of no plain
+    /// numbers.
     pub fn parse(descr: &str) -> Option<Self> {
         let name = descr.strip_prefix(['<', '>', '|', '=']).unwrap_or(descr);
         let (kind, size) = name.as_bytes().split_first()?;

@@ -6,8 +6,8 @@ use std::path::Path;
 /// The text with every character that steers a terminal, begins a line or turns the direction of writing in escaped
 /// form, `\u{1b}`.
 ///
-/// Names come from data sets, and data sets from anywhere: an escape sequence in a file's name could recolour a terminal, change
-/// its title or hide the line before. All other characters stay, of whatever script.
+/// Names come from data sets, and data sets from anywhere: an escape sequence in a file's name could recolour a
+/// terminal, change its title or hide the line before. All other characters stay, of whatever script.
 pub fn printable(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_steering) {
         return Cow::Borrowed(text);
@@ -24,11 +24,12 @@ pub fn shown(path: &Path) -> String {
     printable(&path.to_string_lossy()).into_owned()
 }
 
-/// Whether a character is an order to the terminal rather than a sign: controls (C0, DEL, C1), separators of lines and paragraphs,
-/// marks and overrides of direction, and the byte order mark.
+/// Whether a character is an order to the terminal rather than a sign: controls (C0, DEL, C1), separators of lines and
+/// paragraphs, marks and overrides of direction, and the byte order mark.
 pub fn is_steering(c: char) -> bool {
     c.is_control()
-        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}')
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{feff}')
+        || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// From a billion on a number is shown as a power of ten: its digits would fill lines and say nothing.

@@ -5,15 +5,15 @@ use rayon::prelude::*;
 
 use crate::sweep::{Cuboid, Labels, ObjectClass};
 
-/// Boxes are enlarged by this on each side, metres, so that points of mirrors and of the noise of ranging are inside; the labels of
-/// Argoverse 2 use 0.2 m in length and width, which is 0.1 m a side.
+/// Boxes are enlarged by this on each side, metres, so that points of mirrors and of the noise of ranging are inside;
+/// the labels of Argoverse 2 use 0.2 m in length and width, which is 0.1 m a side.
 const MARGIN: f64 = 0.1;
 
 /// The interval of flow, seconds.
 pub const FLOW_INTERVAL: f64 = 0.1;
 
-/// Labels of points from the boxes of their frame and of the next one, which is `interval` seconds later. A point outside of all boxes is
-/// background that does not move; a point in several boxes belongs to the smallest.
+/// Labels of points from the boxes of their frame and of the next one, which is `interval` seconds later. A point
+/// outside of all boxes is background that does not move; a point in several boxes belongs to the smallest.
 pub(crate) fn labels(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next: Option<(&[Cuboid], f64)>) -> Labels {
     let mut order: Vec<&Cuboid> = boxes.iter().collect();
     order.sort_by(|a, b| a.size.element_product().total_cmp(&b.size.element_product()));

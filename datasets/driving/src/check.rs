@@ -25,7 +25,7 @@ pub struct DrivingReport {
     pub format: Option<LogFormat>,
     /// Contents, in sentences.
     pub facts: Vec<String>,
-    /// What was left out or looks wrong, in sentences.
+    /// Omissions and suspicions, in sentences.
     pub warnings: Vec<String>,
     /// Mistakes that keep the log from being used, in sentences.
     pub errors: Vec<String>,
@@ -68,9 +68,10 @@ struct SweepNote {
     objects: Option<usize>,
 }
 
-/// Examines a log: reads every sweep and decodes every image. With `pictures`, the sweep of the middle frame is drawn into the images of
-/// that frame, coloured by depth, and each is written there as `CAMERA-FRAME.png`; edges of colour and edges of depth agree if times and
-/// calibration are right. At most one sweep and one image a thread are held at a time.
+/// Examines a log: reads every sweep and decodes every image. With `pictures`, the sweep of the middle frame is drawn
+/// into the images of that frame, coloured by depth, and each is written there as `CAMERA-FRAME.png`; edges of colour
+/// and edges of depth agree if times and calibration are right. At most one sweep and one image a thread are held at a
+/// time.
 pub fn check(path: &Path, options: &LogOptions, pictures: Option<&Path>) -> DrivingReport {
     let mut report =
         DrivingReport { path: path.to_path_buf(), format: LogFormat::of(path), ..DrivingReport::default() };

@@ -1,4 +1,4 @@
-//! What a reader says about a log before any sweep or image is decoded.
+//! The description of a log, before any sweep or image is decoded.
 
 use std::path::PathBuf;
 
@@ -8,14 +8,15 @@ use gs_base::Intrinsics;
 /// A frame: one sweep of the LiDAR and one image of each camera, as far as they are there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// The name of the frame's files: "45" of `45.jpg` in PandaSet, the time stamp of the sweep in Argoverse 2 and Waymo.
+    /// The name of the frame's files: "45" of `45.jpg` in PandaSet, the time stamp of the sweep in Argoverse 2 and
+    /// Waymo.
     pub name: String,
     /// Unix seconds of the sweep. PandaSet: its end. Argoverse 2 and Waymo: its begin.
     pub time: f64,
     /// Whether there is a sweep.
     pub has_sweep: bool,
-    /// Ego vehicle to centred world. PandaSet: x to the right, y ahead. Argoverse 2 and Waymo: x ahead, y to the left. z is up in all. That
-    /// of Waymo is of about the middle of the sweep.
+    /// Ego vehicle to centred world. PandaSet: x to the right, y ahead. Argoverse 2 and Waymo: x ahead, y to the left.
+    /// z is up in all. That of Waymo is of about the middle of the sweep.
     pub ego: DMat4,
 }
 
@@ -41,7 +42,8 @@ pub struct Shot {
     pub time: f64,
     /// Camera to centred world, OpenCV axes (x right, y down, z forward).
     pub c2w: DMat4,
-    /// The file, or the file with all images of a Waymo segment; `None` where the pose is known and the image is missing.
+    /// The file, or the file with all images of a Waymo segment; `None` where the pose is known and the image is
+    /// missing.
     pub image: Option<PathBuf>,
 }
 
@@ -55,6 +57,6 @@ pub(crate) struct Description {
     pub cameras: Vec<Camera>,
     /// `[frames][cameras]`.
     pub shots: Vec<Vec<Option<Shot>>>,
-    /// What was left out, in sentences.
+    /// Omissions, in sentences.
     pub warnings: Vec<String>,
 }

@@ -9,7 +9,8 @@ use crate::log::DrivingLog;
 use crate::project::project;
 use crate::sweep::Sweep;
 
-/// Depths with the first and the last colour, metres; the colours follow the logarithm of depth, as the density of points does.
+/// Depths with the first and the last colour, metres; the colours follow the logarithm of depth, as the density of
+/// points does.
 const DEPTHS: (f64, f64) = (3.0, 80.0);
 
 /// A point is a square with a side of one pixel in so many columns.

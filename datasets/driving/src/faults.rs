@@ -95,7 +95,8 @@ mod tests {
         let other = DatasetError::malformed(Path::new("log/camera/a/00.jpg"), "the image", "8 x 8 pixels", "9 x 9");
         let errors: Vec<DatasetError> = (0..300).map(short).chain([other]).collect();
         let said = sentences(&errors);
-        let first = "log/lidar: byte 100: expected a column x, found 0 bytes (in 300 files: 00.pkl.gz, 01.pkl.gz, 02.pkl.gz, ...)";
+        let first = "log/lidar: byte 100: expected a column x, found 0 bytes (in 300 files: 00.pkl.gz, 01.pkl.gz, \
+            02.pkl.gz, ...)";
         assert_eq!(said, [first, "log/camera/a/00.jpg: the image: expected 8 x 8 pixels, found 9 x 9"]);
         assert_eq!(sentences(&errors[..1]), [errors[0].to_string()]);
     }

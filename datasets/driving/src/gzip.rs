@@ -9,8 +9,8 @@ use flate2::write::GzEncoder;
 use gs_base::guarded;
 use gs_datasets::DatasetError;
 
-/// Longest file and longest content, bytes. A sweep of both LiDARs of PandaSet has 8 MB; this has room for 5 million points. Deflate makes
-/// at most 1032 bytes of one, so a small file stays far below.
+/// Longest file and longest content, bytes. A sweep of both LiDARs of PandaSet has 8 MB; this has room for 5 million
+/// points. Deflate makes at most 1032 bytes of one, so a small file stays far below.
 const CONTENT_MAX: u64 = 256 << 20;
 
 /// The first bytes of a gzip stream (RFC 1952).

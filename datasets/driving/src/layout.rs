@@ -1,4 +1,5 @@
-//! Names and writers of the files of a log in the layout of PandaSet, and of the exact truth that synthetic streets have beside it.
+//! Names and writers of the files of a log in the layout of PandaSet, and of the exact truth that synthetic streets
+//! have beside it.
 
 pub use crate::gzip::compress;
 pub use crate::pandaset::names::{CAMERA, CAMERAS, CUBOIDS, LIDAR, SEMSEG, TRUTH_POINTS};

@@ -1,12 +1,14 @@
 //! Driving logs: cameras and LiDAR on a moving vehicle.
 //!
-//! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts), of Argoverse 2 Sensor or, with the feature `waymo`, of the Waymo
-//! Open Dataset (both versions), and decodes a [`Sweep`] or an image when it is asked for. [`snippets`] cuts a log into the pieces that are reconstructed together, [`colors`] gives points the colours of
-//! the images, [`check`] reports what is there, and [`layout`] holds the names
-//! and writers of PandaSet's files. The crate `gs-worlds` writes streets with exact truth in that layout.
+//! [`DrivingLog`] describes a log of PandaSet (both of its pickle layouts), of Argoverse 2 Sensor or, with the feature
+//! `waymo`, of the Waymo Open Dataset (both versions), and decodes a [`Sweep`] or an image when it is asked for.
+//! [`snippets`] cuts a log into the pieces that are reconstructed together, [`colors`] gives points the colours of the
+//! images, [`check`] reports what is there, and [`layout`] holds the names and writers of PandaSet's files. The crate
+//! `gs-worlds` writes streets with exact truth in that layout.
 //!
-//! Neighbours: `gs-datasets` has the errors, the photos and the caches ([`DrivingLog`] is a [`FrameSource`](gs_datasets::FrameSource)).
-//! The crate knows no tensors. Nothing in a file can run code: see the whitelisted reader in `pickle/`; `feather/` reads Arrow's files.
+//! Neighbours: `gs-datasets` has the errors, the photos and the caches ([`DrivingLog`] is a
+//! [`FrameSource`](gs_datasets::FrameSource)). The crate knows no tensors. Nothing in a file can run code: see the
+//! whitelisted reader in `pickle/`; `feather/` reads Arrow's files.
 //!
 //! ```no_run
 //! use gs_driving::{DrivingLog, LogOptions, SnippetKind, colors, snippets};

@@ -35,8 +35,8 @@ impl LogFormat {
         }
     }
 
-    /// The place of the LiDAR that turns, metres, in the axes of the ego vehicle. It is that of the data set's vehicles; logs do not have it
-    /// (PandaSet) or differ by centimetres.
+    /// The place of the LiDAR that turns, metres, in the axes of the ego vehicle. It is that of the data set's
+    /// vehicles; logs do not have it (PandaSet) or differ by centimetres.
     fn lidar(self) -> DVec3 {
         match self {
             Self::PandaSet => DVec3::new(0.0, 0.8, 1.85),
@@ -80,11 +80,12 @@ pub fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(found)
 }
 
-/// A driving log. It holds descriptions and no pixel or point: less than 1 KB for each frame and camera. A sweep or image belongs to who
-/// asked for it; [`LogCache`](gs_datasets::LogCache) keeps images under a bound in bytes, since a log is a [`FrameSource`].
+/// A driving log. It holds descriptions and no pixel or point: less than 1 KB for each frame and camera. A sweep or
+/// image belongs to who asked for it; [`LogCache`](gs_datasets::LogCache) keeps images under a bound in bytes, since a
+/// log is a [`FrameSource`].
 ///
-/// Positions are in the world of the data set with [`origin`](DrivingLog::origin) subtracted in f64, so that f32 keeps millimetres. The
-/// axes are the data set's: z is up. Camera axes are OpenCV's, poses are camera to world.
+/// Positions are in the world of the data set with [`origin`](DrivingLog::origin) subtracted in f64, so that f32 keeps
+/// millimetres. The axes are the data set's: z is up. Camera axes are OpenCV's, poses are camera to world.
 #[derive(Debug)]
 pub struct DrivingLog {
     path: PathBuf,
@@ -102,12 +103,12 @@ pub struct DrivingLog {
 }
 
 impl DrivingLog {
-    /// Describes the log in a folder. A Waymo segment may also be given by a file: `vehicle_pose/NAME.parquet` or that of another
-    /// component, or `NAME.tfrecord`.
+    /// Describes the log in a folder. A Waymo segment may also be given by a file: `vehicle_pose/NAME.parquet` or that
+    /// of another component, or `NAME.tfrecord`.
     ///
     /// # Errors
-    /// One sentence: no known layout, a description that is missing or broken, times that do not ascend, no frame; a Waymo segment
-    /// without the feature `waymo`.
+    /// One sentence: no known layout, a description that is missing or broken, times that do not ascend, no frame; a
+    /// Waymo segment without the feature `waymo`.
     pub fn open(path: &Path, options: &LogOptions) -> Result<Self, DatasetError> {
         let format = LogFormat::of(path).ok_or_else(|| unknown(path))?;
         let description = match format {
@@ -135,7 +136,8 @@ impl DrivingLog {
         })
     }
 
-    /// Second returns of the lasers of a Waymo segment become points too, behind the first ones. Other logs stay as they are.
+    /// Second returns of the lasers of a Waymo segment become points too, behind the first ones. Other logs stay as
+    /// they are.
     #[must_use]
     #[cfg(feature = "waymo")]
     pub fn with_second_returns(mut self) -> Self {
@@ -217,7 +219,7 @@ impl DrivingLog {
         &self.description.cameras
     }
 
-    /// What was left out, in sentences.
+    /// Omissions, in sentences.
     pub fn warnings(&self) -> &[String] {
         &self.description.warnings
     }
@@ -249,7 +251,8 @@ impl DrivingLog {
     /// Decodes an image; the lens distortion of Waymo's is removed.
     ///
     /// # Errors
-    /// When it is missing, broken, or of another size than the first image of its camera (Waymo: than the calibration says).
+    /// When it is missing, broken, or of another size than the first image of its camera (Waymo: than the calibration
+    /// says).
     ///
     /// # Panics
     /// When there is no such frame or camera.

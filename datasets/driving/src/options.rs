@@ -8,7 +8,7 @@ pub enum CameraUse {
     All,
     /// The one that looks ahead: `front_camera`, `ring_front_center`, `FRONT`. The paper's tables use it alone.
     Front,
-    /// Those of these names.
+    /// The cameras of these names.
     Named(Vec<String>),
 }
 

@@ -8,11 +8,12 @@ use crate::description::Camera;
 use crate::log::DrivingLog;
 use crate::sweep::Sweep;
 
-/// Nearest camera depth at which a point is projected, metres: the bumper of the ego vehicle is farther from every camera.
+/// Nearest camera depth at which a point is projected, metres: the bumper of the ego vehicle is farther from every
+/// camera.
 pub const NEAR: f64 = 0.5;
 
-/// The pixel position and camera depth (metres) of a world point; `None` outside of the image or nearer than [`NEAR`]. Rows that show the
-/// ego vehicle are outside.
+/// The pixel position and camera depth (metres) of a world point; `None` outside of the image or nearer than [`NEAR`].
+/// Rows that show the ego vehicle are outside.
 pub fn project(camera: &Camera, w2c: &DMat4, point: [f32; 3]) -> Option<(DVec2, f64)> {
     let local = w2c.transform_point3(DVec3::from_array(point.map(f64::from)));
     if local.z.is_nan() || local.z < NEAR {
@@ -24,7 +25,8 @@ pub fn project(camera: &Camera, w2c: &DMat4, point: [f32; 3]) -> Option<(DVec2, 
     inside.then_some((pixel, local.z))
 }
 
-/// The colour of an image at a position, bilinear between the centres of pixels, 0 to 1 as the file encodes it. Positions are inside.
+/// The colour of an image at a position, bilinear between the centres of pixels, 0 to 1 as the file encodes it.
+/// Positions are inside.
 pub fn sample(image: &RgbImage8, pixel: DVec2) -> [f32; 3] {
     let place = |position: f64, size: usize| {
         let p = (position - 0.5).clamp(0.0, size as f64 - 1.0);
@@ -40,9 +42,9 @@ pub fn sample(image: &RgbImage8, pixel: DVec2) -> [f32; 3] {
     })
 }
 
-/// Colours of the points of a sweep from the images of its frame, `[points]`; `None` where no camera sees the point. Where several do, the
-/// one in which the point is nearest to the middle counts. Occlusion is ignored, as in the paper, and so is the motion between the time of a
-/// point and the time of the image.
+/// Colours of the points of a sweep from the images of its frame, `[points]`; `None` where no camera sees the point.
+/// Where several do, the one in which the point is nearest to the middle counts. Occlusion is ignored, as in the paper,
+/// and so is the motion between the time of a point and the time of the image.
 ///
 /// # Errors
 /// When an image is broken.
@@ -76,8 +78,8 @@ fn color(views: &[(&Camera, DMat4, &RgbImage8)], point: [f32; 3]) -> Option<[f32
     Some(sample(best.2, best.1))
 }
 
-/// The depth image of a camera by the points of a sweep, `[height, width]`, camera z in metres; 0 where no point falls. Of several points
-/// in a pixel the nearest counts.
+/// The depth image of a camera by the points of a sweep, `[height, width]`, camera z in metres; 0 where no point falls.
+/// Of several points in a pixel the nearest counts.
 pub fn depth_image(camera: &Camera, c2w: &DMat4, points: &[[f32; 3]]) -> Vec<f32> {
     let w2c = c2w.inverse();
     let mut depth = vec![0.0_f32; camera.width * camera.height];

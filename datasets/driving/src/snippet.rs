@@ -22,11 +22,11 @@ pub const PREDICTION_FRAMES: usize = 16;
 /// Frames that consecutive snippets share.
 pub const OVERLAP: usize = 5;
 
-/// Longest time between two frames of a snippet, in usual times between frames (their median). Where one frame is missing it is 2;
-/// clocks vary by a few percent.
+/// Longest time between two frames of a snippet, in usual times between frames (their median). Where one frame is
+/// missing it is 2; clocks vary by a few percent.
 const GAP: f64 = 1.5;
 
-/// What a snippet is for.
+/// The purpose of a snippet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SnippetKind {
     /// Inputs 0, 2, ..., 10; targets 1, 3, ..., 9.
@@ -72,15 +72,15 @@ impl Snippet {
     }
 }
 
-/// The snippets of a log with `frames` frames: each shares [`OVERLAP`] frames with the one before. Where the last would reach beyond the
-/// log, it begins earlier instead, so that all frames are in one. A log that is shorter than one snippet is one short snippet, and an
-/// empty log has none.
+/// The snippets of a log with `frames` frames: each shares [`OVERLAP`] frames with the one before. Where the last would
+/// reach beyond the log, it begins earlier instead, so that all frames are in one. A log that is shorter than one
+/// snippet is one short snippet, and an empty log has none.
 pub fn snippets(frames: usize, kind: SnippetKind) -> Vec<Snippet> {
     spaced(frames, kind.frames(), kind.frames() - OVERLAP)
 }
 
-/// Snippets of `count` frames that begin every `every` frames (20 in the main paper: four of a log with 80 frames); `every` of 0 counts
-/// as 1. Ends are as in [`snippets`].
+/// Snippets of `count` frames that begin every `every` frames (20 in the main paper: four of a log with 80 frames);
+/// `every` of 0 counts as 1. Ends are as in [`snippets`].
 pub fn spaced(frames: usize, count: usize, every: usize) -> Vec<Snippet> {
     if frames == 0 {
         return Vec::new();
@@ -96,8 +96,8 @@ pub fn spaced(frames: usize, count: usize, every: usize) -> Vec<Snippet> {
     starts.into_iter().map(|start| Snippet::new(start, count)).collect()
 }
 
-/// Runs of frames that follow each other without a gap in the recording; `times` are those of all frames, seconds, ascending. A gap is
-/// longer than 1.5 times the median time between frames.
+/// Runs of frames that follow each other without a gap in the recording; `times` are those of all frames, seconds,
+/// ascending. A gap is longer than 1.5 times the median time between frames.
 pub fn runs(times: &[f64]) -> Vec<Range<usize>> {
     let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut sorted = intervals.clone();
@@ -163,8 +163,8 @@ mod tests {
         assert_eq!(starts(20), [0, 20, 40, 60]);
     }
 
-    /// Gaps at every place of a recording, a missing frame and five seconds: no snippet has frames of both sides, and every frame is
-    /// in one. Clocks that vary by a tenth have no gap.
+    /// Gaps at every place of a recording, a missing frame and five seconds: no snippet has frames of both sides, and
+    /// every frame is in one. Clocks that vary by a tenth have no gap.
     #[test]
     fn a_gap_is_in_no_snippet() {
         let times = |gap: usize, seconds: f64| -> Vec<f64> {

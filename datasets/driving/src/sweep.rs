@@ -33,8 +33,8 @@ impl ObjectClass {
         }
     }
 
-    /// The class of a box by its label in PandaSet, Argoverse 2 or Waymo, which has one label for all vehicles. Boxes around things that
-    /// stand (cones, signs, bollards) are background.
+    /// The class of a box by its label in PandaSet, Argoverse 2 or Waymo, which has one label for all vehicles. Boxes
+    /// around things that stand (cones, signs, bollards) are background.
     pub fn of_label(label: &str) -> Self {
         const CAR: [&str; 6] =
             ["Car", "Pickup Truck", "Uncommon vehicle", "REGULAR_VEHICLE", "RIDEABLE", "TYPE_VEHICLE"];
@@ -139,8 +139,9 @@ pub struct Labels {
     pub instance: Vec<u32>,
     /// Names of the objects of this sweep, the same for an object in all sweeps.
     pub tracks: Vec<String>,
-    /// How far the surface moves in the next 0.1 s in the world, metres: the ego vehicle's own motion is no part of it. `None` where it is
-    /// not known, as for an object without a box in the next frame, or in a zone that nobody has labelled.
+    /// How far the surface moves in the next 0.1 s in the world, metres: the ego vehicle's own motion is no part of it.
+    /// `None` where it is not known, as for an object without a box in the next frame, or in a zone that nobody has
+    /// labelled.
     pub flow: Vec<Option<[f32; 3]>>,
     /// The data set's own semantic class number; empty where there are none.
     pub semantic: Vec<u8>,
@@ -155,8 +156,8 @@ pub struct Sweep {
     pub times: Vec<f64>,
     /// As the sensor gives it, 0 to 255; of Waymo, not bounded.
     pub intensity: Vec<f32>,
-    /// The LiDAR. PandaSet: 0 turns, 1 looks ahead. Argoverse 2: 0 is the upper, 1 the lower one. Waymo: 0 is on the roof, 1 to 4 are ahead,
-    /// to the left, to the right and behind.
+    /// The LiDAR. PandaSet: 0 turns, 1 looks ahead. Argoverse 2: 0 is the upper, 1 the lower one. Waymo: 0 is on the
+    /// roof, 1 to 4 are ahead, to the left, to the right and behind.
     pub sensor: Vec<u8>,
     /// `None` where the data set has none for this frame.
     pub labels: Option<Labels>,

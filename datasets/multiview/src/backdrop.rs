@@ -1,20 +1,21 @@
-//! Objects before a plain background: photos that are transparent around them, sets that are rendered without surroundings, or filmed before a
-//! screen of one colour.
+//! Objects before a plain background: photos that are transparent around them, sets that are rendered without
+//! surroundings, or filmed before a screen of one colour.
 
 use gs_datasets::View;
 
-/// Largest difference of a channel from the background's colour, of 255, that is still background: above rounding and the noise of a
-/// lossy file, below the shade of a bright object. Likewise the largest alpha.
+/// Largest difference of a channel from the background's colour, of 255, that is still background: above rounding and
+/// the noise of a lossy file, below the shade of a bright object. Likewise the largest alpha.
 const SAME: u8 = 6;
 
-/// Share of the pixels along the image border that must have the background's colour: an object may be cut by the border.
+/// Share of the pixels along the image border that must have the background's colour: an object may be cut by the
+/// border.
 const BORDER: f64 = 0.9;
 
 /// Share of the photos whose border must be plain: a few may show the object as large as the image.
 const PHOTOS: f64 = 0.8;
 
-/// One mask for each view, 255 where the photo is not transparent; where most photos have no transparent pixels, 255 where it differs from a
-/// background that has one colour in all views. `None` if there is neither.
+/// One mask for each view, 255 where the photo is not transparent; where most photos have no transparent pixels, 255
+/// where it differs from a background that has one colour in all views. `None` if there is neither.
 ///
 /// Pixels that `View::mask` ignores count as background.
 pub fn foreground_masks(views: &[View]) -> Option<Vec<Option<Vec<u8>>>> {

@@ -33,7 +33,8 @@ const SCORE_WEAK: f32 = 7.0;
 /// by a pixel all around.
 const SCORE_ALONE: f32 = 9.0;
 
-/// Smallest region at any resolution, pixels: about the 3 x 3 neighbourhood of a score, so that one chance score is none.
+/// Smallest region at any resolution, pixels: about the 3 x 3 neighbourhood of a score, so that one chance score is
+/// none.
 const SPECK_MIN: usize = 8;
 
 /// Masks inferred from the photos of one static camera.

@@ -5,10 +5,10 @@
 //! v_guide(t_i) = (c(t_{i+1}) - c(t_{i-1})) / (t_{i+1} - t_{i-1}),   c(t): triangulated centre of the masks at t
 //! ```
 //!
-//! The paper says "object center displacement" and no more. Here the centre is the position whose projections meet the masks'
-//! centroids in as many cameras as possible, so that an occluded or wrong mask does not pull it. The centroid of a silhouette is not the
-//! projection of the object's centroid, but for a rigid object without rotation the difference is nearly constant and cancels in the
-//! velocity. `v_guide` is in world axes; the caller rotates it into each camera.
+//! The paper says "object center displacement" and no more. Here the centre is the position whose projections meet the
+//! masks' centroids in as many cameras as possible, so that an occluded or wrong mask does not pull it. The centroid of
+//! a silhouette is not the projection of the object's centroid, but for a rigid object without rotation the difference
+//! is nearly constant and cancels in the velocity. `v_guide` is in world axes; the caller rotates it into each camera.
 
 use glam::{DVec2, DVec3};
 

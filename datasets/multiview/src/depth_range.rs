@@ -3,10 +3,12 @@
 use glam::{DMat4, Vec3};
 use gs_base::Intrinsics;
 
-/// Side of a cell in which depths are gathered, pixels of a reduced photo (320 wide). A pixel asks its own cell and the eight around it.
+/// Side of a cell in which depths are gathered, pixels of a reduced photo (320 wide). A pixel asks its own cell and the
+/// eight around it.
 const CELL: usize = 16;
 
-/// Fewest points around a pixel that are trusted to span its depths; with fewer, the depths of the whole photo are searched.
+/// Fewest points around a pixel that are trusted to span its depths; with fewer, the depths of the whole photo are
+/// searched.
 const FEWEST: usize = 6;
 
 /// Share of the depths left out at either end: single points lie far off.

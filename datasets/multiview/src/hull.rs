@@ -1,6 +1,6 @@
 //! Visual hull of the moving object at one time, as coloured points.
 //!
-//! 1. The masks' centroids are triangulated, and a box is placed around that position, so the object may be small against the scene.
+//! 1. The masks' centroids are triangulated, and a box is placed around that position, so that the object may be small.
 //! 2. Views whose masks miss the core (the positions inside most masks) are left out.
 //! 3. A coarse carving that keeps all possible voxels tightens the box, and a fine one finds the surface.
 //!
@@ -45,8 +45,8 @@ const OCCLUDED: f64 = 2.0;
 /// Visual hull of the moving object at one time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Hull {
-    /// Points on its surface or throughout its volume, coloured with the median of the views that see them; inner points, which none sees, with
-    /// that of the views that have them in their masks.
+    /// Points on its surface or throughout its volume, coloured with the median of the views that see them; inner
+    /// points, which none sees, with that of the views that have them in their masks.
     pub points: PointCloud,
     /// Centroid of its volume; zero if empty.
     pub centre: DVec3,

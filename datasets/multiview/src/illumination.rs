@@ -3,18 +3,20 @@
 //! Light multiplies a linear colour, and the encoding is close to a power, so encoded values differ by a factor too,
 //! nearly the same in all channels.
 
-/// Darkest factor (of encoded values) of a shadow. An umbra lit by the sky alone is at about 0.4; darker pixels are black objects.
+/// Darkest factor (of encoded values) of a shadow. An umbra lit by the sky alone is at about 0.4; darker pixels are
+/// black objects.
 const DARKEST: f32 = 0.35;
 
-/// Brightest factor of a pixel whose background was in shadow for most of the time. No more than a weak shadow inverted, since bright
-/// objects are as common as dark ones.
+/// Brightest factor of a pixel whose background was in shadow for most of the time. No more than a weak shadow
+/// inverted, since bright objects are as common as dark ones.
 const BRIGHTEST: f32 = 1.25;
 
-/// Tolerance between the channels' factors, and its growth towards factor 0: the sky that lights a shadow is bluer than the lamp that does
-/// not.
+/// Tolerance between the channels' factors, and its growth towards factor 0: the sky that lights a shadow is bluer than
+/// the lamp that does not.
 const TINT: [f32; 2] = [0.03, 0.25];
 
-/// Tolerance between a factor and the mean of two opposite neighbours. The edge of a soft shadow is straight on this scale, texture is not.
+/// Tolerance between a factor and the mean of two opposite neighbours. The edge of a soft shadow is straight on this
+/// scale, texture is not.
 const BEND: f32 = 0.035;
 
 /// A background darker than this many standard deviations of noise has no measurable factor.
@@ -53,8 +55,8 @@ impl LightLimits {
         (self.darkest..=self.lit).contains(&self.factor(color, mean, deviation, noise))
     }
 
-    /// Mean factor over the channels; NaN if the channels disagree. `noise` is the image's: where shadows come and go, a pixel's own
-    /// deviation is not the sensor's.
+    /// Mean factor over the channels; NaN if the channels disagree. `noise` is the image's: where shadows come and go,
+    /// a pixel's own deviation is not the sensor's.
     pub fn factor(&self, color: &[u8; 3], mean: &[f32; 3], deviation: f32, noise: f32) -> f32 {
         if mean.iter().any(|value| *value < DARK * noise) {
             return f32::NAN;

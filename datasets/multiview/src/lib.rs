@@ -1,10 +1,11 @@
-//! Classical multi-view vision for posed photos: static cameras, backgrounds, moving masks, centres, paths and hulls of moving objects, and
-//! points by a plane sweep. No tensors, no network, no training.
+//! Classical multi-view vision for posed photos: static cameras, backgrounds, moving masks, centres, paths and hulls of
+//! moving objects, and points by a plane sweep. No tensors, no network, no training.
 //!
-//! Main types: [`MovingMasks`] (one mask per training view), [`Centre`] and [`Trajectory`] (a path through triangulated centres), [`Hull`]
-//! (coloured points on the moving object), [`CueOptions`] (every heuristic). Neighbours: `gs-datasets` reads the [`Scene`](gs_datasets::Scene) that every function takes;
-//! the trainer initialises Gaussians from the results. A `Scene` holds what the data set gives, and this crate what is inferred from it: no
-//! function changes a view, and no result belongs into one.
+//! Main types: [`MovingMasks`] (one mask per training view), [`Centre`] and [`Trajectory`] (a path through triangulated
+//! centres), [`Hull`] (coloured points on the moving object), [`CueOptions`] (every heuristic). Neighbours:
+//! `gs-datasets` reads the [`Scene`](gs_datasets::Scene) that every function takes; the trainer initialises Gaussians
+//! from the results. A `Scene` holds what the data set gives, and this crate what is inferred from it: no function
+//! changes a view, and no result belongs into one.
 //!
 //! | step | function |
 //! |---|---|
@@ -13,7 +14,7 @@
 //! | pixels that differ from it by more than noise and shadow | [`camera_masks`](fn@camera_masks) |
 //! | pixels that differ from a background of one colour | [`foreground_masks`] |
 //! | one mask per training view, given or inferred | [`moving_masks`] |
-//! | centre of the moving object over time, and its velocity (TaylorMoDe-GS, Eq. 17) | [`centres`](fn@centres), [`guide_velocity`] |
+//! | centre and velocity of the moving object (Eq. 17 of TaylorMoDe) | [`centres`](fn@centres), [`guide_velocity`] |
 //! | centres of several objects | [`object_centres`] |
 //! | objects that move apart, each with its path | [`tracks`](fn@tracks) |
 //! | path through the centres: polynomial order and kinks by BIC | [`Trajectory`] |
@@ -24,9 +25,9 @@
 //!
 //! Heuristics are fields of [`CueOptions`]; constants that follow from statistics are not.
 //!
-//! Blurry photos: an inferred mask covers all pixels that the object touched during the exposure. For steady motion it is symmetric about
-//! the exposure's centre, so centres and velocities stay unbiased. Silhouettes, and hulls with them, are longer along the motion by up to
-//! the path of one exposure.
+//! Blurry photos: an inferred mask covers all pixels that the object touched during the exposure. For steady motion it
+//! is symmetric about the exposure's centre, so centres and velocities stay unbiased. Silhouettes, and hulls with them,
+//! are longer along the motion by up to the path of one exposure.
 //!
 //! ```no_run
 //! use gs_datasets::{LoadOptions, load};

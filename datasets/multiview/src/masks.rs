@@ -144,8 +144,8 @@ fn infer(views: &[View], options: &MaskOptions, found: &mut MovingMasks) {
     }
     if !without.is_empty() {
         found.warnings.push(format!(
-            "{} of {} {} no mask of moving objects and none could be inferred: that takes at least {FRAMES_MIN} photos of one \
-             size from a static camera",
+            "{} of {} {} no mask of moving objects and none could be inferred: that takes at least {FRAMES_MIN} \
+             photos of one size from a static camera",
             without.len(),
             counted(views.len(), "training view"),
             agree(without.len(), "has", "have")

@@ -1,7 +1,7 @@
 //! Square patches of a grey photo, compared by zero-mean normalised cross-correlation.
 //!
-//! Near a distance of one pixel all pixels of a patch lie at one fraction between those of the photo, and its rows are added up side by
-//! side: some ten times as quick as reading each pixel alone.
+//! Near a distance of one pixel all pixels of a patch lie at one fraction between those of the photo, and its rows are
+//! added up side by side: some ten times as quick as reading each pixel alone.
 
 use glam::DVec2;
 
@@ -17,7 +17,8 @@ const PATCH: usize = SIDE * SIDE;
 /// A row of a [`Patch`]: its pixels, and one that is zero.
 const ROW: usize = SIDE + 1;
 
-/// Largest departure from a distance of one pixel at which a [`Patch`] takes one pixel: its corners are then off by a third of a pixel.
+/// Largest departure from a distance of one pixel at which a [`Patch`] takes one pixel: its corners are then off by a
+/// third of a pixel.
 const UNIT: f64 = 0.1;
 
 /// Smallest standard deviation of a patch, 0 to 1. Below it the correlation is of noise.

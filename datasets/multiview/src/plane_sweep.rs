@@ -1,11 +1,11 @@
 //! Points by a sparse plane sweep, for data sets without points or with few.
 //!
-//! A random pixel of a random photo is searched in a few neighbouring photos at depths along its ray. The best depth
-//! is where the patches correlate best (zero-mean normalised cross-correlation, which brightness does not change). It
+//! A random pixel of a random photo is searched in a few neighbouring photos at depths along its ray. The best depth is
+//! where the patches correlate best (zero-mean normalised cross-correlation, which brightness does not change). It
 //! counts if the correlation is high and clearly higher than at any other depth, so surfaces without texture, hidden
-//! from the others or repetitive give no point. The depth is the top of the parabola through the best one tried and its neighbours.
-//! [`plane_sweep`] tries one range of depths, [`plane_sweep_around`] those that known points span around the pixel: some twenty instead of
-//! 96, so that it can afford wider photos.
+//! from the others or repetitive give no point. The depth is the top of the parabola through the best one tried and its
+//! neighbours. [`plane_sweep`] tries one range of depths, [`plane_sweep_around`] those that known points span around
+//! the pixel: some twenty instead of 96, so that it can afford wider photos.
 
 use glam::{DVec2, Vec3};
 use rand::{Rng, SeedableRng};
@@ -18,18 +18,19 @@ use crate::depth_range::DepthRange;
 use crate::grey::Grey;
 use crate::patch::{Patch, Pixels, TEXTURE};
 
-/// Photos are reduced to about this width where nothing is known of their depths, so that patches span enough of the scene to be
-/// distinctive over many depths.
+/// Photos are reduced to about this width where nothing is known of their depths, so that patches span enough of the
+/// scene to be distinctive over many depths.
 const WIDTH: usize = 320;
 
-/// The width where known points give the range. Patches span half as much, so that points are found where texture is fine, which is
-/// where Gaussians are needed: docs/results/static.md has what that gains over the other width.
+/// The width where known points give the range. Patches span half as much, so that points are found where texture is
+/// fine, which is where Gaussians are needed: docs/results/static.md has what that gains over the other width.
 const FINE_WIDTH: usize = 640;
 
 /// Most depths tried along a ray, evenly in their logarithm: over a factor of ten a step is 2.4 %.
 const DEPTHS: usize = 96;
 
-/// Ratio of two neighbouring depths where known points give the range; at the preferred baseline the patch moves by two pixels.
+/// Ratio of two neighbouring depths where known points give the range; at the preferred baseline the patch moves by two
+/// pixels.
 const STEP: f64 = 1.0122;
 
 /// Photos searched, and how many of them must agree. The best ones count: in the others something may be in between.
@@ -63,8 +64,9 @@ pub fn plane_sweep(views: &[View], near: f64, far: f64, count: usize, seed: u64)
     sweep(views, &Grey::all(views, WIDTH), (near * far).sqrt(), count, seed, |_, _| Some(depths.clone()))
 }
 
-/// Up to `count` points on which photos of a static scene agree, near the depths that `known` points of the scene span around each pixel.
-/// `distance` is that of the subject, scene units. The result depends on the seed alone, not on the number of threads.
+/// Up to `count` points on which photos of a static scene agree, near the depths that `known` points of the scene span
+/// around each pixel. `distance` is that of the subject, scene units. The result depends on the seed alone, not on the
+/// number of threads.
 pub fn plane_sweep_around(views: &[View], known: &[[f32; 3]], distance: f64, count: usize, seed: u64) -> PointCloud {
     let usable = distance > 0.0 && distance.is_finite();
     if views.len() < 3 || !usable || count == 0 || known.is_empty() {
@@ -172,8 +174,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Where among `depths` the patch around a position, in pixels, is found again, as an index between two of them; `None` if that is
-    /// ambiguous.
+    /// Where among `depths` the patch around a position, in pixels, is found again, as an index between two of them;
+    /// `None` if that is ambiguous.
     fn peak(&self, position: DVec2, depths: &Depths) -> Option<f64> {
         let photo = &self.photos[self.from];
         let patch = Patch::around(&photo.pixels, position, 1.0).filter(|patch| patch.deviation() >= TEXTURE)?;
@@ -208,8 +210,8 @@ impl Search<'_> {
     }
 }
 
-/// Where a parabola through three values at -1, 0 and 1 is highest, from -0.5 to 0.5, if the middle one is the largest. A neighbour without
-/// a correlation (-1) says nothing of the shape.
+/// Where a parabola through three values at -1, 0 and 1 is highest, from -0.5 to 0.5, if the middle one is the largest.
+/// A neighbour without a correlation (-1) says nothing of the shape.
 fn top(before: f64, best: f64, after: f64) -> f64 {
     let bend = before - 2.0 * best + after;
     if before.min(after) <= 0.0 || bend >= 0.0 { 0.0 } else { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) }

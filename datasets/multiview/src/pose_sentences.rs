@@ -25,7 +25,8 @@ impl PoseJudgement {
         let read = self.read;
         let Some(described) = self.given.described() else {
             return format!(
-                "Poses, read as {read}, could not be judged: photos share too few corners, and there are neither points nor outlines."
+                "Poses, read as {read}, could not be judged: photos share too few corners, and there are neither \
+                 points nor outlines."
             );
         };
         let (matches, pairs) = self.matched;
@@ -72,15 +73,16 @@ impl PointsFault {
             ),
             Self::Unseen => format!(
                 "hardly any point lies before a camera and inside its photo ({given}), and no usual convention or unit \
-                 explains that; are points and poses of one world? data.poses and data.points_scale say how they are meant"
+                 explains that; are points and poses of one world? data.poses and data.points_scale say how they are \
+                 meant"
             ),
             Self::Distant(times) => format!(
-                "the points lie {times:.0} times as far from the cameras as these from each other; are points and poses \
-                 of one world, with one origin?"
+                "the points lie {times:.0} times as far from the cameras as these from each other; are points and \
+                 poses of one world, with one origin?"
             ),
             Self::Colors => format!(
-                "the points do not have the colours that photos show where they lie ({given}): they are of another world \
-                 than the poses, or random; a set without its point file begins where photos agree"
+                "the points do not have the colours that photos show where they lie ({given}): they are of another \
+                 world than the poses, or random; a set without its point file begins where photos agree"
             ),
         }
     }

@@ -43,12 +43,13 @@ impl ImageScale {
     }
 }
 
-/// Shares of the times between which [`ObjectOptions::body_size`] grows from a quarter to the whole: the less an object is seen, the closer
-/// it must keep to its path. Fragments of a hull come and go; objects that touch are one component for a while and keep to their paths
-/// before and after.
+/// Shares of the times between which [`ObjectOptions::body_size`] grows from a quarter to the whole: the less an object
+/// is seen, the closer it must keep to its path. Fragments of a hull come and go; objects that touch are one component
+/// for a while and keep to their paths before and after.
 const SEEN: [f64; 2] = [0.5, 0.9];
 
-/// Whether centres at a share `seen` of the times, at a root mean square distance of `widths` image widths from their path, are an object's.
+/// Whether centres at a share `seen` of the times, at a root mean square distance of `widths` image widths from their
+/// path, are an object's.
 fn is_object(seen: f64, widths: f64, options: &ObjectOptions) -> bool {
     let [least, all] = SEEN;
     let [near, far] = [0.25 * options.body_size, options.body_size];
@@ -56,9 +57,9 @@ fn is_object(seen: f64, widths: f64, options: &ObjectOptions) -> bool {
     between >= 0.0 && widths <= near + (far - near) * between
 }
 
-/// Objects that move apart from each other, the one with most centres first, each with a path of at most `max_order` and `max_kinks`; all
-/// that moves as one track if fewer than two objects are certain, and none if its centre follows no path. `masks` holds one mask per
-/// training view, `centres` the centre of all that moves.
+/// Objects that move apart from each other, the one with most centres first, each with a path of at most `max_order`
+/// and `max_kinks`; all that moves as one track if fewer than two objects are certain, and none if its centre follows
+/// no path. `masks` holds one mask per training view, `centres` the centre of all that moves.
 pub fn tracks(
     scene: &Scene,
     masks: &[Option<Vec<u8>>],
@@ -91,7 +92,8 @@ pub fn tracks(
 mod tests {
     use super::*;
 
-    /// An object seen always may be rough, one seen half the time must be exact, one seen less is none; in pixels at a width of 256.
+    /// An object seen always may be rough, one seen half the time must be exact, one seen less is none; in pixels at a
+    /// width of 256.
     #[test]
     fn the_less_an_object_is_seen_the_closer_it_keeps_to_its_path() {
         let is = |seen, pixels: f64| is_object(seen, pixels / 256.0, &ObjectOptions::default());

@@ -1,13 +1,15 @@
-//! Path of an object through its centres over time: a polynomial of the order that the data support, with kinks at impacts.
+//! Path of an object through its centres over time: a polynomial of the order that the data support, with kinks at
+//! impacts.
 //!
 //! ```text
 //! x(s) = sum_k c_k s^k + sum_j a_j r_j(s),   s = (t - t0) / half  in [-1, 1] over the fitted times
 //! BIC(p, J) = N ln(RSS / N) + (3 (p + 1) + 5 J) ln N,   N = 3 n coordinates of n centres
 //! ```
 //!
-//! `r_j` is a ramp: 0 before a contact, a line of slope 1 after it, a parabola during it ([`Kink`]), as a constant force during the contact
-//! adds to a free path. A kink has three numbers for the change of velocity and two for its begin and end. Order `p` and kinks are the
-//! choice with the least BIC; a kink must also lower BIC by [`EVIDENCE`], because its time was searched for.
+//! `r_j` is a ramp: 0 before a contact, a line of slope 1 after it, a parabola during it ([`Kink`]), as a constant
+//! force during the contact adds to a free path. A kink has three numbers for the change of velocity and two for its
+//! begin and end. Order `p` and kinks are the choice with the least BIC; a kink must also lower BIC by [`EVIDENCE`],
+//! because its time was searched for.
 
 use glam::DVec3;
 use gs_base::least_squares::{combined, least_squares, weighted_least_squares};

@@ -1,13 +1,13 @@
 //! Files of 3D Gaussians. Knows slices, nothing of tensors or training.
 //!
-//! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`ply`] (the layout of 3DGS), [`spz`] and
-//! [`glb`] are read and written, [`usda`] is written. `docs/formats.md` has the layouts.
+//! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`ply`] (the layout of 3DGS), [`spz`]
+//! and [`glb`] are read and written, [`usda`] is written. `docs/formats.md` has the layouts.
 //!
 //! # Axes
 //!
-//! `Splats` have the axes that viewers take a PLY for: x right, y down, z forward, as in COLMAP (RDF). SPZ, glTF and our OpenUSD files
-//! have y up (RUB). Writers turn by 180 degrees about x, which is a change of signs and loses nothing, and readers turn back.
-//! A world whose up is another axis is turned first: [`turn::turn`].
+//! `Splats` have the axes that viewers take a PLY for: x right, y down, z forward, as in COLMAP (RDF). SPZ, glTF and
+//! our OpenUSD files have y up (RUB). Writers turn by 180 degrees about x, which is a change of signs and loses
+//! nothing, and readers turn back. A world whose up is another axis is turned first: [`turn::turn`].
 
 mod bounded;
 pub mod glb;
@@ -29,5 +29,5 @@ pub(crate) const FILE_MAX: u64 = 8 << 30;
 /// Most Gaussians that are read: 67 million, which take 16 GB at degree 3.
 pub const COUNT_MAX: usize = 1 << 26;
 
-/// What our files say of where they come from; a later file may be written over one that says so.
+/// The mark of our files; a later file may be written over one that says so.
 pub const MARK: &str = "written by gsburn";

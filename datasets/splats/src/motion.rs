@@ -1,7 +1,7 @@
 //! How some Gaussians move: by series of functions of time, or by key frames.
 //!
-//! The Gaussians themselves are those of the time [`Motion::middle`], so that a program that knows no motion shows the middle of the
-//! recording.
+//! The Gaussians themselves are those of the time [`Motion::middle`], so that a program that knows no motion shows the
+//! middle of the recording.
 
 use crate::Splats;
 use crate::splats::unit;
@@ -181,7 +181,8 @@ impl Series {
 }
 
 impl Motion {
-    /// That every row is one of `count` Gaussians, arrays are as long as they must be, and every number is finite.
+    /// Checks that every row is one of `count` Gaussians, arrays are as long as they must be, and every number is
+    /// finite.
     ///
     /// # Errors
     /// A sentence without the file's name.

@@ -1,8 +1,8 @@
 //! Spherical harmonics of a world that is turned: each band is turned by a matrix of its own.
 //!
-//! A colour `c(d) = sum_m b_m Y_m(d)` of a world turned by `R` is `c'(d) = c(R^T d)`. Band `l` maps onto itself, so there is a matrix
-//! `D` of `2 l + 1` rows with `Y(R^T d) = D^T Y(d)` for all directions, and `b' = D b`. It is found from as many directions as it has
-//! rows, which determine it: `D^T = Y(R^T d_1 ..) Y(d_1 ..)^-1`.
+//! A colour `c(d) = sum_m b_m Y_m(d)` of a world turned by `R` is `c'(d) = c(R^T d)`. Band `l` maps onto itself, so
+//! there is a matrix `D` of `2 l + 1` rows with `Y(R^T d) = D^T Y(d)` for all directions, and `b' = D b`. It is found
+//! from as many directions as it has rows, which determine it: `D^T = Y(R^T d_1 ..) Y(d_1 ..)^-1`.
 
 use glam::{DMat3, DVec3};
 
@@ -100,8 +100,8 @@ mod tests {
     use super::*;
     use crate::splats::testing::{numbers, random};
 
-    /// The colour of turned coefficients at a direction is the colour before at the direction turned back. f32 storage leaves
-    /// 16 coefficients of at most 0.5 with rounding 6e-8 each: below 1e-6.
+    /// The colour of turned coefficients at a direction is the colour before at the direction turned back. f32 storage
+    /// leaves 16 coefficients of at most 0.5 with rounding 6e-8 each: below 1e-6.
     #[test]
     fn a_turned_scene_has_the_colours_of_the_turned_direction() {
         let mut x = numbers(5);

@@ -38,7 +38,7 @@ impl Splats {
         (self.degree + 1).pow(2)
     }
 
-    /// That all arrays are as long as they must be and every value is finite.
+    /// Checks that all arrays are as long as they must be and every value is finite.
     ///
     /// # Errors
     /// A sentence without the file's name.

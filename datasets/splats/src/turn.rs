@@ -40,8 +40,8 @@ fn flip_offset([x, y, z]: [f64; 3]) -> [f64; 3] {
     [x, 0.0 - y, 0.0 - z]
 }
 
-/// Turned by any rotation: means, orientations and harmonics. A Gaussian that was at `p` is at `rotation p`, and looks from there as
-/// it looked.
+/// Turned by any rotation: means, orientations and harmonics. A Gaussian that was at `p` is at `rotation p`, and looks
+/// from there as it looked.
 pub fn turn(splats: &Splats, rotation: DMat3) -> Splats {
     let (quat, bands) = (quaternion(rotation), BandTurn::new(rotation));
     let s = splats.coefficients();
@@ -118,7 +118,8 @@ mod tests {
         m * m.transpose()
     }
 
-    /// Covariances turn as `R C R^T`. Entries are at most exp(-4) and rounded at 6e-8 of them in the quaternion: below 1e-7.
+    /// Covariances turn as `R C R^T`. Entries are at most exp(-4) and rounded at 6e-8 of them in the quaternion: below
+    /// 1e-7.
     #[test]
     fn both_turns_turn_the_shapes() {
         let splats = random(10, 3, 1);

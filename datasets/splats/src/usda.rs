@@ -1,4 +1,5 @@
-//! OpenUSD as text: one prim `ParticleField3DGaussianSplat` (OpenUSD 26.03 and later), with time samples where the scene moves.
+//! OpenUSD as text: one prim `ParticleField3DGaussianSplat` (OpenUSD 26.03 and later), with time samples where the
+//! scene moves.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -12,8 +13,8 @@ use crate::{MARK, Splats};
 /// Frames a second that a player shows. Times are frame numbers, since most players of USD play whole numbers.
 pub const FRAMES_PER_SECOND: u32 = 24;
 
-/// Writes a scene. `samples` are positions and orientations (and sizes, where they change) at frames 0, 1, ...; without any the
-/// scene stands still.
+/// Writes a scene. `samples` are positions and orientations (and sizes, where they change) at frames 0, 1, ...; without
+/// any the scene stands still.
 ///
 /// # Errors
 /// When the file cannot be written, a value is not finite, or a sample has another number of Gaussians.

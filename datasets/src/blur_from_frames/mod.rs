@@ -57,8 +57,8 @@ pub struct BlurSummary {
 }
 
 /// Reads multi-view video from static cameras at `source` (any layout [`load`](crate::load) reads that gives times) and
-/// writes a set in the layout of the blurry worlds of the crate `gs-worlds` to `out`: blurry photos of training cameras with
-/// their sharp counterparts as truth; sharp photos of held-out cameras with blurry counterparts.
+/// writes a set in the layout of the blurry worlds of the crate `gs-worlds` to `out`: blurry photos of training cameras
+/// with their sharp counterparts as truth; sharp photos of held-out cameras with blurry counterparts.
 ///
 /// The source's own split decides which cameras are held out, otherwise one in 8 is. Lenses keep their distortion.
 ///

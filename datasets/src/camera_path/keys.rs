@@ -7,9 +7,9 @@
 //!  "width": 1024, "height": 768, "images": 120, "closed": false}
 //! ```
 //!
-//! Positions are in the data set's own world. `rotation` is w x y z, camera to world, OpenCV axes; `look_at` with `up` (else up is
-//! -y, as in COLMAP's worlds) stands for one. `fov` is the vertical angle of view in degrees; `time` is in the data set's unit. Only
-//! `keyframes` and `position` with a `rotation` or `look_at` are needed.
+//! Positions are in the data set's own world. `rotation` is w x y z, camera to world, OpenCV axes; `look_at` with `up`
+//! (else up is -y, as in COLMAP's worlds) stands for one. `fov` is the vertical angle of view in degrees; `time` is in
+//! the data set's unit. Only `keyframes` and `position` with a `rotation` or `look_at` are needed.
 
 use std::path::Path;
 
@@ -80,7 +80,8 @@ impl KeyFrames {
         })
     }
 
-    /// The path: positions on a smooth curve through the key frames, orientations by the shortest turn from one to the next.
+    /// The path: positions on a smooth curve through the key frames, orientations by the shortest turn from one to the
+    /// next.
     pub fn cameras(&self) -> Vec<CameraPose> {
         (0..self.images).map(|index| self.camera(index)).collect()
     }

@@ -1,4 +1,5 @@
-//! Camera paths for films: round a subject, a spiral before it, between two cameras, and through key frames that a viewer saved.
+//! Camera paths for films: round a subject, a spiral before it, between two cameras, and through key frames that a
+//! viewer saved.
 //!
 //! All are cameras in the data set's own world, OpenCV axes, and are named after the path and their number.
 
@@ -45,14 +46,16 @@ pub fn up(cameras: &[CameraPose]) -> Option<DVec3> {
     cameras.iter().map(|camera| -camera.c2w.y_axis.truncate()).sum::<DVec3>().try_normalize()
 }
 
-/// `count` cameras from `first` to `last`, both included: positions on a straight line, orientations by the shortest turn.
+/// `count` cameras from `first` to `last`, both included: positions on a straight line, orientations by the shortest
+/// turn.
 pub fn between(first: &CameraPose, last: &CameraPose, count: usize) -> Vec<CameraPose> {
     let (from, to) = (orientation(&first.c2w), orientation(&last.c2w));
     let camera = |index: usize| {
         let share = index as f64 / (count.max(2) - 1) as f64;
         let centre = first.c2w.w_axis.truncate().lerp(last.c2w.w_axis.truncate(), share);
         let mix = |a: f64, b: f64| a + share * (b - a);
-        // Focal lengths and principal points are of each camera's own size: they go from one to the other in image sides.
+        // Focal lengths and principal points are of each camera's own size: they go from one to the other in image
+        // sides.
         let (a, b) = (in_sides(first), in_sides(last));
         let [width, height] = [first.width as f64, first.height as f64];
         let intrinsics = Intrinsics {

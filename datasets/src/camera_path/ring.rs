@@ -15,8 +15,9 @@ const TURNS: f64 = 2.0;
 /// Radius of a spiral in mean distances of the cameras from their middle: well inside what was photographed.
 const SPIRAL_SHARE: f64 = 0.7;
 
-/// `count` cameras on a circle round the point that all of `cameras` look at, at their median distance and height, upright. The first
-/// is on the side of the first camera and has its lens. `None` where the cameras look at no common point.
+/// `count` cameras on a circle round the point that all of `cameras` look at, at their median distance and height,
+/// upright. The first is on the side of the first camera and has its lens. `None` where the cameras look at no common
+/// point.
 pub fn orbit(cameras: &[CameraPose], count: usize) -> Option<Vec<CameraPose>> {
     let (up, subject, first) = (up(cameras)?, subject(cameras)?, cameras.first()?);
     let offsets: Vec<DVec3> = cameras.iter().map(|camera| camera.c2w.w_axis.truncate() - subject).collect();
@@ -32,8 +33,8 @@ pub fn orbit(cameras: &[CameraPose], count: usize) -> Option<Vec<CameraPose>> {
     (0..count).map(camera).collect()
 }
 
-/// `count` cameras on a flat spiral about the middle of `cameras`, looking at what they look at, with the lens of the first. `None`
-/// where they look at no common point.
+/// `count` cameras on a flat spiral about the middle of `cameras`, looking at what they look at, with the lens of the
+/// first. `None` where they look at no common point.
 pub fn spiral(cameras: &[CameraPose], count: usize) -> Option<Vec<CameraPose>> {
     let (up, subject, first) = (up(cameras)?, subject(cameras)?, cameras.first()?);
     let centres: Vec<DVec3> = cameras.iter().map(|camera| camera.c2w.w_axis.truncate()).collect();

@@ -62,8 +62,8 @@ pub(super) fn describe(
     let turned: Vec<&str> = decoded.iter().filter(|value| value.is_turned).map(|value| value.name.as_str()).collect();
     if !turned.is_empty() {
         report.facts.push(format!(
-            "{} {} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are stored, \
-             and those of COLMAP are ({}).",
+            "{} {} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are \
+             stored, and those of COLMAP are ({}).",
             counted(turned.len(), "image"),
             agree(turned.len(), "has", "have"),
             some_names(&turned)

@@ -23,8 +23,8 @@ use crate::subject::subject_distance;
 
 pub use self::report::CheckReport;
 
-/// Examines a data set: reads its description, decodes every image and mask, and measures the cameras' geometry. Goes on
-/// after errors, so that the report lists all of them. With a COLMAP model the reprojection error is recomputed.
+/// Examines a data set: reads its description, decodes every image and mask, and measures the cameras' geometry. Goes
+/// on after errors, so that the report lists all of them. With a COLMAP model the reprojection error is recomputed.
 pub fn check(path: &Path, options: &LoadOptions) -> CheckReport {
     let mut report = CheckReport { path: path.to_path_buf(), ..CheckReport::default() };
     let mut findings = Findings::lenient();

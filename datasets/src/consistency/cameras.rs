@@ -1,4 +1,5 @@
-//! Cameras: the frames that one physical camera took, whether it is static, and whether training and held-out frames agree on it.
+//! Cameras: the frames that one physical camera took, whether it is static, and whether training and held-out frames
+//! agree on it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -115,8 +116,8 @@ pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Find
         names.into_iter().zip(strays(&positions)).filter(|(_, stray)| *stray).map(|(name, _)| name).collect();
     if !strays.is_empty() {
         findings.warn(format!(
-            "{}: {} {} more than {STRAY} times as far out as three quarters of all do ({}); are their poses right? The scene's extent, \
-             by which rates and thresholds go, is that of the others",
+            "{}: {} {} more than {STRAY} times as far out as three quarters of all do ({}); are their poses right? \
+             The scene's extent, by which rates and thresholds go, is that of the others",
             scene.display(),
             counted(strays.len(), "camera"),
             agree(strays.len(), "stands", "stand"),
@@ -153,8 +154,8 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     let scene_name = scene.display();
     if !moved.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} {} pose over time ({}); blur from their own motion is not modelled, and what moves cannot be told \
-             from their photos alone",
+            "{scene_name}: {} {} pose over time ({}); blur from their own motion is not modelled, and what moves \
+             cannot be told from their photos alone",
             counted(moved.len(), "camera"),
             agree(moved.len(), "changes its", "change their"),
             some_names(&moved)
@@ -170,8 +171,8 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     }
     if !disagree.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} {} another pose or other intrinsics in the test set than in the training set ({}); figures on them \
-             will be low",
+            "{scene_name}: {} {} another pose or other intrinsics in the test set than in the training set ({}); \
+             figures on them will be low",
             counted(disagree.len(), "camera"),
             agree(disagree.len(), "has", "have"),
             some_names(&disagree)
@@ -210,8 +211,8 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
         let names: Vec<&str> = test.iter().copied().filter(strange).map(|frame| frame.name.as_str()).collect();
         if !names.is_empty() {
             findings.warn(format!(
-                "{}: {} {} back on what all training cameras look at, or {} more than {FAR_RATIO} times nearer or farther ({}); do \
-                 both sets use one world and one convention?",
+                "{}: {} {} back on what all training cameras look at, or {} more than {FAR_RATIO} times nearer or \
+                 farther ({}); do both sets use one world and one convention?",
                 scene.display(),
                 counted(names.len(), "held-out view"),
                 agree(names.len(), "turns its", "turn their"),

@@ -1,5 +1,5 @@
-//! Cameras, times and exposures that contradict each other are found before frames are decoded. Nothing here keeps a scene from
-//! loading: a contradiction is repaired or its frames are left out, with a warning.
+//! Cameras, times and exposures that contradict each other are found before frames are decoded. Nothing here keeps a
+//! scene from loading: a contradiction is repaired or its frames are left out, with a warning.
 
 mod cameras;
 mod photos;

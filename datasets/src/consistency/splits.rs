@@ -13,12 +13,12 @@ use crate::side_files::Kind;
 /// Exposures within this share of each other are one: the ends of a blur of 50 pixels then differ by half a pixel.
 const SAME_EXPOSURE: f64 = 0.01;
 
-/// Frame intervals outside the training times that are still inside: of a single camera's video the first and the last frame may be
-/// held out.
+/// Frame intervals outside the training times that are still inside: of a single camera's video the first and the last
+/// frame may be held out.
 const REACH: f64 = 1.5;
 
-/// Contradictions between training and held-out frames, in sentences. Later held-out frames are none if the future is held out on
-/// purpose (`predicts`).
+/// Contradictions between training and held-out frames, in sentences. Later held-out frames are none if the future is
+/// held out on purpose (`predicts`).
 pub(crate) fn compare_splits(train: &[&RawFrame], held_out: &[&RawFrame], predicts: bool, scene: &Path) -> Vec<String> {
     [
         timeless(train, held_out),
@@ -79,8 +79,8 @@ fn blurry_truth(held_out: &[&RawFrame], scene: &Path) -> Option<String> {
     let count = held_out.iter().filter(is_blurry).count();
     (count > 0).then(|| {
         format!(
-            "{}: {} {} as blurry as those that train, and no sharp image of them is there; figures on them say how blurry a \
-             rendering is, not how sharp",
+            "{}: {} {} as blurry as those that train, and no sharp image of them is there; figures on them say how \
+             blurry a rendering is, not how sharp",
             scene.display(),
             counted(count, "held-out photo"),
             agree(count, "is", "are")
@@ -99,8 +99,8 @@ fn differing_exposures(train: &[&RawFrame], scene: &Path) -> Option<String> {
     values.sort_by(f64::total_cmp);
     values.dedup();
     Some(format!(
-        "{}: the training views have {} different exposures, from {low} to {high}, but one is used for all of them: their \
-         median, {taken}, unless the configuration says another",
+        "{}: the training views have {} different exposures, from {low} to {high}, but one is used for all of them: \
+         their median, {taken}, unless the configuration says another",
         scene.display(),
         values.len()
     ))

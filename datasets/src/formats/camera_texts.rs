@@ -1,8 +1,8 @@
-//! The folder that OmniVGGT takes as input: `images/NAME.png`, and `cameras/NAME.txt` with the camera of each photo. Depth in `depths/NAME.npy` is
-//! read by [`import`](crate::import).
+//! The folder that OmniVGGT takes as input: `images/NAME.png`, and `cameras/NAME.txt` with the camera of each photo.
+//! Depth in `depths/NAME.npy` is read by [`import`](crate::import).
 //!
-//! A text holds three rows of camera to world (3 x 4, OpenCV axes) and three rows of intrinsics (3 x 3, pixels of the photo); `#` begins a
-//! comment.
+//! A text holds three rows of camera to world (3 x 4, OpenCV axes) and three rows of intrinsics (3 x 3, pixels of the
+//! photo); `#` begins a comment.
 
 use std::path::{Path, PathBuf};
 

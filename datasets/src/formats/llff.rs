@@ -184,10 +184,10 @@ fn camera_frames(
 }
 
 /// The sentence about cameras with videos and no frames.
-const VIDEOS_ONLY: &str = "videos, which have to be taken apart into frames first (`ffmpeg -i cam00.mp4 cam00/%04d.png`, for each \
-                           camera)";
+const VIDEOS_ONLY: &str = "videos, which have to be taken apart into frames first (`ffmpeg -i cam00.mp4 \
+    cam00/%04d.png`, for each camera)";
 
-/// What to do with the photos of folders that hold none that are read.
+/// The next step with the photos of folders that hold none that are read.
 fn foreign_photos(poses: &PoseFile) -> Option<&'static str> {
     let is_foreign = |path: &PathBuf| matches!(Foreign::of_extension(path), Some(Foreign::Photo(_)));
     let mut folders = poses.cameras.iter().flat_map(|folder| [folder.clone(), folder.join("images")]);

@@ -32,9 +32,9 @@ pub(crate) enum Layout {
 }
 
 /// Recognises the layout. JSON wins over a COLMAP model beside it: converters that write both (nerfstudio) put the
-/// poses that belong to their images into the JSON. For the same reason transforms.json wins over train_meta.json, which
-/// can be given as a file instead. Poses of LLFF with frames of several cameras win over a COLMAP model, which then is of
-/// one time only; with mere photos they are made from the model and lose to it.
+/// poses that belong to their images into the JSON. For the same reason transforms.json wins over train_meta.json,
+/// which can be given as a file instead. Poses of LLFF with frames of several cameras win over a COLMAP model, which
+/// then is of one time only; with mere photos they are made from the model and lose to it.
 pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
     if let Some(files) = panoptic::find_named(path) {
@@ -62,8 +62,8 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     if let Some(texts) = camera_texts::find(path) {
         return Ok(Layout::CameraTexts(texts));
     }
-    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of RealityScan, cameras/NAME.txt \
-                   beside images, or a COLMAP \
+    let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of \
+        RealityScan, cameras/NAME.txt beside images, or a COLMAP \
                    model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
                    sparse_bin/0, dense/sparse or distorted/sparse/0";
     let (expected, found) = match poseless::found(path, metadata.is_dir()) {

@@ -1,7 +1,7 @@
 //! PanopticSports as Dynamic 3D Gaussians published it: many static cameras, all of whose frames two JSON files list.
 //!
 //! ```text
-//! train_meta.json  test_meta.json    { w, h, k[t][c] 3x3, w2c[t][c] 4x4 (OpenCV), fn[t][c] "cam/000000.jpg", cam_id[t][c] }
+//! train_meta.json  test_meta.json    { w, h, k[t][c] 3x3, w2c[t][c] 4x4 (OpenCV), fn[t][c] "cam/0.jpg", cam_id[t][c] }
 //! ims/<cam>/000000.jpg               photos
 //! seg/<cam>/000000.png               masks: white is what moves
 //! ```

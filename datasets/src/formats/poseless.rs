@@ -16,7 +16,7 @@ const MULTIPLEVIEW_FOUND: &str = "the multipleview layout of 4DGaussians (poses_
                                   cam01/frame_00001.jpg), which is not read; a transforms.json with `file_path`, \
                                   `transform_matrix`, `time` and `camera_id` of each frame describes the same";
 
-/// What is there and what to do, if it is photos or videos.
+/// The sentence on a folder of photos or videos: its content and the next step.
 pub(super) fn found(path: &Path, is_folder: bool) -> Option<String> {
     if !is_folder {
         return match Foreign::of_extension(path) {

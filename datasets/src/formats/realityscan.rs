@@ -1,9 +1,10 @@
-//! RealityScan (RealityCapture): "Internal/External camera parameters", a CSV table with a row for each photo, and the points
-//! as a PLY file beside it. Postshot reads the same.
+//! RealityScan (RealityCapture): "Internal/External camera parameters", a CSV table with a row for each photo, and the
+//! points as a PLY file beside it. Postshot reads the same.
 //!
-//! Columns: `#name,x,y,alt,heading,pitch,roll,f`, and where the template has them `px,py,k1,k2,k3,k4,t1,t2`. The world's z is up.
-//! Angles are degrees: camera to world, OpenGL axes, is `Rz(-heading) Rx(pitch) Ry(roll)`. `f` is of 36 mm film over the longer side;
-//! `px` and `py` are the principal point from the middle, in longer sides. Distortion is Brown's, of coordinates in focal lengths.
+//! Columns: `#name,x,y,alt,heading,pitch,roll,f`, and where the template has them `px,py,k1,k2,k3,k4,t1,t2`. The
+//! world's z is up. Angles are degrees: camera to world, OpenGL axes, is `Rz(-heading) Rx(pitch) Ry(roll)`. `f` is of
+//! 36 mm film over the longer side; `px` and `py` are the principal point from the middle, in longer sides. Distortion
+//! is Brown's, of coordinates in focal lengths.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,5 @@
-//! Photos that lie under other names than a description says: with another extension, in another folder, or with the folder in
-//! the name. Programs that undistort, convert or copy photos leave the description as it was.
+//! Photos that lie under other names than a description says: with another extension, in another folder, or with the
+//! folder in the name. Programs that undistort, convert or copy photos leave the description as it was.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -117,8 +117,8 @@ fn named(path: PathBuf) -> Found {
     Found { path, is_other_form: false }
 }
 
-/// What a name may be known by, the surest first: its whole path without extension, the path in one word (`left/a` and `left_a`), and
-/// the last part. Case is no difference.
+/// The names that a photo may be known by, the surest first: its whole path without extension, the path in one word
+/// (`left/a` and `left_a`), and the last part. Case is no difference.
 fn keys(written: &str) -> [String; 3] {
     let path = with_slashes(written).trim_start_matches("./").to_lowercase();
     let stem = stem_of(&path);

@@ -14,8 +14,8 @@ use crate::options::DepthKind;
 use crate::pixels;
 use crate::side_files::DepthMeaning;
 
-/// From here on a depth is a renderer's word for "nothing there" (Blender and Infinigen write 1e10 for the sky), and one
-/// such value would decide any fit of scale and shift.
+/// From here on a depth is a renderer's word for "nothing there" (Blender and Infinigen write 1e10 for the sky), and
+/// one such value would decide any fit of scale and shift.
 pub(crate) const SKY: f32 = 1e9;
 
 /// A depth file's numbers and what they mean.
@@ -93,8 +93,8 @@ pub struct DepthMap {
     pub space: DepthSpace,
 }
 
-/// Reads a depth file of any kind that priors may have. Without a `kind`, an 8-bit picture is inverse depth and any other
-/// file depth.
+/// Reads a depth file of any kind that priors may have. Without a `kind`, an 8-bit picture is inverse depth and any
+/// other file depth.
 ///
 /// # Errors
 /// When it cannot be read, or holds no depth.

@@ -16,7 +16,8 @@ pub(super) const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 /// memory is asked for before the pixels are looked at.
 const SAMPLES_MAX: usize = 1 << 28;
 
-/// Most samples for each byte of the file. Deflate, the closest of the compressions, makes at most 1032 bytes of one, or 516 halves.
+/// Most samples for each byte of the file. Deflate, the closest of the compressions, makes at most 1032 bytes of one,
+/// or 516 halves.
 const SAMPLES_PER_BYTE: usize = 1024;
 
 /// Names of the channel with depth, best first. Files with a picture and its depth call the depth Z; files of depth
@@ -30,8 +31,8 @@ pub(super) const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
 /// last dot; a file with one channel only may call it anything when one is wanted. All groups have the same length.
 pub(crate) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map<f32>, DatasetError> {
     let wrong = |expected: &str, found: String| DatasetError::malformed(path, "OpenEXR", expected, found);
-    // The decoder asserts where a damaged file contradicts itself (a tile of another resolution level, for one). Nothing
-    // outlives the call, so that a panic in it leaves nothing half done.
+    // The decoder asserts where a damaged file contradicts itself (a tile of another resolution level, for one).
+    // Nothing outlives the call, so that a panic in it leaves nothing half done.
     let layers =
         std::panic::catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("a file that contradicts itself".into()));
     let layers = layers.map_err(|found| wrong("a readable OpenEXR file", found))?;

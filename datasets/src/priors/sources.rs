@@ -130,8 +130,9 @@ fn beside(folder: &Path, name: &str, extensions: &[&str]) -> Option<PathBuf> {
     [Some(name), shorter].into_iter().flatten().find_map(|name| names::with_extension(&folder.join(name), extensions))
 }
 
-/// Adds an entry without a path where other frames have one of the kind, so that the gap is counted. Where several frames have one and
-/// all of these are of one time, as the priors of a reconstruction of the first frame are, only frames of that time can lack it.
+/// Adds an entry without a path where other frames have one of the kind, so that the gap is counted. Where several
+/// frames have one and all of these are of one time, as the priors of a reconstruction of the first frame are, only
+/// frames of that time can lack it.
 pub(crate) fn note_gaps(frames: &mut [RawFrame]) {
     for kind in [Kind::Depth, Kind::Confidence, Kind::Moving, Kind::Sharp] {
         let mut times = frames.iter().filter(|frame| frame.sides.lists(kind)).map(|frame| frame.time);

@@ -70,8 +70,8 @@ fn resampled(scene: &Path, views: &[Noted], findings: &mut Findings) {
     }
     for (kind, count) in counts {
         findings.warn(format!(
-            "{}: {kind} of {} have another size than their photos, though the same proportions; each pixel takes the nearest \
-             value",
+            "{}: {kind} of {} have another size than their photos, though the same proportions; each pixel takes the \
+             nearest value",
             scene.display(),
             counted(count, "view")
         ));
@@ -135,7 +135,7 @@ pub(crate) fn no_mask_marks_anything(views: &[Noted]) -> bool {
     shares.peek().is_some() && shares.all(|share| share == 0.0)
 }
 
-/// What was found, for a report.
+/// The priors that were found, for a report.
 pub(crate) fn facts(views: &[Noted]) -> Vec<String> {
     let mut counts: BTreeMap<Kind, usize> = BTreeMap::new();
     for kind in views.iter().flat_map(|view| &view.notes.used) {

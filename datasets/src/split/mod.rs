@@ -127,14 +127,14 @@ fn every(frames: &[RawFrame], n: usize, key: &str) -> SplitPlan {
 /// Fewest cameras of which one can be spared.
 const CAMERAS_MIN: usize = 3;
 
-/// Whether the camera at `index` of `count`, in their order, is held out: one in [`DEFAULT_HOLDOUT`], the first of them inside the
-/// row, since from its ends there is nothing to look at from both sides.
+/// Whether the camera at `index` of `count`, in their order, is held out: one in [`DEFAULT_HOLDOUT`], the first of them
+/// inside the row, since from its ends there is nothing to look at from both sides.
 pub(crate) fn is_held_out(index: usize, count: usize) -> bool {
     count >= CAMERAS_MIN && index % DEFAULT_HOLDOUT == (DEFAULT_HOLDOUT / 2).min(count / 2)
 }
 
-/// The held-out cameras of video from several static cameras: a training camera shows each state one frame before and after, so
-/// whole cameras are held out. `None` for any other set.
+/// The held-out cameras of video from several static cameras: a training camera shows each state one frame before and
+/// after, so whole cameras are held out. `None` for any other set.
 fn held_out_cameras(frames: &[RawFrame]) -> Option<Vec<String>> {
     let (several, still) = consistency::static_cameras(frames)?;
     // By length first: "2" before "10".
@@ -155,8 +155,8 @@ fn without_cameras(frames: &[RawFrame], held: &[String]) -> SplitPlan {
     SplitPlan::of(train, test, format!("all frames of camera {} held out (data.holdout)", held.join(", ")))
 }
 
-/// The data set's own split. Nothing but its training list trains: figures of a scene that learned from validation views could not
-/// be compared with anyone else's.
+/// The data set's own split. Nothing but its training list trains: figures of a scene that learned from validation
+/// views could not be compared with anyone else's.
 fn own(frames: &[RawFrame]) -> SplitPlan {
     let mut train = Vec::new();
     let mut lists: BTreeMap<&SplitName, Vec<usize>> = BTreeMap::new();

@@ -1,7 +1,7 @@
 //! Few training cameras, and a past that is seen and a future that is not: the protocols of sparse-view physics.
 //!
-//! Training cameras stand on one part of the rig, so that some of the others look from between them and some from outside. The choice depends
-//! on the cameras' names and poses alone.
+//! Training cameras stand on one part of the rig, so that some of the others look from between them and some from
+//! outside. The choice depends on the cameras' names and poses alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -25,11 +25,12 @@ pub enum ViewKind {
     Extrapolating,
 }
 
-/// Share of the cameras, nearest to the first by name, among which training cameras are chosen: the others look from outside.
+/// Share of the cameras, nearest to the first by name, among which training cameras are chosen: the others look from
+/// outside.
 const PART: f64 = 0.6;
 
-/// How a camera looks at a scene that others were trained on: from between them if it is no farther from their middle than the farthest of
-/// them.
+/// How a camera looks at a scene that others were trained on: from between them if it is no farther from their middle
+/// than the farthest of them.
 pub fn view_kind(train: &[DMat4], camera: &DMat4) -> ViewKind {
     let centres: Vec<DVec3> = train.iter().map(position).collect();
     let middle = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
@@ -90,7 +91,8 @@ pub(crate) fn plan(frames: &[RawFrame], options: &SparseViews, scene: &Path) -> 
     let held_out = named.into_iter().filter(|(_, list)| !list.is_empty()).map(|(name, list)| (name.to_string(), list));
     let between = held.iter().filter(|(_, kind)| *kind == ViewKind::Interpolating).count();
     let rule = format!(
-        "cameras {} train up to time {last}, {} held out ({between} between them, {} outside), later frames are the future",
+        "cameras {} train up to time {last}, {} held out ({between} between them, {} outside), later frames are the \
+         future",
         chosen.join(", "),
         counted(held.len(), "camera"),
         held.len() - between
@@ -98,7 +100,8 @@ pub(crate) fn plan(frames: &[RawFrame], options: &SparseViews, scene: &Path) -> 
     Ok(SplitPlan { train, held_out: held_out.collect(), rule })
 }
 
-/// Warns that the points to start from may show what only cameras see that train no longer: figures of few cameras would profit from them.
+/// Warns that the points to start from may show what only cameras see that train no longer: figures of few cameras
+/// would profit from them.
 pub(crate) fn hidden_points(frames: &[RawFrame], plan: &SplitPlan, scene: &Path) -> Option<String> {
     let ids = |frames: &mut dyn Iterator<Item = &RawFrame>| -> BTreeSet<String> {
         frames.filter_map(|frame| frame.camera_id.clone()).collect()
@@ -108,7 +111,8 @@ pub(crate) fn hidden_points(frames: &[RawFrame], plan: &SplitPlan, scene: &Path)
     let hidden = own.difference(&chosen).count();
     (hidden > 0).then(|| {
         format!(
-            "{}: the points of the data set may come from {} that {} not train here; start from depth priors of the training cameras",
+            "{}: the points of the data set may come from {} that {} not train here; start from depth priors of the \
+             training cameras",
             scene.display(),
             counted(hidden, "camera"),
             agree(hidden, "does", "do")
@@ -116,7 +120,8 @@ pub(crate) fn hidden_points(frames: &[RawFrame], plan: &SplitPlan, scene: &Path)
     })
 }
 
-/// The last time that is seen: that of the data set's own training list if another list goes on after it, else by share of the recording.
+/// The last time that is seen: that of the data set's own training list if another list goes on after it, else by share
+/// of the recording.
 fn last_seen(frames: &[RawFrame], seen: f64) -> f64 {
     let times = |trains: bool| {
         let of = frames.iter().filter(move |frame| SplitName::trains(frame.split.as_ref()) == trains);

@@ -64,10 +64,10 @@ fn place(set: &Value, frame: &Value, index: usize, z: f32) -> DVec3 {
     c2w(frame).transform_point3(direction * f64::from(z))
 }
 
-/// A blurry photo against the mean of sharp photos at 25 instants of its exposure, both of 8 bits. The mean of 25 roundings
-/// is off by 0.1 of 255. An edge of contrast c that passes a pixel is integrated in 25 steps here and in 16 steps at each
-/// of 16 places in the pixel there, so that single pixels are off by up to c (1/25 + 1/64) = 0.06 and all by far less.
-/// Averaging encoded values gives darker pixels and must fit worse.
+/// A blurry photo against the mean of sharp photos at 25 instants of its exposure, both of 8 bits. The mean of 25
+/// roundings is off by 0.1 of 255. An edge of contrast c that passes a pixel is integrated in 25 steps here and in 16
+/// steps at each of 16 places in the pixel there, so that single pixels are off by up to c (1/25 + 1/64) = 0.06 and all
+/// by far less. Averaging encoded values gives darker pixels and must fit worse.
 #[test]
 fn blurry_is_the_mean_of_sharp_in_linear_light() {
     let blurred = DeblurOptions { cameras: 1, held_out: 0, exposure: 0.5, subframes: 256, ..small(World::Cube) };
@@ -110,8 +110,8 @@ fn without_exposure_or_motion_photos_are_sharp() {
     }
 }
 
-/// Depth and velocity of a ball, whose surface and motion the JSON tells exactly: every pixel in the mask must lie on the
-/// ball and move with it. Depth is stored in f32, which leaves 4e-7 of 4 m.
+/// Depth and velocity of a ball, whose surface and motion the JSON tells exactly: every pixel in the mask must lie on
+/// the ball and move with it. Depth is stored in f32, which leaves 4e-7 of 4 m.
 #[test]
 fn depth_and_velocity_lie_on_the_ball() {
     let folder = written(&small(World::Sphere));
@@ -263,8 +263,8 @@ fn file(folder: &Folder, path: &Value) -> PathBuf {
     folder.file(path.as_str().expect("a path"))
 }
 
-/// Each fault must do what it says: depth is affine in the truth up to its noise but not equal to it, masks stray by a few
-/// pixels, pseudo-sharp images lie between sharp and blurry.
+/// Each fault must do what it says: depth is affine in the truth up to its noise but not equal to it, masks stray by a
+/// few pixels, pseudo-sharp images lie between sharp and blurry.
 #[test]
 fn faults_are_of_the_size_they_say() {
     let folder = written(&DeblurOptions { width: 128, height: 96, exposure: 0.3, ..small(World::Cube) });

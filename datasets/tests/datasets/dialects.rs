@@ -42,8 +42,8 @@ fn renamed_photos_are_found_if_only_one_can_be_meant() {
     assert!(told.contains("1 of 4 photos does not exist") && told.contains("left/a.png"), "{told}");
 }
 
-/// Metashape and RealityCapture write a camera a photo; photos may be half as large as the cameras say; newer COLMAP writes rigs and
-/// frames beside; VGGT writes no points.
+/// Metashape and RealityCapture write a camera a photo; photos may be half as large as the cameras say; newer COLMAP
+/// writes rigs and frames beside; VGGT writes no points.
 #[test]
 fn models_of_other_programs_load() {
     let folder = Folder::new();
@@ -88,7 +88,8 @@ fn cameras_of_a_model_need_no_photos() {
     assert!(error.contains("COLMAP model"), "{error}");
 }
 
-/// A camera at (1, 2, 3) that looks north, level: heading 0, pitch 90 and roll 0 turn OpenGL's axes so that -z is north and up is up.
+/// A camera at (1, 2, 3) that looks north, level: heading 0, pitch 90 and roll 0 turn OpenGL's axes so that -z is north
+/// and up is up.
 #[test]
 fn tables_of_realityscan_load() {
     let folder = Folder::new();
@@ -102,7 +103,8 @@ fn tables_of_realityscan_load() {
     );
     folder.write(
         "cameras.ply",
-        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 9 3\n2 9 3\n",
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 \
+         9 3\n2 9 3\n",
     );
     for path in [folder.path().to_path_buf(), folder.file("cameras.csv")] {
         let scene = load(&path, &options()).expect("loaded");

@@ -124,7 +124,8 @@ pub fn npy_f32(shape: &str, values: &[f32]) -> Vec<u8> {
     npy(1, "<f4", false, shape, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
 }
 
-/// `cameras` static cameras of 8 x 6 pixels at `times` times 0, 0.1 and on: train/cam00/0000.png and on; the description.
+/// `cameras` static cameras of 8 x 6 pixels at `times` times 0, 0.1 and on: train/cam00/0000.png and on; the
+/// description.
 pub fn rig(folder: &Folder, part: &str, first: usize, cameras: usize, times: usize) -> Value {
     let mut frames = Vec::new();
     for camera in first..first + cameras {

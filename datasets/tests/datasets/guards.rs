@@ -174,7 +174,8 @@ fn guarded_reading_is_bounded() {
     }
 }
 
-/// NumPy itself has no more than 64 axes; a header has room for 32 000, and bringing values into order takes a step for each.
+/// NumPy itself has no more than 64 axes; a header has room for 32 000, and bringing values into order takes a step for
+/// each.
 #[test]
 fn an_array_has_few_axes() {
     let folder = Folder::new();

@@ -218,7 +218,8 @@ proptest! {
         folder.write_json("transforms.json", &top);
         let file = ["transforms.json", "points.ply", "images/00.png"].get(which).copied();
         if let Some(file) = file {
-            let ply = b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+            let ply = b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nproperty float y\n\
+                        property float z\nend_header\n";
             let head = if which == 1 { &ply[..] } else { &[] };
             folder.write(file, [head, &bytes].concat());
         } else {
@@ -230,7 +231,12 @@ proptest! {
     }
 
     #[test]
-    fn a_flipped_byte_never_panics(which in 0..8_usize, at in any::<prop::sample::Index>(), value in any::<u8>(), cut in any::<bool>()) {
+    fn a_flipped_byte_never_panics(
+        which in 0..8_usize,
+        at in any::<prop::sample::Index>(),
+        value in any::<u8>(),
+        cut in any::<bool>(),
+    ) {
         let folder = Folder::new();
         let file = if which == 0 {
             let (_, top) = ring_scene(2);

@@ -156,7 +156,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     #[test]
-    fn damaged_files_never_panic(kind in 0..KINDS + 4, damage in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)) {
+    fn damaged_files_never_panic(
+        kind in 0..KINDS + 4,
+        damage in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+    ) {
         let folder = set();
         let mut bytes = if kind < KINDS { encoded(kind) } else { npy_f32("(6, 8)", &ramp()) };
         for (place, value) in damage {

@@ -35,7 +35,11 @@ fn poses_of_any_convention_are_read_as_one() {
 fn points_are_scaled() {
     let (folder, mut top) = ring_scene(4);
     top["ply_file_path"] = json!("points.ply");
-    folder.write("points.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1000 -2000 3000\n");
+    folder.write(
+        "points.ply",
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty \
+        float z\nend_header\n1000 -2000 3000\n",
+    );
     folder.write_json("transforms.json", &top);
     let scene = load(folder.path(), &LoadOptions { points_scale: 0.001, ..all() }).expect("loaded");
     let points = scene.points.expect("a point").positions;

@@ -176,7 +176,10 @@ fn a_name_too_long_for_an_output_file_is_refused_when_it_is_loaded() {
 fn many_equal_names_take_no_time() {
     let (folder, mut top) = ring_scene(1);
     let frames: Vec<_> = (0..30_000)
-        .map(|i| json!({ "file_path": "images/00.png", "time": f64::from(i), "transform_matrix": ring(0), "w": 32, "h": 24 }))
+        .map(|i| {
+            let pose = ring(0);
+            json!({ "file_path": "images/00.png", "time": f64::from(i), "transform_matrix": pose, "w": 32, "h": 24 })
+        })
         .collect();
     top["frames"] = json!(frames);
     folder.write_json("transforms.json", &top);

@@ -73,10 +73,16 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
         }
     }
     top["ply_file_path"] = json!("points.ply");
-    folder.write("points.ply", format!(
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double z\nend_header\n{} {} {}\n",
-        far[0] + 0.001, far[1], far[2]
-    ));
+    folder.write(
+        "points.ply",
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double \
+         z\nend_header\n{} {} {}\n",
+            far[0] + 0.001,
+            far[1],
+            far[2]
+        ),
+    );
     folder.write_json("transforms.json", &top);
     let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
     assert!(scene.origin.distance(glam::DVec3::from_array(far)) < 5.0);

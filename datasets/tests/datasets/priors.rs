@@ -351,7 +351,8 @@ fn priors_are_not_undistorted() {
     assert!(scene.warnings.iter().any(|text| text.contains("lens distortion")), "{:?}", scene.warnings);
 }
 
-/// Confidence goes with depth: named or in its side folder, at least 1, at the photo's size; a broken file is counted and left out.
+/// Confidence goes with depth: named or in its side folder, at least 1, at the photo's size; a broken file is counted
+/// and left out.
 #[test]
 fn confidence_is_read_with_depth() {
     let values: Vec<f32> = (0..48).map(|i| if i == 5 { f32::NAN } else { i as f32 / 4.0 }).collect();
@@ -385,7 +386,8 @@ fn confidence_is_read_with_depth() {
     }
 }
 
-/// A reconstruction of the first frame gives priors of that time alone; what it lacks there is a gap, what it lacks later is none.
+/// A reconstruction of the first frame gives priors of that time alone; what it lacks there is a gap, what it lacks
+/// later is none.
 #[test]
 fn priors_of_one_time_have_gaps_at_that_time_only() {
     let folder = Folder::new();

@@ -1,5 +1,5 @@
-//! Small sound data sets with one damaged file: nothing panics, the work is bounded, no control character is said, and `load` and
-//! `check` agree.
+//! Small sound data sets with one damaged file: nothing panics, the work is bounded, no control character is said, and
+//! `load` and `check` agree.
 //!
 //! Each reader gets [`SHORT`] cases with all other tests. The long run is asked for, with as many cases as wanted:
 //!

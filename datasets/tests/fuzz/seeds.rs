@@ -67,7 +67,8 @@ const BIG: &str = "binary_big_endian";
 
 fn ply(format: &str) -> Vec<u8> {
     let mut bytes = format!(
-        "ply\nformat {format} 1.0\ncomment by hand\nelement vertex 5\nproperty float x\nproperty double y\nproperty float z\n\
+        "ply\nformat {format} 1.0\ncomment by hand\nelement vertex 5\nproperty float x\nproperty double y\nproperty \
+         float z\n\
          property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 0\n\
          property list uchar int vertex_indices\nend_header\n"
     )

@@ -18,9 +18,9 @@ const QUAT_FLOOR: f64 = 1e-12;
 /// Largest scales, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScaleLimits {
-    /// Of all rows but the sky's; the paper's is 1 m.
+    /// Limit of all rows but the sky's; the paper's is 1 m.
     pub near: f64,
-    /// Of the sky's rows.
+    /// Limit of the sky's rows.
     pub sky: f64,
     /// The last rows that are sky.
     pub sky_rows: usize,

@@ -64,7 +64,7 @@ impl Bounds {
     }
 }
 
-/// How many far points, and where.
+/// The number of far points and their places.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FarConfig {

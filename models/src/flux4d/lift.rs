@@ -48,7 +48,7 @@ pub enum Rotations {
     Identity,
 }
 
-/// How points are lifted.
+/// The configuration of lifting.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LiftConfig {
@@ -115,7 +115,7 @@ pub struct Lifted {
 }
 
 impl LiftedRows {
-    /// As `f32` tensors of `device`.
+    /// The rows as `f32` tensors of `device`.
     pub fn to_device(&self, device: &Device) -> Lifted {
         let rows = self.times.len();
         let options = (device, DType::F32);

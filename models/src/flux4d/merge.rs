@@ -1,8 +1,9 @@
 //! Fewer points where they add nothing: points of one voxel and one time become their mean.
 //!
-//! With viewpoints the edge of a voxel grows with the root of the distance to the nearest of them. One edge everywhere merges near surfaces
-//! alone, which have the most points and fill the image; an edge in proportion to the distance merges near and far alike, and what is far has
-//! few points to spare. At equal counts the root was the best of the powers 0, 1/3, 2/3 and 1 on streets of 32 to 128 beams and on PandaSet.
+//! With viewpoints the edge of a voxel grows with the root of the distance to the nearest of them. One edge everywhere
+//! merges near surfaces alone, which have the most points and fill the image; an edge in proportion to the distance
+//! merges near and far alike, and what is far has few points to spare. At equal counts the root was the best of the
+//! powers 0, 1/3, 2/3 and 1 on streets of 32 to 128 beams and on PandaSet.
 
 use rayon::prelude::*;
 
@@ -21,8 +22,8 @@ pub const NOMINAL_DISTANCE: f32 = 10.0;
 /// 0.84 of a budget is used where the points are dense (measured: 0.88 to 0.98 on a street of 128 beams).
 const STEPS_PER_DOUBLING: i32 = 8;
 
-/// Edges that grow with the distance are rounded down to this many in each doubling: points whose edges differ are never in
-/// one voxel, so there are few.
+/// Edges that grow with the distance are rounded down to this many in each doubling: points whose edges differ are
+/// never in one voxel, so there are few.
 const EDGES_PER_DOUBLING: i32 = 2;
 
 /// Edges of merging voxels, metres, from [`EDGE_MIN`] to [`EDGE_MAX`].
@@ -46,7 +47,7 @@ pub struct TimedPoints {
     pub colors: Vec<Option<[f32; 3]>>,
 }
 
-/// How points are merged.
+/// The configuration of a merge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MergeConfig<'a> {
     /// The largest number of points that is wanted.
@@ -110,7 +111,7 @@ fn count(parts: &[TimedPoints]) -> usize {
     parts.iter().map(|part| part.points.len()).sum()
 }
 
-/// What multiplies the edge at each point; empty without viewpoints.
+/// The factor of the edge at each point; empty without viewpoints.
 fn growth(points: &[[f32; 3]], viewpoints: &[[f32; 3]]) -> Vec<f32> {
     if viewpoints.is_empty() {
         return Vec::new();

@@ -34,7 +34,7 @@ impl From<PolynomialMotion> for usize {
 }
 
 impl PolynomialMotion {
-    /// Of degree 0 to 3.
+    /// A motion of degree 0 to 3.
     ///
     /// # Errors
     /// For a higher degree.
@@ -53,8 +53,8 @@ impl PolynomialMotion {
         3 * (self.degree + 1)
     }
 
-    /// Displacements `[N, 3]`, metres, from each row's own time `times` `[N]` to the time `t`, by `velocity`
-    /// `[N, 3 (l + 1)]`, metres per window. Zero exactly where a row's own time is `t` in the tensor's float type. Differentiable
+    /// Displacements `[N, 3]`, metres, from each row's own time `times` `[N]` to the time `t`, by `velocity` `[N, 3 (l
+    /// + 1)]`, metres per window. Zero exactly where a row's own time is `t` in the tensor's float type. Differentiable
     /// by all tensors.
     ///
     /// # Panics
@@ -75,20 +75,23 @@ impl PolynomialMotion {
         sum
     }
 
-    /// The displacement of one row of [`displacement`](Self::displacement) on the host: from time `own` to `t` by `velocity`, `3 (l + 1)` numbers.
+    /// The displacement of one row of [`displacement`](Self::displacement) on the host: from time `own` to `t` by
+    /// `velocity`, `3 (l + 1)` numbers.
     pub fn shift(&self, velocity: &[f64], own: f64, t: f64) -> [f64; 3] {
         let of = |j: usize| (t.powi(j as i32 + 1) - own.powi(j as i32 + 1)) / (j + 1) as f64;
         [0, 1, 2].map(|axis| (0..=self.degree).map(|j| velocity[3 * j + axis] * of(j)).sum())
     }
 
-    /// The velocity of `degree` (at most the own one) nearest to one row's in the mean square over the window; coefficients above it are 0.
+    /// The velocity of `degree` (at most the own one) nearest to one row's in the mean square over the window;
+    /// coefficients above it are 0.
     pub fn lowered(&self, velocity: &[f64], degree: usize) -> Vec<f64> {
         let mut lowered = vec![0.0; self.columns()];
         if degree >= self.degree {
             lowered.copy_from_slice(velocity);
             return lowered;
         }
-        // Normal equations of the monomials 1, u, u^2: `<u^i, u^k> = 1 / (i + k + 1)` over 0 to 1. Rows of the unit matrix fill up.
+        // Normal equations of the monomials 1, u, u^2: `<u^i, u^k> = 1 / (i + k + 1)` over 0 to 1. Rows of the unit
+        // matrix fill up.
         let product = |i: usize, k: usize| 1.0 / (i + k + 1) as f64;
         let entry = |i: usize, k: usize| match i.max(k) <= degree {
             true => product(i, k),

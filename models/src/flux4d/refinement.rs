@@ -39,13 +39,14 @@ pub trait Network {
 /// A term of the loss of a snippet, by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Term {
-    /// Of the input views: the gradient of all these by the channels is fed back.
+    /// A term of the input views: the gradient of all these by the channels is fed back.
     FedBack(usize),
-    /// Of held-out views, part of the training alone.
+    /// A term of held-out views, part of the training alone.
     HeldOut(usize),
 }
 
-/// The losses of a snippet as sums of terms. Each term has a backward of its own, so that memory does not grow with the number of views.
+/// The losses of a snippet as sums of terms. Each term has a backward of its own, so that memory does not grow with the
+/// number of views.
 pub trait Objective {
     /// Terms that are fed back, at least one.
     fn fed_back(&self) -> usize {
@@ -61,7 +62,7 @@ pub trait Objective {
     fn term(&self, term: Term, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1>;
 }
 
-/// How the gradient enters the next pass.
+/// The form in which the gradient enters the next pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Feedback {
@@ -80,7 +81,7 @@ pub enum Feedback {
 pub struct RefinementConfig {
     /// Passes N, `f` included; 1 is Flux4D-base.
     pub passes: usize,
-    /// How the gradient enters.
+    /// The form in which the gradient enters.
     pub feedback: Feedback,
 }
 
@@ -190,11 +191,11 @@ impl<F: Network, R: Network> Refinement<'_, F, R> {
 /// Gradients of one pass, outside autodiff.
 struct Inner {
     loss: f64,
-    /// Of the whole loss by the channels.
+    /// Gradient of the whole loss by the channels.
     raw: Tensor<2>,
-    /// Of the whole loss by the velocity.
+    /// Gradient of the whole loss by the velocity.
     velocity: Tensor<2>,
-    /// Of the input views' loss by the channels.
+    /// Gradient of the input views' loss by the channels.
     fed: Tensor<2>,
 }
 

@@ -108,8 +108,8 @@ impl FluxScene {
         (rows, times.iter().map(sample).collect())
     }
 
-    /// Some of the moving rows at time `t` (seconds), in the order of `rows`: places among the moving ones, 0 to M - 1, as an
-    /// [`Actor`](super::actors::Actor) has them. Outside autodiff.
+    /// Some of the moving rows at time `t` (seconds), in the order of `rows`: places among the moving ones, 0 to M - 1,
+    /// as an [`Actor`](super::actors::Actor) has them. Outside autodiff.
     pub fn moving_at(&self, t: f64, rows: &[u32]) -> Gaussians {
         let rows: Vec<u32> = rows.iter().map(|row| self.resting() as u32 + row).collect();
         reordered(&self.at(t), &rows)
@@ -173,7 +173,7 @@ impl DynamicScene for FluxScene {
     }
 }
 
-/// Which rows reach `speed`, metres per window.
+/// The rows that reach `speed`, metres per window.
 fn moving(velocity: &Tensor<2>, motion: PolynomialMotion, speed: f64) -> Result<Vec<bool>, FluxError> {
     let values: Vec<f64> = velocity.to_data().iter::<f64>().collect();
     let largest = |row: &[f64]| {

@@ -21,7 +21,7 @@ pub struct TargetView {
     pub depth: Option<Tensor<3>>,
 }
 
-/// What the Gaussians of a snippet share and no network changes.
+/// The values that the Gaussians of a snippet share and no network changes.
 #[derive(Debug, Clone)]
 pub struct SnippetFrame {
     /// `[N]`, the own time of each row.
@@ -32,7 +32,8 @@ pub struct SnippetFrame {
     pub limits: ScaleLimits,
     /// The velocity's polynomial.
     pub motion: PolynomialMotion,
-    /// First velocities `[N, 3 (l + 1)]`, metres per window, which the loss of speed keeps to; `None`: rest, as in the paper.
+    /// First velocities `[N, 3 (l + 1)]`, metres per window, which the loss of speed keeps to; `None`: rest, as in the
+    /// paper.
     pub start: Option<Tensor<2>>,
     /// Time between two frames, in windows: 0.1 for 11 frames.
     pub frame: f64,
@@ -69,7 +70,8 @@ impl SnippetFrame {
         (0..views.len()).map(of_view).reduce(|a, b| a + b).expect("a snippet is compared with at least one view")
     }
 
-    /// The part of view `view` in [`Self::loss`], `[1]`; the first one has the mean speed of the change from the first velocities.
+    /// The part of view `view` in [`Self::loss`], `[1]`; the first one has the mean speed of the change from the first
+    /// velocities.
     ///
     /// # Panics
     /// When there is no such view, or shapes disagree.

@@ -1,7 +1,8 @@
 //! FreeGave's velocity field, a baseline: each Gaussian mixes `K` rigid motions of time by a code of its own.
 //!
-//! `v(x, t) = sum_k s_k (u_k(t) + w_k(t) x (x - c))`, where the code `s` depends on the Gaussian's first position alone. Every term is free of
-//! divergence, and so is the sum for a Gaussian that keeps its code. There are no accelerations: they lie in the network of time.
+//! `v(x, t) = sum_k s_k (u_k(t) + w_k(t) x (x - c))`, where the code `s` depends on the Gaussian's first position
+//! alone. Every term is free of divergence, and so is the sum for a Gaussian that keeps its code. There are no
+//! accelerations: they lie in the network of time.
 
 use burn::config::Config;
 use burn::module::Module;

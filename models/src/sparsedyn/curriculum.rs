@@ -1,8 +1,9 @@
 //! Progressive physics learning (Eq. 8 to 10): which frames a step compares.
 //!
-//! Frames count from 0, the first; `T` is the last frame that is seen. In the short-horizon phase one frame is drawn from the active window
-//! `{0 .. H(n) - 1}`, which grows by `s_H` frames every `M` steps. Once it holds all frames, the long-horizon phase draws one frame from
-//! `{t' .. T}` and `K` more from `{0 .. t' - 1}`, whose losses count `lambda_early / K` each.
+//! Frames count from 0, the first; `T` is the last frame that is seen. In the short-horizon phase one frame is drawn
+//! from the active window `{0 .. H(n) - 1}`, which grows by `s_H` frames every `M` steps. Once it holds all frames, the
+//! long-horizon phase draws one frame from `{t' .. T}` and `K` more from `{0 .. t' - 1}`, whose losses count
+//! `lambda_early / K` each.
 
 /// The schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,8 +14,8 @@ pub struct Curriculum {
     pub growth: usize,
     /// `M`, steps from one growth to the next, at least 1.
     pub interval: usize,
-    /// Share of the draws from a growing window that are of its newest frames, 0 to 1; 0 (the paper): all frames are drawn alike. In a long window a
-    /// new frame is else drawn so seldom that fast motion is lost.
+    /// Share of the draws from a growing window that are of its newest frames, 0 to 1; 0 (the paper): all frames are
+    /// drawn alike. In a long window a new frame is else drawn so seldom that fast motion is lost.
     pub newest: f64,
     /// `t'`, the first frame of the late horizon; 0: the late horizon holds all frames ("full-horizon").
     pub late_from: usize,
@@ -54,8 +55,8 @@ pub struct Sampled {
 impl Curriculum {
     /// The phase of physics step `n`, from 1 (Eq. 8).
     ///
-    /// The paper's `H(n) = min(T, s_H (floor((n - 1) / M) + 1))` gives the window `{0 .. H(n) - 1}`, which never holds frame `T`; the long-horizon
-    /// phase, which begins where `H(n) = T`, does.
+    /// The paper's `H(n) = min(T, s_H (floor((n - 1) / M) + 1))` gives the window `{0 .. H(n) - 1}`, which never holds
+    /// frame `T`; the long-horizon phase, which begins where `H(n) = T`, does.
     pub fn phase(&self, n: usize) -> Phase {
         if self.growth == 0 {
             return Phase::Long;
@@ -69,8 +70,8 @@ impl Curriculum {
         if self.growth == 0 { 1 } else { (self.last_frame.div_ceil(self.growth).max(1) - 1) * self.interval.max(1) + 1 }
     }
 
-    /// The frames of physics step `n`, from 1, the late one first. `draw(below)` gives a number from 0 to below `below`, evenly
-    /// distributed.
+    /// The frames of physics step `n`, from 1, the late one first. `draw(below)` gives a number from 0 to below
+    /// `below`, evenly distributed.
     pub fn frames(&self, n: usize, mut draw: impl FnMut(usize) -> usize) -> Vec<Sampled> {
         match self.phase(n) {
             Phase::Short { frames } => {

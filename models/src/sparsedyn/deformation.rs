@@ -1,4 +1,5 @@
-//! The deformation field of the baselines (as in Deformable 3D Gaussians): position, orientation and size at a time by a network.
+//! The deformation field of the baselines (as in Deformable 3D Gaussians): position, orientation and size at a time by
+//! a network.
 //!
 //! It follows whatever was seen and says nothing beyond it. TRACE and FreeGave learn it beside their velocity field.
 
@@ -38,8 +39,8 @@ pub struct DeformationConfig {
 }
 
 impl DeformationConfig {
-    /// The field before training: nothing is deformed. (The baselines' code begins with a random rotation instead, since it normalises
-    /// an arbitrary quaternion.)
+    /// The field before training: nothing is deformed. (The baselines' code begins with a random rotation instead,
+    /// since it normalises an arbitrary quaternion.)
     pub fn init(&self, device: &Device) -> Deformation {
         let inputs = 3 * (1 + 2 * POSITION_BANDS) + self.codes + 1 + 2 * TIME_BANDS;
         let hidden = std::iter::repeat_n(self.width, self.layers);
@@ -74,8 +75,8 @@ pub struct Deformed {
 }
 
 impl Deformation {
-    /// The deformation of Gaussians at `positions` `[M, 3]` in the first frame, at time `t`. Positions get no gradient through the network, as
-    /// in the baselines.
+    /// The deformation of Gaussians at `positions` `[M, 3]` in the first frame, at time `t`. Positions get no gradient
+    /// through the network, as in the baselines.
     pub fn forward(&self, positions: &Tensor<2>, codes: Option<Tensor<2>>, t: f64) -> Deformed {
         let _stage = profile::stage("deformation field");
         let options = (&positions.device(), positions.dtype());

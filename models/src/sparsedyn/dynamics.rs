@@ -7,7 +7,8 @@ use super::state::{product, take_gradient};
 /// Velocity, acceleration, angular velocity and angular acceleration of `M` Gaussians, `[M, 3]` each, world axes.
 ///
 /// `velocity` is that of a rigid body's point at the reference point `c` of the field, so a Gaussian at `x` moves at
-/// `v + w x (x - c)`: a rotation about any fixed axis has constant `v` and `w`. A velocity of the Gaussian itself would turn with it.
+/// `v + w x (x - c)`: a rotation about any fixed axis has constant `v` and `w`. A velocity of the Gaussian itself would
+/// turn with it.
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     /// Scene units per unit of time.
@@ -41,8 +42,8 @@ impl Dynamics {
         }
     }
 
-    /// The same Gaussians' acceleration at `offsets` from the reference point, without the part that the change of position makes:
-    /// `a + b x (x - c)`.
+    /// The same Gaussians' acceleration at `offsets` from the reference point, without the part that the change of
+    /// position makes: `a + b x (x - c)`.
     pub fn acceleration_at(&self, offsets: &Tensor<2>) -> Tensor<2> {
         self.acceleration.clone() + self.angular_acceleration.clone().cross(offsets.clone(), 1)
     }

@@ -1,4 +1,5 @@
-//! The dynamics field `f(x, t) -> (v, a, omega, beta)` (Eq. 3): frequency encodings, a perceptron with SiLU, a last layer of zeros.
+//! The dynamics field `f(x, t) -> (v, a, omega, beta)` (Eq. 3): frequency encodings, a perceptron with SiLU, a last
+//! layer of zeros.
 
 use burn::config::Config;
 use burn::module::Module;
@@ -14,8 +15,8 @@ const OUTPUTS: usize = 12;
 /// Configuration of a [`DynamicsField`].
 #[derive(Config, Debug)]
 pub struct DynamicsFieldConfig {
-    /// The reference point of velocities, world, scene units: the middle of the objects. About a far point, rotation and velocity
-    /// could hardly be told apart.
+    /// The reference point of velocities, world, scene units: the middle of the objects. About a far point, rotation
+    /// and velocity could hardly be told apart.
     pub centre: [f64; 3],
     /// The size of the objects, scene units: the unit of positions and velocities in the network.
     pub length: f64,

@@ -21,9 +21,9 @@ pub enum Integrator {
 }
 
 impl Integrator {
-    /// The state `h` later. `twist(positions, since)` gives the twist of the Gaussians at `positions`, `since` after the step
-    /// began; `centre` `[1, 3]` is the reference point of velocities. `bend` `[M, 3]`, if it is given, is the Gaussians' acceleration
-    /// at the beginning, which then bends the way to the middle.
+    /// The state `h` later. `twist(positions, since)` gives the twist of the Gaussians at `positions`, `since` after
+    /// the step began; `centre` `[1, 3]` is the reference point of velocities. `bend` `[M, 3]`, if it is given, is the
+    /// Gaussians' acceleration at the beginning, which then bends the way to the middle.
     pub fn step(
         self,
         state: &State,

@@ -1,8 +1,8 @@
 //! SparseDynGS: physical motion of Gaussians from videos of few cameras, and future frames by integrating it.
 //!
-//! A dynamics field gives velocity, acceleration, angular velocity and angular acceleration at a position and time; a rollout
-//! integrates positions and orientations from the first frame on. The paper is "SparseDynGS: Learning Physically Grounded Gaussian
-//! Dynamics from Sparse-View Videos".
+//! A dynamics field gives velocity, acceleration, angular velocity and angular acceleration at a position and time; a
+//! rollout integrates positions and orientations from the first frame on. The paper is "SparseDynGS: Learning
+//! Physically Grounded Gaussian Dynamics from Sparse-View Videos".
 //!
 //! | Paper | Here |
 //! |---|---|

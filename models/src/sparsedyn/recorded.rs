@@ -1,5 +1,6 @@
-//! The gradient of a rollout by recomputation: the states at grid points are kept, the activations of a step are computed again when
-//! its gradient is due. The gradient is that of the discrete steps, as with stored activations, at the memory of one step.
+//! The gradient of a rollout by recomputation: the states at grid points are kept, the activations of a step are
+//! computed again when its gradient is due. The gradient is that of the discrete steps, as with stored activations, at
+//! the memory of one step.
 
 use burn::module::Module;
 use gs_burn::{NamedGradients, profile};
@@ -48,8 +49,8 @@ impl Rollout<'_> {
 }
 
 impl Recorded {
-    /// The gradients of a loss with respect to the state at the start and to the field's parameters (by their paths in the field), given
-    /// its gradients with respect to [`states`](Self::states), in their order, all outside autodiff.
+    /// The gradients of a loss with respect to the state at the start and to the field's parameters (by their paths in
+    /// the field), given its gradients with respect to [`states`](Self::states), in their order, all outside autodiff.
     ///
     /// # Panics
     /// When there is not one gradient for each state.

@@ -1,7 +1,7 @@
 //! The rollout (Eq. 9): a state integrated from the first frame to several times in one sweep.
 //!
-//! Steps lie on a grid of one length from the start. A time between two grid points is reached by one shorter step from the point
-//! before it, so the state at a time depends on that time alone and not on the other times asked for.
+//! Steps lie on a grid of one length from the start. A time between two grid points is reached by one shorter step from
+//! the point before it, so the state at a time depends on that time alone and not on the other times asked for.
 
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
@@ -15,13 +15,13 @@ use super::state::State;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ask {
-    /// At every stage of every step (the paper's Eq. 4 with the usual meaning of Runge-Kutta). Accelerations bend the way to the first
-    /// inner stage.
+    /// At every stage of every step (the paper's Eq. 4 with the usual meaning of Runge-Kutta). Accelerations bend the
+    /// way to the first inner stage.
     Stage,
     /// Once a step; accelerations are held over the step.
     Step,
-    /// Once, at the start; every Gaussian keeps its accelerations for good (as the code of TRACE does). Motion of bodies under constant
-    /// accelerations is then exact, and the network costs nothing over the horizon.
+    /// Once, at the start; every Gaussian keeps its accelerations for good (as the code of TRACE does). Motion of
+    /// bodies under constant accelerations is then exact, and the network costs nothing over the horizon.
     Start,
 }
 
@@ -54,8 +54,8 @@ pub(super) struct Place {
 }
 
 impl RolloutOptions {
-    /// The earliest and the latest time of a rollout. It is one step less than the most, so that a velocity, which is a difference about its
-    /// time, exists at both ends.
+    /// The earliest and the latest time of a rollout. It is one step less than the most, so that a velocity, which is a
+    /// difference about its time, exists at both ends.
     pub fn reach(&self) -> [f64; 2] {
         let most = (STEPS_MAX - 1.0) * self.step;
         [self.start - most, self.start + most]
@@ -92,9 +92,9 @@ pub struct Rollout<'a, F = DynamicsField> {
 }
 
 impl<F: Asked> Rollout<'_, F> {
-    /// The states at `times`, in their order, of Gaussians that are at `start` at the time `options.start`; differentiable, with every
-    /// activation stored. For training over long horizons with a field that is asked at every step see
-    /// [`record`](Self::record).
+    /// The states at `times`, in their order, of Gaussians that are at `start` at the time `options.start`;
+    /// differentiable, with every activation stored. For training over long horizons with a field that is asked at
+    /// every step see [`record`](Self::record).
     ///
     /// # Panics
     /// When a time is not finite or more than 30 000 steps away.

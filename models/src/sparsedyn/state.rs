@@ -8,7 +8,8 @@ use gs_burn::ops::sum::sum;
 pub struct State {
     /// `[M, 3]`, world, scene units.
     pub positions: Tensor<2>,
-    /// `[M, 4]` quaternions w x y z, world axes: the rotation since the start, multiplied from the left to the orientation there.
+    /// `[M, 4]` quaternions w x y z, world axes: the rotation since the start, multiplied from the left to the
+    /// orientation there.
     pub turns: Tensor<2>,
 }
 

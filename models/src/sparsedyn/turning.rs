@@ -1,12 +1,13 @@
 //! Rotation of positions by a rotation vector, and the translation of a screw motion, on rows.
 //!
 //! For a rotation vector `r` of length `a`: `Exp(r) u = u + A r x u + B r x (r x u)`, and the integral
-//! `int_0^1 Exp(s r) ds u = u + B r x u + C r x (r x u)`, with `A = sin(a) / a`, `B = (1 - cos a) / a^2`, `C = (a - sin a) / a^3`.
+//! `int_0^1 Exp(s r) ds u = u + B r x u + C r x (r x u)`, with `A = sin(a) / a`, `B = (1 - cos a) / a^2`, `C = (a - sin
+//! a) / a^3`.
 
 use burn::tensor::Tensor;
 
-/// Squared angle below which the three factors are summed as power series: above it the formulas lose less than two digits to
-/// cancellation, below it the series of six terms is exact to 1e-13.
+/// Squared angle below which the three factors are summed as power series: above it the formulas lose less than two
+/// digits to cancellation, below it the series of six terms is exact to 1e-13.
 const SERIES_BELOW: f64 = 0.25;
 
 /// The factors `A`, `B` and `C` of a rotation vector, `[M, 1]` each.
@@ -53,7 +54,8 @@ fn combined(first: &Tensor<2>, second: &Tensor<2>, rotation: &Tensor<2>, u: &Ten
     once * first.clone() + twice * second.clone()
 }
 
-/// `sum_k (-s)^k / (2k + from)!` times `1`: with `from` 1, 2 and 3 the series of `A`, `B` and `C` in the squared angle `s`.
+/// `sum_k (-s)^k / (2k + from)!` times `1`: with `from` 1, 2 and 3 the series of `A`, `B` and `C` in the squared angle
+/// `s`.
 fn series(squared: Tensor<2>, from: f64) -> Tensor<2> {
     const TERMS: usize = 6;
     let mut factor = 1.0 / (1..=from as usize).map(|k| k as f64).product::<f64>();

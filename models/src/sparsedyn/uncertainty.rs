@@ -1,4 +1,5 @@
-//! How well dynamics are known: draws of a law's numbers from the covariance of their least-squares fit, and of a field's last layer.
+//! How well dynamics are known: draws of a law's numbers from the covariance of their least-squares fit, and of a
+//! field's last layer.
 
 use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
@@ -35,12 +36,12 @@ const DIFFERENCE: f64 = 1e-5;
 /// Times the rounding of a coordinate that a derivative must exceed: a coordinate is the result of some ten operations.
 const ROUNDING: f64 = 100.0;
 
-/// Share of the largest eigenvalue of the scaled normal matrix below which a direction changes no pose: the offset of a pivot along its axis.
-/// Differences are exact to 1e-10, and so are eigenvalues of zero.
+/// Share of the largest eigenvalue of the scaled normal matrix below which a direction changes no pose: the offset of a
+/// pivot along its axis. Differences are exact to 1e-10, and so are eigenvalues of zero.
 const NO_EFFECT: f64 = 1e-9;
 
-/// A draw that moves the markers over the seen times by more than this many times what the linear model says is halved: the poses contradict
-/// it, and the covariance holds near the fit alone.
+/// A draw that moves the markers over the seen times by more than this many times what the linear model says is halved:
+/// the poses contradict it, and the covariance holds near the fit alone.
 const CONTRADICTED: f64 = 2.0;
 
 /// Halvings of a draw at most.
@@ -60,8 +61,9 @@ pub struct LawUncertainty {
 impl LawUncertainty {
     /// The uncertainty of a law's `values` that were fitted to poses.
     ///
-    /// The normal matrix `J^T J` of the markers' coordinates by the law's numbers is made by differences and divided by the variance of a
-    /// coordinate; the information is that of the independent poses. Directions that change no pose are left out.
+    /// The normal matrix `J^T J` of the markers' coordinates by the law's numbers is made by differences and divided by
+    /// the variance of a coordinate; the information is that of the independent poses. Directions that change no pose
+    /// are left out.
     pub fn of(law: Law, values: LawValues, observed: Observed) -> Self {
         let free: Vec<usize> = (0..NUMBERS).filter(|index| law.mask()[*index] > 0.0).collect();
         let columns: Vec<Vec<f64>> = free.iter().map(|index| derivative(&values, *index, &observed)).collect();
@@ -170,8 +172,8 @@ pub fn field_numbers(field: &DynamicsField) -> usize {
     field.mlp.layers.last().map_or(0, |layer| layer.weight.dims().iter().product::<usize>() + layer.weight.dims()[1])
 }
 
-/// The field with its last layer moved by `scale` times `normal`, weights first, then biases. A weight moves by less the more inputs there
-/// are, so that a bias and all weights of an output together move it alike.
+/// The field with its last layer moved by `scale` times `normal`, weights first, then biases. A weight moves by less
+/// the more inputs there are, so that a bias and all weights of an output together move it alike.
 ///
 /// # Panics
 /// When there are not [`field_numbers`] normal numbers.
@@ -234,7 +236,8 @@ mod tests {
         assert!((deviation / expected - 1.0).abs() < 0.08, "{deviation} for {expected}");
     }
 
-    /// A shift of the pivot along the axis of an even rotation changes no pose and is never drawn; no draw contradicts the poses.
+    /// A shift of the pivot along the axis of an even rotation changes no pose and is never drawn; no draw contradicts
+    /// the poses.
     #[test]
     fn what_changes_no_pose_is_not_drawn() {
         let mut values = LawValues::REST;
@@ -253,7 +256,8 @@ mod tests {
         }
     }
 
-    /// Where a derivative is rounding alone, as that of a pivot along the axis, it says nothing, however often it is divided by itself.
+    /// Where a derivative is rounding alone, as that of a pivot along the axis, it says nothing, however often it is
+    /// divided by itself.
     #[test]
     fn rounding_is_no_direction() {
         let mut values = LawValues::REST;

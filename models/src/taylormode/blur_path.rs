@@ -1,9 +1,9 @@
 //! The path of a pixel's surface through the image during the exposure: Eq. 6 and 8 to 10.
 //!
-//! `P_cam = D_in K^-1 (u, 1)`, `v_cam = R_view V_final`, `u_i = project(P_cam + t_i v_cam)`. Written out for a pinhole with
-//! focal length `f` and principal point `c`, with `v_cam = (v_xy, v_z)`:
-//! `u_i = u + t_i (f v_xy - (u - c) v_z) / (D_in + t_i v_z)`. In this form a pixel that does not move stays exactly where
-//! it is, and the point itself is never needed.
+//! `P_cam = D_in K^-1 (u, 1)`, `v_cam = R_view V_final`, `u_i = project(P_cam + t_i v_cam)`. Written out for a pinhole
+//! with focal length `f` and principal point `c`, with `v_cam = (v_xy, v_z)`: `u_i = u + t_i (f v_xy - (u - c) v_z) /
+//! (D_in + t_i v_z)`. In this form a pixel that does not move stays exactly where it is, and the point itself is never
+//! needed.
 
 use burn::tensor::{Tensor, TensorData};
 use gs_base::Intrinsics;
@@ -18,8 +18,8 @@ pub const NEAREST: f64 = 0.01;
 
 /// The depth for back-projection, Eq. 6: `beta prior + (1 - beta) rendered`, any one shape, camera z in scene units.
 ///
-/// It is the rendered depth where the prior is unknown (0), and the prior where nothing is rendered. `beta` is 0.3 in the paper.
-/// Differentiable with respect to `rendered`.
+/// It is the rendered depth where the prior is unknown (0), and the prior where nothing is rendered. `beta` is 0.3 in
+/// the paper. Differentiable with respect to `rendered`.
 pub fn hybrid_depth<const D: usize>(rendered: Tensor<D>, prior: Tensor<D>, beta: f64) -> Tensor<D> {
     let known = prior.clone().greater_scalar(0.0);
     let missing = rendered.clone().lower_scalar(NEAREST);
@@ -51,7 +51,8 @@ pub fn to_world(points: Tensor<2>, viewmat: &Tensor<2>) -> Tensor<2> {
 /// Image positions of each pixel's surface at each moment of the exposure, Eq. 10: `[N, P, 2]`, pixels.
 ///
 /// `depth` `[P, 1]` is camera z (Eq. 6), `velocity` `[P, 3]` is in camera axes, scene units per unit of time (Eq. 9),
-/// `offsets` `[N]` are the moments, in the unit of time, from the exposure's centre (Eq. 7). Differentiable by all three.
+/// `offsets` `[N]` are the moments, in the unit of time, from the exposure's centre (Eq. 7). Differentiable by all
+/// three.
 pub fn blur_path(
     pixels: &Pixels,
     depth: Tensor<2>,

@@ -1,7 +1,7 @@
 //! The blurred image made from the sharp one: Eq. 12, and the gradient decoupling of section 3.4.
 //!
-//! `C_blurred(u) = sum_i w_i(u) C(u_i)`. Light adds up linearly and photos are not stored linearly, so unlike the paper we
-//! decode before the sum and encode after it.
+//! `C_blurred(u) = sum_i w_i(u) C(u_i)`. Light adds up linearly and photos are not stored linearly, so unlike the paper
+//! we decode before the sum and encode after it.
 
 use burn::tensor::Tensor;
 use gs_burn::ops::bilinear::bilinear;
@@ -11,9 +11,9 @@ use crate::light::Mixing;
 
 /// Blurred colours `[P, 3]`, encoded, of the sharp image `[H, W, 3]`, encoded.
 ///
-/// `path` `[N, P, 2]` gives the image position that each pixel reads at each moment ([`blur_path`](super::blur_path::blur_path)), `weights`
-/// `[P, N]` how much each moment counts ([`BlurWeights`](super::BlurWeights)); without weights all count the same.
-/// Differentiable by all three.
+/// `path` `[N, P, 2]` gives the image position that each pixel reads at each moment
+/// ([`blur_path`](super::blur_path::blur_path)), `weights` `[P, N]` how much each moment counts
+/// ([`BlurWeights`](super::BlurWeights)); without weights all count the same. Differentiable by all three.
 pub fn blurred_color(sharp: Tensor<3>, path: Tensor<3>, weights: Option<Tensor<2>>, mixing: Mixing) -> Tensor<2> {
     let _stage = profile::stage("gather along the blur path");
     let channels = sharp.dims()[2];

@@ -1,7 +1,7 @@
 //! How much each moment of the exposure counts at a pixel: the weight network of Eq. 11.
 //!
-//! `w(u) = softmax(F_w(D_in(u), v_cam(u)))`, N weights that sum to 1. The last layer starts at zero, so the first weights
-//! are all equal, as for a shutter that opens and closes at once.
+//! `w(u) = softmax(F_w(D_in(u), v_cam(u)))`, N weights that sum to 1. The last layer starts at zero, so the first
+//! weights are all equal, as for a shutter that opens and closes at once.
 
 use burn::config::Config;
 use burn::module::Module;
@@ -52,8 +52,8 @@ impl BlurWeights {
         self.mlp.outputs()
     }
 
-    /// Weights `[P, N]`, positive, each row summing to 1, from the depth `[P, 1]` (camera z, scene units) and the velocity
-    /// `[P, 3]` (camera axes, scene units per unit of time).
+    /// Weights `[P, N]`, positive, each row summing to 1, from the depth `[P, 1]` (camera z, scene units) and the
+    /// velocity `[P, 3]` (camera axes, scene units per unit of time).
     pub fn forward(&self, depth: Tensor<2>, velocity: Tensor<2>) -> Tensor<2> {
         let input = Tensor::cat(vec![depth / self.depth_unit, velocity / self.velocity_unit], 1);
         softmax(self.mlp.forward(input), 1)

@@ -8,12 +8,12 @@ use super::paths::{Instants, Shift};
 /// The times of the samples in the exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Samples {
-    /// From the first moment to the last, Eq. 7: `t_i = (i / (N - 1) - 1/2) tau`. Averaged with equal weights these spread
-    /// `sqrt((N + 1) / (N - 1))` times as far as the light did (15 % at N = 7), so an exposure learned with them comes
-    /// out shorter than it was unless the weights learn to fall off at both ends.
+    /// From the first moment to the last, Eq. 7: `t_i = (i / (N - 1) - 1/2) tau`. Averaged with equal weights these
+    /// spread `sqrt((N + 1) / (N - 1))` times as far as the light did (15 % at N = 7), so an exposure learned with them
+    /// comes out shorter than it was unless the weights learn to fall off at both ends.
     Ends,
-    /// The middles of N equal parts, `t_i = ((i + 1/2) / N - 1/2) tau`: with equal weights the rule of rectangles, off by
-    /// `1 / N^2` only.
+    /// The middles of N equal parts, `t_i = ((i + 1/2) / N - 1/2) tau`: with equal weights the rule of rectangles, off
+    /// by `1 / N^2` only.
     Middles,
 }
 
@@ -69,9 +69,9 @@ impl Exposure {
         tau * Tensor::<1>::from_data(TensorData::new(samples.offsets(count), [count]), options)
     }
 
-    /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they have a
-    /// [`shift`](Instants::shift), and the exposure is learned through where the Gaussians are; exact,
-    /// because the derivative of a position by time is its velocity. Reads `tau` back from the device.
+    /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they
+    /// have a [`shift`](Instants::shift), and the exposure is learned through where the Gaussians are; exact, because
+    /// the derivative of a position by time is its velocity. Reads `tau` back from the device.
     pub fn instants(&self, t: f64, samples: Samples, count: usize) -> Instants {
         let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
         let shift = change.map(|change| Shift { change, rates: samples.offsets(count) });

@@ -1,13 +1,14 @@
-//! Kinks: the remainder of Eq. 2 for an object that is hit. A contact is a stretch of time in which that happens; a kink is the
-//! change of a Gaussian's velocity at a contact.
+//! Kinks: the remainder of Eq. 2 for an object that is hit. A contact is a stretch of time in which that happens; a
+//! kink is the change of a Gaussian's velocity at a contact.
 //!
-//! `R(s) = sum_j a_j r_j(s)`, `a_j` `[3]` learned for each Gaussian. `r_j` is a ramp that begins on one side of `t0` and is 0
-//! from there on to `t0` and past it: 0, then a parabola while the contact lasts, then a straight line of slope 1 (-1 where
-//! it lies before `t0`). Around `t0` it is zero, so it vanishes faster than every power of `|t - t0|`: a true Peano remainder, of
-//! the kind no polynomial can follow. A contact with an even force is met exactly, with a continuous velocity.
+//! `R(s) = sum_j a_j r_j(s)`, `a_j` `[3]` learned for each Gaussian. `r_j` is a ramp that begins on one side of `t0`
+//! and is 0 from there on to `t0` and past it: 0, then a parabola while the contact lasts, then a straight line of
+//! slope 1 (-1 where it lies before `t0`). Around `t0` it is zero, so it vanishes faster than every power of `|t -
+//! t0|`: a true Peano remainder, of the kind no polynomial can follow. A contact with an even force is met exactly,
+//! with a continuous velocity.
 //!
-//! An object is hit as a whole, at one time. So contact times are estimated once for the scene, and each Gaussian learns only the
-//! jump of its own velocity.
+//! An object is hit as a whole, at one time. So contact times are estimated once for the scene, and each Gaussian
+//! learns only the jump of its own velocity.
 
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::Tensor;

@@ -1,9 +1,9 @@
 //! The loss terms: Eq. 13, 15, 17 and 18, each a function that returns `[1]`. Eq. 14 is the loss of every photo,
-//! [`photometric_loss`](gs_burn::ops::ssim::photometric_loss); Eq. 16 is in [`depth_prior`](crate::depth_prior); Eq. 19, their
-//! weighted sum, is the trainer's.
+//! [`photometric_loss`](gs_burn::ops::ssim::photometric_loss); Eq. 16 is in [`depth_prior`](crate::depth_prior); Eq.
+//! 19, their weighted sum, is the trainer's.
 //!
-//! Norms are means, as in the 3DGS code the paper builds on: over all pixels of the image, also where only moving pixels
-//! count (Eq. 15, 17, 18), so that the terms keep their proportions whatever the share of moving pixels.
+//! Norms are means, as in the 3DGS code the paper builds on: over all pixels of the image, also where only moving
+//! pixels count (Eq. 15, 17, 18), so that the terms keep their proportions whatever the share of moving pixels.
 
 use burn::tensor::Tensor;
 use gs_burn::ops::sum::sum;

@@ -20,8 +20,8 @@
 //! | 3.4, Eq. 13 to 19: losses | [`losses`]; Eq. 16 in [`depth_prior`](crate::depth_prior) |
 //! | not in the paper: no more motion than a scene needs | [`shrinkage`], [`order`], [`summary`] |
 //!
-//! Two words that the code uses throughout: a *contact* is a stretch of time in which an object is hit (it lands, bounces, is
-//! thrown), the same for the whole scene; a *kink* is the change of a Gaussian's velocity at a contact.
+//! Two words that the code uses throughout: a *contact* is a stretch of time in which an object is hit (it lands,
+//! bounces, is thrown), the same for the whole scene; a *kink* is the change of a Gaussian's velocity at a contact.
 
 pub mod blur_path;
 pub mod blur_synthesis;

@@ -1,10 +1,10 @@
 //! The polynomial order of each Gaussian's motion, and whether a higher one is worth its numbers.
 //!
-//! Order 0 is static; there is no other flag. A path is lowered by the polynomial of the next lower order that is nearest
-//! to it over the window in the largest deviation: `s^k` minus `T_k(s) / 2^(k-1)`, `T_k` Chebyshev's, deviates by
-//! `2^(1-k)` at most (economisation). A likelihood check on the photos decides between orders for a group of Gaussians; the
-//! remainder is worth having only where the residuals have a pattern in time. Not part of the paper, which has one
-//! order for all.
+//! Order 0 is static; there is no other flag. A path is lowered by the polynomial of the next lower order that is
+//! nearest to it over the window in the largest deviation: `s^k` minus `T_k(s) / 2^(k-1)`, `T_k` Chebyshev's, deviates
+//! by `2^(1-k)` at most (economisation). A likelihood check on the photos decides between orders for a group of
+//! Gaussians; the remainder is worth having only where the residuals have a pattern in time. Not part of the paper,
+//! which has one order for all.
 
 use super::shrinkage::norm;
 
@@ -16,9 +16,9 @@ pub const NOTICEABLE: f64 = 0.1;
 /// one white sequence in forty does.
 const PATTERN: f64 = 2.0;
 
-/// Lowers a path of blocks of three from `order` as long as all lowerings together move it by no more than `limit` pixels, and
-/// returns the order that is left. Removed blocks are zero in `path`, and their contribution to the constant goes to `centre`. NaN
-/// counts as motion: an order must not hide it.
+/// Lowers a path of blocks of three from `order` as long as all lowerings together move it by no more than `limit`
+/// pixels, and returns the order that is left. Removed blocks are zero in `path`, and their contribution to the
+/// constant goes to `centre`. NaN counts as motion: an order must not hide it.
 pub fn lower(path: &mut [f32], mut order: usize, pixels_per_unit: f64, limit: f64, centre: &mut [f32; 3]) -> usize {
     let mut moved = 0.0;
     while order > 0 {
@@ -37,7 +37,8 @@ pub fn deviation(path: &[f32], order: usize) -> f64 {
     norm(block(path, order)) * 0.5f64.powi(order as i32 - 1)
 }
 
-/// Replaces the path of `order` by the nearest of the next lower order; its contribution to the constant goes to `centre`.
+/// Replaces the path of `order` by the nearest of the next lower order; its contribution to the constant goes to
+/// `centre`.
 pub fn economise(path: &mut [f32], order: usize, centre: &mut [f32; 3]) {
     let leading = block(path, order);
     let leading = [leading[0], leading[1], leading[2]];
@@ -86,8 +87,8 @@ pub struct Evidence {
     pub variance: f64,
     /// How many differences were summed.
     pub pixels: f64,
-    /// Area over which the differences are correlated, pixels: the blur kernel's, at least 1. Neighbours that share a blur
-    /// do not witness independently; counted one by one they would accept any order.
+    /// Area over which the differences are correlated, pixels: the blur kernel's, at least 1. Neighbours that share a
+    /// blur do not witness independently; counted one by one they would accept any order.
     pub blur_area: f64,
     /// How many numbers the higher order has more.
     pub parameters: f64,

@@ -3,8 +3,8 @@
 //! `mu(t) = mu_0 + sum_{k=1..K} c_k s^k + R(s)`, `s = (t - t0) / half`, `c_k = f^(k) half^k / k!` `[3]`;
 //! `v(t) = (sum_k k c_k s^(k-1) + R'(s)) / half`. Coefficients are stored as the displacement they make at the window's
 //! edge, so all orders have one scale, whatever the unit of time, and one learning rate suits them all. Rotation has a
-//! series of its own, of the rotation vector ([`rotation`](crate::rotation)). Only the rows listed move; the others cost
-//! nothing. Outside the window see [`window`](super::window).
+//! series of its own, of the rotation vector ([`rotation`](crate::rotation)). Only the rows listed move; the others
+//! cost nothing. Outside the window see [`window`](super::window).
 
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
 use gs_burn::ops::products::scaled;
@@ -16,8 +16,8 @@ use super::remainder::Remainder;
 use super::window::{Sample, TimeWindow, powers};
 use crate::rotation::turn;
 
-/// How `M` of a scene's `N` Gaussians move: [`TaylorMotion::paths`](super::TaylorMotion::paths) with the remainder's network
-/// evaluated, which is worth doing once for all times.
+/// How `M` of a scene's `N` Gaussians move: [`TaylorMotion::paths`](super::TaylorMotion::paths) with the remainder's
+/// network evaluated, which is worth doing once for all times.
 #[derive(Debug, Clone)]
 pub struct Paths {
     /// `[M]`, which Gaussians move; each at most once.
@@ -43,8 +43,8 @@ pub struct Instants {
     pub shift: Option<Shift>,
 }
 
-/// A change of times that is zero in value: time `k` is `times[k] + rates[k] change`, so that the change gets the loss's derivative.
-/// See [`Exposure::instants`](super::Exposure::instants).
+/// A change of times that is zero in value: time `k` is `times[k] + rates[k] change`, so that the change gets the
+/// loss's derivative. See [`Exposure::instants`](super::Exposure::instants).
 #[derive(Debug, Clone)]
 pub struct Shift {
     /// `[1]`, zero in value.
@@ -144,7 +144,8 @@ impl Paths {
         times.iter().enumerate().map(one).collect()
     }
 
-    /// Displacements and rotation vectors, `[M, 3 n]` each, with the gradient by the times where the instants ask for it.
+    /// Displacements and rotation vectors, `[M, 3 n]` each, with the gradient by the times where the instants ask for
+    /// it.
     fn moved_by(&self, Instants { times, shift }: &Instants) -> (Tensor<2>, Tensor<2>) {
         let value = |_, sample: Sample| sample.value;
         let (displacement, rotation) = (self.position_sums(times, value), self.rotation_sums(times, value));
@@ -204,8 +205,8 @@ impl Paths {
         (means, quats)
     }
 
-    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure, one after another. The number of operations does not
-    /// depend on that of the instants.
+    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure, one after another. The number of
+    /// operations does not depend on that of the instants.
     pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &Instants) -> MovingSamples {
         let _stage = profile::stage("motion samples");
         let (count, moving) = (instants.len(), self.len());

@@ -1,12 +1,13 @@
 //! The remainder `R_n(t)` of Eq. 2 in three dimensions: the part of a Gaussian's motion that its polynomial misses.
 //!
-//! `R(s) = s^(n+1) sum_j w_j phi_j(s)`, `phi = 1, cos(pi s), sin(pi s), cos(2 pi s), sin(2 pi s)`, with the vectors `w_j`
-//! from one small network shared by all Gaussians, asked at the Gaussian's position at `t0`. The factor `s^(n+1)` makes it a
-//! Peano remainder by construction: it vanishes faster than `|t - t0|^n` whatever the network says. Time enters through
-//! fixed functions, so the velocity is analytic and exact, and the network runs once a step, not once a time.
+//! `R(s) = s^(n+1) sum_j w_j phi_j(s)`, `phi = 1, cos(pi s), sin(pi s), cos(2 pi s), sin(2 pi s)`, with the vectors
+//! `w_j` from one small network shared by all Gaussians, asked at the Gaussian's position at `t0`. The factor `s^(n+1)`
+//! makes it a Peano remainder by construction: it vanishes faster than `|t - t0|^n` whatever the network says. Time
+//! enters through fixed functions, so the velocity is analytic and exact, and the network runs once a step, not once a
+//! time.
 //!
-//! The paper has only a network on the image's velocity map (Eq. 5, [`PeanoMap`](super::velocity_map::PeanoMap)); this one corrects
-//! the Gaussians themselves and so is the same from every camera. Its last layer starts at zero.
+//! The paper has only a network on the image's velocity map (Eq. 5, [`PeanoMap`](super::velocity_map::PeanoMap)); this
+//! one corrects the Gaussians themselves and so is the same from every camera. Its last layer starts at zero.
 
 use std::f64::consts::PI;
 
@@ -32,8 +33,8 @@ pub struct RemainderFrame {
     /// Centre of the moving Gaussians, scene units.
     #[serde(with = "crate::bits")]
     pub centre: [f64; 3],
-    /// Their extent, scene units, positive. Positions are divided by it and answers multiplied: a step of Adam changes each
-    /// weight by its rate, so a rate of 1e-4 moves no Gaussian by more than a hundredth of the extent.
+    /// Their extent, scene units, positive. Positions are divided by it and answers multiplied: a step of Adam changes
+    /// each weight by its rate, so a rate of 1e-4 moves no Gaussian by more than a hundredth of the extent.
     #[serde(with = "crate::bits")]
     pub scale: f64,
     /// `n`, the highest power of the polynomial that the remainder completes.
@@ -60,8 +61,8 @@ pub struct RemainderNetwork {
 }
 
 impl RemainderNetwork {
-    /// The weights at `positions` `[M, 3]`, the moving centres at `t0`. No gradient reaches the positions: a Gaussian is not
-    /// pulled to where the network happens to give a better answer.
+    /// The weights at `positions` `[M, 3]`, the moving centres at `t0`. No gradient reaches the positions: a Gaussian
+    /// is not pulled to where the network happens to give a better answer.
     pub fn evaluate(&self, positions: Tensor<2>) -> Remainder {
         let RemainderFrame { centre, scale, order } = self.frame;
         let positions = positions.inner();

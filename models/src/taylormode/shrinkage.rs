@@ -1,10 +1,10 @@
 //! Sparse motion: group shrinkage of the Taylor coefficients, in pixels.
 //!
 //! Every block `c_k` of a Gaussian is pulled towards zero by the proximal step of the group lasso (Yuan and Lin 2006):
-//! `c_k <- max(0, 1 - threshold / n_k) c_k`, with `n_k` the block's motion over half the window as the nearest camera sees
-//! it, in pixels. A block that the photos do not support falls to exactly zero; a block that they support loses
-//! `threshold` pixels a step, which its gradient returns. Measured in pixels, one threshold suits all scenes and all distances. Not part of the
-//! paper, which has one order for all.
+//! `c_k <- max(0, 1 - threshold / n_k) c_k`, with `n_k` the block's motion over half the window as the nearest camera
+//! sees it, in pixels. A block that the photos do not support falls to exactly zero; a block that they support loses
+//! `threshold` pixels a step, which its gradient returns. Measured in pixels, one threshold suits all scenes and all
+//! distances. Not part of the paper, which has one order for all.
 
 use gs_burn::glam::{DMat4, DVec3};
 
@@ -27,11 +27,11 @@ pub fn shrink(path: &mut [f32], pixels_per_unit: f64, pixels: f64) {
     }
 }
 
-/// Pixels that a displacement of one scene unit spans at most, for each of `rows`: focal length over depth in the nearest of
-/// the cameras that have it in front of them. `means` holds x, y, z of all Gaussians in turn, at one time.
+/// Pixels that a displacement of one scene unit spans at most, for each of `rows`: focal length over depth in the
+/// nearest of the cameras that have it in front of them. `means` holds x, y, z of all Gaussians in turn, at one time.
 ///
-/// A Gaussian outside the image counts too, because it may be inside at another time. A Gaussian that no camera has in front of it
-/// gets infinity: no photo speaks against its motion, so it keeps it.
+/// A Gaussian outside the image counts too, because it may be inside at another time. A Gaussian that no camera has in
+/// front of it gets infinity: no photo speaks against its motion, so it keeps it.
 pub fn pixels_per_unit(means: &[f32], rows: &[u32], cameras: &[ViewScale]) -> Vec<f64> {
     let one = |row: &u32| {
         let mean = &means[3 * *row as usize..][..3];

@@ -1,4 +1,5 @@
-//! The learned part of Eq. 2, as a Burn module: coefficients of position and rotation, kinks, and the remainder's network.
+//! The learned part of Eq. 2, as a Burn module: coefficients of position and rotation, kinks, and the remainder's
+//! network.
 //!
 //! [`TaylorMotion`] holds it, [`MotionFrame`] everything beside it (which rows move, of which order, in which window of
 //! time), and [`Paths`] are both, ready to be asked at any time.
@@ -16,8 +17,8 @@ use super::window::{TimeWindow, described_powers};
 use crate::DynamicScene;
 use crate::basis::MotionBasis;
 
-/// All of a [`TaylorMotion`] that is not learned: its configuration, and beside its tensors all that a checkpoint needs. As
-/// JSON to the bit.
+/// All of a [`TaylorMotion`] that is not learned: its configuration, and beside its tensors all that a checkpoint
+/// needs. As JSON to the bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MotionFrame {
     /// The time of the expansion, and the stretch of time around it.
@@ -42,8 +43,8 @@ pub struct MotionFrame {
 }
 
 impl MotionFrame {
-    /// `rows` that may move at full `order` and `rotation_order` over `window`, without kinks or remainder. The recording is
-    /// the window.
+    /// `rows` that may move at full `order` and `rotation_order` over `window`, without kinks or remainder. The
+    /// recording is the window.
     pub fn new(rows: Vec<u32>, order: usize, rotation_order: usize, window: TimeWindow) -> Self {
         Self {
             window,
@@ -58,8 +59,8 @@ impl MotionFrame {
         }
     }
 
-    /// A zero motion: all coefficients and jumps are zero, and so is the remainder, whose network is drawn from `seed`. A record or
-    /// a checkpoint's tensors fill it.
+    /// A zero motion: all coefficients and jumps are zero, and so is the remainder, whose network is drawn from `seed`.
+    /// A record or a checkpoint's tensors fill it.
     ///
     /// # Panics
     /// When there is not one order a row.
@@ -111,7 +112,8 @@ pub struct TaylorMotion {
 }
 
 impl TaylorMotion {
-    /// Paths, below the motion's own, of the parameters with one row per moving Gaussian; the others are of the network.
+    /// Paths, below the motion's own, of the parameters with one row per moving Gaussian; the others are of the
+    /// network.
     pub const ROW_PARAMETERS: [&str; 3] = ["position", "rotation", "kinks.jumps"];
 
     /// All that is not learned.
@@ -169,8 +171,8 @@ impl TaylorMotion {
         Paths { rows, position, rotation, window: self.window, remainder, kinks: self.kinks.clone() }
     }
 
-    /// Follows the scene through a change of its rows; a copy of a moving Gaussian moves like it. The second answer is the change
-    /// of the motion's own rows, for the moments of [`ROW_PARAMETERS`](Self::ROW_PARAMETERS).
+    /// Follows the scene through a change of its rows; a copy of a moving Gaussian moves like it. The second answer is
+    /// the change of the motion's own rows, for the moments of [`ROW_PARAMETERS`](Self::ROW_PARAMETERS).
     pub fn follow(mut self, scene: &RowMap) -> (Self, RowMap) {
         let mut index_of = vec![None; scene.from.iter().map(|row| *row as usize + 1).max().unwrap_or(0)];
         for (index, row) in self.rows.iter().enumerate() {
@@ -190,8 +192,8 @@ impl TaylorMotion {
         (self.gather(&own), own)
     }
 
-    /// Keeps the moving Gaussians `kept` (indices into [`rows`](Self::rows), ascending) and makes the others static. The
-    /// second answer as in [`follow`](Self::follow).
+    /// Keeps the moving Gaussians `kept` (indices into [`rows`](Self::rows), ascending) and makes the others static.
+    /// The second answer as in [`follow`](Self::follow).
     pub fn retain(mut self, kept: &[u32]) -> (Self, RowMap) {
         self.rows = kept.iter().map(|index| self.rows[*index as usize]).collect();
         let own = RowMap::keep(kept.to_vec());
@@ -211,8 +213,9 @@ impl TaylorMotion {
         }
     }
 
-    /// For each of `position` and `rotation`, 1 in the blocks up to each Gaussian's order and 0 above, of the parameter's shape;
-    /// `None` where every Gaussian has all orders. Adam's first moment needs the factor too: it would push the blocks on.
+    /// For each of `position` and `rotation`, 1 in the blocks up to each Gaussian's order and 0 above, of the
+    /// parameter's shape; `None` where every Gaussian has all orders. Adam's first moment needs the factor too: it
+    /// would push the blocks on.
     pub fn order_masks(&self) -> [(&'static str, Option<Tensor<2>>); 2] {
         let mask = |parameter: &Param<Tensor<2>>, orders: &[u8]| {
             let columns = parameter.dims()[1];

@@ -1,7 +1,7 @@
 //! Networks on the velocity map: the paper's remainder (Eq. 5), which corrects it, and the ablation that predicts it.
 //!
-//! The map itself (Eq. 4), `V_render(u) = sum_i T_i alpha_i v_i`, is three more channels of the rasterizer's one pass, fed
-//! with [`Paths::velocities`](super::Paths::velocities).
+//! The map itself (Eq. 4), `V_render(u) = sum_i T_i alpha_i v_i`, is three more channels of the rasterizer's one pass,
+//! fed with [`Paths::velocities`](super::Paths::velocities).
 //!
 //! `V_final = V_render + F_p(V_render, gamma(t))`. The network sees and gives velocities in a unit of about the fastest
 //! motion, so that its numbers are of order 1 whatever the scene's. Its last layer starts at zero: at first, and
@@ -108,8 +108,8 @@ pub struct DirectVelocity {
 }
 
 impl DirectVelocity {
-    /// Velocity `[P, 3]` (scene units per unit of time, world axes) of the surface at `positions` `[P, 3]` (world); `s` in
-    /// window units.
+    /// Velocity `[P, 3]` (scene units per unit of time, world axes) of the surface at `positions` `[P, 3]` (world); `s`
+    /// in window units.
     pub fn forward(&self, positions: Tensor<2>, s: f64) -> Tensor<2> {
         let embedding = time_embedding(s, &positions);
         let centre = row(self.centre, &positions);

@@ -13,7 +13,8 @@ use crate::basis::{Past, TimeFunction};
 /// Over which stretch of `s` past the edge a function returns to its straight line; the same for all, so that what
 /// cancels between the powers at the edge keeps cancelling. Shorter, and the velocity jerks at the edge; longer, and a
 /// steep edge carries the Gaussian away before it turns: a slope `d` at the edge, relative to the line, adds at most
-/// `4/27 FADE d`. With 0.5 orders 2 to 5 fitted to a bounce extrapolate up to 21 % worse than order 1, with 0.25 up to 5 %.
+/// `4/27 FADE d`. With 0.5 orders 2 to 5 fitted to a bounce extrapolate up to 21 % worse than order 1, with 0.25 up to
+/// 5 %.
 pub const FADE: f64 = 0.25;
 
 /// A window of time `[t0 - half, t0 + half]`, in the data set's unit; as JSON to the bit.

@@ -33,8 +33,8 @@ fn a_seed_is_a_network() {
     assert_eq!(paths, ["layers.0.weight", "layers.0.bias", "layers.1.weight", "layers.1.bias"]);
 }
 
-/// Weights that a run drew with one version are those that it draws with another: computed apart from this program, by SplitMix64
-/// in Python.
+/// Weights that a run drew with one version are those that it draws with another: computed apart from this program, by
+/// SplitMix64 in Python.
 #[test]
 fn a_seed_draws_these_numbers() {
     const LAYERS: [&[u32]; 2] = [

@@ -13,7 +13,8 @@ use crate::{WINDOW, gaussians};
 #[path = "../../examples/train_network.rs"]
 mod train_network;
 
-/// The documented example: the loss falls to less than a hundredth, and the network comes back from its files to the bit.
+/// The documented example: the loss falls to less than a hundredth, and the network comes back from its files to the
+/// bit.
 #[test]
 fn the_example_trains_a_network() {
     for place in singles() {
@@ -51,7 +52,8 @@ fn a_perceptron_fits_a_wave() {
     }
 }
 
-/// A whole scene under Burn's optimiser: its Gaussians and its motion are leaves that `GradientsParams` finds by their ids.
+/// A whole scene under Burn's optimiser: its Gaussians and its motion are leaves that `GradientsParams` finds by their
+/// ids.
 #[test]
 fn burns_optimiser_moves_a_whole_scene() {
     for place in everywhere() {

@@ -11,7 +11,8 @@ use super::poses::{Calibrated, Track, cameras};
 use crate::description::{Camera, Description, Frame, Shot};
 use crate::options::LogOptions;
 
-/// Farthest an image may be from its sweep, nanoseconds. Cameras take 20 images a second, so the nearest is within half of that.
+/// Farthest an image may be from its sweep, nanoseconds. Cameras take 20 images a second, so the nearest is within half
+/// of that.
 const PAIR_MAX: u64 = 50_000_000;
 
 /// Cameras that see the ego vehicle, the rows at the bottom that show it, and the rows of their images.

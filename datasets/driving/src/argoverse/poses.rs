@@ -12,8 +12,8 @@ use crate::feather::table::Feather;
 /// The file with the ego vehicle's poses.
 pub(crate) const EGO: &str = "city_SE3_egovehicle.feather";
 
-/// Farthest in time that a pose may be from what it is used for, nanoseconds. A row exists for every time stamp of a sensor; a metre a
-/// hundredth of a second is the speed of the fastest vehicle.
+/// Farthest in time that a pose may be from what it is used for, nanoseconds. A row exists for every time stamp of a
+/// sensor; a metre a hundredth of a second is the speed of the fastest vehicle.
 const POSE_MAX: i64 = 10_000_000;
 
 /// Rigid transforms of a table, row by row.

@@ -18,8 +18,8 @@ const LOWER: f64 = 32.0;
 /// Longest time between two sweeps whose boxes are compared for flow, seconds: one may be missing.
 const PAIR_MAX: f64 = 0.25;
 
-/// The sweep of a frame with labels by its boxes. Points are those of the ego vehicle at the time of the frame; its pose brings them to the
-/// city.
+/// The sweep of a frame with labels by its boxes. Points are those of the ego vehicle at the time of the frame; its
+/// pose brings them to the city.
 pub(crate) fn read(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sweep, DatasetError> {
     let path = log.join(LIDAR).join(format!("{}.feather", frame.name));
     let file = Feather::open(&path)?;
@@ -57,8 +57,8 @@ fn stamp(path: &Path, frame: &Frame) -> Result<i64, DatasetError> {
         .map_err(|_| DatasetError::malformed(path, "the name", "a time stamp in nanoseconds", frame.name.clone()))
 }
 
-/// The boxes of a frame; none where the log has no annotations, as logs for testing. The heading is taken; the small pitch and roll of
-/// the vehicle are not.
+/// The boxes of a frame; none where the log has no annotations, as logs for testing. The heading is taken; the small
+/// pitch and roll of the vehicle are not.
 pub(crate) fn cuboids(log: &Path, frame: &Frame) -> Result<Vec<Cuboid>, DatasetError> {
     let path = log.join("annotations.feather");
     if !path.exists() {
@@ -131,7 +131,8 @@ mod tests {
             at(0.99),
             at(0.999)
         );
-        // Labels are from f32 and f16 positions; boxes here keep the heading alone, and their margin is applied on all four sides.
+        // Labels are from f32 and f16 positions; boxes here keep the heading alone, and their margin is applied on all
+        // four sides.
         assert!(moving > 1000 && at(0.5) < 0.005 && at(0.99) < 0.05, "{moving} moving, {} and {} m", at(0.5), at(0.99));
     }
 }

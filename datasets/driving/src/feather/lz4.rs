@@ -8,7 +8,8 @@ const MAGIC: u32 = 0x184d_2204;
 /// Most bytes that LZ4 makes of one.
 const RATIO_MAX: usize = 255;
 
-/// The content of a frame, which must have `expected` bytes; `None` for anything else. No more is allocated than the frame could hold.
+/// The content of a frame, which must have `expected` bytes; `None` for anything else. No more is allocated than the
+/// frame could hold.
 pub(crate) fn frame(bytes: &[u8], expected: usize) -> Option<Vec<u8>> {
     if expected > bytes.len().checked_mul(RATIO_MAX)? || u32::from_le_bytes(array(bytes, 0)?) != MAGIC {
         return None;

@@ -1,7 +1,8 @@
-//! Feather files (Arrow IPC, file format, version 4 and 5) of flat columns: numbers, booleans and strings, plain or in LZ4 frames.
+//! Feather files (Arrow IPC, file format, version 4 and 5) of flat columns: numbers, booleans and strings, plain or in
+//! LZ4 frames.
 //!
-//! The reader is small on purpose: lengths in a file are held against the bytes that are there before anything is allocated, which a
-//! reader of all of Arrow does not do, and it adds no crate to the build.
+//! The reader is small on purpose: lengths in a file are held against the bytes that are there before anything is
+//! allocated, which a reader of all of Arrow does not do, and it adds no crate to the build.
 //!
 //! | file | holds |
 //! |---|---|

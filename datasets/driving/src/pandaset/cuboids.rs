@@ -20,8 +20,8 @@ const SIZE_MAX: f64 = 100.0;
 /// The LiDAR that looks ahead, whose box of an object is the second one.
 const SECOND: f64 = 1.0;
 
-/// The boxes of a frame, `origin` subtracted; none where there is no file. An object that both LiDARs see has one box a LiDAR, because it
-/// moved between the two.
+/// The boxes of a frame, `origin` subtracted; none where there is no file. An object that both LiDARs see has one box a
+/// LiDAR, because it moved between the two.
 pub(crate) fn read(sequence: &Path, stem: &str, origin: DVec3) -> Result<Option<Vec<Cuboid>>, DatasetError> {
     let Some(path) = names::pickle(&sequence.join(names::CUBOIDS), stem) else { return Ok(None) };
     let bytes = gzip::read(&path)?;

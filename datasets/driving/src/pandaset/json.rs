@@ -9,7 +9,8 @@ use gs_datasets::DatasetError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
 
-/// Farthest an ego vehicle or a camera may be from the origin of its world, metres: twice the circumference of the Earth.
+/// Farthest an ego vehicle or a camera may be from the origin of its world, metres: twice the circumference of the
+/// Earth.
 const POSITION_MAX: f64 = 8.0e7;
 
 /// Latest time, Unix seconds: in the year 5138.

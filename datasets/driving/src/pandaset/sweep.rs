@@ -26,7 +26,8 @@ struct Rows {
     sensor: Vec<f64>,
 }
 
-/// The sweep of a frame, with labels by its boxes, or exact ones where the sequence has them; `next` is the frame behind it.
+/// The sweep of a frame, with labels by its boxes, or exact ones where the sequence has them; `next` is the frame
+/// behind it.
 pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin: DVec3) -> Result<Sweep, DatasetError> {
     let folder = sequence.join(names::LIDAR);
     let missing =

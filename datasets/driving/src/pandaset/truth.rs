@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `flow.x`, `flow.y`, `flow.z` | f8 | displacement of the surface over the next 0.1 s, metres, world |
 //! | `instance` | i8 | 0: no object; otherwise the object's number in `truth/actors.json` |
-//! | `class` | i8 | place in the list of [`ObjectClass`]: 0 background, 1 car, 2 other vehicle, 3 pedestrian, 4 wheeled |
+//! | `class` | i8 | index of the [`ObjectClass`]: 0 background, 1 car, 2 other vehicle, 3 pedestrian, 4 wheeled |
 //! | `semantic` | i8 | as in `annotations/semseg` |
 
 use std::path::Path;

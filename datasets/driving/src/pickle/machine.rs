@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use super::value::{Global, Id, PickleError, Tree, Value};
 
-/// Most opcodes that are carried out. A table of numbers has some hundred, and one of cuboids about 20 a row; each opcode makes at most one
-/// value of 40 bytes and one place in a list, so that values take less than 100 MB whatever the file says.
+/// Most opcodes that are carried out. A table of numbers has some hundred, and one of cuboids about 20 a row; each
+/// opcode makes at most one value of 40 bytes and one place in a list, so that values take less than 100 MB whatever
+/// the file says.
 pub(crate) const OPCODES_MAX: usize = 2_000_000;
 
 /// Builds the values of a pickle.

@@ -46,7 +46,8 @@ pub fn table(columns: &[(&str, Column<'_>)]) -> Vec<u8> {
     out.bytes.extend(b")\x81}(");
     out.text("_data");
     out.global("pandas.core.internals.managers", "BlockManager");
-    // The state is a tuple of four: only the last part is read by pandas 0.14 and later, so the three before it are empty.
+    // The state is a tuple of four: only the last part is read by pandas 0.14 and later, so the three before it are
+    // empty.
     out.bytes.extend(b")\x81(]]]}");
     out.text("0.14.1");
     out.bytes.extend(b"}(");

@@ -1,7 +1,7 @@
 //! Recognising a segment by its path.
 //!
-//! A segment of version 2 is a file of any component (`vehicle_pose/NAME.parquet`), or the folder above the components where it holds one
-//! segment. A segment of version 1 is a `.tfrecord` file.
+//! A segment of version 2 is a file of any component (`vehicle_pose/NAME.parquet`), or the folder above the components
+//! where it holds one segment. A segment of version 1 is a `.tfrecord` file.
 
 use std::path::Path;
 

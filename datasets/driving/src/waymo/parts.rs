@@ -23,7 +23,7 @@ const POSITION_MAX: f64 = 8e7;
 /// Largest element of R^T R - 1 of a rotation. Single precision leaves 1e-6; a matrix in another order is off by 1.
 const ROTATION_MAX: f64 = 1e-3;
 
-/// What is known of a segment before a sweep or an image is read.
+/// The description of a segment, known before a sweep or an image is read.
 #[derive(Debug)]
 pub(crate) struct Parts {
     pub name: String,
@@ -33,7 +33,7 @@ pub(crate) struct Parts {
     pub lasers: BTreeMap<i64, LaserCalibration>,
     /// Times ascending.
     pub frames: Vec<FramePart>,
-    /// What was left out, in sentences.
+    /// Omissions, in sentences.
     pub warnings: Vec<String>,
 }
 

@@ -7,8 +7,8 @@
 //! p       = E range (cos azimuth cos inclination, sin azimuth cos inclination, sin inclination)
 //! ```
 //!
-//! p is in the vehicle's axes: at the pose of the pixel for the TOP laser, which turns while the vehicle drives, and at the pose of the
-//! frame for the others, whose points the data set has moved there.
+//! p is in the vehicle's axes: at the pose of the pixel for the TOP laser, which turns while the vehicle drives, and at
+//! the pose of the frame for the others, whose points the data set has moved there.
 
 use std::f64::consts::PI;
 
@@ -18,8 +18,9 @@ use super::calibration::LaserCalibration;
 use super::parts::{FramePart, RangeImage, Scan, TOP};
 use crate::sweep::{RANGE_MAX, Sweep};
 
-/// One turn of the TOP laser, seconds. Its first column is of the time stamp of the frame, the others follow evenly. The data set has no
-/// times of points: this is its description of the time stamp, and that the lasers turn ten times a second.
+/// One turn of the TOP laser, seconds. Its first column is of the time stamp of the frame, the others follow evenly.
+/// The data set has no times of points: this is its description of the time stamp, and that the lasers turn ten times a
+/// second.
 const TURN: f64 = 0.1;
 
 /// Seconds of a time stamp.

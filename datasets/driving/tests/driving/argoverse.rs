@@ -43,7 +43,8 @@ fn points_boxes_and_poses() {
         }
         let labels = sweep.labels.expect("boxes");
         let inside = labels.class.iter().filter(|class| **class == ObjectClass::Car).count();
-        // The first box reaches from 7.5 to 12.5 m and the second from 7 to 12 m, 0.1 m more by the margin of boxes: 47 and 42 points.
+        // The first box reaches from 7.5 to 12.5 m and the second from 7 to 12 m, 0.1 m more by the margin of boxes: 47
+        // and 42 points.
         assert!(inside.abs_diff([47, 42][frame]) <= 1, "{inside} points in the box");
         // The vehicle drives 1 m and the box falls back 0.5 m in its axes: it moves 0.5 m in the city.
         match (frame, labels.flow[10]) {

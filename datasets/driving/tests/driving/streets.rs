@@ -70,8 +70,9 @@ fn same_seed_same_bytes_other_seed_other_street() {
     }
 }
 
-/// A LiDAR point that is nowhere hidden has the depth of the pixel it falls on. LiDAR and camera stand apart and look at different times,
-/// so a share of points is hidden or moved; a wrong axis, half-turn or time would leave almost none.
+/// A LiDAR point that is nowhere hidden has the depth of the pixel it falls on. LiDAR and camera stand apart and look
+/// at different times, so a share of points is hidden or moved; a wrong axis, half-turn or time would leave almost
+/// none.
 #[test]
 fn points_fall_on_pixels_of_their_depth() {
     let (folder, log) = made(&small());
@@ -133,7 +134,8 @@ fn colours_are_those_of_the_image() {
     assert!(found.iter().any(Option::is_none), "no camera looks back");
 }
 
-/// The exact flow of points agrees with the boxes that are written beside them: a point moved by its flow lies in the box of the next frame.
+/// The exact flow of points agrees with the boxes that are written beside them: a point moved by its flow lies in the
+/// box of the next frame.
 #[test]
 fn flow_leads_into_the_next_box() {
     let (_folder, log) = made(&small());

@@ -58,7 +58,8 @@ fn steps(random: &mut ChaCha8Rng) -> Vec<Step> {
     (0..random.random_range(1..5)).map(|_| (random.random(), random.random(), random.random())).collect()
 }
 
-/// Runs cases: `write` damages a segment and gives what makes it sound again. The share of cases in which something is found.
+/// Runs cases: `write` damages a segment and gives what makes it sound again. The share of cases in which something is
+/// found.
 fn cases(count: usize, path: &Path, mut write: impl FnMut(&mut ChaCha8Rng) -> Box<dyn FnOnce()>) -> f64 {
     assert_eq!(bounded(|| examine(path)), Vec::<String>::new(), "the seed itself is sound");
     let mut random = ChaCha8Rng::seed_from_u64(7);

@@ -102,7 +102,8 @@ fn back(t: f64) -> DVec3 {
     DVec3::new(0.15, 0.45 - 0.9 * t, 0.45)
 }
 
-/// Two balls pass so close that their hull is one component in between: neither track takes that component's centre for its own.
+/// Two balls pass so close that their hull is one component in between: neither track takes that component's centre for
+/// its own.
 #[test]
 fn balls_that_pass_keep_their_paths() {
     let ball = |path| Ball { radius: 0.2, path, texture: 14.0, spin: 0.0 };

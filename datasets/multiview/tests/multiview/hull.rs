@@ -36,7 +36,8 @@ fn the_hull_is_the_ball() {
     }
 }
 
-/// Points throughout the ball: the share within half the radius is that of the volume, an eighth, which the hull's excess makes smaller.
+/// Points throughout the ball: the share within half the radius is that of the volume, an eighth, which the hull's
+/// excess makes smaller.
 #[test]
 fn a_filled_hull_has_points_inside() {
     let scene = World::of(straight).scene();
@@ -113,8 +114,8 @@ fn small_objects_are_found() {
     assert_eq!(hull.points.len(), 500);
 }
 
-/// Two cameras side by side do not bound the ball's depth; a third one turned away, with a blob in its mask, bounds it to nothing.
-/// The hull of the two is kept, and said to be cut.
+/// Two cameras side by side do not bound the ball's depth; a third one turned away, with a blob in its mask, bounds it
+/// to nothing. The hull of the two is kept, and said to be cut.
 #[test]
 fn a_camera_turned_away_takes_nothing() {
     let mut scene = World { frames: 1, ..World::of(straight) }.scene();

@@ -1,7 +1,8 @@
-//! Masks and background of photos 256 pixels wide, pinned to the bit: defaults keep their meaning at the width they were chosen at.
+//! Masks and background of photos 256 pixels wide, pinned to the bit: defaults keep their meaning at the width they
+//! were chosen at.
 //!
-//! The photos are made of integers alone, and masks of additions, multiplications and square roots, so that no mathematical library
-//! has a say.
+//! The photos are made of integers alone, and masks of additions, multiplications and square roots, so that no
+//! mathematical library has a say.
 
 use glam::DMat4;
 use gs_base::Intrinsics;
@@ -27,7 +28,8 @@ fn light(x: usize, y: usize, frame: usize) -> usize {
     100 - (inside * 40 / (26 * 26)).min(40)
 }
 
-/// A textured box that crosses the picture, a plain one that moves by less than its width, and specks of 1 to 12 pixels for a frame.
+/// A textured box that crosses the picture, a plain one that moves by less than its width, and specks of 1 to 12 pixels
+/// for a frame.
 fn object(x: usize, y: usize, frame: usize, c: usize) -> Option<usize> {
     let textured = 10 + 20 * frame;
     if (textured..textured + 44).contains(&x) && (40..76).contains(&y) {

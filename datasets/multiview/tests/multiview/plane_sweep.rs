@@ -20,8 +20,8 @@ fn still_world() -> Scene {
     load(folder.path(), &LoadOptions::default()).expect("a scene")
 }
 
-/// Of the points before the held-out camera, which the sweep does not see: how many there are, how many lie on or behind what is seen, and
-/// their depths over the true ones, sorted.
+/// Of the points before the held-out camera, which the sweep does not see: how many there are, how many lie on or
+/// behind what is seen, and their depths over the true ones, sorted.
 fn against_truth(scene: &Scene, points: &PointCloud) -> (i32, i32, Vec<f64>) {
     let view = &scene.held_out[0].views[0];
     let depth = view.truth.depth.as_ref().expect("the true depth");

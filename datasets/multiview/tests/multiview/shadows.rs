@@ -7,8 +7,8 @@ use gs_worlds::deblur::{DeblurOptions, World};
 
 use crate::fixture::written;
 
-/// Eight cameras on an arc before a box that turns over a floor, its shadow on the floor below and behind it, which is never
-/// seen in the light.
+/// Eight cameras on an arc before a box that turns over a floor, its shadow on the floor below and behind it, which is
+/// never seen in the light.
 fn shadowed() -> Scene {
     let folder = written(&DeblurOptions {
         world: World::Cube,
@@ -35,16 +35,16 @@ fn masks_and_hull_are_of_the_body() {
         both += truth.iter().zip(mask).filter(|(a, b)| **a > 0 && **b > 0).count();
         either += truth.iter().zip(mask).filter(|(a, b)| **a > 0 || **b > 0).count();
     }
-    // The box is 45 pixels wide: half a pixel all around is 5 % of its area, the faint ends of its smear as much again. The shadow
-    // would be another 20 %.
+    // The box is 45 pixels wide: half a pixel all around is 5 % of its area, the faint ends of its smear as much again.
+    // The shadow would be another 20 %.
     let iou = both as f64 / either as f64;
     assert!(iou > 0.88, "IoU {iou}");
 
     let t = 7.0 / 15.0;
     let Hull { centre, bounds: (low, high), notes, .. } = hull(&scene, &found, t, &HullOptions::default());
     assert!(notes.is_empty(), "{notes:?}");
-    // From a third of a circle a hull is drawn out along the line of ray, to a box's width on either side; on the floor beyond the
-    // shadow it would be three.
+    // From a third of a circle a hull is drawn out along the line of ray, to a box's width on either side; on the floor
+    // beyond the shadow it would be three.
     let reach = (low - BOX.1).abs().max((high - BOX.1).abs()).max_element();
     assert!(reach < 4.0 * BOX.0, "the hull reaches {reach} from the box's centre");
     assert!(centre.distance(BOX.1) < BOX.0, "the hull's centre is at {centre}");

@@ -13,7 +13,8 @@ fn right(t: f64) -> DVec3 {
     DVec3::new(0.1, 0.6 + 0.3 * t, 0.4 + 0.6 * t)
 }
 
-/// Two balls have two paths, at either resolution: a centre is off its path by a share of the image, whatever its pixels.
+/// Two balls have two paths, at either resolution: a centre is off its path by a share of the image, whatever its
+/// pixels.
 #[test]
 fn objects_have_paths_at_any_resolution() {
     let (mut scales, mut middle) = (Vec::new(), Vec::new());

@@ -16,7 +16,7 @@ use crate::bounded::Bytes;
 use crate::turn::{flip, flip_motion};
 use crate::{COUNT_MAX, FILE_MAX, Law, Motion, Splats};
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contents {
     /// The Gaussians, at the middle of the recording if they move.
@@ -99,7 +99,7 @@ fn primitives(document: &Value) -> Result<Vec<(&Value, Shown)>, String> {
     Ok(found)
 }
 
-/// That no more Gaussians are shown than a file of this length has use for.
+/// Refuses more Gaussians than a file of this length has use for.
 fn check_count(found: &[(&Value, Shown)], accessors: &Accessors, length: usize) -> Result<(), String> {
     let mut count = 0_usize;
     for (value, _) in found {

@@ -23,8 +23,9 @@ fn moving(rotation: bool) -> Motion {
     Motion { span: [0.0, 1.0], middle: 0.5, rows: vec![4, 0, 7], law }
 }
 
-/// Positions and harmonics come back to the bit. The logarithm of an exponential is off by the rounding of the exponential, 6e-8 of
-/// it, and one of the logarithm, 4e-7 at 6; a logit of 4 by 6e-8 / (p (1 - p)) = 4e-6; quaternions are normalised.
+/// Positions and harmonics come back to the bit. The logarithm of an exponential is off by the rounding of the
+/// exponential, 6e-8 of it, and one of the logarithm, 4e-7 at 6; a logit of 4 by 6e-8 / (p (1 - p)) = 4e-6; quaternions
+/// are normalised.
 #[test]
 fn what_is_written_is_read() {
     for degree in 0..=3 {
@@ -66,7 +67,8 @@ fn a_motion_comes_back_to_the_bit() {
     assert!(found.quats.iter().flatten().zip(keys.quats.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
-/// At the middle nothing moves, a ramp rests around 0, and turning there and back leaves the orientation, to rounding of f32.
+/// At the middle nothing moves, a ramp rests around 0, and turning there and back leaves the orientation, to rounding
+/// of f32.
 #[test]
 fn the_middle_is_what_is_stored() {
     let splats = random(8, 0, 4);

@@ -11,11 +11,12 @@ use crate::splats::{sigmoid, unit};
 use crate::turn::{flip, flip_motion};
 use crate::{MARK, Motion, Splats};
 
-/// Writes a scene, and its motion if it moves; `linear` says that colours are linear light and not as a display takes them.
+/// Writes a scene, and its motion if it moves; `linear` says that colours are linear light and not as a display takes
+/// them.
 ///
 /// # Errors
-/// When the file cannot be written, there is no Gaussian, a value is not finite, a row of the motion is none of the scene, or the file would be longer
-/// than 4 GiB, which glTF cannot say.
+/// When the file cannot be written, there is no Gaussian, a value is not finite, a row of the motion is none of the
+/// scene, or the file would be longer than 4 GiB, which glTF cannot say.
 pub fn write(path: &Path, splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<(), FileError> {
     let bytes = encode(splats, motion, linear);
     write_atomic(path, &bytes.map_err(|message| FileError::wrong(path, message))?)

@@ -1,12 +1,13 @@
 //! Scenes as PLY files in the layout of 3DGS, which other viewers and trainers read.
 //!
-//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel by
-//! channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as little-endian
-//! binary; read also as big-endian binary or text, with properties in any order and any others beside them.
+//! A vertex is a Gaussian: `x y z`, `nx ny nz` (zeros), `f_dc_0..2`, `f_rest_*` (coefficients above degree 0, channel
+//! by channel), `opacity` (before the sigmoid), `scale_0..2` (logarithms), `rot_0..3` (w x y z). Written as
+//! little-endian binary; read also as big-endian binary or text, with properties in any order and any others beside
+//! them.
 //!
 //! A comment `SplatRenderMode: default` or `mip` says whether small Gaussians are brightened by the blur of a pixel;
-//! PlayCanvas' and other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is read.
-//! Harmonics of degree 4 are read up to degree 3.
+//! PlayCanvas' and other programs write and read it. The compressed PLY of PlayCanvas (chunks of 256 Gaussians) is
+//! read. Harmonics of degree 4 are read up to degree 3.
 //!
 //! A scene far from its world's origin has local positions and a comment `SplatOffset: x y z`, which is added to each
 //! of them.

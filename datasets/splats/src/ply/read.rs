@@ -27,7 +27,8 @@ pub struct PlyScene {
 /// Reads a scene.
 ///
 /// # Errors
-/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not finite.
+/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not
+/// finite.
 pub fn read(path: &Path) -> Result<PlyScene, FileError> {
     let source = Source::open(path)?;
     let (render_mode, offset) = (source.render_mode, source.offset);

@@ -107,7 +107,8 @@ impl Header {
         }
         if usize::from(degree) > DEGREE_MAX || fractional_bits > FRACTIONAL_MOST {
             return Err(format!(
-                "expected SH of degree 0 to {DEGREE_MAX} and at most {FRACTIONAL_MOST} fractional bits, found {degree} and {fractional_bits}"
+                "expected SH of degree 0 to {DEGREE_MAX} and at most {FRACTIONAL_MOST} fractional bits, found \
+                 {degree} and {fractional_bits}"
             ));
         }
         Ok(Self { version, count, degree: degree.into(), fractional_bits, flags })

@@ -5,7 +5,8 @@ const MOST: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Steps of a component's size.
 const STEPS: f64 = 511.0;
 
-/// The index of the largest component in the two highest bits, then sign and size of the other three in order, ten bits each.
+/// The index of the largest component in the two highest bits, then sign and size of the other three in order, ten bits
+/// each.
 pub fn pack(q: [f64; 4]) -> u32 {
     let largest = (0..4).fold(0, |best, i| if q[i].abs() > q[best].abs() { i } else { best });
     let is_negative = q[largest] < 0.0;

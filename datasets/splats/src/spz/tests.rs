@@ -22,9 +22,9 @@ fn header(version: u32, count: u32, degree: u8, bits: u8) -> Vec<u8> {
     [&MAGIC.to_le_bytes()[..], &version.to_le_bytes(), &count.to_le_bytes(), &[degree, bits, 0, 0]].concat()
 }
 
-/// Half a step of each quantisation: positions 1/4096, alphas and colours 1/255, log scales 1/16, harmonics buckets of 8 and 16 of
-/// 1/128 (and half a step before that). A component of a rotation is off by half of 1/(511 sqrt 2) or, the largest one, by at most
-/// three times that; 1e-5 is for rounding.
+/// Half a step of each quantisation: positions 1/4096, alphas and colours 1/255, log scales 1/16, harmonics buckets of
+/// 8 and 16 of 1/128 (and half a step before that). A component of a rotation is off by half of 1/(511 sqrt 2) or, the
+/// largest one, by at most three times that; 1e-5 is for rounding.
 #[test]
 fn what_is_written_is_read_to_half_a_step() {
     for degree in 0..=3 {
@@ -57,8 +57,8 @@ fn what_is_written_is_read_to_half_a_step() {
     }
 }
 
-/// What was read once is written again to the same bytes: every quantised value is its own nearest step. Ties of the largest
-/// component of a rotation may fall to another component, so rotations are compared by their turn.
+/// A scene that was read once is written again to the same bytes: every quantised value is its own nearest step. Ties
+/// of the largest component of a rotation may fall to another component, so rotations are compared by their turn.
 #[test]
 fn a_second_trip_changes_nothing() {
     let once = decode(&encode(&random(300, 3, 5)).expect("encoded")).expect("decoded");

@@ -20,8 +20,8 @@ const POSITION_MAX: f64 = 8_388_607.0;
 /// Writes a scene as SPZ 3, all of it; [`far`](super::far) names Gaussians that are better left out before.
 ///
 /// # Errors
-/// When the file cannot be written, a value is not finite, the scene spans more than 8 million units, or has more than 10 million
-/// Gaussians.
+/// When the file cannot be written, a value is not finite, the scene spans more than 8 million units, or has more than
+/// 10 million Gaussians.
 pub fn write(path: &Path, splats: &Splats) -> Result<(), FileError> {
     let bytes = encode(splats).map_err(|message| FileError::wrong(path, message))?;
     write_atomic(path, &bytes)

@@ -89,7 +89,8 @@ fn compressed() -> Vec<u8> {
         .collect();
     let harmonics: String = (0..9).map(|k| format!("property uchar f_rest_{k}\n")).collect();
     let header = format!(
-        "ply\nformat binary_little_endian 1.0\nelement chunk 1\n{ranges}element vertex 2\n{words}element sh 2\n{harmonics}\
+        "ply\nformat binary_little_endian 1.0\nelement chunk 1\n{ranges}element vertex 2\n{words}element sh \
+         2\n{harmonics}\
          end_header\n"
     );
     let mut bytes = header.into_bytes();

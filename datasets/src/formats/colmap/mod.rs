@@ -1,5 +1,5 @@
-//! COLMAP sparse models, text and binary. `rigs` and `frames` files of newer versions are not needed: images carry their
-//! full pose.
+//! COLMAP sparse models, text and binary. `rigs` and `frames` files of newer versions are not needed: images carry
+//! their full pose.
 
 mod binary;
 mod find;

@@ -67,7 +67,7 @@ pub(crate) struct Image {
     pub t: [f64; 3],
     pub camera_id: u32,
     pub name: String,
-    /// Those with a point; empty unless asked for.
+    /// The observations with a point; empty unless asked for.
     pub observations: Vec<Observation>,
 }
 

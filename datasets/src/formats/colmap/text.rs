@@ -142,7 +142,7 @@ fn observations(mut line: Line, keep: bool) -> Result<Vec<(f64, f64, u64)>, Data
     Ok(observations)
 }
 
-/// What follows the first `count` words: names may contain spaces.
+/// The text behind the first `count` words: names may contain spaces.
 fn after_words(line: &str, count: usize) -> &str {
     let mut rest = line.trim();
     for _ in 0..count {

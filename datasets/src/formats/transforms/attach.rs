@@ -183,7 +183,8 @@ fn mask_rule(
         None if entries.iter().all(|entry| entry.mask_path.is_none()) => Ok(MaskRule::Moving),
         None if entries.iter().any(|entry| entry.exposure.is_some()) => {
             findings.warn(format!(
-                "{}: the masks are taken to be white where something moves, as those of blurry video are; \"mask_meaning\" in the \
+                "{}: the masks are taken to be white where something moves, as those of blurry video are; \
+                 \"mask_meaning\" in the \
                  file (\"keep\", \"ignore\", \"dynamic\") or data.masks says otherwise",
                 keys.file.display()
             ));
@@ -231,8 +232,8 @@ fn blur_space(keys: &Keys, findings: &mut Findings) -> Result<(), DatasetError> 
     match keys.text("blur_space")? {
         None | Some("linear") => {}
         Some("encoded") => findings.warn(format!(
-            "{}: its photos were averaged as they are encoded (blur_space), not in linear light as cameras do; train with \
-             blur.linear=false, or bright moving edges will differ",
+            "{}: its photos were averaged as they are encoded (blur_space), not in linear light as cameras do; train \
+             with blur.linear=false, or bright moving edges will differ",
             keys.file.display()
         )),
         Some(other) => return Err(keys.wrong("blur_space", "\"linear\" or \"encoded\"", format!("{other:?}"))),

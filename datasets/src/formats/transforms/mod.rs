@@ -1,5 +1,5 @@
-//! The transforms.json family: instant-ngp, nerfstudio, Blender/NeRF, D-NeRF and NVFi, and sets of blurred photos in the
-//! same layout with `exposure`, priors and truth.
+//! The transforms.json family: instant-ngp, nerfstudio, Blender/NeRF, D-NeRF and NVFi, and sets of blurred photos in
+//! the same layout with `exposure`, priors and truth.
 
 mod attach;
 mod frames;
@@ -186,7 +186,8 @@ fn assign_splits(
     }
     if !twice.is_empty() {
         findings.fact(format!(
-            "{}: {} {} in several of the split's lists; each counts once, as training before test before other lists ({}).",
+            "{}: {} {} in several of the split's lists; each counts once, as training before test before other lists \
+             ({}).",
             file.display(),
             counted(twice.len(), "frame"),
             agree(twice.len(), "is", "are"),
@@ -211,8 +212,9 @@ fn assign_splits(
     Ok(found)
 }
 
-/// The names of frames in nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`. Beside `train_filenames` other keys
-/// `NAME_filenames` are lists of a split too, if they list frames: alone they may be lists of anything.
+/// The names of frames in nerfstudio's `train_filenames`, `val_filenames` and `test_filenames`. Beside
+/// `train_filenames` other keys `NAME_filenames` are lists of a split too, if they list frames: alone they may be lists
+/// of anything.
 fn split_lists(
     keys: &Keys,
     root: &Path,

@@ -11,15 +11,15 @@ use super::dbscan::dbscan;
 use crate::flux4d::error::FluxError;
 use crate::flux4d::scene::FluxScene;
 
-/// Rows of a cluster up to which it may be a part of a body: two beams of a LiDAR on a car 40 m away have as many each, and
-/// meet its bumper and its window.
+/// Rows of a cluster up to which it may be a part of a body: two beams of a LiDAR on a car 40 m away have as many each,
+/// and meet its bumper and its window.
 const PART_ROWS: usize = 40;
 /// Distance of such parts, metres: from the bumper of a car to its window.
 const PART_GAP: f64 = 1.6;
 /// Difference of their velocities, metres per second and as a share.
 const PART_VELOCITY: [f64; 2] = [1.0, 0.15];
 
-/// How actors are found.
+/// The configuration of the search for actors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ActorConfig {
@@ -49,7 +49,7 @@ pub struct ActorBox {
     pub yaw: f64,
 }
 
-/// Where an actor is at a time.
+/// The position of an actor at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrackPoint {
     /// Seconds.
@@ -71,7 +71,7 @@ pub struct Actor {
     pub speed: f64,
     /// The degree of its velocity; that of the scene's motion until a lower one is chosen.
     pub degree: usize,
-    /// Where it is at the times asked for.
+    /// Its positions at the times asked for.
     pub track: Vec<TrackPoint>,
 }
 

@@ -23,9 +23,9 @@ impl Default for LinkConfig {
 /// A number for each actor of each snippet; equal numbers are one object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tracks {
-    /// By snippet and actor.
+    /// Numbers of the objects by snippet and actor.
     pub numbers: Vec<Vec<usize>>,
-    /// How many objects there are.
+    /// Number of objects.
     pub count: usize,
 }
 

@@ -34,7 +34,7 @@ pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
     found.with(more)
 }
 
-/// Those of the points of each sweep that a rule keeps, which is given the sweep and the point.
+/// The points of each sweep that a rule keeps, which is given the sweep and the point.
 fn of_sweeps(points: &[Vec<usize>], keeps: impl Fn(usize, usize) -> bool + Sync) -> Vec<Vec<usize>> {
     let of_sweep =
         |(sweep, points): (usize, &Vec<usize>)| points.iter().copied().filter(|point| keeps(sweep, *point)).collect();

@@ -14,14 +14,14 @@ use super::shadow::Shadow;
 
 /// Slowest motion that is told from rest, metres per second: 0.3 m in a window of a second, less than the reach.
 const SPEED_MIN: f64 = 0.4;
-/// Bodies with a gap of at most the first (metres: the beams of a LiDAR graze the side of a car 1 m apart at 20 m) are one
-/// body where that costs at most the second of the score.
+/// Bodies with a gap of at most the first (metres: the beams of a LiDAR graze the side of a car 1 m apart at 20 m) are
+/// one body where that costs at most the second of the score.
 const UNITE_GAP: f64 = 3.0;
 const UNITE_LOSS: f64 = 0.1;
 /// Score that a body may lose by the motion of the sweep that shows more of it.
 const ADOPT_LOSS: f64 = 0.02;
 
-/// How closely bodies are looked at.
+/// The scale at which bodies are looked for.
 pub struct Scale {
     /// Distance up to which a place counts as near a point, metres.
     pub reach: f64,
@@ -39,30 +39,30 @@ pub struct Scale {
     pub bends: bool,
 }
 
-/// Bodies with a surface. The reach is two steps of a spinning LiDAR at 50 m, and the change of the visible side of a car
-/// between sweeps; a person at 40 m has five points.
+/// Bodies with a surface. The reach is two steps of a spinning LiDAR at 50 m, and the change of the visible side of a
+/// car between sweeps; a person at 40 m has five points.
 pub const FINE: Scale =
     Scale { reach: 0.4, join: 0.3, fewest: 5, unsure: 0.34, skipped: 0, follows: false, bends: true };
-/// Bodies of a few beams, which meet the bumper in one sweep and the window 1.4 m behind it in another. Their places are too
-/// vague for a change of velocity.
+/// Bodies of a few beams, which meet the bumper in one sweep and the window 1.4 m behind it in another. Their places
+/// are too vague for a change of velocity.
 pub const COARSE: Scale =
     Scale { reach: 1.2, join: 0.75, fewest: 3, unsure: 0.5, skipped: 1, follows: true, bends: false };
 
-/// What all bodies of a scale are looked for in.
+/// The sweeps in which all bodies of a scale are looked for.
 pub struct Snippet<'a> {
     /// All of them.
     pub sweeps: &'a [AlignedSweep<'a>],
-    /// Of all points above the ground, metres.
+    /// Extent of all points above the ground, metres.
     pub heights: &'a [Vec<f32>],
-    /// How closely bodies are looked at.
+    /// The scale at which bodies are looked for.
     pub scale: Scale,
     /// The points of each sweep between which bodies are looked for.
     pub among: &'a [Vec<usize>],
     /// Of these points.
     plans: Vec<Plan>,
-    /// What each sweep does not see.
+    /// The places that each sweep does not see.
     shadows: &'a [Shadow],
-    /// What was found before.
+    /// The bodies found before.
     pub before: Option<Before<'a>>,
 }
 
@@ -70,7 +70,7 @@ pub struct Snippet<'a> {
 pub struct Before<'a> {
     /// Its plans show all standing points, by which what rests is known.
     pub snippet: &'a Snippet<'a>,
-    /// What belongs to a body keeps it.
+    /// Points that belong to a body keep it.
     pub found: &'a Aligned,
 }
 
@@ -126,8 +126,8 @@ impl<'a> Snippet<'a> {
         let centre = middle(&evident);
         let motion = PlanarMotion { centre, velocity: expected.at(centre).0, ..*expected };
         let others = self.others(sweep);
-        let of = |motion: &PlanarMotion| self.score(&evident, motion, &others);
-        let (score, resting) = (of(&motion), of(&PlanarMotion::rest(centre)));
+        let score_of = |motion: &PlanarMotion| self.score(&evident, motion, &others);
+        let (score, resting) = (score_of(&motion), score_of(&PlanarMotion::rest(centre)));
         let moves = is_motion(score, resting);
         moves.then(|| Candidate { sweep, evident, elsewhere: Vec::new(), motion, score, moves })
     }
@@ -173,8 +173,8 @@ impl<'a> Snippet<'a> {
 
     /// Bodies that the sweep before or after confirms, with those found there by following them.
     ///
-    /// What drives away hides the places where it will be, so no ray shows that they were empty: such a body is evident in
-    /// the first sweeps alone and is followed into the later ones.
+    /// What drives away hides the places where it will be, so no ray shows that they were empty: such a body is evident
+    /// in the first sweeps alone and is followed into the later ones.
     fn followed(&self, found: Vec<Candidate>) -> Vec<Candidate> {
         let mut bodies: Vec<(Candidate, bool)> = found.into_iter().map(|body| (body, false)).collect();
         bodies.sort_by_key(|(body, _)| std::cmp::Reverse(body.evident.len()));
@@ -214,8 +214,8 @@ impl<'a> Snippet<'a> {
         bodies.into_iter().filter(|(_, confirmed)| *confirmed).map(|(body, _)| body).collect()
     }
 
-    /// Takes the motion of the same body in another sweep, where more of it is seen, if it explains the points nearly as
-    /// well in all sweeps.
+    /// Takes the motion of the same body in another sweep, where more of it is seen, if it explains the points nearly
+    /// as well in all sweeps.
     fn adopt(&self, body: &mut Candidate, expected: &PlanarMotion) {
         let (velocity, _) = expected.at(body.motion.centre);
         let motion = PlanarMotion { centre: body.motion.centre, velocity, ..*expected };

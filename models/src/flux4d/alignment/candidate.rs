@@ -9,24 +9,24 @@ pub const SCORE_MIN: f64 = 0.45;
 const SCORE_GAIN: f64 = 0.2;
 /// Difference of velocities, metres per second and as a share, up to which a body of another sweep confirms one.
 const CONFIRM: [f64; 2] = [1.0, 0.15];
-/// Distance between the rectangle around a body's moved points and the points of the one that confirms it, metres: of two
-/// sweeps the earlier shows the back of a car to have moved and the later its front.
+/// Distance between the rectangle around a body's moved points and the points of the one that confirms it, metres: of
+/// two sweeps the earlier shows the back of a car to have moved and the later its front.
 const CONFIRM_DISTANCE: f64 = 2.5;
 
 /// A body of a sweep before its points are known.
 #[derive(Clone)]
 pub struct Candidate {
-    /// Of the body.
+    /// The sweep of the body.
     pub sweep: usize,
     /// Evident points.
     pub evident: Vec<[f64; 2]>,
-    /// Where the evident points of the same body in the sweeps before and after are at this one's time.
+    /// Positions of the evident points of the same body in the sweeps before and after, at this one's time.
     pub elsewhere: Vec<[f64; 2]>,
-    /// About the middle of the evident points.
+    /// The motion about the middle of the evident points.
     pub motion: PlanarMotion,
-    /// How well the motion explains the points, 0 to 1.
+    /// Score of the motion, 0 to 1.
     pub score: f64,
-    /// Whether it does so better than rest.
+    /// Whether the motion explains the points better than rest does.
     pub moves: bool,
 }
 

@@ -14,16 +14,17 @@ use super::search::PlanarMotion;
 const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
 /// Room around a body's evident points in which points belong to it, metres.
 const MARGIN: f64 = 0.35;
-/// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident of a
-/// car may be its back alone.
+/// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident
+/// of a car may be its back alone.
 const AROUND: [f64; 2] = [3.0, 1.5];
-/// Closeness that a point must have to belong to a body, and what of it the point may lose against rest: the sides of a car
-/// fit rest as well, a parked car beside it does better at rest.
+/// Closeness that a point must have to belong to a body, and what of it the point may lose against rest: the sides of a
+/// car fit rest as well, a parked car beside it does better at rest.
 const OWN_CLOSENESS: f64 = 0.3;
 const OWN_LOSS: f64 = 0.1;
 
 impl Snippet<'_> {
-    /// Gives those of the points looked at that have no body to the bodies of a finer scale, where their motion explains them.
+    /// Gives those of the points looked at that have no body to the bodies of a finer scale, where their motion
+    /// explains them.
     ///
     /// By itself what is left of such a body fits many motions.
     pub fn complete(&self, found: &mut Aligned) {

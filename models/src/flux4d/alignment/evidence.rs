@@ -9,13 +9,13 @@ use super::ground::Ground;
 /// Heights above the ground, metres, between which bodies are looked for: below is road and kerb, above are crowns of
 /// trees and bridges.
 const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
-/// Points nearer to the LiDAR than this, metres from above, may be on the ego vehicle: no evidence of a body, but points
-/// of one that is found by others, as a car in the next lane.
+/// Points nearer to the LiDAR than this, metres from above, may be on the ego vehicle: no evidence of a body, but
+/// points of one that is found by others, as a car in the next lane.
 const EGO_RADIUS: f64 = 3.0;
 /// Points beyond this, metres, do not move: a car has a few points there.
 const RANGE: f64 = 80.0;
-/// Sweeps whose rays pass through a place before it is evident that something moved there; one where no more others see it than
-/// the second.
+/// Sweeps whose rays pass through a place before it is evident that something moved there; one where no more others see
+/// it than the second.
 const PASSES: usize = 2;
 const SEEN_BY_FEW: usize = 2;
 
@@ -36,7 +36,7 @@ pub fn standing(heights: &[f32]) -> Vec<usize> {
     (0..heights.len()).filter(|index| (BODY_HEIGHTS[0]..BODY_HEIGHTS[1]).contains(&heights[*index])).collect()
 }
 
-/// What each sweep shows above the ground.
+/// The points of each sweep above the ground.
 pub fn images(sweeps: &[AlignedSweep], heights: &[Vec<f32>]) -> Vec<RangeImage> {
     let image = |(sweep, heights): (&AlignedSweep, &Vec<f32>)| {
         RangeImage::new(sweep, |index| heights[index] >= BODY_HEIGHTS[0])

@@ -58,8 +58,8 @@ impl RangeImage {
     /// Whether rays passed through the place of a point: in its direction and those next to it nothing above the ground
     /// returned from there or before, though there are beams above and below.
     ///
-    /// A ray into the sky does not return, and passed as well. The road before a car 40 m away is as low as its bumper in the
-    /// cells of the image, and says nothing of the car.
+    /// A ray into the sky does not return, and passed as well. The road before a car 40 m away is as low as its bumper
+    /// in the cells of the image, and says nothing of the car.
     pub fn passed(&self, point: &[f32; 3]) -> bool {
         let ([row, column], range) = self.place(point);
         let columns = (0..3).map(|step| (column + COLUMNS - 1 + step) % COLUMNS);
@@ -77,7 +77,7 @@ impl RangeImage {
         rows.map(|row| self.nearest[row * COLUMNS + column]).any(|nearest| f64::from(nearest) < range - BEFORE)
     }
 
-    /// Where the LiDAR is, metres.
+    /// Position of the LiDAR, metres.
     pub fn origin(&self) -> [f64; 3] {
         self.origin
     }

@@ -1,8 +1,9 @@
 //! The height of points above the ground under them.
 //!
-//! The ground of a cell is the lowest of the cells around it. Far from the LiDAR its rings on the road are so wide apart
-//! that a car has no road around it, and its bumper would be the ground. There a plane through the lowest points of a
-//! wider area is the ground, unless a sweep shows a terrain that is higher: a ring on a lawn is wider than a bumper.
+//! The ground of a cell is the lowest of the cells around it. Far from the LiDAR its rings on the road are so wide
+//! apart that a car has no road around it, and its bumper would be the ground. There a plane through the lowest points
+//! of a wider area is the ground, unless a sweep shows a terrain that is higher: a ring on a lawn is wider than a
+//! bumper.
 
 use std::collections::HashMap;
 
@@ -31,8 +32,8 @@ const ROUNDS: usize = 8;
 const TERRAIN_CELLS: usize = 4;
 /// Cells to each side among which these are, so that the end of a ring is a terrain as well.
 const TERRAIN_AROUND: i32 = 4;
-/// Height above the plane up to which such cells are a terrain, metres: a lawn above its kerb. One beam on the side of a car is
-/// higher.
+/// Height above the plane up to which such cells are a terrain, metres: a lawn above its kerb. One beam on the side of
+/// a car is higher.
 const TERRAIN_HEIGHT: f32 = 0.4;
 
 type Cell = [i32; 2];
@@ -114,8 +115,8 @@ fn level(low: &Heights, at: Cell, height: f32) -> usize {
     around(at, TERRAIN_AROUND).filter_map(|cell| low.get(&cell)).filter(at_height).count()
 }
 
-/// Height at a cell, and the rise from cell to cell, of the plane that a quantile of the cells around lies below; `None`
-/// where too few lie on it.
+/// Height at a cell, and the rise from cell to cell, of the plane that a quantile of the cells around lies below;
+/// `None` where too few lie on it.
 fn plane(low: &Heights, at: Cell) -> Option<[f64; 3]> {
     let cells: Vec<([f64; 3], f64)> = around(at, PLANE_AROUND)
         .filter_map(|cell| {

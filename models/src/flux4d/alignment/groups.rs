@@ -5,8 +5,8 @@ use std::collections::HashMap;
 /// Cells from the cell of a point to that of one of its group, at most.
 const JOIN_CELLS: i32 = 2;
 
-/// Points in groups: those whose cells of the edge `cell`, metres, are at most two apart. Groups are in the order of their
-/// first points.
+/// Points in groups: those whose cells of the edge `cell`, metres, are at most two apart. Groups are in the order of
+/// their first points.
 pub fn joined(points: &[[f64; 2]], cell: f64) -> Vec<Vec<[f64; 2]>> {
     let cell = |point: &[f64; 2]| point.map(|x| (x / cell).floor() as i32);
     let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();

@@ -6,12 +6,13 @@
 //! 1. A point moves by evidence where later or earlier rays passed through its place (`evidence`, `free_space`).
 //! 2. Such points of one sweep that are close to each other are a body (`bodies`, `groups`).
 //! 3. A body's velocity, acceleration and turn are those that bring its points onto the points of the other sweeps
-//!    (`search`), by the distance to the nearest of them in the plan (`plan`). A sweep that does not see a place says nothing
-//!    against a motion into it (`shadow`).
-//! 4. A body whose motion explains its points no better than rest does, or that no other sweep confirms, rests (`candidate`).
+//!    (`search`), by the distance to the nearest of them in the plan (`plan`). A sweep that does not see a place says
+//!    nothing against a motion into it (`shadow`).
+//! 4. A body whose motion explains its points no better than rest does, or that no other sweep confirms, rests
+//!    (`candidate`).
 //! 5. Points near a body that its motion explains belong to it (`claims`).
-//! 6. What is evident and belongs to no body is looked at again at a coarser scale: a car 40 m away is two beams, which meet
-//!    another part of it in each sweep (`align`).
+//! 6. What is evident and belongs to no body is looked at again at a coarser scale: a car 40 m away is two beams, which
+//!    meet another part of it in each sweep (`align`).
 //!
 //! Motion is horizontal. Heights are above the ground under a point (`ground`).
 
@@ -42,6 +43,6 @@ pub struct AlignedSweep<'a> {
     pub points: &'a [[f32; 3]],
     /// Seconds.
     pub time: f64,
-    /// Where the LiDAR was, metres.
+    /// Position of the LiDAR, metres.
     pub origin: [f64; 3],
 }

@@ -63,7 +63,7 @@ impl Extent {
 #[derive(Debug)]
 pub struct Plan {
     extent: Extent,
-    /// In thirds of a cell.
+    /// Distance of each cell, in thirds of a cell.
     distances: Vec<u8>,
     /// Distance from which on a place is not near a point, metres.
     reach: f64,
@@ -72,7 +72,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of some points of a sweep and the lines between them; a place within `reach`, metres, is near them.
+    /// The plan of some points of a sweep and the lines between them; a place within `reach`, metres, is near them.
     pub fn new(points: impl Iterator<Item = [f64; 2]>, extent: Extent, reach: f64) -> Self {
         let [width, height] = extent.size;
         let mut distances = vec![FAR; width * height];
@@ -111,7 +111,7 @@ impl Plan {
     }
 }
 
-/// From each point to the nearest in each direction.
+/// The lines from each point to the nearest in each direction.
 fn lines(points: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
     let cell = |point: &[f64; 2]| point.map(|x| (x / LINE_MAX).floor() as i32);
     let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();

@@ -25,7 +25,7 @@ const SIDE_MAX: f64 = 200.0;
 const SPEED_COST: f64 = 0.002;
 /// Gain of the score from which on an acceleration and a turn are believed.
 const BEND_GAIN: f64 = 0.02;
-/// Where the search for them begins, metres per second squared and radians per second.
+/// First values of the search for them, metres per second squared and radians per second.
 const ACCELERATIONS: [f64; 7] = [0.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0];
 const TURNS: [f64; 5] = [0.0, -0.5, -0.25, 0.25, 0.5];
 /// Length from which on a body's turn can be seen, metres.
@@ -34,9 +34,9 @@ const TURN_LENGTH: f64 = 2.0;
 /// Horizontal motion of a rigid body about a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanarMotion {
-    /// Of the body's middle at that time, metres.
+    /// Position of the body's middle at that time, metres.
     pub centre: [f64; 2],
-    /// Of the middle, metres per second.
+    /// Velocity of the middle, metres per second.
     pub velocity: [f64; 2],
     /// Along the velocity, metres per second squared.
     pub acceleration: f64,
@@ -45,7 +45,7 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// At rest.
+    /// No motion.
     pub fn rest(centre: [f64; 2]) -> Self {
         Self { centre, velocity: [0.0; 2], acceleration: 0.0, turn: 0.0 }
     }
@@ -57,14 +57,23 @@ impl PlanarMotion {
 
     /// Velocity and acceleration of the body at a position, metres and seconds.
     pub fn at(&self, position: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        self.at_arm(position, self.central_acceleration())
+    }
+
+    /// Acceleration of the body's middle, metres per second squared.
+    fn central_acceleration(&self) -> [f64; 2] {
         let ([vx, vy], speed) = (self.velocity, self.speed());
-        let arm = [position[0] - self.centre[0], position[1] - self.centre[1]];
         let along = if speed > 0.0 { self.acceleration / speed } else { 0.0 };
+        [along * vx - self.turn * vy, along * vy + self.turn * vx]
+    }
+
+    /// [`at`](Self::at) with the acceleration of the middle, which is the same for all positions.
+    fn at_arm(&self, position: [f64; 2], [ax, ay]: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        let [vx, vy] = self.velocity;
+        let arm = [position[0] - self.centre[0], position[1] - self.centre[1]];
         let velocity = [vx - self.turn * arm[1], vy + self.turn * arm[0]];
         let squared = self.turn * self.turn;
-        let acceleration =
-            [along * vx - self.turn * vy - squared * arm[0], along * vy + self.turn * vx - squared * arm[1]];
-        (velocity, acceleration)
+        (velocity, [ax - squared * arm[0], ay - squared * arm[1]])
     }
 
     /// The same motion about a later time, its acceleration unchanged along the velocity.
@@ -74,10 +83,18 @@ impl PlanarMotion {
         Self { centre: self.moved(self.centre, seconds), velocity, ..*self }
     }
 
-    /// Where a position is after `seconds`.
+    /// The position after `seconds` of the part of the body that is at a position now.
     pub fn moved(&self, position: [f64; 2], seconds: f64) -> [f64; 2] {
-        let (velocity, acceleration) = self.at(position);
-        [0, 1].map(|axis| position[axis] + seconds * (velocity[axis] + 0.5 * seconds * acceleration[axis]))
+        self.mover(seconds)(position)
+    }
+
+    /// [`moved`](Self::moved) for many positions.
+    fn mover(&self, seconds: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
+        let central = self.central_acceleration();
+        move |position| {
+            let (velocity, acceleration) = self.at_arm(position, central);
+            [0, 1].map(|axis| position[axis] + seconds * (velocity[axis] + 0.5 * seconds * acceleration[axis]))
+        }
     }
 }
 
@@ -86,7 +103,7 @@ impl PlanarMotion {
 pub struct Other<'a> {
     /// Its points from above.
     pub plan: &'a Plan,
-    /// What it does not see.
+    /// The places that it does not see.
     pub shadow: &'a Shadow,
     /// Seconds from the body's sweep to it.
     pub after: f64,
@@ -96,8 +113,9 @@ impl Other<'_> {
     /// Mean closeness of points that move, 0 to 1; `None` where most of them would be hidden and are not met.
     fn closeness(&self, points: &[[f64; 2]], motion: &PlanarMotion) -> Option<f64> {
         let (mut sum, mut hidden) = (0.0, 0);
+        let moved = motion.mover(self.after);
         for point in points {
-            let at = motion.moved(*point, self.after);
+            let at = moved(*point);
             let close = self.plan.closeness(at[0], at[1]);
             sum += f64::from(close);
             hidden += usize::from(close == 0.0 && self.shadow.hides(at));
@@ -106,8 +124,8 @@ impl Other<'_> {
     }
 }
 
-/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the points are
-/// hidden, and without the share `unsure` of all sweeps, the worst ones, of which those are a part.
+/// Mean closeness of points that move to the points of the other sweeps, 0 to 1, without the sweeps in which the points
+/// are hidden, and without the share `unsure` of all sweeps, the worst ones, of which those are a part.
 pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]) -> f64 {
     let counted = others.len() - (unsure * others.len() as f64) as usize;
     let mut scores: Vec<f64> = others.iter().filter_map(|other| other.closeness(points, motion)).collect();
@@ -117,8 +135,8 @@ pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[
     scores.iter().sum::<f64>() / seen.max(1) as f64
 }
 
-/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time; the
-/// share `unsure` of them does not count. `bends`: whether the velocity may change.
+/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time;
+/// the share `unsure` of them does not count. `bends`: whether the velocity may change.
 pub fn search(body: &[[f64; 2]], others: &[Other], unsure: f64, bends: bool) -> (PlanarMotion, f64, f64) {
     let points = thinned(body, FINE_POINTS);
     let rest = PlanarMotion::rest(middle(body));
@@ -209,7 +227,7 @@ fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Va
     kept
 }
 
-/// What is to become large: of points and a motion.
+/// The value of points and a motion that is to become large.
 type Value<'a> = &'a dyn Fn(&[[f64; 2]], &PlanarMotion) -> f64;
 
 /// Compass search from a motion: the parameters (velocity, acceleration, turn) change by `steps`, which are halved four

@@ -6,11 +6,12 @@ use super::free_space::RangeImage;
 use super::ground::Ground;
 use super::plan::Extent;
 
-/// Edge of the cells, metres: a car is several of them long; and most of them along an axis, where sweeps are far apart.
+/// Edge of the cells, metres: a car is several of them long; and most of them along an axis, where sweeps are far
+/// apart.
 const CELL: f64 = 1.0;
 const CELLS_MAX: f64 = 1024.0;
-/// Heights above the ground, metres, that must all be hidden: the bumper and the windows of a car. What is hidden to the
-/// first alone shows its roof.
+/// Heights above the ground, metres, that must all be hidden: the bumper and the windows of a car. What is hidden to
+/// the first alone shows its roof.
 const HEIGHTS: [f32; 2] = [0.5, 1.2];
 
 /// The places of an extent that a sweep does not see.

@@ -126,10 +126,10 @@ fn aligned(shots: &[Shot]) -> Aligned {
     align(&sweeps)
 }
 
-/// Most of every block's points are found and move as the block does: in the mean within 0.5 m/s, since an offset of a cell,
-/// 0.1 m, to the sweep next in time is that much, and sweeps farther in time leave less; 1 m/s for those that brake and turn,
-/// whose velocities are that far in the mean from constant ones over the window. A quarter may be missed: the braking
-/// car is hidden by itself in the last two sweeps. What rests does not move.
+/// Most of every block's points are found and move as the block does: in the mean within 0.5 m/s, since an offset of a
+/// cell, 0.1 m, to the sweep next in time is that much, and sweeps farther in time leave less; 1 m/s for those that
+/// brake and turn, whose velocities are that far in the mean from constant ones over the window. A quarter may be
+/// missed: the braking car is hidden by itself in the last two sweeps. What rests does not move.
 #[test]
 fn blocks_move_as_they_do_and_the_street_rests() {
     let blocks = street();
@@ -213,9 +213,9 @@ fn found_of(block: usize, shots: &[Shot], aligned: &Aligned) -> [usize; 2] {
     own.fold([0; 2], |[all, found], (sweep, i)| [all + 1, found + usize::from(aligned.of_point[sweep][i].is_some())])
 }
 
-/// A car 45 m away and nearer has some ten points a sweep, in two or three beams that are on another part of it in the next
-/// sweep, and the road between the rings of the LiDAR has no point. Half of its points or more are found, with 1.5 m/s at most
-/// of error: the reach of 1.2 m over 0.8 s.
+/// A car 45 m away and nearer has some ten points a sweep, in two or three beams that are on another part of it in the
+/// next sweep, and the road between the rings of the LiDAR has no point. Half of its points or more are found, with 1.5
+/// m/s at most of error: the reach of 1.2 m over 0.8 s.
 #[test]
 fn a_far_car_of_few_beams_moves() {
     let car = Block { heading: std::f64::consts::PI, speed: 9.0, ..Block::still([47.0, 3.0], [4.5, 1.8, 1.5]) };
@@ -248,8 +248,9 @@ fn a_far_car_of_few_beams_moves() {
     assert_eq!(found_of(1, &shots, &aligned)[1], 0, "the house rests");
 }
 
-/// A bus that comes the other way hides a car in the middle of the snippet; three sweeps or fewer show the car. Where it is seen,
-/// most of its points are found, with 1 m/s at most of error: an offset of a cell over the nearest sweep, 0.2 s, twice.
+/// A bus that comes the other way hides a car in the middle of the snippet; three sweeps or fewer show the car. Where
+/// it is seen, most of its points are found, with 1 m/s at most of error: an offset of a cell over the nearest sweep,
+/// 0.2 s, twice.
 #[test]
 fn a_car_that_a_bus_hides_keeps_its_motion() {
     let car = Block { speed: 9.0, ..Block::still([17.0, 5.25], [4.5, 1.8, 1.5]) };

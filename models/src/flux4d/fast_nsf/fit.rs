@@ -61,7 +61,7 @@ impl Default for FastNsfConfig {
 /// A fitted flow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlowFit {
-    /// Of each point of the first sweep, metres between the sweeps.
+    /// Flow of each point of the first sweep, metres between the sweeps.
     pub flow: Vec<[f32; 3]>,
     /// Mean distance to the second sweep at rest and for the best flow, metres, over the points of the fit.
     pub distances: [f64; 2],

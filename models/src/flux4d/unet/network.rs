@@ -27,8 +27,9 @@ const STEP: usize = 8;
 /// Widths are multiples of this: half a vector of a processor, and what GPUs load at once.
 const WIDTH_STEP: usize = 8;
 
-/// Bytes that a training step holds at most for each voxel of the finest level, times the multiplier of the widths: published
-/// measurements of such a network have 10.4 GB for 420,000 voxels. One pass was measured at 11 kB, and a refinement has two alive.
+/// Bytes that a training step holds at most for each voxel of the finest level, times the multiplier of the widths:
+/// published measurements of such a network have 10.4 GB for 420,000 voxels. One pass was measured at 11 kB, and a
+/// refinement has two alive.
 pub const BYTES_PER_VOXEL: f64 = 25e3;
 
 /// Configuration of a [`SparseUnet`].
@@ -117,7 +118,7 @@ impl SparseUnetConfig {
     }
 }
 
-/// What every layer is made from.
+/// The parts from which every layer is made.
 struct Builder<'a> {
     blocks: usize,
     slope: f64,

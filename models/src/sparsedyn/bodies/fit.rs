@@ -14,13 +14,14 @@ pub struct Fitted {
     pub values: LawValues,
     /// Root mean square distance of the body's markers from the poses, scene units.
     pub deviation: f64,
-    /// The numbers of the law fitted to the poses before the last third; `None` where nothing finite fits, or before laws are compared.
+    /// The numbers of the law fitted to the poses before the last third; `None` where nothing finite fits, or before
+    /// laws are compared.
     pub early: Option<LawValues>,
     /// `deviation` at the last third of the poses, for the law fitted to the others.
     pub foreseen: f64,
-    /// Twice the negative logarithm of the likelihood of the last third of the poses, given the law fitted to the others, up to a constant: a law
-    /// that takes the noise of early poses for motion misses later ones, and a smooth error of all poses, which BIC takes for evidence,
-    /// helps no law to foresee.
+    /// Twice the negative logarithm of the likelihood of the last third of the poses, given the law fitted to the
+    /// others, up to a constant: a law that takes the noise of early poses for motion misses later ones, and a smooth
+    /// error of all poses, which BIC takes for evidence, helps no law to foresee.
     pub surprise: f64,
     /// The criterion by which laws are compared; lower is better.
     pub bic: f64,
@@ -62,7 +63,8 @@ const RATES: usize = 48;
 /// Markers of a body: four points that determine a pose, in sizes of the body from its centre.
 pub const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
 
-/// The law among `laws` that says most of the poses with fewest numbers, and foresees their last third best; `None` without poses.
+/// The law among `laws` that says most of the poses with fewest numbers, and foresees their last third best; `None`
+/// without poses.
 pub fn select_law(poses: &Poses, laws: &[Law]) -> Option<Fitted> {
     compare_laws(poses, laws).into_iter().min_by(|a, b| a.score().total_cmp(&b.score()))
 }
@@ -162,7 +164,8 @@ fn set_polynomial(values: &mut LawValues, times: &[f64], data: &[DVec3], law: La
     }
 }
 
-/// The offset of the pivot from the centre: the best `d` in `centre(s) - first = -(R(s) - 1) d`, the shortest along the axis.
+/// The offset of the pivot from the centre: the best `d` in `centre(s) - first = -(R(s) - 1) d`, the shortest along the
+/// axis.
 fn pivot_of(poses: &Poses) -> DVec3 {
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for (_, pose) in &poses.poses {
@@ -216,7 +219,8 @@ fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law) -> Vec<LawVa
     starts.into_iter().take(3).map(|(_, values)| values).collect()
 }
 
-/// `sine sin(x) + cosine (cos(x) - 1)` as `amplitude (sin(x + phase) - sin(phase))`, along the larger of the two directions.
+/// `sine sin(x) + cosine (cos(x) - 1)` as `amplitude (sin(x + phase) - sin(phase))`, along the larger of the two
+/// directions.
 fn joined(sine: DVec3, cosine: DVec3) -> (DVec3, f64) {
     let direction = if sine.length() >= cosine.length() { sine } else { cosine };
     let Some(direction) = direction.try_normalize() else { return (DVec3::ZERO, 0.0) };

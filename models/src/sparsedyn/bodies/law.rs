@@ -1,9 +1,10 @@
 //! Laws of motion of a rigid body, as sets of terms.
 //!
-//! With `s` the time since the first frame, `o(s) = sin(W s + p) - sin(p)`, and `R(s) = Exp(w s + b s^2 / 2 + q o(s))`, a body with its centre at
-//! `c` in the first frame has its centre at `c + v s + a s^2 / 2 + u o(s) - (R(s) - 1) d`; `d` leads from the centre to the pivot of a
-//! rotation about a fixed point, which a pendulum or a hinge has. Terms that a law does not have are zero. A rotation about a pivot that speeds up
-//! does so about one axis: `b` is parallel to `w`.
+//! With `s` the time since the first frame, `o(s) = sin(W s + p) - sin(p)`, and `R(s) = Exp(w s + b s^2 / 2 + q o(s))`,
+//! a body with its centre at `c` in the first frame has its centre at `c + v s + a s^2 / 2 + u o(s) - (R(s) - 1) d`;
+//! `d` leads from the centre to the pivot of a rotation about a fixed point, which a pendulum or a hinge has. Terms
+//! that a law does not have are zero. A rotation about a pivot that speeds up does so about one axis: `b` is parallel
+//! to `w`.
 
 use gs_burn::glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -124,8 +125,8 @@ impl Law {
         mask
     }
 
-    /// Numbers that the law is free to choose: a shift of the pivot along the axis of a rotation changes nothing, and one axis takes two numbers
-    /// from the second of two parallel vectors.
+    /// Numbers that the law is free to choose: a shift of the pivot along the axis of a rotation changes nothing, and
+    /// one axis takes two numbers from the second of two parallel vectors.
     pub fn freedom(self) -> usize {
         let numbers: usize =
             Term::ALL.into_iter().filter(|term| self.has(*term)).map(|term| term.numbers().len()).sum();
@@ -137,8 +138,8 @@ impl Law {
         self.has(Term::Spin) && self.has(Term::SpinUp) && self.has(Term::Pivot)
     }
 
-    /// `values` with rotation and angular acceleration along one axis where the law asks for it. `duration` is the time over which the two are
-    /// weighed against each other.
+    /// `values` with rotation and angular acceleration along one axis where the law asks for it. `duration` is the time
+    /// over which the two are weighed against each other.
     pub fn constrained(self, mut values: LawValues, duration: f64) -> LawValues {
         if self.has_one_axis() {
             let (spin, up) = (values.vector(Term::Spin), values.vector(Term::SpinUp));

@@ -1,4 +1,5 @@
-//! Bodies as a Burn module: the numbers of their laws, and a smooth correction over the observed time while the law is not chosen yet.
+//! Bodies as a Burn module: the numbers of their laws, and a smooth correction over the observed time while the law is
+//! not chosen yet.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -10,7 +11,8 @@ use crate::rotation::turn;
 use crate::sparsedyn::state::State;
 use crate::sparsedyn::turning::Factors;
 
-/// Squared rotation rate that keeps a vanishing axis finite: far below any visible rotation, above the smallest `f32` after division.
+/// Squared rotation rate that keeps a vanishing axis finite: far below any visible rotation, above the smallest `f32`
+/// after division.
 const AXIS_FLOOR: f64 = 1e-12;
 
 /// Numbers of a correction at a knot: a shift of the centre and a rotation vector.
@@ -31,8 +33,8 @@ pub struct BodyFrame {
 pub struct Bodies {
     /// `[K, 23]` numbers of the laws; lengths in units of `length`.
     pub numbers: Param<Tensor<2>>,
-    /// `[K, 6 P]` corrections that set in at `P` knots over the observed time: shifts in units of `length`, rotation vectors in radians. `P` is 0 once laws
-    /// are chosen.
+    /// `[K, 6 P]` corrections that set in at `P` knots over the observed time: shifts in units of `length`, rotation
+    /// vectors in radians. `P` is 0 once laws are chosen.
     pub corrections: Param<Tensor<2>>,
     /// Constants of each body.
     #[module(skip)]
@@ -81,7 +83,8 @@ impl Bodies {
         }
     }
 
-    /// These bodies with others behind them, whose laws have the numbers of `values` (scene units) and no correction yet.
+    /// These bodies with others behind them, whose laws have the numbers of `values` (scene units) and no correction
+    /// yet.
     pub fn extended(self, frames: &[BodyFrame], values: &[LawValues]) -> Self {
         let device = self.numbers.val().device();
         let more = Self::new(frames.to_vec(), values, self.span, (self.length, self.knots()), &device);
@@ -161,8 +164,8 @@ impl Bodies {
         values.iter().enumerate().map(one).collect()
     }
 
-    /// The states at `time` of Gaussians at `positions` `[M, 3]` in the first frame, each of the body that `labels` `[M]` names; differentiable in
-    /// positions and numbers.
+    /// The states at `time` of Gaussians at `positions` `[M, 3]` in the first frame, each of the body that `labels`
+    /// `[M]` names; differentiable in positions and numbers.
     pub fn states(&self, positions: &Tensor<2>, labels: &Tensor<1, Int>, time: f64) -> State {
         let posed = self.posed(positions, time);
         let of = |rows: &Tensor<2>| rows.clone().select(0, labels.clone());
@@ -247,8 +250,9 @@ fn scales(length: f64) -> [f64; NUMBERS] {
     scales
 }
 
-/// Values at `time` of `knots` smooth steps over `span`: the sums of a cubic B-spline and all later ones. The first is 1 at all times, and a
-/// step at a later knot changes nothing before it, so what was learned of early times holds later ones until they are seen.
+/// Values at `time` of `knots` smooth steps over `span`: the sums of a cubic B-spline and all later ones. The first is
+/// 1 at all times, and a step at a later knot changes nothing before it, so what was learned of early times holds later
+/// ones until they are seen.
 fn steps(span: [f64; 2], knots: usize, time: f64) -> Vec<f64> {
     let mut values = spline_basis(span, knots, time);
     for k in (1..knots).rev() {

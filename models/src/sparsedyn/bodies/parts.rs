@@ -1,7 +1,8 @@
 //! Bodies in parts: a body is divided to test whether its parts move alike, and parts that do are one body again.
 //!
-//! Bodies are found in a field's paths over the first frames, where parts that slide or swing against each other still move much alike. While
-//! divided, each part follows its own photos; what was one body comes back together, what was not stays apart.
+//! Bodies are found in a field's paths over the first frames, where parts that slide or swing against each other still
+//! move much alike. While divided, each part follows its own photos; what was one body comes back together, what was
+//! not stays apart.
 
 use gs_burn::glam::DVec3;
 
@@ -13,8 +14,9 @@ const ROUNDS: usize = 12;
 /// Most Gaussians of a part whose paths are compared: a pose has six numbers, and these give hundreds of coordinates.
 const COMPARED: usize = 64;
 
-/// Divides each body of `labels` (-1: of none) into compact parts by its Gaussians' `positions`: at most `most`, of `fewest` Gaussians or more.
-/// Gives the part of each Gaussian and the body that each part is of. The same arguments give the same parts.
+/// Divides each body of `labels` (-1: of none) into compact parts by its Gaussians' `positions`: at most `most`, of
+/// `fewest` Gaussians or more. Gives the part of each Gaussian and the body that each part is of. The same arguments
+/// give the same parts.
 pub fn divided(positions: &[DVec3], labels: &[i32], most: usize, fewest: usize) -> (Vec<i32>, Vec<usize>) {
     let bodies = labels.iter().max().map_or(0, |most| (*most + 1).max(0) as usize);
     let (mut parts, mut of) = (vec![-1; labels.len()], Vec::new());
@@ -62,9 +64,10 @@ fn clusters(positions: &[DVec3], count: usize) -> Vec<usize> {
     own
 }
 
-/// Joins parts whose Gaussians follow one rigid motion, the most alike first, until any two left differ by more than `tolerance`, scene units, and
-/// the share `relative` of their way (each as root mean square over members and times: errors of a learned motion grow with the way).
-/// `paths[j][i]` is the position of Gaussian `i` at time `j`. Gives labels from 0 on; -1 stays.
+/// Joins parts whose Gaussians follow one rigid motion, the most alike first, until any two left differ by more than
+/// `tolerance`, scene units, and the share `relative` of their way (each as root mean square over members and times:
+/// errors of a learned motion grow with the way). `paths[j][i]` is the position of Gaussian `i` at time `j`. Gives
+/// labels from 0 on; -1 stays.
 pub fn joined(paths: &[Vec<DVec3>], labels: &[i32], tolerance: f64, relative: f64) -> Vec<i32> {
     let mut labels = labels.to_vec();
     let count = labels.iter().max().map_or(0, |most| (*most + 1).max(0) as usize);

@@ -1,4 +1,5 @@
-//! The rigid motion between two sets of points (Horn 1987): the rotation is the eigenvector of the largest eigenvalue of a 4 x 4 matrix.
+//! The rigid motion between two sets of points (Horn 1987): the rotation is the eigenvector of the largest eigenvalue
+//! of a 4 x 4 matrix.
 
 use gs_base::eigen::diagonalise;
 use gs_burn::glam::{DQuat, DVec3};

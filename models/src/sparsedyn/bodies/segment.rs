@@ -1,4 +1,5 @@
-//! Rigid bodies among the paths of Gaussians: the largest set of paths that share one rigid motion is a body, then the largest of the rest.
+//! Rigid bodies among the paths of Gaussians: the largest set of paths that share one rigid motion is a body, then the
+//! largest of the rest.
 //!
 //! A rigid motion is proposed by a Gaussian and its neighbours, and judged by how many paths follow it at all times.
 
@@ -12,7 +13,8 @@ use super::rigid::rigid_motion;
 pub struct SegmentOptions {
     /// Largest distance of a path from its body's motion at any time, scene units, while the path is where it began.
     pub tolerance: f64,
-    /// Share of the distance from where the path began that is added to `tolerance`: errors of a learned motion grow with it.
+    /// Share of the distance from where the path began that is added to `tolerance`: errors of a learned motion grow
+    /// with it.
     pub relative: f64,
     /// Most bodies.
     pub most: usize,
@@ -31,8 +33,9 @@ const NEIGHBOURS: usize = 12;
 /// Rounds in which a proposal is fitted to the paths that follow it.
 const ROUNDS: usize = 3;
 
-/// The body of each path, numbered from the largest on; `None` for a path that belongs to no rigid body. `paths[j][i]` is the position of
-/// Gaussian `i` at time `j`, the first time first; `weights[i]` says how much it counts. The same arguments give the same bodies.
+/// The body of each path, numbered from the largest on; `None` for a path that belongs to no rigid body. `paths[j][i]`
+/// is the position of Gaussian `i` at time `j`, the first time first; `weights[i]` says how much it counts. The same
+/// arguments give the same bodies.
 pub fn segment(paths: &[Vec<DVec3>], weights: &[f64], options: &SegmentOptions) -> Vec<Option<u32>> {
     let count = weights.len();
     let mut labels: Vec<Option<u32>> = vec![None; count];

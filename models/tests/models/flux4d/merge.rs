@@ -37,8 +37,9 @@ fn the_ladder_ends_at_the_budget() {
         let kept = merged.parts[0].points.len();
         assert!(kept <= budget);
         assert!(merge(&points, edges[step - 1], 6).expect("points").points.len() > budget, "a smaller voxel would do");
-        // Points that fill a volume become an eighth when the edge doubles: a step of the ladder keeps 0.77 of them. The
-        // cloud is 8 m wide and its number of cells along an axis is whole, so a step may keep less where they are large.
+        // Points that fill a volume become an eighth when the edge doubles: a step of the ladder keeps 0.77 of them.
+        // The cloud is 8 m wide and its number of cells along an axis is whole, so a step may keep less where they are
+        // large.
         assert!(kept * 2 >= budget, "{kept} of {budget}");
     }
     assert_eq!(within(1).edge, Some(EDGE_MAX));
@@ -54,9 +55,9 @@ fn points_of_two_parts_stay_apart() {
     assert_eq!(merged.edge, Some(EDGE_MIN));
 }
 
-/// A scanner at the origin meets a wall near by and one that is ten times as far, at equal angles, with equally many points. At one edge
-/// the near wall keeps a hundredth of what the far one keeps, with viewpoints a tenth, up to the rounding of edges: each is rounded
-/// down by up to a square root of two, so numbers on a surface by up to two.
+/// A scanner at the origin meets a wall near by and one that is ten times as far, at equal angles, with equally many
+/// points. At one edge the near wall keeps a hundredth of what the far one keeps, with viewpoints a tenth, up to the
+/// rounding of edges: each is rounded down by up to a square root of two, so numbers on a surface by up to two.
 #[test]
 fn viewpoints_keep_more_of_what_is_near() {
     let wall = |x: f32| (0..100 * 100).map(move |i| [x, x * (i % 100) as f32 / 100.0, x * (i / 100) as f32 / 100.0]);

@@ -192,8 +192,8 @@ fn the_example_segments_points() {
     }
 }
 
-/// A training step on a million points holds no more than is stated ([`BYTES_PER_VOXEL`]), which a run predicts before it starts. Run
-/// alone, with `--ignored --nocapture`, which shows the seconds too.
+/// A training step on a million points holds no more than is stated ([`BYTES_PER_VOXEL`]), which a run predicts before
+/// it starts. Run alone, with `--ignored --nocapture`, which shows the seconds too.
 #[test]
 #[ignore = "a minute and several gigabytes"]
 fn a_million_points() {

@@ -21,7 +21,8 @@ fn contacts_lie_on_one_side_of_t0() {
     assert!(Contact::new(f64::NAN, at(0.5), &WINDOW).is_none());
 }
 
-/// Zero up to the contact; after it the velocity has changed by the whole jump; between, as `s` squared; on both sides of t0.
+/// Zero up to the contact; after it the velocity has changed by the whole jump; between, as `s` squared; on both sides
+/// of t0.
 #[test]
 fn a_ramp_is_an_even_force() {
     for side in [1.0, -1.0] {
@@ -37,7 +38,8 @@ fn a_ramp_is_an_even_force() {
     }
 }
 
-/// A ball that falls and comes up again, out of a parabola and one jump, on every backend; its velocity against differences in f64.
+/// A ball that falls and comes up again, out of a parabola and one jump, on every backend; its velocity against
+/// differences in f64.
 #[test]
 fn a_bounce_is_met_exactly() {
     let contact = Contact { near: 0.25, far: 0.35 };

@@ -39,7 +39,7 @@ impl Reached {
     }
 }
 
-/// What a quality costs: its name, the cost of a measurement, and digits behind the point.
+/// A cost of a quality: its name, its value at a measurement, and digits behind the point.
 type Measure<'a> = (&'a str, &'a dyn Fn(&Evaluation) -> f64, usize);
 
 /// Seconds and Gaussians at which qualities of moving parts, if they were measured, and of whole images were first
@@ -50,11 +50,11 @@ pub fn soonest(curves: &[Curve], others: &[Other], cpu: bool) -> Vec<Table> {
     let time: Measure = (if cpu { "CPU s" } else { "s" }, &|e| seconds(e, cpu), 1);
     let count: Measure = ("Gaussians", &|e| e.measured.size.gaussians as f64, 0);
     let rows = |cost: &Measure, psnr: fn(&Evaluation) -> Option<f64>| -> Vec<Row> {
-        let of_run = |run: &ComparedRun| -> Points {
+        let points_of = |run: &ComparedRun| -> Points {
             let points = run.measurements().iter().filter_map(|e| Some((cost.1(e), psnr(e)?)));
             points.filter(|(x, y)| x.is_finite() && y.is_finite() && *x > 0.0).collect()
         };
-        curves.iter().map(|curve| (curve.shown.name.clone(), curve.runs.iter().map(of_run).collect())).collect()
+        curves.iter().map(|curve| (curve.shown.name.clone(), curve.runs.iter().map(points_of).collect())).collect()
     };
     let mut tables = Vec::new();
     for measure in [&time, &count] {
@@ -81,8 +81,8 @@ fn costs(rows: &[Row], (unit, _, digits): &Measure, of: &str) -> Option<Table> {
     let columns =
         std::iter::once("run".to_string()).chain(levels.iter().map(|level| format!("{unit} to {level} dB{of}")));
     let rows = rows.iter().map(|(name, runs)| {
-        let of_level = |level: &f64| cell(&runs.iter().map(|run| reached(run, *level)).collect::<Vec<_>>(), *digits);
-        std::iter::once(name.clone()).chain(levels.iter().map(of_level)).collect()
+        let cell_at = |level: &f64| cell(&runs.iter().map(|run| reached(run, *level)).collect::<Vec<_>>(), *digits);
+        std::iter::once(name.clone()).chain(levels.iter().map(cell_at)).collect()
     });
     Some(Table::of(columns.collect(), rows.collect()))
 }

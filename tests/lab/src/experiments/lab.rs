@@ -1,6 +1,7 @@
 //! Shared parts of experiments: small worlds on disk, runs with access to their state, and a bar with the time left.
 
 use std::cell::{Cell, RefCell};
+use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -106,13 +107,8 @@ impl Lab {
     /// When it cannot be written.
     pub fn world(&self, options: &DeblurOptions) -> Result<Scene> {
         let DeblurOptions { world, cameras, frames, .. } = options;
-        // The hash covers every option, including those that are not in the name.
-        let all = crc32fast::hash(format!("{options:?}").as_bytes());
-        let folder = self.worlds.join(format!("{world}-{cameras}x{frames}-{all:08x}"));
-        // This file is written last.
-        if !folder.join("transforms_train.json").is_file() {
-            deblur::write(&folder, options, |_, _| {})?;
-        }
+        let name = format!("{world}-{cameras}x{frames}");
+        let folder = self.made(&name, options, |folder| Ok(deblur::write(folder, options, |_, _| {})?))?;
         Ok(load(&folder, &LoadOptions { training_truth: true, ..LoadOptions::default() })?)
     }
 
@@ -122,13 +118,9 @@ impl Lab {
     /// When it cannot be written.
     pub fn future_world(&self, options: &ExtrapolationOptions) -> Result<Scene> {
         let ExtrapolationOptions { world, cameras, frames, .. } = options;
-        let all = crc32fast::hash(format!("{options:?}").as_bytes());
-        let folder = self.worlds.join(format!("{world}-{cameras}x{frames}-{all:08x}"));
-        // This file is written last.
-        if !folder.join("transforms_train.json").is_file() {
-            extrapolation::write(&folder, options, |_, _| {})?;
-        }
-        Ok(load(&folder, &LoadOptions::default())?)
+        let name = format!("{world}-{cameras}x{frames}");
+        let write = |folder: &Path| Ok(extrapolation::write(folder, options, |_, _| {})?);
+        Ok(load(&self.made(&name, options, write)?, &LoadOptions::default())?)
     }
 
     /// A driving log of a synthetic street, written once.
@@ -136,16 +128,16 @@ impl Lab {
     /// # Errors
     /// When it cannot be written.
     pub fn street(&self, options: &StreetOptions) -> Result<PathBuf> {
+        let write = |folder: &Path| Ok(gs_worlds::driving::write(folder, options, |_, _| {})?);
+        self.made("street", options, write)
+    }
+
+    /// The folder that `write` fills for these options, written whole and once.
+    fn made(&self, name: &str, options: &impl Debug, write: impl Fn(&Path) -> Result<()>) -> Result<PathBuf> {
+        // The hash covers every option, including those that are not in the name.
         let all = crc32fast::hash(format!("{options:?}").as_bytes());
-        let folder = self.worlds.join(format!("street-{all:08x}"));
-        if !folder.is_dir() {
-            let part = folder.with_extension("part");
-            if part.is_dir() {
-                fs::remove_dir_all(&part)?;
-            }
-            gs_worlds::driving::write(&part, options, |_, _| {})?;
-            fs::rename(&part, &folder)?;
-        }
+        let folder = self.worlds.join(format!("{name}-{all:08x}"));
+        whole(&folder, write)?;
         Ok(folder)
     }
 
@@ -175,6 +167,22 @@ impl Lab {
         self.done.set(self.done.get() + 1);
         self.bar.inc(1);
     }
+}
+
+/// Fills a folder that is not there yet: under another name until it is whole.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn whole(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let part = folder.with_extension("part");
+    if part.is_dir() {
+        fs::remove_dir_all(&part)?;
+    }
+    write(&part)?;
+    Ok(fs::rename(&part, folder)?)
 }
 
 /// The base options of the lab's worlds.

@@ -128,11 +128,11 @@ pub fn cell(Figure { key, digits }: &Figure, evals: &[Value]) -> String {
 
 /// The number at a place; in a list, the value of the figure with that key.
 fn number(eval: &Value, key: &str) -> Option<f64> {
-    let at = |value: &'_ Value, part: &str| match value {
+    let enter = |value: &Value, part: &str| match value {
         Value::Array(list) => list.iter().find(|one| one["key"] == part).map(|one| one["value"].clone()),
         value => value.get(part).cloned(),
     };
-    key.split('.').try_fold(eval.clone(), |value, part| at(&value, part))?.as_f64()
+    key.split('.').try_fold(eval.clone(), |value, part| enter(&value, part))?.as_f64()
 }
 
 /// The commit of the working tree, short.

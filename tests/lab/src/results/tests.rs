@@ -19,11 +19,11 @@ fn faults(root: &Path) -> Vec<String> {
     for page in pages(root).expect("pages") {
         let text = fs::read_to_string(&page).expect("a page");
         for name in table::names(&text) {
-            let of_table = || {
+            let is_equal = || {
                 let data = Data::read(root, name)?;
                 Ok::<_, anyhow::Error>(table::replaced(&text, name, &data)?.as_ref() == Some(&text))
             };
-            match of_table() {
+            match is_equal() {
                 Ok(true) => shown.push(name.to_string()),
                 Ok(false) => found.push(format!("{name}: another table in {}", page.display())),
                 Err(error) => found.push(format!("{name}: {error:#}")),

@@ -31,7 +31,7 @@ pub struct ActorScores {
 #[derive(Default)]
 struct Object {
     points: usize,
-    /// In one sweep.
+    /// Most points in one sweep.
     most: usize,
     motion: f64,
     of_actor: BTreeMap<usize, usize>,

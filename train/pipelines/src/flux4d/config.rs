@@ -45,7 +45,7 @@ section! {
 }
 
 impl ActorsSection {
-    /// As the clustering takes it.
+    /// The configuration of the clustering.
     pub fn config(self) -> ActorConfig {
         ActorConfig { eps: self.radius, min_points: self.fewest, ..ActorConfig::default() }
     }

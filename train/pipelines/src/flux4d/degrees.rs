@@ -11,12 +11,12 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use burn::module::Param;
 use burn::tensor::{Tensor, TensorData};
-use gs_driving::{DrivingLog, Snippet};
+use gs_driving::DrivingLog;
 use gs_models::flux4d::{FluxScene, PolynomialMotion};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use serde::Serialize;
 
-use super::prepare::{HostSnippet, inverse, sweep};
+use super::prepare::HostSnippet;
 use gs_train::fit::parameters::to_host;
 
 /// Largest distance of a point to a sweep that counts, metres: beyond it the sweep does not show the surface, whose
@@ -26,7 +26,7 @@ const FARTHEST: f64 = 0.5;
 /// Fewest sweeps that judge: two give no scatter to speak of.
 const FEWEST_SWEEPS: usize = 3;
 
-/// The outcome of the choice of degrees.
+/// The result of the choice of degrees.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Degrees {
     /// Actors of each degree.
@@ -47,17 +47,17 @@ impl Degrees {
 
     /// The choice in words; `None` without actors.
     pub fn line(&self) -> Option<String> {
-        let of = |(degree, count): (&usize, &usize)| match degree {
+        let describe = |(degree, count): (&usize, &usize)| match degree {
             0 => format!("{count} with a constant velocity"),
             _ => format!("{count} with one of degree {degree}"),
         };
-        let all: Vec<String> = self.actors.iter().map(of).collect();
+        let all: Vec<String> = self.actors.iter().map(describe).collect();
         (!all.is_empty())
             .then(|| format!("actors: {}; {} of {} numbers saved", all.join(", "), self.numbers_saved, self.numbers))
     }
 }
 
-/// The lowest degree of each actor that the sweeps between the inputs of `snippet` bear out. `actors` are their moving
+/// The lowest degree of each actor that the sweeps between the inputs bear out. `actors` are their moving
 /// rows; their velocities are lowered in `scene`.
 ///
 /// # Errors
@@ -65,15 +65,15 @@ impl Degrees {
 pub fn choose_degrees(
     scene: &mut FluxScene,
     actors: &[Vec<u32>],
-    (log, snippet, host): (&DrivingLog, &Snippet, &HostSnippet),
+    log: &DrivingLog,
+    host: &HostSnippet,
 ) -> Result<(Vec<usize>, Degrees)> {
     let columns = scene.motion.columns();
     let mut told = Degrees { numbers: columns * scene.moving(), ..Degrees::default() };
     let mut degrees = Vec::new();
-    let from_world = inverse(host.to_world);
     let mut sweeps = Vec::new();
-    for frame in snippet.targets.iter().filter(|_| !actors.is_empty() && scene.motion.degree() > 0) {
-        let sweep = sweep(log, *frame, &from_world)?;
+    for frame in host.frames.targets.iter().filter(|_| !actors.is_empty() && scene.motion.degree() > 0) {
+        let sweep = host.sweep(log, *frame)?;
         if !sweep.points.is_empty() {
             let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&sweep.points);
             sweeps.push((scene.in_window(log.frames()[*frame].time), tree));
@@ -122,7 +122,7 @@ impl Row {
         }
     }
 
-    /// Where it is at `time` (0 to 1 in the window) with another velocity.
+    /// Its position at `time` (0 to 1 in the window) with another velocity.
     fn at(&self, motion: PolynomialMotion, velocity: &[f64], time: f64) -> [f64; 3] {
         let shift = motion.shift(velocity, self.time, time);
         [0, 1, 2].map(|axis| self.mean[axis] + shift[axis])
@@ -142,17 +142,17 @@ fn lowest(
     rows: &[Row],
     distances: impl Fn(&Row, PolynomialMotion, &[f64]) -> Vec<f64>,
 ) -> usize {
-    let of_degree = |degree: usize| {
+    let summed = |degree: usize| {
         let each = rows.iter().map(|row| distances(row, motion, &motion.lowered(&row.velocity, degree)));
         each.reduce(|sum, one| sum.iter().zip(one).map(|(a, b)| a + b).collect()).unwrap_or_default()
     };
-    let full = of_degree(motion.degree());
+    let full = summed(motion.degree());
     let count = full.len() as f64;
     if full.len() < FEWEST_SWEEPS {
         return motion.degree();
     }
     let is_as_good = |degree: &usize| {
-        let more: Vec<f64> = of_degree(*degree).iter().zip(&full).map(|(lower, full)| lower - full).collect();
+        let more: Vec<f64> = summed(*degree).iter().zip(&full).map(|(lower, full)| lower - full).collect();
         let mean = more.iter().sum::<f64>() / count;
         let variance = more.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
         mean <= (variance / count).sqrt()

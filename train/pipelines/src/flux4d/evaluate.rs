@@ -5,23 +5,24 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use burn::tensor::{Device, Tensor, TensorData};
-use gs_burn::Camera;
+use glam::DVec3;
+use gs_burn::{Camera, Gaussians};
+use gs_driving::DrivingLog;
 use gs_models::DynamicScene;
 use gs_models::flux4d::actors::{ActorConfig, find_actors};
+use gs_models::flux4d::scene::REST_SPEED;
 
-use super::actor_recall::ActorScores;
 use super::config::FluxConfig;
 use super::feed::prepared;
-use super::flow::{self, FlowScores};
 use super::infer::{Inferred, Ready, infer};
+use super::label_scores::LabelScores;
 use super::logs::{Logs, Place};
 use super::moving;
 use super::network::FluxNetwork;
-use super::prepare::{HostSnippet, HostView, inverse};
+use super::prepare::{HostSnippet, HostView};
 use super::sample::{camera, photo};
 use super::snippet_page;
 use super::world::in_world;
-use gs_models::flux4d::scene::REST_SPEED;
 use gs_train::fit::figure::{Better, Figure};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::told::MOVING;
@@ -38,7 +39,7 @@ pub struct Measurement {
     /// Pictures of some views.
     pub pictures: Vec<Comparison>,
     /// The first snippet at its middle time, with its origin in the world.
-    pub scene: Option<(gs_burn::Gaussians, glam::DVec3)>,
+    pub scene: Option<(Gaussians, DVec3)>,
     /// The first snippet for the viewer.
     pub viewed: Option<PresentedScene>,
 }
@@ -55,21 +56,23 @@ pub struct Split<'a> {
     pub pictures: usize,
 }
 
-/// Sums over snippets.
-#[derive(Default)]
-struct Sums {
+/// A measurement under way: sums over snippets.
+struct Measuring<'a> {
+    evaluator: Evaluator,
+    clustering: ActorConfig,
+    /// Whether pictures are kept, and of every how many views.
+    kept: Option<usize>,
     views: Vec<ViewScores>,
     pictures: Vec<Comparison>,
     baselines: Baselines,
-    flow: FlowScores,
-    clustering: ActorConfig,
-    actors: ActorScores,
+    labels: LabelScores,
     seconds: Vec<[f64; 2]>,
     gaussians: Vec<usize>,
     moving_share: Vec<f64>,
     skipped: usize,
-    scene: Option<(gs_burn::Gaussians, glam::DVec3)>,
+    scene: Option<(Gaussians, DVec3)>,
     viewed: Option<PresentedScene>,
+    network: &'a FluxNetwork,
 }
 
 /// PSNR of other Gaussians on the same views, dB.
@@ -87,12 +90,11 @@ struct Baselines {
 /// # Errors
 /// When no snippet of the split can be used.
 pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device: &Device) -> Result<Measurement> {
-    let evaluator = Evaluator::new(&config.eval, device);
     let ready = Ready::new(network);
-    let mut sums = Sums { clustering: config.own.actors.config(), ..Sums::default() };
-    let mut last = String::new();
     let views = split.places.iter().map(|place| place.snippet.targets.len()).sum::<usize>();
-    let keep_every = views.div_ceil(split.pictures.max(1)).max(1);
+    let kept = (split.pictures > 0).then(|| views.div_ceil(split.pictures).max(1));
+    let mut measuring = Measuring::new(network, config, kept, device);
+    let mut last = "no image lies between the inputs".to_string();
     for place in split.places {
         let log = &split.logs.logs[place.log];
         // Held-out snippets are read once for each measurement and not kept.
@@ -101,83 +103,147 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
             Ok((host, inferred))
         });
         match inferred {
-            Ok((host, inferred)) => {
-                let keep = (split.pictures, keep_every);
-                snippet(&mut sums, &evaluator, (split.logs, place), (&host, &inferred), keep)?;
-            }
+            Ok((host, inferred)) => measuring.add(log, &host, &inferred)?,
             Err(reason) => {
                 tracing::warn!("a snippet is not measured: {reason}");
-                sums.skipped += 1;
+                measuring.skipped += 1;
                 last = reason;
             }
         }
     }
-    if sums.views.is_empty() {
-        let reason = if last.is_empty() { "no image lies between the inputs".to_string() } else { last };
-        bail!("no snippet of the split {} can be measured: {reason}", split.name);
+    if measuring.views.is_empty() {
+        bail!("no snippet of the split {} can be measured: {last}", split.name);
     }
-    Ok(finish(sums, &evaluator, split.name, network))
+    Ok(measuring.finish(split.name))
 }
 
-/// Renders and compares the targets of one snippet.
-fn snippet(
-    sums: &mut Sums,
-    evaluator: &Evaluator,
-    (logs, place): (&Logs, &Place),
-    (host, inferred): (&HostSnippet, &Inferred),
-    (kept, keep_every): (usize, usize),
-) -> Result<()> {
-    let log = &logs.logs[place.log];
-    let device = inferred.raw.device();
-    let rest = inferred.sample.at_rest();
-    for view in &host.targets {
-        let (camera, truth) = (camera(log, view, &device), photo(view, &device));
+impl<'a> Measuring<'a> {
+    fn new(network: &'a FluxNetwork, config: &FluxConfig, kept: Option<usize>, device: &Device) -> Self {
+        Self {
+            evaluator: Evaluator::new(&config.eval, device),
+            clustering: config.own.actors.config(),
+            kept,
+            views: Vec::new(),
+            pictures: Vec::new(),
+            baselines: Baselines::default(),
+            labels: LabelScores::default(),
+            seconds: Vec::new(),
+            gaussians: Vec::new(),
+            moving_share: Vec::new(),
+            skipped: 0,
+            scene: None,
+            viewed: None,
+            network,
+        }
+    }
+
+    /// Renders and compares the targets and the future of a snippet, its flow and its actors.
+    fn add(&mut self, log: &DrivingLog, host: &HostSnippet, inferred: &Inferred) -> Result<()> {
+        let device = inferred.raw.device();
+        for view in &host.targets {
+            self.target(log, host, view, inferred)?;
+        }
+        for view in &host.future {
+            let camera = camera(log, view, &device);
+            let image = color(inferred, &inferred.raw, &inferred.velocity, (&camera, view.time));
+            self.baselines.future.push(psnr(image, photo(view, &device)));
+        }
+        let scene = inferred.scene(host, REST_SPEED)?;
+        let actors = find_actors(&scene, host.middle(), &[], &self.clustering)?;
+        self.labels.add(log, host, inferred, &scene, &actors)?;
+        self.moving_share.push(scene.moving() as f64 / scene.gaussians.len().max(1) as f64);
+        self.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
+        self.gaussians.push(scene.gaussians.len());
+        self.scene.get_or_insert_with(|| in_world(&scene.at(host.middle()), &host.to_world, log.origin()));
+        if self.kept.is_some() {
+            self.viewed.get_or_insert_with(|| {
+                let presentation = snippet_page::presentation(host, log);
+                PresentedScene { scene: Box::new(scene), presentation }
+            });
+        }
+        Ok(())
+    }
+
+    /// Compares one image between the inputs.
+    fn target(&mut self, log: &DrivingLog, host: &HostSnippet, view: &HostView, inferred: &Inferred) -> Result<()> {
+        let device = inferred.raw.device();
+        let (camera, truth, rest) = (camera(log, view, &device), photo(view, &device), inferred.sample.at_rest());
         let ours = color(inferred, &inferred.raw, &inferred.velocity, (&camera, view.time));
         let lifted = color(inferred, &inferred.sample.lifted.raw, &rest, (&camera, view.time));
         let still = color(inferred, &inferred.raw, &rest, (&camera, view.time));
-        let Some(whole) = evaluator.scores(ours.clone(), truth.clone(), None) else { continue };
-        sums.baselines.lifted.push(psnr(lifted.clone(), truth.clone()));
-        sums.baselines.still.push(psnr(still.clone(), truth.clone()));
+        let Some(whole) = self.evaluator.scores(ours.clone(), truth.clone(), None) else { return Ok(()) };
+        self.baselines.lifted.push(psnr(lifted.clone(), truth.clone()));
+        self.baselines.still.push(psnr(still.clone(), truth.clone()));
         let mut regions = BTreeMap::new();
-        if let Some(mask) = moving::mask(log, view, &inverse(host.to_world))? {
+        if let Some(mask) = moving::mask(log, host, view)? {
             let mask = mask_tensor(view, &mask, &device);
-            sums.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
-            sums.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
+            self.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
+            self.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
             let scores = scores_within(ours.clone(), truth.clone(), mask);
             regions.extend(scores.map(|scores| (MOVING.to_string(), scores)));
         }
-        if kept > 0 && sums.views.len().is_multiple_of(keep_every) {
+        if self.kept.is_some_and(|every| self.views.len().is_multiple_of(every)) {
             let velocity = velocity_picture(inferred, (&camera, view.time));
             let more = vec![("lifted points alone", lifted), ("velocity", velocity)];
             let (name, psnr) = (view.name.clone(), whole.psnr);
-            sums.pictures.push(Comparison { name, truth, image: ours, mask: None, blurry: None, psnr, more });
+            self.pictures.push(Comparison { name, truth, image: ours, mask: None, blurry: None, psnr, more });
         }
-        sums.views.push(ViewScores { name: view.name.clone(), scores: whole, regions });
+        self.views.push(ViewScores { name: view.name.clone(), scores: whole, regions });
+        Ok(())
     }
-    for view in &host.future {
-        let camera = camera(log, view, &device);
-        let image = color(inferred, &inferred.raw, &inferred.velocity, (&camera, view.time));
-        sums.baselines.future.push(psnr(image, photo(view, &device)));
+
+    fn finish(self, name: &str) -> Measurement {
+        let quality = self.evaluator.summary(self.views.clone(), "photo");
+        let mut figures = self.baselines.figures(quality.mean.psnr, quality.moving().map(|scores| scores.psnr));
+        figures.extend(self.labels.figures());
+        figures.extend(self.cost_figures());
+        let gaussians = self.gaussians.iter().max().copied().unwrap_or(0);
+        // Position, quaternion, scale, opacity, colour: 14 numbers.
+        let size = ModelSize { gaussians, bytes: 4 * 14 * gaussians };
+        let tables = self.labels.table().into_iter().collect();
+        let measured = Measured { split: name.into(), quality, size, figures, tables };
+        Measurement { measured, pictures: self.pictures, scene: self.scene, viewed: self.viewed }
     }
-    let scene = inferred.scene(host, REST_SPEED)?;
-    let sweeps = flow::of_inputs(log, host, inferred, &place.snippet.inputs)?;
-    for sweep in &sweeps {
-        sums.flow.add(sweep)?;
+
+    fn cost_figures(&self) -> Vec<Figure> {
+        let seconds = |index: usize| mean(&self.seconds.iter().map(|pair| pair[index]).collect::<Vec<_>>());
+        let mut figures = Vec::new();
+        let timed =
+            |key: &str, name: &str, value: f64| Figure::new(key, name, value, "s").digits(3).better(Better::Lower);
+        figures.extend(seconds(0).map(|value| timed("seconds_maps", "kernel maps of a snippet", value)));
+        figures.extend(seconds(1).map(|value| timed("seconds_passes", "passes of a snippet", value).column()));
+        let share = mean(&self.moving_share).unwrap_or(0.0);
+        figures.push(Figure::new("moving_share", "share of Gaussians that move", share, "").digits(3));
+        let parameters = super::saved::parameters(self.network);
+        figures.push(Figure::new("parameters", "parameters of the network", parameters as f64, ""));
+        figures.push(Figure::new("snippets", "snippets measured", self.seconds.len() as f64, ""));
+        figures.push(Figure::new("snippets_skipped", "snippets that could not be used", self.skipped as f64, ""));
+        figures
     }
-    let actors = find_actors(&scene, 0.5 * (host.window[0] + host.window[1]), &[], &sums.clustering)?;
-    sums.actors.add(&scene, &actors, &sweeps);
-    sums.moving_share.push(scene.moving() as f64 / scene.gaussians.len().max(1) as f64);
-    sums.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
-    sums.gaussians.push(scene.gaussians.len());
-    let middle = 0.5 * (host.window[0] + host.window[1]);
-    sums.scene.get_or_insert_with(|| in_world(&scene.at(middle), &host.to_world, log.origin()));
-    if kept > 0 {
-        sums.viewed.get_or_insert_with(|| {
-            let presentation = snippet_page::presentation(host, log);
-            PresentedScene { scene: Box::new(scene), presentation }
-        });
+}
+
+impl Baselines {
+    /// The figures beside the PSNR of the network, over whole images and over moving parts.
+    fn figures(&self, ours: f64, ours_moving: Option<f64>) -> Vec<Figure> {
+        let decibel = |key: &str, name: &str, value: f64| Figure::new(key, name, value, "dB").digits(2);
+        let mut figures = Vec::new();
+        if let Some(lifted) = mean(&self.lifted) {
+            figures.push(decibel("psnr_lifted", "lifted points alone, PSNR", lifted).column());
+            let gain = decibel("gain", "gain over the lifted points", ours - lifted);
+            figures.push(gain.better(Better::Higher).headline());
+        }
+        let lifted_moving = mean(&self.lifted_moving);
+        figures.extend(lifted_moving.map(|psnr| decibel("psnr_lifted_moving", "lifted points, moving parts", psnr)));
+        figures.extend(mean(&self.still).map(|psnr| decibel("psnr_still", "without velocities, PSNR", psnr)));
+        if let Some((still, ours)) = mean(&self.still_moving).zip(ours_moving) {
+            figures.push(decibel("psnr_still_moving", "without velocities, moving parts", still));
+            let gain = decibel("gain_moving", "gain of the velocities in moving parts", ours - still);
+            figures.push(gain.better(Better::Higher).headline());
+        }
+        let future = mean(&self.future).map(|psnr| decibel("psnr_future", "frames after the inputs, PSNR", psnr));
+        figures.extend(future.map(|figure| figure.better(Better::Higher).column()));
+        figures
     }
-    Ok(())
 }
 
 /// The image of Gaussians with velocities, `[H, W, 3]`, 0 to 1.
@@ -201,57 +267,6 @@ fn mask_tensor(view: &HostView, mask: &[u8], device: &Device) -> Tensor<3> {
     Tensor::from_data(TensorData::new(floats, [view.image.height, view.image.width, 1]), device)
 }
 
-fn finish(sums: Sums, evaluator: &Evaluator, name: &str, network: &FluxNetwork) -> Measurement {
-    let quality = evaluator.summary(sums.views.clone(), "photo");
-    let mut figures = image_figures(&sums, quality.mean.psnr, quality.moving().map(|scores| scores.psnr));
-    figures.extend(sums.flow.figures());
-    figures.extend(sums.actors.figures());
-    figures.extend(cost_figures(&sums, network));
-    let gaussians = sums.gaussians.iter().max().copied().unwrap_or(0);
-    // Position, quaternion, scale, opacity, colour: 14 numbers.
-    let size = ModelSize { gaussians, bytes: 4 * 14 * gaussians };
-    let tables = sums.flow.table().into_iter().collect();
-    let measured = Measured { split: name.into(), quality, size, figures, tables };
-    Measurement { measured, pictures: sums.pictures, scene: sums.scene, viewed: sums.viewed }
-}
-
 fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-fn image_figures(sums: &Sums, ours: f64, ours_moving: Option<f64>) -> Vec<Figure> {
-    let Baselines { lifted, lifted_moving, still, still_moving, future } = &sums.baselines;
-    let decibel = |key: &str, name: &str, value: f64| Figure::new(key, name, value, "dB").digits(2);
-    let mut figures = Vec::new();
-    if let Some(lifted) = mean(lifted) {
-        figures.push(decibel("psnr_lifted", "lifted points alone, PSNR", lifted).column());
-        let gain = decibel("gain", "gain over the lifted points", ours - lifted);
-        figures.push(gain.better(Better::Higher).headline());
-    }
-    figures
-        .extend(mean(lifted_moving).map(|value| decibel("psnr_lifted_moving", "lifted points, moving parts", value)));
-    figures.extend(mean(still).map(|value| decibel("psnr_still", "without velocities, PSNR", value)));
-    if let Some((still, ours)) = mean(still_moving).zip(ours_moving) {
-        figures.push(decibel("psnr_still_moving", "without velocities, moving parts", still));
-        let gain = decibel("gain_moving", "gain of the velocities in moving parts", ours - still);
-        figures.push(gain.better(Better::Higher).headline());
-    }
-    let future = mean(future).map(|value| decibel("psnr_future", "frames after the inputs, PSNR", value));
-    figures.extend(future.map(|figure| figure.better(Better::Higher).column()));
-    figures
-}
-
-fn cost_figures(sums: &Sums, network: &FluxNetwork) -> Vec<Figure> {
-    let seconds = |index: usize| mean(&sums.seconds.iter().map(|pair| pair[index]).collect::<Vec<_>>());
-    let mut figures = Vec::new();
-    let timed = |key: &str, name: &str, value: f64| Figure::new(key, name, value, "s").digits(3).better(Better::Lower);
-    figures.extend(seconds(0).map(|value| timed("seconds_maps", "kernel maps of a snippet", value)));
-    figures.extend(seconds(1).map(|value| timed("seconds_passes", "passes of a snippet", value).column()));
-    let share = mean(&sums.moving_share).unwrap_or(0.0);
-    figures.push(Figure::new("moving_share", "share of Gaussians that move", share, "").digits(3));
-    let parameters = super::saved::parameters(network);
-    figures.push(Figure::new("parameters", "parameters of the network", parameters as f64, ""));
-    figures.push(Figure::new("snippets", "snippets measured", sums.seconds.len() as f64, ""));
-    figures.push(Figure::new("snippets_skipped", "snippets that could not be used", sums.skipped as f64, ""));
-    figures
 }

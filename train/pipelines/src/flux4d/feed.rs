@@ -91,7 +91,7 @@ fn prepared_draws(cache: Arc<SnippetCache>, first: usize, every: usize) -> Resul
     Ok(receiver)
 }
 
-/// Which snippet a draw takes: each once an epoch, in an order of the epoch's own.
+/// The snippet of each draw: each once an epoch, in an order of the epoch's own.
 #[derive(Debug)]
 struct Order {
     seed: u64,

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::infer::Inferred;
 use super::moving::MOVING;
-use super::prepare::{HostSnippet, Posed, inverse, sweep};
+use super::prepare::{HostSnippet, Posed};
 use gs_train::fit::figure::{Better, Figure, FigureTable};
 use gs_train::fit::parameters::to_host;
 
@@ -24,7 +24,7 @@ pub struct FlowScores {
     moving: Mean,
     resting: Mean,
     resting_speed: Mean,
-    /// Of predicting no motion, over the moving points.
+    /// Error of predicting no motion, over the moving points.
     still: Mean,
 }
 
@@ -65,7 +65,7 @@ pub struct FlowOfSweep {
 }
 
 impl FlowOfSweep {
-    /// Of the points `kept` of a sweep, whose flow is known, with what is predicted of them.
+    /// The points `kept` of a sweep, whose flow is known, with their predicted flow.
     pub fn of(sweep: &Sweep, labels: &Labels, kept: &[usize], predicted: Vec<[f32; 3]>) -> Self {
         Self {
             points: kept.iter().map(|index| sweep.points[*index]).collect(),
@@ -87,10 +87,11 @@ pub fn of_sweep(
     log: &DrivingLog,
     host: &HostSnippet,
     inferred: &Inferred,
-    (place, frame): (usize, usize),
+    place: usize,
 ) -> Result<Option<FlowOfSweep>> {
+    let frame = host.frames.inputs[place];
     let rows: Vec<usize> = (0..host.row_frames.len()).filter(|row| host.row_frames[*row] as usize == place).collect();
-    let sweep = sweep(log, frame, &inverse(host.to_world))?;
+    let sweep = host.sweep(log, frame)?;
     let Some(labels) = sweep.labels.as_ref().filter(|_| !rows.is_empty()) else { return Ok(None) };
     let flows = flows(host, inferred, log.frames()[frame].time);
     let points = host.near_points();
@@ -114,14 +115,9 @@ pub fn of_sweep(
 ///
 /// # Errors
 /// When a sweep is broken.
-pub fn of_inputs(
-    log: &DrivingLog,
-    host: &HostSnippet,
-    inferred: &Inferred,
-    inputs: &[usize],
-) -> Result<Vec<FlowOfSweep>> {
-    let found = inputs.iter().enumerate().map(|(place, frame)| of_sweep(log, host, inferred, (place, *frame)));
-    found.filter_map(Result::transpose).collect()
+pub fn of_inputs(log: &DrivingLog, host: &HostSnippet, inferred: &Inferred) -> Result<Vec<FlowOfSweep>> {
+    let inputs = 0..host.frames.inputs.len();
+    inputs.filter_map(|place| of_sweep(log, host, inferred, place).transpose()).collect()
 }
 
 /// Flow of every row from a time (seconds) on, metres in 0.1 s.

@@ -20,13 +20,13 @@ use gs_train::fit::parameters::to_host;
 pub struct Ready(FluxNetwork);
 
 impl Ready {
-    /// Of a network outside autodiff.
+    /// The network, which comes without autodiff.
     pub fn new(network: &FluxNetwork) -> Self {
         Self(network.clone().train())
     }
 }
 
-/// The output of a network for a snippet.
+/// A snippet after the passes of a network.
 #[derive(Debug, Clone)]
 pub struct Inferred {
     /// The snippet.

@@ -14,7 +14,7 @@ use gs_driving::{
 use super::config::{CameraChoice, LogsConfig, SplitChoice};
 use gs_train::run::fingerprint::Fingerprint;
 
-/// Of this many logs one is held out where the configuration names none and asks for no other split.
+/// One of so many logs is held out where the configuration names none and asks for no other split.
 const ONE_IN: usize = 8;
 
 /// A snippet of one of the logs.
@@ -29,7 +29,7 @@ pub struct Place {
 /// The logs of a folder.
 #[derive(Debug)]
 pub struct Logs {
-    /// By name.
+    /// The logs by name.
     pub logs: Vec<DrivingLog>,
     /// Snippets to train on; all of a data set that is measured alone.
     pub train: Vec<Place>,
@@ -114,14 +114,14 @@ struct Division {
 impl Described {
     fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
         let logs: Vec<DrivingLog> = find(path)?.iter().map(|path| open(path, config)).collect::<Result<_>>()?;
-        let of_log = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
+        let find_places = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
             snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()
         };
-        let places = logs.iter().enumerate().map(of_log).collect();
+        let places = logs.iter().enumerate().map(find_places).collect();
         Ok(Self { logs, places })
     }
 
-    /// As the configuration divides them.
+    /// The division that the configuration asks for.
     fn divided(&self, path: &Path, config: &LogsConfig) -> Result<Division> {
         let is_held_out = held_out(path, &self.logs, config)?;
         let (mut train, mut validation) = (Vec::new(), Vec::new());
@@ -274,7 +274,8 @@ fn held_out(path: &Path, logs: &[DrivingLog], config: &LogsConfig) -> Result<Vec
 fn of_paper(path: &Path, logs: &[DrivingLog]) -> Result<Vec<bool>> {
     if let Some(log) = logs.iter().find(|log| log.format() == LogFormat::Waymo) {
         bail!(
-            "{}: the paper's split of the Waymo Open Dataset is a list of another project (NOTR); name its logs in logs.validation",
+            "{}: the paper's split of the Waymo Open Dataset is a list of another project (NOTR); name its logs in \
+             logs.validation",
             log.path().display()
         );
     }

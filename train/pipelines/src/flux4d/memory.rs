@@ -39,7 +39,7 @@ struct Points {
 }
 
 impl Points {
-    /// As the first sweep of a snippet has them; those of others differ by less than a quarter.
+    /// Points of the first sweep of a snippet and a quarter more: other sweeps differ by less.
     fn of(log: &DrivingLog, snippet: &Snippet) -> Self {
         let first = log.sweep(snippet.inputs[0]).map_or(USUAL_SWEEP, |sweep| sweep.len());
         Self { sweep: first + first / 4, inputs: snippet.inputs.len() }
@@ -64,7 +64,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// At most, for logs of so many cameras.
+    /// Most rows for logs of so many cameras.
     fn of(lift: &LiftSection, cameras: usize, points: Points) -> Self {
         let points = if lift.points == 0 { points.all() } else { lift.points * cameras };
         Self { points, far: lift.sky_points + lift.random_points }
@@ -80,7 +80,7 @@ impl Rows {
         7 * snippet.frames.len() * pixels + 60 * self.all() + 18 * self.points
     }
 
-    /// Bytes that the network and the renderings of a step hold.
+    /// Bytes of the network and of the renderings of a step.
     fn step(self, config: &FluxConfig) -> [(&'static str, u64); 2] {
         // Half of the points share their voxel with another at the default edge; each far point is alone in its voxel.
         let alone = if config.own.unet.far == FarChoice::Voxels { self.far } else { 0 };
@@ -94,7 +94,7 @@ fn network(parameters: usize, copies: usize) -> (&'static str, u64) {
     ("network", (size_of::<f32>() * parameters * copies) as u64)
 }
 
-/// Of a training of a network of so many `parameters` on `devices` devices.
+/// The memory of a training of a network of so many `parameters` on `devices` devices.
 pub fn of_training(config: &FluxConfig, logs: &Logs, parameters: usize, devices: usize) -> Prediction {
     let own = &config.own;
     let points = most_points(logs);
@@ -121,7 +121,8 @@ fn most_points(logs: &Logs) -> Points {
     some.max_by_key(|points| points.all()).unwrap_or(Points { sweep: USUAL_SWEEP, inputs: 1 })
 }
 
-/// Of the reconstruction of some snippets of a log, one after the other, by a network of so many `parameters`.
+/// The memory of the reconstruction of some snippets of a log, one after the other, by a network of so many
+/// `parameters`.
 pub fn of_reconstruction(config: &FluxConfig, log: &DrivingLog, parameters: usize, snippets: &[Snippet]) -> Prediction {
     let points = snippets.iter().max_by_key(|snippet| snippet.inputs.len()).map(|snippet| Points::of(log, snippet));
     let points = points.unwrap_or(Points { sweep: USUAL_SWEEP, inputs: 1 });

@@ -5,15 +5,19 @@
 //! | file | idea |
 //! |---|---|
 //! | [`config`] | the sections and their ranges |
-//! | [`logs`], [`prepare`](mod@prepare), [`feed`], [`recolour`] | the logs of a folder; a snippet on the host; those to come; other colours |
+//! | [`logs`] | the logs of a folder and their snippets |
+//! | [`prepare`](mod@prepare), [`start`] | a snippet on the host; the velocities that its sweeps show |
+//! | [`feed`], [`recolour`] | the snippets of steps to come; other colours for them |
 //! | [`memory`] | prediction of the memory |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
 //! | [`trainer`] | a step, on one device or several |
 //! | [`train`](mod@train), [`observer`], [`saved`] | the run; what follows a step; checkpoints |
-//! | [`infer`](mod@infer), [`evaluate`], [`moving`], [`flow`], [`actor_recall`] | the network applied; held-out figures |
-//! | [`start`] | velocities that the sweeps show |
+//! | [`infer`](mod@infer) | the network applied |
+//! | [`evaluate`], [`moving`] | figures of held-out images; the pixels that move |
+//! | [`label_scores`], [`flow`], [`actor_recall`] | figures of the flow and the actors against labels |
 //! | [`sweep_flow`](mod@sweep_flow) | scene flow of sweeps alone |
-//! | [`reconstruct`](mod@reconstruct), [`summary`], [`actors_file`], [`world`] | a log to images, actors and Gaussians |
+//! | [`reconstruct`](mod@reconstruct), [`summary`] | a log to images, actors and Gaussians; the figures |
+//! | [`degrees`], [`actors_file`], [`world`] | degrees of velocities; the file of the actors; the axes of the world |
 //! | [`polish`](mod@polish) | the Gaussians of one snippet optimised after the network |
 
 pub mod actor_recall;
@@ -24,6 +28,7 @@ pub mod evaluate;
 pub mod feed;
 pub mod flow;
 pub mod infer;
+pub mod label_scores;
 pub mod logs;
 pub mod memory;
 pub mod moving;

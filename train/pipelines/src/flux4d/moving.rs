@@ -1,10 +1,9 @@
 //! Which pixels of an image move, by the truth of a synthetic log or by labelled LiDAR points.
 
 use anyhow::Result;
-use gs_driving::DrivingLog;
-use gs_driving::{TruthImage, truth_image};
+use gs_driving::{DrivingLog, TruthImage, truth_image};
 
-use super::prepare::{HostView, Posed, sweep};
+use super::prepare::{HostSnippet, HostView, Posed};
 
 /// Slowest motion that counts, metres in 0.1 s: the limit between static and dynamic of the flow labels.
 pub const MOVING: f32 = 0.05;
@@ -16,11 +15,11 @@ const AROUND: usize = 2;
 ///
 /// # Errors
 /// When a file of the truth or the sweep is broken.
-pub fn mask(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Result<Option<Vec<u8>>> {
+pub fn mask(log: &DrivingLog, host: &HostSnippet, view: &HostView) -> Result<Option<Vec<u8>>> {
     let (camera, frame) = (&log.cameras()[view.camera].name, &log.frames()[view.frame].name);
     let mask = match truth_image(log.path(), camera, frame)? {
         Some(truth) => of_truth(&truth, view),
-        None => of_points(log, view, from_world)?,
+        None => of_points(log, host, view)?,
     };
     Ok(mask.contains(&255).then_some(mask))
 }
@@ -28,7 +27,7 @@ pub fn mask(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Resu
 fn of_truth(truth: &TruthImage, view: &HostView) -> Vec<u8> {
     let (width, height) = (view.image.width, view.image.height);
     let moves = |pixel: usize| {
-        let place = in_truth(truth, (pixel, width, height));
+        let place = in_truth(truth, pixel, [width, height]);
         let squared: f32 = truth.flow.iter().map(|axis| axis[place] * axis[place]).sum();
         squared >= MOVING * MOVING
     };
@@ -36,15 +35,15 @@ fn of_truth(truth: &TruthImage, view: &HostView) -> Vec<u8> {
 }
 
 /// The pixel of the truth at a pixel of an image of `width` and `height`, which may have been downscaled.
-pub fn in_truth(truth: &TruthImage, (pixel, width, height): (usize, usize, usize)) -> usize {
+pub fn in_truth(truth: &TruthImage, pixel: usize, [width, height]: [usize; 2]) -> usize {
     let (x, y) = (pixel % width * truth.width / width, pixel / width * truth.height / height);
     y.min(truth.height - 1) * truth.width + x
 }
 
-fn of_points(log: &DrivingLog, view: &HostView, from_world: &glam::DMat4) -> Result<Vec<u8>> {
+fn of_points(log: &DrivingLog, host: &HostSnippet, view: &HostView) -> Result<Vec<u8>> {
     let (width, height) = (view.image.width, view.image.height);
     let mut mask = vec![0; width * height];
-    let sweep = sweep(log, view.frame, from_world)?;
+    let sweep = host.sweep(log, view.frame)?;
     let Some(labels) = &sweep.labels else { return Ok(mask) };
     let posed = Posed::new(log, view);
     for (point, flow) in sweep.points.iter().zip(&labels.flow) {

@@ -37,7 +37,7 @@ const VELOCITY: &str = "velocity";
 /// Rates fall exponentially to this share: the last steps settle what images of different times disagree on.
 const LAST_SHARE: f64 = 0.1;
 
-/// The outcome of a polish.
+/// The result of a polish.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Polished {
     /// Steps taken; fewer than asked for after Ctrl-C.
@@ -99,7 +99,8 @@ impl Parameters {
 /// steps.
 pub fn polish(
     inferred: &mut Inferred,
-    (host, log): (&HostSnippet, &DrivingLog),
+    host: &HostSnippet,
+    log: &DrivingLog,
     config: &FluxConfig,
     steps: usize,
     device: &Device,

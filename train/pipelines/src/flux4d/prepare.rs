@@ -48,7 +48,9 @@ pub struct HostView {
 pub struct HostSnippet {
     /// Log and first frame.
     pub name: String,
-    /// From its axes to the log's world: a turn about z and a shift, metres.
+    /// Its frames in the log.
+    pub frames: Snippet,
+    /// The map from its axes to the log's world: a turn about z and a shift, metres.
     pub to_world: DMat4,
     /// First and last time of the inputs, seconds.
     pub window: [f64; 2],
@@ -56,7 +58,7 @@ pub struct HostSnippet {
     pub interval: f64,
     /// The first Gaussians; far rows last.
     pub rows: LiftedRows,
-    /// Of each row that is not far, the place of its input frame in the snippet.
+    /// The place of the input frame of each row that is not far, in the snippet.
     pub row_frames: Vec<u16>,
     /// The motion that the sweeps themselves show of each row that is not far; empty where velocities start at zero.
     pub start: Vec<RowMotion>,
@@ -97,6 +99,19 @@ impl HostSnippet {
     pub fn in_window(&self, seconds: f64) -> f64 {
         (seconds - self.window[0]) / (self.window[1] - self.window[0])
     }
+
+    /// The middle of the window, seconds.
+    pub fn middle(&self) -> f64 {
+        0.5 * (self.window[0] + self.window[1])
+    }
+
+    /// A sweep of the log in the axes of the snippet; see [`sweep`].
+    ///
+    /// # Errors
+    /// When its file is missing or broken.
+    pub fn sweep(&self, log: &DrivingLog, frame: usize) -> Result<Sweep> {
+        sweep(log, frame, &inverse(self.to_world))
+    }
 }
 
 /// Reads and lifts a snippet.
@@ -111,37 +126,32 @@ pub fn prepare(
     seed: u64,
 ) -> Result<HostSnippet> {
     let to_world = to_world(log, snippet.inputs[snippet.inputs.len() / 2]);
-    let from_world = inverse(to_world);
-    let mut reader = Reader { log, from_world, blank: 0 };
+    let mut reader = Reader { log, from_world: inverse(to_world), blank: 0 };
+    let from_world = &reader.from_world;
     let sweeps: Vec<Sweep> =
-        snippet.inputs.par_iter().map(|frame| sweep(log, *frame, &from_world)).collect::<Result<_>>()?;
-    let mut inputs = Vec::new();
-    for (frame, sweep) in snippet.inputs.iter().zip(&sweeps) {
-        inputs.extend(reader.views(*frame, sweep)?);
-    }
+        snippet.inputs.par_iter().map(|frame| sweep(log, *frame, from_world)).collect::<Result<_>>()?;
+    let mut inputs = reader.frames(&snippet.inputs, &sweeps)?;
     if inputs.is_empty() {
         bail!("{}: snippet {name}: expected an input image that shows something, found none", log.path().display());
     }
     let window = window(log, snippet, &sweeps, &inputs)?;
-    let mut others = |frames: &[usize]| -> Result<Vec<HostView>> {
-        let mut views = Vec::new();
-        for frame in frames {
-            views.extend(reader.views(*frame, &sweep(log, *frame, &from_world)?)?);
-        }
-        Ok(views)
-    };
-    let (targets, future) = (others(&snippet.targets)?, others(&snippet.future)?);
-    let blank = reader.blank;
-    let Points { points, row_frames, start } = points(log, snippet, (&sweeps, &from_world), &inputs, window, config)?;
+    let (mut targets, mut future) = (reader.frames(&snippet.targets, &[])?, reader.frames(&snippet.future, &[])?);
+    let scan = Scan { log, frames: &snippet.inputs, sweeps: &sweeps, from_world: &reader.from_world, window };
     let posed = Posed::all(log, &inputs);
+    let Points { points, row_frames, start } = scan.points(&posed, config)?;
     let far_color = |point: [f32; 3]| color_at(posed.iter(), point);
     let input =
         LiftInput { points: &points.points, times: &points.times, colors: &points.colors, far_color: Some(&far_color) };
     let rows = lift_rows(&input, &lift_config(config, seed))
         .map_err(|error| anyhow!("{}: snippet {name}: {error}", log.path().display()))?;
-    let interval = interval(log, snippet);
-    let mut host = HostSnippet {
-        name: name.into(),
+    let [begin, end] = window;
+    let views = inputs.iter_mut().chain(&mut targets).chain(&mut future);
+    views.for_each(|view| view.time = (view.seconds - begin) / (end - begin));
+    let (name, frames, interval) = (name.to_string(), snippet.clone(), interval(log, snippet));
+    let blank = reader.blank;
+    Ok(HostSnippet {
+        name,
+        frames,
         to_world,
         window,
         interval,
@@ -152,14 +162,10 @@ pub fn prepare(
         targets,
         future,
         blank,
-    };
-    let [begin, end] = window;
-    let all = host.inputs.iter_mut().chain(&mut host.targets).chain(&mut host.future);
-    all.for_each(|view| view.time = (view.seconds - begin) / (end - begin));
-    Ok(host)
+    })
 }
 
-/// From the axes of a snippet with this middle input to the world of the log.
+/// The map from the axes of a snippet with this middle input to the world of the log.
 fn to_world(log: &DrivingLog, middle: usize) -> DMat4 {
     let centre = log.frames()[middle].ego.w_axis.truncate();
     let ahead = (0..log.cameras().len()).find_map(|camera| log.camera_pose(middle, camera)).map(|c2w| c2w.z_axis);
@@ -202,10 +208,23 @@ fn lift_config(config: &LiftSection, seed: u64) -> LiftConfig {
 struct Reader<'a> {
     log: &'a DrivingLog,
     from_world: DMat4,
+    /// Images so far that show nothing.
     blank: usize,
 }
 
 impl Reader<'_> {
+    /// The images of some frames; a sweep that is not among the `sweeps` is read.
+    fn frames(&mut self, frames: &[usize], sweeps: &[Sweep]) -> Result<Vec<HostView>> {
+        let mut views = Vec::new();
+        for (place, frame) in frames.iter().enumerate() {
+            views.extend(match sweeps.get(place) {
+                Some(sweep) => self.views(*frame, sweep)?,
+                None => self.views(*frame, &sweep(self.log, *frame, &self.from_world)?)?,
+            });
+        }
+        Ok(views)
+    }
+
     /// The images of a frame that show something.
     fn views(&mut self, frame: usize, sweep: &Sweep) -> Result<Vec<HostView>> {
         let cameras: Vec<usize> =
@@ -265,65 +284,93 @@ struct Points {
     points: TimedPoints,
     /// The place of each point's input frame.
     row_frames: Vec<u16>,
-    /// Of each point; empty where velocities start at zero.
+    /// The motion of each point; empty where velocities start at zero.
     start: Vec<RowMotion>,
 }
 
-/// The points of all input sweeps with their colours, thinned to the budget, and the input frame of each.
-fn points(
-    log: &DrivingLog,
-    snippet: &Snippet,
-    (sweeps, from_world): (&[Sweep], &DMat4),
-    inputs: &[HostView],
-    window: [f64; 2],
-    config: &LiftSection,
-) -> Result<Points> {
-    let posed = Posed::all(log, inputs);
-    let counts = |point: [f32; 3]| !config.in_view || posed.iter().any(|posed| posed.place(point).is_some());
-    let motion = match config.velocity {
-        VelocityChoice::Zero => None,
-        VelocityChoice::Aligned => Some(Motions::of(log, snippet, (sweeps, from_world), window)),
-    };
-    // Moving and resting points of a frame stay apart when they are merged.
-    let mut parts: Vec<(u16, Option<Vec<RowMotion>>, TimedPoints)> = Vec::new();
-    for (place, sweep) in sweeps.iter().enumerate() {
-        let own: Vec<&Posed> = posed.iter().filter(|posed| posed.view.frame == snippet.inputs[place]).collect();
-        let of = |kept: Vec<usize>| coloured(sweep, &kept, &own, window);
-        let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(|index| counts(sweep.points[*index])).collect();
-        let (moving, resting): (Vec<usize>, Vec<usize>) =
-            kept.into_iter().partition(|index| motion.as_ref().is_some_and(|motion| motion.moves(place, *index)));
-        parts.push((place as u16, None, of(resting)));
-        let of_point =
-            |index: &usize| motion.as_ref().map(|motion| motion.of_point(place, *index, sweep.points[*index]));
-        let motions = moving.iter().filter_map(of_point);
-        parts.push((place as u16, Some(motions.collect()), of(moving)));
-    }
-    let before: Vec<TimedPoints> = parts.iter().map(|(_, _, points)| points.clone()).collect();
-    let budget = if config.points == 0 { usize::MAX } else { config.points * cameras(inputs) };
-    let viewpoints: Vec<[f32; 3]> = match config.merge {
-        MergeChoice::Growing => inputs.iter().map(|view| view.c2w.w_axis.truncate().as_vec3().to_array()).collect(),
-        MergeChoice::Equal => Vec::new(),
-    };
-    let thinned = merge_to_budget(before, &MergeConfig { budget, times: 1, viewpoints: &viewpoints })?.parts;
-    let mut all = Points { points: TimedPoints::default(), row_frames: Vec::new(), start: Vec::new() };
-    for ((place, motions, before), after) in parts.into_iter().zip(thinned) {
-        all.row_frames.resize(all.row_frames.len() + after.points.len(), place);
-        if motion.is_some() {
-            match motions {
-                None => all.start.resize(all.start.len() + after.points.len(), RowMotion::default()),
-                Some(motions) => all.start.extend(motions_of(&before.points, &motions, &after.points)),
-            }
-        }
-        all.points.points.extend(after.points);
-        all.points.times.extend(after.times);
-        all.points.colors.extend(after.colors);
-    }
-    Ok(all)
+/// The resting or the moving points of one sweep, which stay apart when points are merged.
+struct SweepPart {
+    /// The place of the sweep's input frame.
+    frame: u16,
+    /// The moving points before they are merged, with their motions; `None` at rest.
+    moving: Option<(Vec<[f32; 3]>, Vec<RowMotion>)>,
 }
 
-/// Cameras of some views.
-fn cameras(views: &[HostView]) -> usize {
-    views.iter().map(|view| view.camera).collect::<BTreeSet<_>>().len()
+/// The input sweeps of a snippet in its axes.
+struct Scan<'a> {
+    log: &'a DrivingLog,
+    /// Their frames.
+    frames: &'a [usize],
+    sweeps: &'a [Sweep],
+    from_world: &'a DMat4,
+    /// First and last time of the inputs, seconds.
+    window: [f64; 2],
+}
+
+impl Scan<'_> {
+    /// The points of all sweeps with their colours in the inputs, thinned to the budget, and the input frame of each.
+    fn points(&self, inputs: &[Posed], config: &LiftSection) -> Result<Points> {
+        let motions = match config.velocity {
+            VelocityChoice::Zero => None,
+            VelocityChoice::Aligned => {
+                Some(Motions::of(self.log, self.frames, self.sweeps, self.from_world, self.window))
+            }
+        };
+        let (mut parts, mut points) = (Vec::new(), Vec::new());
+        for place in 0..self.sweeps.len() {
+            for (part, own) in self.parts(place, inputs, motions.as_ref(), config.in_view) {
+                parts.push(part);
+                points.push(own);
+            }
+        }
+        let views = || inputs.iter().map(|posed| posed.view);
+        let cameras = views().map(|view| view.camera).collect::<BTreeSet<_>>().len();
+        let budget = if config.points == 0 { usize::MAX } else { config.points * cameras };
+        let viewpoints: Vec<[f32; 3]> = match config.merge {
+            MergeChoice::Growing => views().map(|view| view.c2w.w_axis.truncate().as_vec3().to_array()).collect(),
+            MergeChoice::Equal => Vec::new(),
+        };
+        let thinned = merge_to_budget(points, &MergeConfig { budget, times: 1, viewpoints: &viewpoints })?.parts;
+        let mut all = Points { points: TimedPoints::default(), row_frames: Vec::new(), start: Vec::new() };
+        for (part, after) in parts.into_iter().zip(thinned) {
+            all.row_frames.resize(all.row_frames.len() + after.points.len(), part.frame);
+            match part.moving {
+                Some((before, motions)) => all.start.extend(motions_of(&before, &motions, &after.points)),
+                None if motions.is_some() => {
+                    all.start.resize(all.start.len() + after.points.len(), RowMotion::default());
+                }
+                None => {}
+            }
+            all.points.points.extend(after.points);
+            all.points.times.extend(after.times);
+            all.points.colors.extend(after.colors);
+        }
+        Ok(all)
+    }
+
+    /// The resting and the moving points of a sweep, of those that an input shows if only these are wanted.
+    fn parts(
+        &self,
+        place: usize,
+        inputs: &[Posed],
+        motions: Option<&Motions>,
+        in_view: bool,
+    ) -> Vec<(SweepPart, TimedPoints)> {
+        let (sweep, frame) = (&self.sweeps[place], place as u16);
+        let is_wanted =
+            |index: &usize| !in_view || inputs.iter().any(|posed| posed.place(sweep.points[*index]).is_some());
+        let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(is_wanted).collect();
+        let own: Vec<&Posed> = inputs.iter().filter(|posed| posed.view.frame == self.frames[place]).collect();
+        let Some(motions) = motions else {
+            return vec![(SweepPart { frame, moving: None }, coloured(sweep, &kept, &own, self.window))];
+        };
+        let (moving, resting): (Vec<usize>, Vec<usize>) =
+            kept.into_iter().partition(|index| motions.moves(place, *index));
+        let [resting, points] = [&resting, &moving].map(|kept| coloured(sweep, kept, &own, self.window));
+        let motions = moving.iter().map(|index| motions.of_point(place, *index, sweep.points[*index])).collect();
+        let moving = Some((points.points.clone(), motions));
+        vec![(SweepPart { frame, moving: None }, resting), (SweepPart { frame, moving }, points)]
+    }
 }
 
 /// Some points of a sweep with their times in the window and their colours in views of the same frame.
@@ -354,7 +401,8 @@ impl<'a> Posed<'a> {
         views.iter().map(|view| Self::new(log, view)).collect()
     }
 
-    /// Where a point (in the axes of the snippet) is in the image, pixels, and its depth, metres; `None` outside of it.
+    /// The place of a point (in the axes of the snippet) in the image, pixels, and its depth, metres; `None` outside of
+    /// it.
     pub fn place(&self, point: [f32; 3]) -> Option<(DVec2, f64)> {
         project(self.camera, &self.w2c, point)
     }

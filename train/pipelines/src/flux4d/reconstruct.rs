@@ -14,11 +14,10 @@ use gs_models::flux4d::FluxScene;
 use gs_models::flux4d::actors::{Actor, EditScript, apply_edits, clustered, described};
 use gs_models::flux4d::scene::REST_SPEED;
 
-use super::actor_recall::ActorScores;
 use super::actors_file::ActorList;
 use super::degrees::{Degrees, choose_degrees};
-use super::flow::{self, FlowScores};
 use super::infer::{Ready, infer};
+use super::label_scores::LabelScores;
 use super::logs::{MIN_FRAMES, open, snippets, times, warn};
 use super::memory::of_reconstruction;
 use super::polish::{Polished, polish};
@@ -45,17 +44,16 @@ const SCRIPT_MAX: u64 = 1 << 20;
 const PAST: usize = gs_driving::INTERPOLATION_FRAMES;
 
 /// A reconstruction under way.
-struct Work<'a> {
+struct Reconstructor<'a> {
     request: &'a Reconstruction<'a>,
     saved: &'a SavedNetwork,
-    /// Where files are until all are there.
+    /// The folder of the files until all are there.
     folder: PathBuf,
     ready: Ready,
     log: DrivingLog,
     script: Option<EditScript>,
     seconds: Seconds,
-    flow: FlowScores,
-    recall: ActorScores,
+    labels: LabelScores,
     psnr: Vec<f64>,
     polished: Vec<Polished>,
     degrees: Degrees,
@@ -83,7 +81,7 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
     progress::say(&format!("{}: {}; memory expected: {memory}", log.name(), counted(list.len(), "snippet")), false);
     let results = Results::begin(request.out, SUMMARY)?;
     let ready = Ready::new(&saved.network);
-    let mut work = Work {
+    let mut reconstructor = Reconstructor {
         request,
         saved,
         folder: results.folder(),
@@ -91,8 +89,7 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
         log,
         script,
         seconds: Seconds::default(),
-        flow: FlowScores::default(),
-        recall: ActorScores::default(),
+        labels: LabelScores::default(),
         psnr: Vec::new(),
         polished: Vec::new(),
         degrees: Degrees::default(),
@@ -103,13 +100,13 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
     };
     let mut done = 0;
     while done < list.len() && !interrupt::asked() {
-        work.snippet(&list, done)?;
+        reconstructor.snippet(&list, done)?;
         done += 1;
     }
     if done == 0 {
         bail!("interrupted before the first snippet");
     }
-    let summary = work.finish([done, list.len()])?;
+    let summary = reconstructor.finish([done, list.len()])?;
     results.finish()?;
     Ok(summary.lines(request.out))
 }
@@ -145,7 +142,7 @@ fn chosen(log: &DrivingLog, saved: &SavedNetwork, request: &Reconstruction) -> R
     Ok(vec![Snippet::new(request.start, config.frames.min(left))])
 }
 
-impl Work<'_> {
+impl Reconstructor<'_> {
     /// Snippet `number` of `all`.
     fn snippet(&mut self, all: &[Snippet], number: usize) -> Result<()> {
         let (begun, snippet) = (Instant::now(), &all[number]);
@@ -156,20 +153,16 @@ impl Work<'_> {
         let mut inferred = infer(&self.ready, &host, &self.log, config, self.request.device)?;
         self.seconds.maps += inferred.map_seconds;
         self.seconds.passes += inferred.pass_seconds;
-        let polished = polish(&mut inferred, (&host, &self.log), config, self.request.polish, self.request.device);
+        let polished = polish(&mut inferred, &host, &self.log, config, self.request.polish, self.request.device);
         self.seconds.polish += polished.map_or(0.0, |polished| polished.seconds);
         self.polished.extend(polished);
         let rest = self.request.rest_speed.unwrap_or(REST_SPEED);
         let mut scene = inferred.scene(&host, rest)?;
         let begun = Instant::now();
-        let actors = self.actors_of(&mut scene, (snippet, &host))?;
+        let actors = self.actors_of(&mut scene, &host)?;
         inferred.follow(&scene);
         self.seconds.actors += begun.elapsed().as_secs_f64();
-        let sweeps = flow::of_inputs(&self.log, &host, &inferred, &snippet.inputs)?;
-        for sweep in &sweeps {
-            self.flow.add(sweep)?;
-        }
-        self.recall.add(&scene, &actors, &sweeps);
+        self.labels.add(&self.log, &host, &inferred, &scene, &actors)?;
         let (edited, rows) = match &self.script {
             Some(script) => {
                 let edited = apply_edits(&scene, &actors, script)?;
@@ -180,7 +173,7 @@ impl Work<'_> {
         self.sizes[0] = self.sizes[0].max(edited.gaussians.len());
         self.sizes[1] = self.sizes[1].max(edited.moving());
         self.images(&edited, &host, |frame| owner(all, frame) == number)?;
-        self.novel_times(&edited, &host, (all, number))?;
+        self.novel_times(&edited, &host, all, number)?;
         let ply = self.folder.join(format!("{name}.ply"));
         self.plys(&edited, &host, &ply, &rows)?;
         let page = (self.request.page)(&edited, &snippet_page::presentation(&host, &self.log));
@@ -192,29 +185,27 @@ impl Work<'_> {
 
     /// The Gaussians in the middle of the window: all of them, and those of each actor.
     fn plys(&self, scene: &FluxScene, host: &HostSnippet, whole: &Path, actors: &[Vec<u32>]) -> Result<()> {
-        let middle = 0.5 * (host.window[0] + host.window[1]);
         let write = |path: &Path, gaussians: &Gaussians| {
             let (gaussians, origin) = in_world(gaussians, &host.to_world, self.log.origin());
             write_ply(path, &gaussians, origin)
         };
-        write(whole, &scene.at(middle))?;
+        write(whole, &scene.at(host.middle()))?;
         // An edit may have removed an actor.
         for (number, rows) in actors.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
             let path = self.folder.join("actors").join(format!("{}-{number:02}.ply", host.name));
-            write(&path, &scene.moving_at(middle, rows))?;
+            write(&path, &scene.moving_at(host.middle(), rows))?;
         }
         Ok(())
     }
 
     /// The actors, each with a velocity of the lowest degree that held-out sweeps bear out.
-    fn actors_of(&mut self, scene: &mut FluxScene, (snippet, host): (&Snippet, &HostSnippet)) -> Result<Vec<Actor>> {
+    fn actors_of(&mut self, scene: &mut FluxScene, host: &HostSnippet) -> Result<Vec<Actor>> {
         let [begin, end] = host.window;
-        let middle = 0.5 * (begin + end);
         let times: Vec<f64> = (0..=10).map(|i| begin + 0.1 * f64::from(i) * (end - begin)).collect();
-        let rows = clustered(scene, middle, &self.saved.config.own.actors.config())?;
-        let (degrees, told) = choose_degrees(scene, &rows, (&self.log, snippet, host))?;
+        let rows = clustered(scene, host.middle(), &self.saved.config.own.actors.config())?;
+        let (degrees, told) = choose_degrees(scene, &rows, &self.log, host)?;
         self.degrees.add(&told);
-        let mut actors = described(scene, rows, middle, &times);
+        let mut actors = described(scene, rows, host.middle(), &times);
         actors.iter_mut().zip(degrees).for_each(|(actor, degree)| actor.degree = degree);
         Ok(actors)
     }
@@ -238,7 +229,7 @@ impl Work<'_> {
 
     /// The times asked for that snippet `number` of `all` shows, between and beyond the frames, from the camera of the
     /// nearest input.
-    fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet, (all, number): (&[Snippet], usize)) -> Result<()> {
+    fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet, all: &[Snippet], number: usize) -> Result<()> {
         let frames = times(&self.log);
         if self.begin.is_none() {
             self.warn_outside(host.window[0], &frames, all);
@@ -307,8 +298,8 @@ impl Work<'_> {
             seconds: self.seconds,
             polish: of_all(&self.polished),
             degrees: self.degrees,
-            flow: [self.flow.figures(), self.recall.figures()].concat(),
-            tables: self.flow.table().into_iter().collect(),
+            flow: self.labels.figures(),
+            tables: self.labels.table().into_iter().collect(),
         };
         let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
         write_atomic(&self.folder.join(SUMMARY), text.as_bytes())?;

@@ -22,7 +22,7 @@ pub struct Sample {
     pub lifted: Lifted,
     /// Voxels of the rows that the convolutions correct, built once for all passes: those that are not far, or all.
     pub pyramid: VoxelPyramid,
-    /// The part that no network changes.
+    /// The part of the snippet that no network changes.
     pub frame: SnippetFrame,
     /// The velocities that the sweeps show; `None` where they start at zero.
     pub start: Option<Start>,
@@ -113,7 +113,7 @@ pub fn target(log: &DrivingLog, view: &HostView, device: &Device) -> TargetView 
 
 /// The losses of a step: the input views are fed back, the targets are held out.
 pub struct Supervision<'a> {
-    /// The part that no network changes.
+    /// The part of the snippet that no network changes.
     pub frame: &'a SnippetFrame,
     /// Input views, at least one.
     pub inputs: Vec<TargetView>,

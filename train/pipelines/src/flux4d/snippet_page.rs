@@ -15,15 +15,15 @@ const CAMERAS_MAX: usize = 16;
 
 /// A snippet with the frames between its inputs, then the inputs.
 pub fn presentation(host: &HostSnippet, log: &DrivingLog) -> Presentation {
-    let of = |views: &[HostView], split: &str| -> Vec<Camera> {
+    let some_cameras = |views: &[HostView], split: &str| -> Vec<Camera> {
         let every = views.len().div_ceil(CAMERAS_MAX / 2).max(1);
         views.iter().step_by(every).map(|view| camera(view, split, log)).collect()
     };
     Presentation {
         name: host.name.clone(),
         options: RenderOptions { sh_degree: 0, ..RenderOptions::default() },
-        middle: 0.5 * (host.window[0] + host.window[1]),
-        cameras: [of(&host.targets, "held out"), of(&host.inputs, "inputs")].concat(),
+        middle: host.middle(),
+        cameras: [some_cameras(&host.targets, "held out"), some_cameras(&host.inputs, "inputs")].concat(),
         distance: Some(DISTANCE),
         shutter: None,
         world: glam::DMat4::from_translation(log.origin()) * host.to_world,

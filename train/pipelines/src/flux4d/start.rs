@@ -1,7 +1,7 @@
 //! The velocities that rows start with: what the sweeps of a snippet themselves show (`lift.velocity = "aligned"`).
 
 use glam::DMat4;
-use gs_driving::{DrivingLog, Snippet, Sweep};
+use gs_driving::{DrivingLog, Sweep};
 use gs_models::flux4d::PolynomialMotion;
 use gs_models::flux4d::alignment::{Aligned, AlignedSweep, align};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -35,7 +35,7 @@ impl RowMotion {
     }
 }
 
-/// The motions that the sweeps of some frames show, in the axes that `from_world` leads to.
+/// The motion that the sweeps of some frames show, in the axes that `from_world` leads to.
 pub fn aligned<'a>(
     log: &DrivingLog,
     sweeps: impl IntoIterator<Item = (usize, &'a Sweep)>,
@@ -57,15 +57,16 @@ pub struct Motions {
 }
 
 impl Motions {
-    /// Of the input sweeps, in the axes of the snippet. What no image shows helps to find what one shows.
+    /// The motions of the input sweeps, in the axes of the snippet. Points that no image shows help to find the others.
     pub fn of(
         log: &DrivingLog,
-        snippet: &Snippet,
-        (sweeps, from_world): (&[Sweep], &DMat4),
+        frames: &[usize],
+        sweeps: &[Sweep],
+        from_world: &DMat4,
         [begin, end]: [f64; 2],
     ) -> Self {
         let _stage = gs_burn::profile::stage("alignment");
-        let aligned = aligned(log, snippet.inputs.iter().copied().zip(sweeps), from_world);
+        let aligned = aligned(log, frames.iter().copied().zip(sweeps), from_world);
         Self { aligned, window: end - begin }
     }
 

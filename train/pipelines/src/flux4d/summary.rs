@@ -47,7 +47,7 @@ pub struct Summary {
     pub images: usize,
     /// Mean PSNR of the frames between the inputs, dB; none with edits or a moved sensor.
     pub psnr_targets: Option<f64>,
-    /// Of each stage.
+    /// Seconds of each stage.
     pub seconds: Seconds,
     /// The polish: sums of steps and seconds, means of losses and PSNR over the snippets.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -75,7 +75,8 @@ impl Summary {
                 counted(self.actors, "actor")
             ),
             format!(
-                "seconds: read and lift {read_and_lift:.2}, maps {maps:.2}, passes {passes:.2}, actors {actors:.2}, render {render:.2}"
+                "seconds: read and lift {read_and_lift:.2}, maps {maps:.2}, passes {passes:.2}, actors {actors:.2}, \
+                 render {render:.2}"
             ),
         ];
         lines.extend(self.degrees.line());

@@ -26,7 +26,7 @@ const SUMMARY: &str = "flow.json";
 /// Points of a sweep that a fit looks at; the flow is then evaluated on all. As many as the field's fits of pairs take.
 pub const FIT_POINTS: usize = 8192;
 
-/// A request for scene flow.
+/// A request for the flow of a log.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepFlow<'a> {
     /// The log.
@@ -37,7 +37,7 @@ pub struct SweepFlow<'a> {
     pub window: usize,
     /// Iterations of a fit of every pair of sweeps, instead of the search for bodies.
     pub fit: Option<usize>,
-    /// Of the fit.
+    /// Device of the fit.
     pub device: &'a Device,
 }
 

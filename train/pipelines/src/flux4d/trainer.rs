@@ -32,7 +32,7 @@ use gs_train::sentence::one_sentence;
 /// Adam's epsilon, Burn's and PyTorch's default: gradients of a network are not as tiny as those of single Gaussians.
 const ADAM_EPS: f64 = 1e-8;
 
-/// The report of a step for its observers.
+/// The report of a step to its observers.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StepReport {
     /// Mean loss after the last pass over the snippets used; not finite where none was.

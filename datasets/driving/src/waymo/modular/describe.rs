@@ -78,7 +78,7 @@ fn optional(
     }
 }
 
-/// What a function reads of all rows of a table, with their keys.
+/// The values that a function reads of all rows of a table, with their keys.
 fn rows<T>(
     table: &Table,
     keys: &Keys,

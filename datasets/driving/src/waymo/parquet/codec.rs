@@ -58,7 +58,8 @@ mod tests {
 
     use super::*;
 
-    /// A Brotli stream without compression (RFC 7932, section 9.2): a window of 16 bits, one stored block, and an empty last one.
+    /// A Brotli stream without compression (RFC 7932, section 9.2): a window of 16 bits, one stored block, and an empty
+    /// last one.
     fn stored(content: &[u8]) -> Vec<u8> {
         // 0: the window; 0: not the last block; 00: four digits of the length; 16 bits of length - 1; 1: stored.
         let head = (content.len() as u32 - 1) << 4 | 1 << 20;

@@ -8,10 +8,12 @@ use parquet::errors::{ParquetError, Result};
 use super::codec::unpack;
 use super::thrift::{Event, Walk};
 
-/// Longest content of a page, bytes. A writer that counts values rather than bytes puts all images of 51 frames into one: some 100 MB.
+/// Longest content of a page, bytes. A writer that counts values rather than bytes puts all images of 51 frames into
+/// one: some 100 MB.
 const CONTENT_MAX: usize = 512 << 20;
 
-/// Most values in a page: constant range images of 51 frames with 64 x 2650 pixels and four channels are one page of 35 million.
+/// Most values in a page: constant range images of 51 frames with 64 x 2650 pixels and four channels are one page of 35
+/// million.
 const VALUES_MAX: i64 = 1 << 26;
 
 /// The pages of a chunk.

@@ -180,7 +180,8 @@ impl Table {
     }
 }
 
-/// Values of rows, and the end of each row among them. `levels`: whether the column has definition and repetition levels.
+/// Values of rows, and the end of each row among them. `levels`: whether the column has definition and repetition
+/// levels.
 fn collect<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     rows: impl Iterator<Item = usize>,
@@ -252,7 +253,8 @@ impl Cells {
     }
 }
 
-/// Whether a footer can be given to the decoder, which takes memory for as many columns as the footer speaks of, and descends into them.
+/// Whether a footer can be given to the decoder, which takes memory for as many columns as the footer speaks of, and
+/// descends into them.
 fn sound(footer: &[u8]) -> Result<(), String> {
     /// Fields of the format: the list of columns, and the children of one.
     const COLUMNS: [i16; 1] = [2];

@@ -1,10 +1,10 @@
-//! A walk over Thrift's compact protocol, which the footers and page headers of Parquet are written in. It comes before any other parser
-//! looks at them: every size is held against the bytes that follow, and nesting is bounded.
+//! A walk over Thrift's compact protocol, which the footers and page headers of Parquet are written in. It comes before
+//! any other parser looks at them: every size is held against the bytes that follow, and nesting is bounded.
 
 /// Deepest nesting of structures and lists. The footer of a plain file has seven levels.
 const DEPTH_MAX: usize = 16;
 
-/// What is found on a walk.
+/// A thing found on a walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Event {
     /// A structure in a list begins.
@@ -28,8 +28,8 @@ impl<'a> Walk<'a> {
         Self { bytes, at: 0 }
     }
 
-    /// Walks over one structure, and gives its integers and the begin of structures in lists. The length of the structure, bytes; `None`
-    /// where it is broken.
+    /// Walks over one structure, and gives its integers and the begin of structures in lists. The length of the
+    /// structure, bytes; `None` where it is broken.
     pub fn structure(mut self, seen: &mut dyn FnMut(&[i16], Event)) -> Option<usize> {
         self.fields(&mut Vec::new(), 0, seen)?;
         Some(self.at)
@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn a_structure_by_hand() {
-        // Field 1: i32 -3. Field 5: a structure with field 1: i32 7. Field 6: a list of two structures, the first with field 5: i32 2.
+        // Field 1: i32 -3. Field 5: a structure with field 1: i32 7. Field 6: a list of two structures, the first with
+        // field 5: i32 2.
         let bytes = [0x15, 5, 0x4c, 0x15, 14, 0, 0x19, 0x2c, 0x55, 4, 0, 0, 0, 99];
         let mut found = Vec::new();
         let length = Walk::new(&bytes).structure(&mut |path, event| found.push((path.to_vec(), event)));

@@ -23,7 +23,7 @@ const TAIL: u64 = 4;
 /// Longest name of a segment, bytes.
 const NAME_MAX: usize = 256;
 
-/// What a frame says of the segment. Every frame has it; that of the first counts.
+/// The description of the segment. Every frame has it; the one of the first counts.
 #[derive(Default)]
 struct Context {
     name: String,
@@ -32,7 +32,8 @@ struct Context {
 }
 
 impl Records {
-    /// Describes a file: images and range images are passed over. Contents are checked against their checksums when they are read.
+    /// Describes a file: images and range images are passed over. Contents are checked against their checksums when
+    /// they are read.
     pub fn open(path: &Path) -> Result<(Parts, Self), DatasetError> {
         let mut file = guarded::open_regular(path, FILE_MAX)?;
         let records = list(path, &mut file)?;

@@ -1,4 +1,5 @@
-//! Fields of a message of Protocol Buffers. A message in a message is walked by who knows its number, so that the depth is that of the code.
+//! Fields of a message of Protocol Buffers. A message in a message is walked by who knows its number, so that the depth
+//! is that of the code.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -37,7 +38,7 @@ pub(crate) struct Piece<'a> {
     file: RefCell<&'a File>,
     start: u64,
     length: usize,
-    /// What was read last, and where it begins in the piece.
+    /// The bytes read last, and where they begin in the piece.
     window: RefCell<(usize, Vec<u8>)>,
 }
 

@@ -215,7 +215,8 @@ fn matrices_with_mistakes() {
     assert!(laser(&record::matrix([2, 40, 4], &[1.0; 320])).is_empty(), "evenly spaced rows may be any number");
 }
 
-/// A small stream whose content would fill the memory is given up at the limit. Those of pages are tested beside the codecs.
+/// A small stream whose content would fill the memory is given up at the limit. Those of pages are tested beside the
+/// codecs.
 #[test]
 fn a_matrix_that_swells() {
     // 65 MiB of zeros in 65 KB.

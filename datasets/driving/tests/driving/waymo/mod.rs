@@ -15,8 +15,9 @@ use parquet::file::properties::WriterVersion;
 use modular::{NAME, PLAIN, Style, stamp};
 use scene::*;
 
-/// Most that a point may be off, metres: f32 keeps poses of pixels at 4096 to 8192 m to half of 2^-11 m along each axis (0.42 mm along the
-/// diagonal), their angles to 2^-25 rad each and ranges to 2^-24 of 60 m (0.01 mm in all), and centred points below 128 m to 2^-18 m.
+/// Most that a point may be off, metres: f32 keeps poses of pixels at 4096 to 8192 m to half of 2^-11 m along each axis
+/// (0.42 mm along the diagonal), their angles to 2^-25 rad each and ranges to 2^-24 of 60 m (0.01 mm in all), and
+/// centred points below 128 m to 2^-18 m.
 const TOP_BOUND: f64 = 4.5e-4;
 
 /// The same without poses of pixels, which the other lasers do not have.
@@ -122,7 +123,8 @@ fn the_source_of_the_fixture() {
     assert_scene(&open(&folder));
 }
 
-/// The frame of a segment whose row and column are known by hand: the first column looks back, and columns turn clockwise.
+/// The frame of a segment whose row and column are known by hand: the first column looks back, and columns turn
+/// clockwise.
 #[test]
 fn the_first_column_looks_back_and_to_the_left() {
     let laser = Laser { number: 1, place: glam::DMat4::IDENTITY, angles: Err((0.0, 0.0)), rows: 1, columns: 4 };
@@ -182,7 +184,8 @@ fn cameras_project_to_known_pixels() {
     }
 }
 
-/// The photo is painted through the lens; what is read must be the ideal image at the described intrinsics, at every pixel.
+/// The photo is painted through the lens; what is read must be the ideal image at the described intrinsics, at every
+/// pixel.
 #[test]
 fn distortion_is_removed() {
     for (_folder, path) in segments() {
@@ -201,7 +204,8 @@ fn distortion_is_removed() {
                 let expected = paint((u - k.cx) / k.fx, (v - k.cy) / k.fy);
                 found.iter().zip(expected).for_each(|(f, e)| worst = worst.max((f64::from(*f) - e).abs()));
             }
-            // Two roundings, of the photo and of the result; the paint is bent by the lens by less than 0.1 within a pixel.
+            // Two roundings, of the photo and of the result; the paint is bent by the lens by less than 0.1 within a
+            // pixel.
             assert!(worst < 1.2, "camera {index}: {worst} of 255");
         }
     }
@@ -231,8 +235,8 @@ fn points_have_the_colour_of_their_direction() {
     assert!(seen > 100, "{seen} points in an image");
 }
 
-/// Written by pyarrow (`fixtures/waymo.py`) from the files of this scene: Brotli, dictionaries, short pages, several groups, rows and columns
-/// in another order, transforms in single precision, names in place of numbers.
+/// Written by pyarrow (`fixtures/waymo.py`) from the files of this scene: Brotli, dictionaries, short pages, several
+/// groups, rows and columns in another order, transforms in single precision, names in place of numbers.
 #[test]
 fn files_of_another_writer() {
     let log = open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/waymo"));

@@ -1,4 +1,5 @@
-//! A known world: a plane, a box that moves from frame to frame, and a vehicle that drives and turns while its lasers do.
+//! A known world: a plane, a box that moves from frame to frame, and a vehicle that drives and turns while its lasers
+//! do.
 
 use std::f64::consts::PI;
 
@@ -72,7 +73,8 @@ pub fn lasers() -> [Laser; 2] {
 }
 
 impl Laser {
-    /// The direction of a pixel in the axes of the laser: rows from the top down, columns clockwise from behind the vehicle's axis.
+    /// The direction of a pixel in the axes of the laser: rows from the top down, columns clockwise from behind the
+    /// vehicle's axis.
     pub fn direction(&self, row: usize, column: usize) -> DVec3 {
         let from_below = self.rows - 1 - row;
         let angle = match &self.angles {
@@ -84,7 +86,8 @@ impl Laser {
         DVec3::new(azimuth.cos() * angle.cos(), azimuth.sin() * angle.cos(), angle.sin())
     }
 
-    /// The share of a turn at which a column is measured. The data set has moved the points of all but the first laser to the middle.
+    /// The share of a turn at which a column is measured. The data set has moved the points of all but the first laser
+    /// to the middle.
     pub fn part(&self, column: usize) -> f64 {
         if self.number == 1 { (column as f64 + 0.5) / self.columns as f64 } else { 0.5 }
     }
@@ -207,7 +210,8 @@ pub fn rows(pose: &DMat4) -> Vec<f64> {
     pose.transpose().to_cols_array().to_vec()
 }
 
-/// The range image of a laser: range, intensity (the row), elongation, and whether the pixel is in a zone without labels (column 0).
+/// The range image of a laser: range, intensity (the row), elongation, and whether the pixel is in a zone without
+/// labels (column 0).
 pub fn range_image(laser: &Laser, frame: usize) -> Vec<f32> {
     let mut image = vec![-1.0; 4 * laser.rows * laser.columns];
     for hit in hits(laser, frame) {

@@ -101,7 +101,7 @@ fn along(
     change: impl Fn(f64, &mut FluxConfig),
 ) -> Result<Vec<(f64, Outcome)>> {
     let saved = network(lab)?;
-    let at = |value: &f64| {
+    let apply = |value: &f64| {
         let mut config = saved.config.clone();
         change(*value, &mut config);
         let fresh = || FluxNetwork::new(&config, &lab.device);
@@ -121,7 +121,7 @@ fn along(
         }
         Ok((*value, Outcome::mean(&all)))
     };
-    values.iter().map(at).collect()
+    values.iter().map(apply).collect()
 }
 
 /// Trains from nothing.
@@ -154,11 +154,12 @@ fn at(outcomes: &[(f64, Outcome)], value: f64) -> Option<Outcome> {
 
 fn beams(lab: &Lab, found: &mut Findings) -> Result<()> {
     let counts: &[f64] = lab.either(&[4.0, 8.0, 16.0, 32.0, 64.0, 128.0], &[4.0, 32.0, 64.0]);
-    let of_beams = |beams, street| StreetOptions { beams: beams as usize, ..street };
-    let outcomes = along(lab, counts, (Net::Shipped, 1), of_beams, |_, _| ())?;
-    let of_width = |width, street| StreetOptions { width: width as usize, height: width as usize * 9 / 16, ..street };
+    let with_beams = |beams, street| StreetOptions { beams: beams as usize, ..street };
+    let outcomes = along(lab, counts, (Net::Shipped, 1), with_beams, |_, _| ())?;
+    let with_width = |width, street| StreetOptions { width: width as usize, height: width as usize * 9 / 16, ..street };
     let widths: &[f64] = lab.either(&[160.0, 320.0, 480.0], &[320.0]);
-    for (width, outcome) in along(lab, widths, (Net::Shipped, 1), of_width, |_, config| config.own.logs.max_width = 0)?
+    for (width, outcome) in
+        along(lab, widths, (Net::Shipped, 1), with_width, |_, config| config.own.logs.max_width = 0)?
     {
         let height = width * 9.0 / 16.0;
         let Outcome { psnr, moving, .. } = outcome;
@@ -181,10 +182,10 @@ fn calibration(lab: &Lab, found: &mut Findings) -> Result<()> {
     let noise: &[f64] = lab.either(&[0.0, 0.02, 0.05, 0.1, 0.3], &[0.0, 0.1]);
     // Delay of the images, seconds; 0.1 s is a frame.
     let delays: &[f64] = lab.either(&[-0.1, -0.03, 0.0, 0.03, 0.1], &[-0.1, 0.03]);
-    let of_noise = |pose_noise, street| StreetOptions { pose_noise, ..street };
-    let noisy = along(lab, noise, (Net::Shipped, 1), of_noise, |_, _| ())?;
-    let of_delay = |camera_delay, street| StreetOptions { camera_delay, ..street };
-    let late = along(lab, delays, (Net::Shipped, 1), of_delay, |_, _| ())?;
+    let with_noise = |pose_noise, street| StreetOptions { pose_noise, ..street };
+    let noisy = along(lab, noise, (Net::Shipped, 1), with_noise, |_, _| ())?;
+    let with_delay = |camera_delay, street| StreetOptions { camera_delay, ..street };
+    let late = along(lab, delays, (Net::Shipped, 1), with_delay, |_, _| ())?;
     let exact = noisy[0].1;
     if !lab.quick {
         let slightly = at(&noisy, 0.05).map(|outcome| exact.psnr - outcome.psnr);

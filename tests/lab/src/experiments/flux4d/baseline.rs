@@ -100,7 +100,7 @@ fn compare<'a>(
     let mut pairs = Vec::new();
     let from_world = inverse(host.to_world);
     for (place, pair) in snippet.inputs.windows(2).enumerate() {
-        let Some(flow) = of_sweep(&log, &host, &inferred, (place, pair[0]))? else { continue };
+        let Some(flow) = of_sweep(&log, &host, &inferred, place)? else { continue };
         ours.scores.add(&flow)?;
         let seconds = log.frames()[pair[1]].time - log.frames()[pair[0]].time;
         pairs.push((flow, sweep(&log, pair[1], &from_world)?.points, seconds));

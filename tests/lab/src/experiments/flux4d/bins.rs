@@ -45,7 +45,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         let (width, height) = (view.image.width, view.image.height);
         for (bin, sums) in sums.iter_mut().enumerate() {
             let mask: Vec<f32> =
-                (0..width * height).map(|pixel| f32::from(bin_of(&known, (pixel, width, height)) == bin)).collect();
+                (0..width * height).map(|pixel| f32::from(bin_of(&known, pixel, [width, height]) == bin)).collect();
             let pixels = mask.iter().sum::<f32>();
             if pixels > 0.0 {
                 let mask = Tensor::from_data(TensorData::new(mask, [height, width, 1]), device);
@@ -71,8 +71,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 }
 
 /// The bin of a pixel of an image of a width and height.
-fn bin_of(truth: &TruthImage, pixel: (usize, usize, usize)) -> usize {
-    match truth.depth[in_truth(truth, pixel)] {
+fn bin_of(truth: &TruthImage, pixel: usize, size: [usize; 2]) -> usize {
+    match truth.depth[in_truth(truth, pixel, size)] {
         0.0 => ENDS.len(),
         depth => ENDS.iter().position(|end| depth <= *end).unwrap_or(ENDS.len() - 1),
     }

@@ -1,4 +1,4 @@
-//! What do more points cost, stage by stage, and what do they bring? The budget of points is a key (`lift.points`).
+//! The cost of more points, stage by stage, and their gain. The budget of points is a key (`lift.points`).
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! What happens to black images, missing sweeps and nearly empty ones?
+//! Black images, missing sweeps and nearly empty ones.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use gs_worlds::driving::StreetOptions;
 
 use super::along::REST;
 use super::trial::{Outcome, applied, network, street};
+use crate::experiments::lab::whole as whole_folder;
 use crate::experiments::{Experiment, Findings, Lab};
 
 /// The experiment; see the module.
@@ -65,16 +66,10 @@ fn spoiled(whole: &Path, name: &str, spoil: impl FnOnce(&Path) -> Result<()>) ->
     let mut target = whole.as_os_str().to_owned();
     target.push(format!("-{name}"));
     let target = PathBuf::from(target);
-    if target.is_dir() {
-        return Ok(target);
-    }
-    let part = target.with_extension("part");
-    if part.is_dir() {
-        fs::remove_dir_all(&part)?;
-    }
-    copy(whole, &part)?;
-    spoil(&part)?;
-    fs::rename(&part, &target)?;
+    whole_folder(&target, |part| {
+        copy(whole, part)?;
+        spoil(part)
+    })?;
     Ok(target)
 }
 

@@ -1,4 +1,4 @@
-//! What becomes of a car that a bus hides for half of a snippet?
+//! A car that a bus hides for half of a snippet.
 
 use anyhow::Result;
 use gs_driving::Snippet;
@@ -25,7 +25,7 @@ pub const EXPERIMENT: Experiment = Experiment::untrained(
 const STREETS: u64 = 5;
 const STREETS_QUICK: u64 = 1;
 
-/// What the bus may add to the EPE3D of the car, metres in 0.1 s: a tenth of the car's motion of 0.9 m.
+/// The most that the bus may add to the EPE3D of the car, metres in 0.1 s: a tenth of the car's motion of 0.9 m.
 const BOUND: f64 = 0.09;
 
 /// The flow of the car in a snippet.
@@ -52,8 +52,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         for (index, base) in streets(lab.either(STREETS, STREETS_QUICK)).enumerate() {
             let options = StreetOptions { movers: 0, encounter, ..base };
             let car = car(lab, &saved, &options)?;
-            let of = shown(car.epe());
-            found.note(format!("Street {index}, {name}: {} points in {} sweeps, EPE {of}.", car.points, car.sweeps));
+            let epe = shown(car.epe());
+            found.note(format!("Street {index}, {name}: {} points in {} sweeps, EPE {epe}.", car.points, car.sweeps));
             all.error += car.error;
             all.points += car.points;
         }
@@ -79,7 +79,7 @@ fn car(lab: &Lab, saved: &SavedNetwork, options: &StreetOptions) -> Result<Car> 
     let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
     let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
     let inferred = infer(&Ready::new(&saved.network), &host, &log, config, &lab.device)?;
-    let sweeps = of_inputs(&log, &host, &inferred, &snippet.inputs)?;
+    let sweeps = of_inputs(&log, &host, &inferred)?;
     let last = sweeps.iter().flat_map(|sweep| &sweep.tracks).max().cloned();
     Ok(sweeps.iter().fold(Car::default(), |car, sweep| added(car, sweep, last.as_deref())))
 }

@@ -1,4 +1,4 @@
-//! What happens where the future has a stop, a bounce or another speed? Nothing in the photos tells of it, so no smooth
+//! A future with a stop, a bounce or another speed. Nothing in the photos tells of it, so no smooth
 //! motion can foresee it; the error that remains is shown.
 
 use anyhow::Result;

@@ -1,4 +1,4 @@
-//! What is left at four times the time that was seen? A rollout that runs away shows as Gaussians far outside of the
+//! Predictions at four times the time that was seen. A rollout that runs away shows as Gaussians far outside of the
 //! scene.
 
 use anyhow::Result;
@@ -36,7 +36,7 @@ const FRAMES: usize = 60;
 /// Every so many frames of the future are measured.
 const EVERY: usize = 3;
 
-/// What moves the Gaussians.
+/// Ways to move the Gaussians.
 const MODES: [(&str, &str); 2] = [("bodies", "bodies.mode=both"), ("field alone", "bodies.mode=field")];
 
 /// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the
@@ -50,7 +50,7 @@ const STRAYS: f64 = 0.01;
 /// Least mean gain over a scene that stops, dB: a motion that is predicted worse than none should not be predicted.
 const GAIN_BOUND: f64 = 0.0;
 
-/// Most that bodies may lose against the field alone in moving parts, dB: what is asked of seeds.
+/// Most that bodies may lose against the field alone in moving parts, dB: the bound on the spread of seeds.
 const BODIES_BOUND: f64 = -0.3;
 
 /// The scene's box at the first frame.

@@ -88,13 +88,13 @@ fn run(_: &Lab, found: &mut Findings) -> Result<()> {
 
 /// The largest error of a position at time 1 by step.
 fn errors(field: &Linear, integrator: Integrator, device: &Device) -> Vec<(f64, f64)> {
-    let at = |count: f64| {
+    let error = |count: f64| {
         let end = &field.rolled(integrator, count.recip(), 1.0, false, device)[1];
         let truth = starts().map(|first| field.position(first, 1.0));
         let off = positions(end).into_iter().zip(truth).map(|(found, truth)| found.distance(truth));
         (count.recip(), off.fold(0.0, f64::max))
     };
-    STEPS_PER_UNIT.map(at).to_vec()
+    STEPS_PER_UNIT.map(error).to_vec()
 }
 
 /// Relative growth of a radius over `horizon` by the midpoint rule.

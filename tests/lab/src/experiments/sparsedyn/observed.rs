@@ -29,7 +29,7 @@ const FRAMES: usize = 20;
 /// Seeds over which is averaged: single runs differ by the law that they find.
 const SEEDS: [u64; 3] = [42, 43, 44];
 
-/// Most that may be lost in moving parts by seeing more, dB: twice the 0.6 dB that are asked of seeds.
+/// Most that may be lost in moving parts by seeing more, dB: twice the 0.6 dB that seeds may spread by.
 const LOSS_BOUND: f64 = 1.2;
 
 /// Least PSNR in moving parts over that of a run that saw up to 0.5 only, dB.

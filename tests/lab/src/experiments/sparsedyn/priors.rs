@@ -1,4 +1,4 @@
-//! What do wrong depth priors cost? The first frame begins at the pixels of the priors in space, so their errors are
+//! The cost of wrong depth priors. The first frame begins at the pixels of the priors in space, so their errors are
 //! errors of the scene.
 
 use anyhow::Result;
@@ -44,7 +44,7 @@ const LEVELS: [f64; 2] = [0.33, 1.0];
 /// farther away.
 const DOUBLED: Wrong = Wrong { apart: 0.1, ..Wrong::NONE };
 
-/// Largest cost of an error, of those with levels at the lower one, dB over the image: what is asked of seeds.
+/// Largest cost of an error, of those with levels at the lower one, dB over the image: the bound on the spread of seeds.
 const BOUND: f64 = 0.3;
 
 /// Errors of priors.
@@ -111,8 +111,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 fn psnr(lab: &Lab, film: &Film, wrong: Option<Wrong>) -> Result<[f64; 2]> {
     let trial = Trial::new(lab, with_priors(film.until(SEEN), wrong), steps(lab), &[])?;
     let session = trial.trained(lab)?;
-    let of = |from: f64, to: f64| means(&scores(lab, &session, &film.future(from, to)))[0];
-    Ok([of(-1.0, FIRST), of(SEEN, 1.0)])
+    let psnr = |from: f64, to: f64| means(&scores(lab, &session, &film.future(from, to)))[0];
+    Ok([psnr(-1.0, FIRST), psnr(SEEN, 1.0)])
 }
 
 /// The scene with wrong priors; without any for `None`.

@@ -185,8 +185,8 @@ pub fn over_time(scores: &[Score], value: impl Fn(&Score) -> f64) -> Vec<(f64, f
     let mut times: Vec<f64> = scores.iter().map(|score| score.time).collect();
     times.sort_by(f64::total_cmp);
     times.dedup_by(|a, b| (*a - *b).abs() < SAME_TIME);
-    let at = |time: f64| mean(scores.iter().filter(|score| (score.time - time).abs() < SAME_TIME).map(&value));
-    times.into_iter().map(|time| (time, at(time))).collect()
+    let mean_at = |time: f64| mean(scores.iter().filter(|score| (score.time - time).abs() < SAME_TIME).map(&value));
+    times.into_iter().map(|time| (time, mean_at(time))).collect()
 }
 
 /// The positions of all Gaussians at `times`, scene units.

@@ -35,7 +35,7 @@ const DEGREES: [usize; 3] = [0, 1, 2];
 /// motion.
 const SEEN: f64 = 0.75;
 
-/// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that are asked of seeds.
+/// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that seeds may spread by.
 const CAP_BOUND: f64 = 0.6;
 
 /// Most that colours of degree 0 may lose against richer ones where there are five cameras or fewer, dB: what is asked
@@ -124,12 +124,12 @@ fn judge(found: &mut Findings, points: &[Point]) {
 
 /// Train and test of one count of cameras in a sentence.
 fn gap(points: &[Point], cameras: usize) -> String {
-    let of = |point: &&Point| point.cameras == cameras;
-    let each = points.iter().filter(of).map(|point| {
+    let has_cameras = |point: &&Point| point.cameras == cameras;
+    let each = points.iter().filter(has_cameras).map(|point| {
         let Point { gaussians, degree, test, train, .. } = point;
         format!("{gaussians} Gaussians of degree {degree} {train:.2} and {test:.2}")
     });
-    let lowest = smallest(points.iter().filter(of).map(|point| point.train - point.test)).unwrap_or(f64::NAN);
+    let lowest = smallest(points.iter().filter(has_cameras).map(|point| point.train - point.test)).unwrap_or(f64::NAN);
     let all = each.collect::<Vec<_>>().join("; ");
     format!("{cameras} cameras, PSNR of seen and held-out photos, dB: {all}. The smallest gap is {lowest:.2} dB.")
 }

@@ -1,4 +1,4 @@
-//! What does a wrong depth prior cost? Networks estimate depth or disparity up to a scale and a shift that differ
+//! The cost of a wrong depth prior. Networks estimate depth or disparity up to a scale and a shift that differ
 //! between photos, and some pixels are outliers.
 
 use anyhow::Result;
@@ -64,11 +64,11 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let none = psnr(lab, &with_prior(&scene, None), Fit::Absolute)?;
     let levels: &[f64] = lab.either(&[0.0, 0.5, 1.0], &[0.0, 1.0]);
     let sweep = |space, outliers, fit| -> Result<Vec<(f64, f64)>> {
-        let at = |affine: &f64| {
+        let measure = |affine: &f64| {
             let wrong = Wrong { space, affine: *affine, outliers, fit };
             Ok((*affine, psnr(lab, &with_prior(&scene, Some(wrong)), fit)?))
         };
-        levels.iter().map(at).collect()
+        levels.iter().map(measure).collect()
     };
     let unless_quick = |space, outliers, fit| if lab.quick { Ok(Vec::new()) } else { sweep(space, outliers, fit) };
     let depth = sweep(DepthSpace::Depth, 0.0, Fit::Photo)?;

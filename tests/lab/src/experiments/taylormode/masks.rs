@@ -1,4 +1,4 @@
-//! What do masks cost that are too wide or too narrow? Segmentation of blurry outlines is uncertain.
+//! The cost of masks that are too wide or too narrow. Segmentation of blurry outlines is uncertain.
 
 use anyhow::Result;
 use gs_datasets::Scene;
@@ -71,14 +71,14 @@ fn grown(scene: &Scene, pixels: i32) -> Scene {
 fn step(mask: &[u8], width: usize, wider: bool, corners: bool) -> Vec<u8> {
     let height = mask.len() / width;
     let spreading = u8::from(wider) * 255;
-    let at = |x: usize, y: usize, dx: isize, dy: isize| {
+    let value_at = |x: usize, y: usize, dx: isize, dy: isize| {
         let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
         (x < width && y < height).then(|| mask[y * width + x])
     };
     let reached = |x: usize, y: usize| {
         let neighbours = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
         let mut near = neighbours.filter(|(dx, dy)| corners || *dx == 0 || *dy == 0);
-        near.any(|(dx, dy)| at(x, y, dx, dy) == Some(spreading))
+        near.any(|(dx, dy)| value_at(x, y, dx, dy) == Some(spreading))
     };
     (0..mask.len()).map(|i| if reached(i % width, i / width) { spreading } else { mask[i] }).collect()
 }

@@ -1,4 +1,4 @@
-//! What do opacity resets cost? Classic density control lowers all opacities at intervals; authors of deblurring
+//! The cost of opacity resets. Classic density control lowers all opacities at intervals; authors of deblurring
 //! methods avoid it.
 
 use anyhow::Result;

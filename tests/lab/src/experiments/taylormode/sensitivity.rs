@@ -1,4 +1,4 @@
-//! What do the heuristics of inference cost if they are wrong by a factor of two? Each is halved and doubled, on
+//! The cost of heuristics of inference that are wrong by a factor of two. Each is halved and doubled, on
 //! synthetic worlds and on a data set of the user.
 
 use anyhow::Result;
@@ -71,8 +71,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
             SEEDS.iter().map(|seed| psnr(lab, &ground, &format!("seed={seed}"))).collect::<Result<_>>()?;
         let (base, name) = (unchanged[0], ground.name);
         let spread = [0, 1].map(|part| {
-            let of = unchanged.iter().map(|psnr| psnr[part]);
-            of.clone().fold(f64::NEG_INFINITY, f64::max) - of.fold(f64::INFINITY, f64::min)
+            let all = unchanged.iter().map(|psnr| psnr[part]);
+            all.clone().fold(f64::NEG_INFINITY, f64::max) - all.fold(f64::INFINITY, f64::min)
         });
         found.note(format!(
             "{name}: {:.2} dB over the image and {:.2} dB in moving parts; three seeds spread by {:.2} and {:.2} dB.",
