@@ -16,9 +16,10 @@
 //! Scene -> facts, cues -> initial Gaussians -> Method::forward -> losses -> Adam -> density -> checkpoint, evaluation, outcome
 //! ```
 //!
-//! [`Trainer::step`](fit::trainer::Trainer::step) is one optimisation step. The configuration holds everything that a run
-//! depends on, and every random draw is in [`fit::random`]. Saving, measuring and showing observe from outside the step and
-//! cannot change its result: on the CPU, two runs of one configuration write equal checkpoints, interrupted or not.
+//! [`Trainer::step`](fit::trainer::Trainer::step) is one optimisation step. The configuration holds everything that a
+//! run depends on, and every random draw is in [`fit::random`]. Saving, measuring and showing observe from outside the
+//! step and cannot change its result: on the CPU, two runs of one configuration write equal checkpoints, interrupted or
+//! not.
 #![recursion_limit = "256"]
 
 pub mod config;

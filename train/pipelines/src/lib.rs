@@ -73,8 +73,8 @@ pub static PIPELINES: [&dyn Pipeline; 5] = [
     &flux4d::Flux4d,
 ];
 
-/// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less than two
-/// minutes on two old cores.
+/// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less
+/// than two minutes on two old cores.
 pub const DEMO_RECIPES: [&str; 2] = ["taylormode/demo", "static/demo"];
 
 /// The program's view of a paper.

@@ -57,8 +57,8 @@ impl Intake for Still {
     }
 
     fn loading(_config: &FitConfig<NoSection>, options: &mut LoadOptions) {
-        // A static scene is compared with neither depth nor pseudo-sharp photos. Masks of moving objects are kept, because moving
-        // parts are measured with them.
+        // A static scene is compared with neither depth nor pseudo-sharp photos. Masks of moving objects are kept,
+        // because moving parts are measured with them.
         options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
     }
 

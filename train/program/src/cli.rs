@@ -86,8 +86,8 @@ pub enum Command {
 /// The compute device.
 #[derive(Debug, Clone, Args)]
 pub struct DeviceArgs {
-    /// Compute device: auto (the best GPU of this build, never a software one, else the CPU), flex, ndarray, wgpu, vulkan, metal
-    /// or cuda, with an index as in cuda:1
+    /// Compute device: auto (the best GPU of this build, never a software one, else the CPU), flex, ndarray, wgpu,
+    /// vulkan, metal or cuda, with an index as in cuda:1
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     pub device: String,
 }
@@ -167,8 +167,8 @@ pub struct TrainArgs {
     #[arg(short, long)]
     pub quiet: bool,
 
-    /// Measure the time of each stage of a step: a table at the end, profile.json, and bars in the report (on a GPU each stage
-    /// waits for the device, so steps are slower)
+    /// Measure the time of each stage of a step: a table at the end, profile.json, and bars in the report (on a GPU
+    /// each stage waits for the device, so steps are slower)
     #[arg(long)]
     pub profile: bool,
 
@@ -176,8 +176,8 @@ pub struct TrainArgs {
     #[command(flatten)]
     pub device: DeviceArgs,
 
-    /// Devices that share a step, for networks that are trained on many logs: --device and the ones after it of the same kind; on
-    /// the CPU as many workers
+    /// Devices that share a step, for networks that are trained on many logs: --device and the ones after it of the
+    /// same kind; on the CPU as many workers
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
     pub devices: usize,
 }
@@ -193,7 +193,8 @@ pub struct EvalArgs {
     #[arg(long, value_name = "DATASET", value_hint = ValueHint::AnyPath)]
     pub data: Option<PathBuf>,
 
-    /// Configuration for a .ply (how to read the data set, how to render); a run has its own, of which --set changes single values
+    /// Configuration for a .ply (how to read the data set, how to render); a run has its own, of which --set changes
+    /// single values
     #[command(flatten)]
     pub config: ConfigArgs,
 
@@ -265,7 +266,8 @@ pub struct BenchArgs {
     #[arg(long)]
     pub launches: bool,
 
-    /// Time the step of a rollout through time by stage over the length of the rollout and the number of moving Gaussians instead
+    /// Time the step of a rollout through time by stage over the length of the rollout and the number of moving
+    /// Gaussians instead
     #[arg(long, conflicts_with = "launches")]
     pub rollout: bool,
 

@@ -14,8 +14,8 @@ pub fn init(verbose: u8) {
     };
     // Other crates stay at warnings until -vvv: a GPU backend logs every kernel.
     let others = if verbose > 2 { "debug" } else { "warn" };
-    // `--device auto` tries GPUs that may be absent, and CubeCL warns about each; a named device that fails is an error of this
-    // program.
+    // `--device auto` tries GPUs that may be absent, and CubeCL warns about each; a named device that fails is an error
+    // of this program.
     let absent = if verbose > 1 { "debug" } else { "error" };
     let default = format!(
         "{others},cubecl_common={absent},gs_train={ours},gs_pipelines={ours},gs_datasets={ours},gs_burn={ours},gs_kernels={ours},gsburn={ours}"

@@ -49,7 +49,8 @@ fn call(command: &Command) -> Result<ExitCode> {
     }
 }
 
-/// A scene that no kernel can process (a billion pairs, say) is an error of the input: one sentence replaces the panic's message.
+/// A scene that no kernel can process (a billion pairs, say) is an error of the input: one sentence replaces the
+/// panic's message.
 fn within_limits(call: impl FnOnce() -> Result<ExitCode>) -> Result<ExitCode> {
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |info| {

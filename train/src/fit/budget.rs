@@ -1,5 +1,6 @@
-//! A budget of time as a number of steps: the cost of a step is measured before the run, and the steps whose costs add up to the budget are
-//! written into its configuration. From there on nothing asks a clock, so that a run and its continuation draw the same.
+//! A budget of time as a number of steps: the cost of a step is measured before the run, and the steps whose costs add
+//! up to the budget are written into its configuration. From there on nothing asks a clock, so that a run and its
+//! continuation draw the same.
 
 use super::coarse::Coarse;
 use crate::config::{Config, Strategy};
@@ -17,8 +18,8 @@ pub struct StepCost {
 }
 
 impl StepCost {
-    /// The line through two measurements, each a count and seconds. Where the costs do not rise with the count, all of it is taken to be
-    /// that of the pixels.
+    /// The line through two measurements, each a count and seconds. Where the costs do not rise with the count, all of
+    /// it is taken to be that of the pixels.
     pub fn through((few, at_few): (usize, f64), (many, at_many): (usize, f64)) -> Self {
         let slope = (at_many - at_few) / many.saturating_sub(few).max(1) as f64;
         let slope = if many > few { slope.clamp(0.0, at_few / few.max(1) as f64) } else { 0.0 };
@@ -45,7 +46,8 @@ fn seconds(cost: &StepCost, mut count: usize, coarse: &Coarse, config: &Config, 
     sum
 }
 
-/// The most steps of a run that begins with `count` Gaussians and takes no more than `budget` seconds; 0 where not even one fits.
+/// The most steps of a run that begins with `count` Gaussians and takes no more than `budget` seconds; 0 where not even
+/// one fits.
 pub fn steps_within(budget: f64, cost: &StepCost, count: usize, coarse: &Coarse, config: &Config) -> usize {
     let cheapest = cost.of(count.min(config.density.cap), 2);
     // No step costs less, which spares the search the long runs.

@@ -1,15 +1,16 @@
 //! From coarse to fine: in the first share of a run photos are compared at a reduced width.
 //!
-//! A step costs nearly as much as its pixels do, and first shapes need few. The width is a function of the step and the configuration alone,
-//! so that a resumed run compares the same. Views are reduced once, filtered by area; the scene itself keeps its full size.
+//! A step costs nearly as much as its pixels do, and first shapes need few. The width is a function of the step and the
+//! configuration alone, so that a resumed run compares the same. Views are reduced once, filtered by area; the scene
+//! itself keeps its full size.
 
 use gs_datasets::View;
 
 /// Smallest reduced width, pixels: below it texture that tells Gaussians apart is gone.
 const WIDTH_MIN: usize = 200;
 
-/// Most steps with reduced photos. On lund-door at 480 pixels the held-out photo gains 0.4 dB from step 200 to 300 with them, and 2.0 dB at the
-/// full width.
+/// Most steps with reduced photos. On lund-door at 480 pixels the held-out photo gains 0.4 dB from step 200 to 300 with
+/// them, and 2.0 dB at the full width.
 const STEPS_MOST: usize = 210;
 
 /// Most halvings of the width: a quarter.
@@ -20,11 +21,11 @@ fn steps_of(share: f64, steps: usize) -> usize {
     ((share * steps as f64) as usize).min(STEPS_MOST)
 }
 
-/// The dilation of splats, square pixels of a photo whose pixels are `pixel` times as wide as those of the scene's photos, at which they look as
-/// they do in the scene's photo after the area filter.
+/// The dilation of splats, square pixels of a photo whose pixels are `pixel` times as wide as those of the scene's
+/// photos, at which they look as they do in the scene's photo after the area filter.
 ///
-/// In pixels of the scene's photo, a filter over `pixel` of them adds the variance `(pixel^2 - 1) / 12` to the dilation `eps2d` there. The same
-/// dilation in wide pixels would teach the Gaussians to be thinner than they are.
+/// In pixels of the scene's photo, a filter over `pixel` of them adds the variance `(pixel^2 - 1) / 12` to the dilation
+/// `eps2d` there. The same dilation in wide pixels would teach the Gaussians to be thinner than they are.
 pub fn dilation(eps2d: f64, pixel: f64) -> f64 {
     (eps2d + (pixel * pixel - 1.0) / 12.0) / (pixel * pixel)
 }
@@ -50,7 +51,8 @@ impl Coarse {
         Self { levels: (1..=halvings).map(reduced).collect(), share, steps }
     }
 
-    /// How often the width of the photos of `step` (from 1) is halved. Each level has an equal share of the coarse steps, the coarsest first.
+    /// How often the width of the photos of `step` (from 1) is halved. Each level has an equal share of the coarse
+    /// steps, the coarsest first.
     pub fn halvings(&self, step: usize) -> usize {
         self.halvings_in(step, self.steps)
     }

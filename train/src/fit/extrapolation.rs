@@ -10,7 +10,8 @@ pub struct Part {
     pub name: String,
     /// Its motion in words.
     pub words: String,
-    /// The terms of its law of motion by name, scene units, radians and the data set's unit of time; empty without a law.
+    /// The terms of its law of motion by name, scene units, radians and the data set's unit of time; empty without a
+    /// law.
     pub terms: Vec<(String, Vec<f64>)>,
     /// Where its centre is at the first frame, scene units, scene origin subtracted; `None` without a law.
     pub centre: Option<DVec3>,
@@ -35,7 +36,8 @@ pub trait Extrapolation {
     /// A sentence, when the method has no such scenes.
     fn members(&self, count: usize) -> Result<Vec<Box<dyn DynamicScene>>, String>;
 
-    /// Standard deviation of a position's coordinate in the recording, scene units, from which [`members`](Self::members) are drawn.
+    /// Standard deviation of a position's coordinate in the recording, scene units, from which
+    /// [`members`](Self::members) are drawn.
     fn noise(&self) -> f64;
 
     /// The same future with integration steps of `frames` frames.

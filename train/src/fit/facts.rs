@@ -1,7 +1,8 @@
-//! Facts: values that a data set fixes for training and measuring, namely the scene's extent, the near plane and the background.
+//! Facts: values that a data set fixes for training and measuring, namely the scene's extent, the near plane and the
+//! background.
 //!
-//! A configuration may leave them open (`render.near = 0`, `data.background = "auto"`). The values found are kept here; the
-//! configuration is never changed.
+//! A configuration may leave them open (`render.near = 0`, `data.background = "auto"`). The values found are kept here;
+//! the configuration is never changed.
 
 use gs_burn::RenderOptions;
 use gs_datasets::{Scene, View};
@@ -40,9 +41,9 @@ pub struct SceneFacts {
 }
 
 impl SceneFacts {
-    /// The facts of `scene`; values given by `config` take precedence. `near_share` is the method's near plane for a configuration
-    /// that leaves it open, as a share of the subject's distance; `None`: the renderer's own. `unseen` is its background where the photos
-    /// do not tell.
+    /// The facts of `scene`; values given by `config` take precedence. `near_share` is the method's near plane for a
+    /// configuration that leaves it open, as a share of the subject's distance; `None`: the renderer's own. `unseen` is
+    /// its background where the photos do not tell.
     pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>, unseen: Unseen) -> Self {
         let subject_distance = scene.subject_distance();
         let is_transparent = scene.train.iter().any(|view| view.alpha.is_some());

@@ -1,8 +1,8 @@
-//! The initial Gaussians: at the data set's points, at positions on which photos agree (a plane sweep), and without points also at
-//! random ones in the camera frusta.
+//! The initial Gaussians: at the data set's points, at positions on which photos agree (a plane sweep), and without
+//! points also at random ones in the camera frusta.
 //!
-//! A dense start ([`InitConfig::dense_share`]) sweeps near the depths of what is known: the data set's points, or in a set without any
-//! the first positions of a sweep over all depths.
+//! A dense start ([`InitConfig::dense_share`]) sweeps near the depths of what is known: the data set's points, or in a
+//! set without any the first positions of a sweep over all depths.
 //!
 //! The scale of a Gaussian is the mean distance to its three nearest neighbours (3DGS, section 5.1).
 
@@ -27,8 +27,8 @@ const NEIGHBOURS: usize = 3;
 /// Depth range of initial points, in distances of the subject: from in front of the subject to the background.
 pub const DEPTHS: [f64; 2] = [0.3, 3.0];
 
-/// Largest share of initial Gaussians from a plane sweep in a scene without points. The others are random, for surfaces without
-/// texture.
+/// Largest share of initial Gaussians from a plane sweep in a scene without points. The others are random, for surfaces
+/// without texture.
 const SWEPT: f64 = 0.75;
 
 /// Positions of a sweep over all depths from which a dense start of a set without points goes on.
@@ -79,8 +79,8 @@ fn with_swept(mut points: PointCloud, views: &[View], wanted: usize, extent: f64
     points
 }
 
-/// Points for a set without any: up to `wanted` on which photos agree, then a quarter of `random` at random depths, more where fewer than
-/// `random` were found in all.
+/// Points for a set without any: up to `wanted` on which photos agree, then a quarter of `random` at random depths,
+/// more where fewer than `random` were found in all.
 fn dense_in_front(views: &[View], random: usize, wanted: usize, extent: f64, seed: u64) -> PointCloud {
     let mut rng = stream(seed, Purpose::Init, 0);
     let distance = distance_of(views, extent);
@@ -119,8 +119,8 @@ pub fn gaussians_at(points: &PointCloud, extent: f64, config: &InitConfig, cap: 
     }
 }
 
-/// The scene's extent in scene units, for rates and thresholds: [`Scene::extent`], or for a single camera (extent 0) the median
-/// distance of the points from it, or 1.
+/// The scene's extent in scene units, for rates and thresholds: [`Scene::extent`], or for a single camera (extent 0)
+/// the median distance of the points from it, or 1.
 pub fn size_of(scene: &Scene) -> f64 {
     let extent = scene.extent();
     if extent > 0.0 {
@@ -133,8 +133,8 @@ pub fn size_of(scene: &Scene) -> f64 {
     distances.get(distances.len() / 2).map_or(1.0, |d| f64::from(*d)).max(1e-6)
 }
 
-/// The natural logarithm of each point's mean distance to its nearest neighbours times `scale`, clamped to 1e-6 to 0.1 times
-/// `extent`: coincident points must keep a scale, and an outlier must not cover the scene.
+/// The natural logarithm of each point's mean distance to its nearest neighbours times `scale`, clamped to 1e-6 to 0.1
+/// times `extent`: coincident points must keep a scale, and an outlier must not cover the scene.
 pub fn log_scales(positions: &[[f32; 3]], scale: f64, extent: f64) -> Vec<f32> {
     let (smallest, largest) = (1e-6 * extent, 0.1 * extent);
     if positions.len() < 2 {
@@ -184,13 +184,13 @@ impl Default for Random {
 }
 
 impl Random {
-    /// For static cameras around a scene. A nearer point, seen in the corner of a single photo, can become a floater in front of the other
-    /// cameras; pixels without texture mostly show a wall or a sky behind the subject.
+    /// For static cameras around a scene. A nearer point, seen in the corner of a single photo, can become a floater in
+    /// front of the other cameras; pixels without texture mostly show a wall or a sky behind the subject.
     pub const STATIC_CAMERAS: Self = Self { nearest: 0.5, plain_nearest: 2.0 };
 }
 
-/// Near plane of scenes with static cameras and without points, in distances of the subject; what speaks for it is said at the key
-/// `cues.near_share`.
+/// Near plane of scenes with static cameras and without points, in distances of the subject; what speaks for it is said
+/// at the key `cues.near_share`.
 pub const NEAR_STATIC_CAMERAS: f64 = 0.3;
 
 /// `count` points in front of the cameras: positions on which photos agree, filled up with random ones.
@@ -205,11 +205,13 @@ pub fn points_in_front(views: &[View], count: usize, extent: f64, random: &Rando
     points
 }
 
-/// Random positions drawn for each that is wanted where outlines admit few: an object fills a tenth of the depths of its pixels, or less.
+/// Random positions drawn for each that is wanted where outlines admit few: an object fills a tenth of the depths of
+/// its pixels, or less.
 const TRIES: usize = 10;
 
-/// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Depth is uniform
-/// in its logarithm, so that both near surfaces and a far background get points. Depths in scene units. Fewer come where `outlines` admit few.
+/// Fills up to `count` with points on random rays through random pixels of random views, coloured by their pixel. Depth
+/// is uniform in its logarithm, so that both near surfaces and a far background get points. Depths in scene units.
+/// Fewer come where `outlines` admit few.
 fn add_random(
     points: &mut PointCloud,
     views: &[View],
@@ -245,8 +247,8 @@ fn add_random(
     }
 }
 
-/// Reach of the neighbourhood of a pixel, pixels, and largest difference in it, in levels of 255, at which the pixel has no
-/// texture: sensor noise of two levels reaches that.
+/// Reach of the neighbourhood of a pixel, pixels, and largest difference in it, in levels of 255, at which the pixel
+/// has no texture: sensor noise of two levels reaches that.
 const PLAIN_REACH: usize = 3;
 const PLAIN_LEVELS: u8 = 6;
 

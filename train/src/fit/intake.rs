@@ -8,9 +8,10 @@ use super::facts::Unseen;
 use super::method::Method;
 use crate::config::FitConfig;
 
-/// What a method takes from a data set, and with which configuration.
+/// The part of a method that reads a data set and its configuration.
 pub trait Intake: Method {
-    /// Whether photos may be compared at a reduced width: nothing in [`Extra`](Self::Extra) or [`Cues`](Self::Cues) has their size.
+    /// Whether photos may be compared at a reduced width: nothing in [`Extra`](Self::Extra) or [`Cues`](Self::Cues) has
+    /// their size.
     const ANY_WIDTH: bool = false;
     /// The background where the photos do not tell.
     const UNSEEN: Unseen = Unseen::Black;

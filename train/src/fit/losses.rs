@@ -1,5 +1,5 @@
-//! The shared loss: the photometric loss of 3DGS (Eq. 7), `(1 - dssim) L1 + dssim (1 - SSIM)`, and the regularisers of 3DGS-MCMC
-//! (Eq. 10), mean opacity and mean scale.
+//! The shared loss: the photometric loss of 3DGS (Eq. 7), `(1 - dssim) L1 + dssim (1 - SSIM)`, and the regularisers of
+//! 3DGS-MCMC (Eq. 10), mean opacity and mean scale.
 
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
@@ -8,8 +8,8 @@ use gs_burn::{Gaussians, profile};
 
 use crate::config::LossConfig;
 
-/// `(1 - dssim) L1 + dssim (1 - SSIM)` of two images `[H, W, 3]` over the pixels of `region` `[H, W, 1]` (1: compared, 0: not;
-/// `None`: all), `[1]`.
+/// `(1 - dssim) L1 + dssim (1 - SSIM)` of two images `[H, W, 3]` over the pixels of `region` `[H, W, 1]` (1: compared,
+/// 0: not; `None`: all), `[1]`.
 pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>, config: &LossConfig) -> Tensor<1> {
     match region {
         None => photometric_loss(color, truth, config.dssim),
@@ -18,8 +18,8 @@ pub fn photometric(color: Tensor<3>, truth: Tensor<3>, region: Option<Tensor<3>>
     }
 }
 
-/// `loss` plus mean opacity and mean scale, weighted, `[1]`; `extent` in scene units. `fixed`: the count of Gaussians is, so that none that
-/// dies is relocated, and lower opacities would only make surfaces transparent.
+/// `loss` plus mean opacity and mean scale, weighted, `[1]`; `extent` in scene units. `fixed`: the count of Gaussians
+/// is, so that none that dies is relocated, and lower opacities would only make surfaces transparent.
 pub fn regularised(loss: Tensor<1>, gaussians: &Gaussians, extent: f64, fixed: bool, config: &LossConfig) -> Tensor<1> {
     let _stage = profile::stage("regularisers");
     if gaussians.is_empty() {

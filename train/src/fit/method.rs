@@ -1,8 +1,9 @@
 //! [`Method`]: the contribution of a paper to fitting Gaussians to the photos of one scene.
 //!
-//! Plain 3D Gaussian Splatting is the empty method. A method is a Burn module (the tensors learned beside the Gaussians) and
-//! defines how its step differs: the choice of views, the image that is compared with a photo, the update of its tensors.
-//! Everything else (the loop, density control, checkpoints, evaluation, reports) is written once, in terms of this trait.
+//! Plain 3D Gaussian Splatting is the empty method. A method is a Burn module (the tensors learned beside the
+//! Gaussians) and defines how its step differs: the choice of views, the image that is compared with a photo, the
+//! update of its tensors. Everything else (the loop, density control, checkpoints, evaluation, reports) is written
+//! once, in terms of this trait.
 
 use std::fmt::Debug;
 
@@ -69,8 +70,8 @@ pub struct Forward {
     pub remainder: Option<Remainder>,
 }
 
-/// A part of a backward pass that a method computes itself, after that of the loss: it takes the gradients of its leaves out of the finished
-/// pass and adds to those of the model, whose paths begin with `gaussians.` and `method.`.
+/// A part of a backward pass that a method computes itself, after that of the loss: it takes the gradients of its
+/// leaves out of the finished pass and adds to those of the model, whose paths begin with `gaussians.` and `method.`.
 pub type Remainder = Box<dyn FnOnce(&mut Gradients, &mut NamedGradients)>;
 
 impl Forward {
@@ -83,8 +84,8 @@ impl Forward {
 
 /// The quantities of a photo's renderings that density control and the trainer need.
 pub struct Drawn {
-    /// Rows whose last column is the bounding radius of each Gaussian in the image, `[N, C]`, pixels; 0 if it was not seen. `None` where
-    /// the step has no `screens`.
+    /// Rows whose last column is the bounding radius of each Gaussian in the image, `[N, C]`, pixels; 0 if it was not
+    /// seen. `None` where the step has no `screens`.
     pub radii: Option<Tensor<2>>,
     /// Tile intersections of each rendering.
     pub intersections: Vec<DeviceCount>,
@@ -93,7 +94,7 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Those of one rendering, made with `screen`.
+    /// The quantities of one rendering, made with `screen`.
     pub fn of(rendering: &Rendering, screen: Option<&Tensor<2>>) -> Self {
         Self {
             radii: screen.map(|_| rendering.projected.clone()),
@@ -118,8 +119,9 @@ pub struct Note {
 /// The contribution of a paper to a step: what is learned, and how.
 ///
 /// A type that implements it is a Burn module: its `Param`s are learned, saved under their paths and checked for NaN
-/// without further code. [`Intake`](super::intake::Intake) is what it takes from a data set, [`Saved`](super::saved::Saved)
-/// what a file holds of it, [`Told`](super::told::Told) what people see. `docs/extend.md` walks through an implementation.
+/// without further code. [`Intake`](super::intake::Intake) is what it takes from a data set,
+/// [`Saved`](super::saved::Saved) what a file holds of it, [`Told`](super::told::Told) what people see.
+/// `docs/extend.md` walks through an implementation.
 pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     /// The method's name, as in `pipeline = "..."`.
     const NAME: &'static str;
@@ -142,8 +144,8 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Box::new(Sampler::new(config.seed, views.len()))
     }
 
-    /// The images of `photos` and their loss. `self` and `gaussians` are leaves of this step's graph. `screens` has one `[N, 4]`
-    /// per photo if density control needs the gradient with respect to the 2D means, and is empty otherwise.
+    /// The images of `photos` and their loss. `self` and `gaussians` are leaves of this step's graph. `screens` has one
+    /// `[N, 4]` per photo if density control needs the gradient with respect to the 2D means, and is empty otherwise.
     fn forward(
         &self,
         gaussians: &Gaussians,

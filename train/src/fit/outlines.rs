@@ -1,10 +1,10 @@
-//! What the outlines of an object say of a position: it is not where most photos that see it show the background.
+//! Positions against the outlines of an object: a position is not where most photos that see it show the background.
 
 use gs_datasets::{PointCloud, View};
 use gs_multiview::{Pinhole, foreground_masks};
 
-/// Largest share of the photos that see a position and show the background there. The positions of a sweep are exact to a pixel or two, which
-/// puts those of a rim outside some of the outlines.
+/// Largest share of the photos that see a position and show the background there. The positions of a sweep are exact to
+/// a pixel or two, which puts those of a rim outside some of the outlines.
 const MISSED: f64 = 0.1;
 
 /// The outlines of what stands before a transparent or plain background.
@@ -51,7 +51,8 @@ mod tests {
 
     use super::*;
 
-    /// A camera at a distance of 4 that looks at the origin from an angle about z, and sees a ball of radius 1 on black.
+    /// A camera at a distance of 4 that looks at the origin from an angle about z, and sees a ball of radius 1 on
+    /// black.
     fn view(angle: f64) -> View {
         let size = 40;
         let eye = 4.0 * DVec3::new(angle.cos(), angle.sin(), 0.0);

@@ -1,6 +1,7 @@
 //! The parameters of Gaussians as one table: a row per Gaussian, a group of columns per kind of parameter.
 //!
-//! Between steps the Gaussians live outside autodiff and each tensor has one owner, so that an update can happen in place.
+//! Between steps the Gaussians live outside autodiff and each tensor has one owner, so that an update can happen in
+//! place.
 
 use burn::module::Param;
 use burn::tensor::{Device, Int, Tensor, TensorData};

@@ -36,7 +36,7 @@ impl Extra for () {
     }
 }
 
-/// What is added to a view, by its index.
+/// The method's data of a view, by its index.
 type MakeExtra<'a, X> = Box<dyn Fn(&View, usize, &Device) -> X + 'a>;
 
 /// Views as tensors, converted when asked for and kept while they fit the cache.
@@ -57,8 +57,8 @@ impl<'a> Photos<'a, ()> {
 }
 
 impl<'a, X: Extra> Photos<'a, X> {
-    /// `views` for `device` (without autodiff), with at most `cache_bytes` of converted photos cached; `extra` gives the method's
-    /// data of a view, by its index.
+    /// `views` for `device` (without autodiff), with at most `cache_bytes` of converted photos cached; `extra` gives
+    /// the method's data of a view, by its index.
     pub fn new(
         views: &'a [View],
         device: &Device,

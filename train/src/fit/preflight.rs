@@ -6,11 +6,12 @@ use gs_base::counted;
 use gs_datasets::{DatasetError, LoadOptions, Log, PointCloud, PoseConvention, Scene, Split, View};
 use gs_multiview::{Camera, PoseJudgement, judge_poses, pose_pairs};
 
-/// Largest `render.near`, in distances of the subject. Beyond half of that distance little is left to draw. A near plane that cuts
-/// away the walls of a rig comes close to it (Panoptic: 1.2 of about 2.7 m).
+/// Largest `render.near`, in distances of the subject. Beyond half of that distance little is left to draw. A near
+/// plane that cuts away the walls of a rig comes close to it (Panoptic: 1.2 of about 2.7 m).
 pub const NEAR_MOST: f64 = 0.5;
 
-/// Advised `render.near`, and its value if left open, in distances of the subject: no photo is taken of anything that near.
+/// Advised `render.near`, and its value if left open, in distances of the subject: no photo is taken of anything that
+/// near.
 pub const NEAR_ADVISED: f64 = 0.01;
 
 /// Checks that at least one training pixel counts.

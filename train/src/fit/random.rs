@@ -1,7 +1,8 @@
 //! Every random draw of a run, from one seed.
 //!
-//! A draw is identified by its purpose and its step, and each pair has its own ChaCha8 stream. No state is carried from draw to
-//! draw, so a resumed run needs no generator state, and more draws for one purpose do not change those for another.
+//! A draw is identified by its purpose and its step, and each pair has its own ChaCha8 stream. No state is carried from
+//! draw to draw, so a resumed run needs no generator state, and more draws for one purpose do not change those for
+//! another.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,15 +1,17 @@
-//! Room for the (tile, Gaussian) pairs and the tiles of the next step's renderings, from the numbers of the steps before.
+//! Room for the (tile, Gaussian) pairs and the tiles of the next step's renderings, from the numbers of the steps
+//! before.
 //!
-//! A GPU that knows the room need not wait for the number in the middle of a step. Room changes no bit of a result, so it is not part
-//! of a checkpoint: the first step of a run counts.
+//! A GPU that knows the room need not wait for the number in the middle of a step. Room changes no bit of a result, so
+//! it is not part of a checkpoint: the first step of a run counts.
 
 use gs_burn::ops::intersect::{DeviceCount, Room};
 
-/// Room over the largest rendering of the last steps. Photos of one scene seldom differ by more, and a step that needs more is done
-/// again, at the cost of one step.
+/// Room over the largest rendering of the last steps. Photos of one scene seldom differ by more, and a step that needs
+/// more is done again, at the cost of one step.
 const FACTOR: f64 = 1.25;
 
-/// Factor by which the largest rendering is forgotten in a step: half of it after 69 steps, when most photos of a set had their turn.
+/// Factor by which the largest rendering is forgotten in a step: half of it after 69 steps, when most photos of a set
+/// had their turn.
 const FADING: f64 = 0.99;
 
 /// Rooms are multiples of this share of the power of two below them, so that buffers of equal size follow one another.

@@ -4,7 +4,8 @@ use rand::seq::SliceRandom;
 
 use super::random::{Purpose, stream};
 
-/// The choice of views of each step. It depends on the seed and the step alone, so that a resumed run uses the same views.
+/// The choice of views of each step. It depends on the seed and the step alone, so that a resumed run uses the same
+/// views.
 pub trait ViewOrder {
     /// Indices of the training views of `step` (from 1), at least one.
     fn views(&mut self, step: usize) -> Vec<usize>;

@@ -7,14 +7,15 @@ use gs_datasets::Scene;
 use super::method::{Method, Step};
 use crate::config::FitConfig;
 
-/// What a file holds of a method beside its tensors, and the method of a file.
+/// The part of a method that files hold beside its tensors.
 pub trait Saved: Method {
     /// The method's constants, which a checkpoint must hold: which rows move, a window of time.
     fn frame(&self) -> serde_json::Value {
         serde_json::Value::Null
     }
 
-    /// A module with the structure described by [`frame`](Self::frame), on `device`; the values of its tensors are arbitrary.
+    /// A module with the structure described by [`frame`](Self::frame), on `device`; the values of its tensors are
+    /// arbitrary.
     ///
     /// # Errors
     /// A sentence when the frame is damaged.

@@ -9,14 +9,15 @@ pub fn exponential(start: f64, end: f64, step: usize, steps: usize) -> f64 {
 /// Steps of the runs that the published learning rates were found with (3DGS).
 const PUBLISHED_STEPS: f64 = 30_000.0;
 
-/// The factor on all learning rates in a run of `steps`: the root of 30,000 over `steps`, at least 1 and at most `most`. Adam moves a
-/// parameter by its rate a step in whatever direction the gradients agree on, so in a short run the rate limits how far it comes.
+/// The factor on all learning rates in a run of `steps`: the root of 30,000 over `steps`, at least 1 and at most
+/// `most`. Adam moves a parameter by its rate a step in whatever direction the gradients agree on, so in a short run
+/// the rate limits how far it comes.
 pub fn rate_factor(most: f64, steps: usize) -> f64 {
     (PUBLISHED_STEPS / steps.max(1) as f64).sqrt().min(most).max(1.0)
 }
 
-/// The active SH degree: one more every `interval` steps, from 0 up to `max`. A run too short to reach `max` that way spends an
-/// equal share of its steps at each degree.
+/// The active SH degree: one more every `interval` steps, from 0 up to `max`. A run too short to reach `max` that way
+/// spends an equal share of its steps at each degree.
 pub fn sh_degree(step: usize, interval: usize, max: usize, steps: usize) -> usize {
     let interval = interval.min(steps / (max + 1)).max(1);
     ((step - 1) / interval).min(max)

@@ -1,5 +1,5 @@
-//! A fit in progress: the scene, its facts and cues, the photos on the device and the trainer. Every driver (a run, an experiment,
-//! the benchmark) takes its steps here.
+//! A fit in progress: the scene, its facts and cues, the photos on the device and the trainer. Every driver (a run, an
+//! experiment, the benchmark) takes its steps here.
 
 use burn::tensor::{Device, Tensor};
 use gs_datasets::{Scene, View};

@@ -1,4 +1,4 @@
-//! What a training does at which step, as data that anything may draw.
+//! The schedule of a training over its steps, as data that anything may draw.
 
 /// The schedule of a training over its steps.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -1,4 +1,4 @@
-//! [`Told`]: what people see of a method.
+//! [`Told`]: the part of a method that people see.
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
@@ -65,7 +65,7 @@ impl ChartKey {
 /// The key that is part of every chart of runs.
 pub const CAP: ChartKey = ChartKey { name: "cap", key: "density.cap", words: &[], unless: None };
 
-/// What a method says before the first step.
+/// The lines of a method before the first step.
 #[derive(Debug, Default)]
 pub struct Introduction {
     /// Lines.
@@ -76,7 +76,7 @@ pub struct Introduction {
     pub schedule: Option<Timetable>,
 }
 
-/// What people see of a method.
+/// The part of a method that people see.
 pub trait Told: Method {
     /// The default time at which a scene is shown.
     fn middle(&self) -> f64 {

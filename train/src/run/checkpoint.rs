@@ -1,7 +1,8 @@
-//! A checkpoint is one safetensors file: named tensors with their checksums, and one JSON text with everything else. It knows
-//! tensors by name alone, independent of the method.
+//! A checkpoint is one safetensors file: named tensors with their checksums, and one JSON text with everything else. It
+//! knows tensors by name alone, independent of the method.
 //!
-//! The file is written under a temporary name and renamed, so an existing file is complete; its checksums detect damage.
+//! The file is written under a temporary name and renamed, so an existing file is complete; its checksums detect
+//! damage.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -222,8 +223,8 @@ impl Source for Checkpoint {
     }
 }
 
-/// The metadata of a checkpoint: one JSON text under one key of the safetensors header, because the order of the header's own keys
-/// is not fixed and equal runs must write equal files.
+/// The metadata of a checkpoint: one JSON text under one key of the safetensors header, because the order of the
+/// header's own keys is not fixed and equal runs must write equal files.
 #[derive(Debug, Serialize, Deserialize)]
 struct Metadata {
     /// Version of the program that wrote it.
@@ -257,8 +258,8 @@ impl View for Column {
     }
 }
 
-/// The metadata of a file that is marked as a checkpoint of this version. The header is parsed by hand, so that a truncated file
-/// can still be identified.
+/// The metadata of a file that is marked as a checkpoint of this version. The header is parsed by hand, so that a
+/// truncated file can still be identified.
 fn read_metadata(bytes: &[u8], path: &Path) -> Result<Metadata, CheckpointError> {
     let foreign = |found: &str| CheckpointError::NotACheckpoint { path: path.into(), found: found.into() };
     let damaged = |found: String| CheckpointError::Damaged { path: path.into(), found };

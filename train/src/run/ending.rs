@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 
 use crate::sentence::one_sentence;
 
-/// What became of the last files of a run.
+/// The last files of a run: which are written, and the first failure.
 #[derive(Debug, Default)]
 pub struct LastFiles {
     written: Vec<&'static str>,

@@ -53,8 +53,8 @@ pub struct Quality {
     /// The mean over views.
     #[serde(flatten)]
     pub mean: Scores,
-    /// PSNR of the mean squared error over all views, dB: the number that NVFi, TRACE and FreeGave report. It is never above `psnr`, the
-    /// mean of the views' own; 0 in files of before.
+    /// PSNR of the mean squared error over all views, dB: the number that NVFi, TRACE and FreeGave report. It is never
+    /// above `psnr`, the mean of the views' own; 0 in files of before.
     #[serde(default)]
     pub psnr_of_mean_error: f64,
     /// The mean over the views in which a region has pixels, by the region's name.
@@ -63,8 +63,8 @@ pub struct Quality {
     /// Whether a region was inferred from the photos, because the data set does not mark it.
     #[serde(default)]
     pub regions_inferred: bool,
-    /// The comparison that was made: a sharp rendering with the "photo", with the "sharp truth" of a blurry photo, or the "formed blur" of the
-    /// scene over each photo's exposure with the blurry photo.
+    /// The comparison that was made: a sharp rendering with the "photo", with the "sharp truth" of a blurry photo, or
+    /// the "formed blur" of the scene over each photo's exposure with the blurry photo.
     pub compared: String,
     /// The network of LPIPS: "vgg", "alex" or "squeeze".
     pub lpips_network: Option<String>,
@@ -158,8 +158,9 @@ pub struct HeldOut<'a> {
 }
 
 impl<'a> HeldOut<'a> {
-    /// The split called `name` ("train" for the training views). Without a name: the split on which figures are reported, which is
-    /// the test views, or the training views if nothing is held out. `None` if there is no such split.
+    /// The split called `name` ("train" for the training views). Without a name: the split on which figures are
+    /// reported, which is the test views, or the training views if nothing is held out. `None` if there is no such
+    /// split.
     pub fn of<M: Told>(scene: &'a Scene, name: Option<&str>) -> Option<Self> {
         let (split, views) = match name {
             Some("train") => ("train", scene.train.as_slice()),
@@ -298,8 +299,9 @@ impl Evaluator {
         }
     }
 
-    /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels are black in
-    /// both images. LPIPS alone is a mean over these as well, since its network gives one number for an image.
+    /// The scores over the pixels at which `counts`, `[H, W, 1]`, is 1; `None` without such a pixel. The other pixels
+    /// are black in both images. LPIPS alone is a mean over these as well, since its network gives one number for an
+    /// image.
     pub fn scores(&self, image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> Option<Scores> {
         let (within, image, truth) = match counts.clone() {
             None => (

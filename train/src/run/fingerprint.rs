@@ -3,10 +3,11 @@
 use gs_datasets::{Scene, View};
 use serde::{Deserialize, Serialize};
 
-/// A fingerprint of the training views of a run: their number, and a checksum of names, sizes, poses, intrinsics and times.
+/// A fingerprint of the training views of a run: their number, and a checksum of names, sizes, poses, intrinsics and
+/// times.
 ///
-/// Pixels are left out, because decoders differ by a bit. The order of views in a run, and the origin subtracted from the world,
-/// follow from what is included.
+/// Pixels are left out, because decoders differ by a bit. The order of views in a run, and the origin subtracted from
+/// the world, follow from what is included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
     /// Number of views.

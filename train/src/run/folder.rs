@@ -1,4 +1,5 @@
-//! A run is a folder: configuration, metrics, checkpoints, figures, pictures, report. This module alone knows its layout.
+//! A run is a folder: configuration, metrics, checkpoints, figures, pictures, report. This module alone knows its
+//! layout.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -124,7 +125,7 @@ pub fn full_path(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
 }
 
-/// That a path can stand in configurations, checkpoints and reports, which are text.
+/// Checks that a path can stand in configurations, checkpoints and reports, which are text.
 ///
 /// # Errors
 /// A sentence, where it is not UTF-8.

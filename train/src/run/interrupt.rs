@@ -24,7 +24,8 @@ pub fn asked() -> bool {
     SIGNAL.load(Ordering::SeqCst) != 0
 }
 
-/// The exit code of a program that was asked to end, 128 + the signal: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+/// The exit code of a program that was asked to end, 128 + the signal: 130 after Ctrl-C, 143 after SIGTERM, 129 after
+/// SIGHUP.
 pub fn exit_code() -> u8 {
     code(SIGNAL.load(Ordering::SeqCst))
 }

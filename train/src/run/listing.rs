@@ -77,8 +77,8 @@ impl Listing {
         Ok(write_atomic(&folder.join(FILE), (text + "\n").as_bytes())?)
     }
 
-    /// That in `folder` no file of somebody else is in the way of these, where it holds an earlier result with a list.
-    /// Before there were lists, a result's files without a mark cannot be told from others.
+    /// Checks that in `folder` no file of somebody else is in the way of these, where it holds an earlier result with a
+    /// list. Before there were lists, a result's files without a mark cannot be told from others.
     ///
     /// # Errors
     /// A sentence with the first such file.

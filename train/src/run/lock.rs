@@ -1,6 +1,7 @@
 //! One writer for a folder.
 //!
-//! The operating system holds the lock for as long as the process lives, so that a lock left by a killed process is free.
+//! The operating system holds the lock for as long as the process lives, so that a lock left by a killed process is
+//! free.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
@@ -34,7 +35,8 @@ impl Drop for Lock {
                 let _ = fs::remove_dir(folder);
             }
         }
-        // Closing is not enough: a program that another thread is just starting shares the open file, and with it the lock, until it runs.
+        // Closing is not enough: a program that another thread is just starting shares the open file, and with it the
+        // lock, until it runs.
         if let Err(error) = self.file.unlock() {
             tracing::debug!("a folder's lock was not freed before its file was closed: {error}");
         }

@@ -16,13 +16,15 @@ pub struct Prediction {
     pub parts: Vec<(&'static str, u64)>,
 }
 
-/// Bytes per Gaussian of projected row, colours, opacity and their gradients: 2 (8 + 3 + 1) floats, the screen row and sums.
+/// Bytes per Gaussian of projected row, colours, opacity and their gradients: 2 (8 + 3 + 1) floats, the screen row and
+/// sums.
 const STEP_BYTES_PER_GAUSSIAN: u64 = 4 * (2 * 12 + 8);
 
 /// Tiles that a Gaussian touches: 1.6 to 3.2 in the scenes tried, at 320 to 480 pixels of width.
 const TILES_PER_GAUSSIAN: u64 = 3;
 
-/// Bytes of one intersection in its list: sorted row number and position, key and value of the sort twice, and the blocks it reached.
+/// Bytes of one intersection in its list: sorted row number and position, key and value of the sort twice, and the
+/// blocks it reached.
 const BYTES_PER_INTERSECTION: u64 = 36;
 
 /// Bytes of one intersection in the backward pass: gradients of its projected row, opacity and channels.
@@ -31,11 +33,12 @@ const BACKWARD_BYTES_PER_INTERSECTION: u64 = 4 * 12;
 /// Floats per pixel of a rendering without gradients: colour, alpha, transmittance and last index.
 const RENDERING_FLOATS_PER_PIXEL: u64 = 6;
 
-/// Floats per Gaussian of a rendering without gradients: projected row, colour, opacity, and the means and orientations of the instant.
+/// Floats per Gaussian of a rendering without gradients: projected row, colour, opacity, and the means and orientations
+/// of the instant.
 const RENDERING_FLOATS_PER_GAUSSIAN: u64 = 8 + 3 + 1 + 7;
 
-/// Floats per pixel of one step: image, alpha, loss image, their gradients (3 + 1 each), SSIM's three maps of three channels and
-/// its work space.
+/// Floats per pixel of one step: image, alpha, loss image, their gradients (3 + 1 each), SSIM's three maps of three
+/// channels and its work space.
 const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 
 /// Program (23 MiB of it are read), thread stacks and allocator; measured on Linux with the CPU backend.

@@ -1,7 +1,8 @@
-//! Image quality: PSNR, SSIM by this workspace's kernels, MS-SSIM, and LPIPS by burn-train in a build with the feature `lpips`.
+//! Image quality: PSNR, SSIM by this workspace's kernels, MS-SSIM, and LPIPS by burn-train in a build with the feature
+//! `lpips`.
 //!
-//! Images are `[H, W, 3]` and are clamped to 0 to 1 first, as in 3DGS. SSIM is the 11x11 Gaussian-window SSIM with zero padding of
-//! 3DGS; MS-SSIM has the five scales of Wang et al. 2003.
+//! Images are `[H, W, 3]` and are clamped to 0 to 1 first, as in 3DGS. SSIM is the 11x11 Gaussian-window SSIM with zero
+//! padding of 3DGS; MS-SSIM has the five scales of Wang et al. 2003.
 
 mod lpips;
 mod ms_ssim;

@@ -1,4 +1,5 @@
-//! Observers of any training: folder, clock, progress, checkpoints, measurements. Nothing here can change a step's result.
+//! Observers of any training: folder, clock, progress, checkpoints, measurements. Nothing here can change a step's
+//! result.
 //!
 //! | file | idea |
 //! |---|---|

@@ -1,5 +1,5 @@
-//! Files that a command writes where users keep files of their own: never over one that a data set names or that this program did not
-//! make. A file of ours is known by a mark in its first bytes.
+//! Files that a command writes where users keep files of their own: never over one that a data set names or that this
+//! program did not make. A file of ours is known by a mark in its first bytes.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -9,10 +9,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use gs_base::atomic::temporary_begin;
 
-/// The mark: a text chunk of a PNG, a comment of PLY, SPZ, GIF, SVG, HTML and Markdown, the generator of glTF, the last box of an MP4, an attribute of EXR, a field of JSON.
+/// The mark: a text chunk of a PNG, a comment of PLY, SPZ, GIF, SVG, HTML and Markdown, the generator of glTF, the last
+/// box of an MP4, an attribute of EXR, a field of JSON.
 pub const MARK: &str = "written by gsburn";
 
-/// What the first line of a CSV table of ours begins with and contains: a table has no place for a comment, and these columns are in each.
+/// The begin and some columns of the first line of our CSV tables: a table has no place for a comment, and these
+/// columns are in each.
 const CSV: (&str, [&str; 2]) = ("run,", [",step,", ",PSNR dB,"]);
 
 /// Bytes in which the mark is looked for: a header with all its properties takes some 2 kB.
@@ -21,7 +23,8 @@ const LOOKED_AT: u64 = 8192;
 /// Longest name of a file, bytes, on the usual file systems, less what a temporary name beside it adds.
 const NAME_MAX: usize = 255 - 32;
 
-/// That all of `paths` can be written: none is a file of somebody else, or of the data set, whose files are `named`.
+/// Checks that all of `paths` can be written: none is a file of somebody else, or of the data set, whose files are
+/// `named`.
 ///
 /// # Errors
 /// A sentence with the first that cannot. Nothing was written.

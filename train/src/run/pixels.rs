@@ -17,8 +17,8 @@ pub fn to_bytes(values: &[f32]) -> Vec<u8> {
     values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
 }
 
-/// Velocities `[H * W * 3]` in colour: mid grey is at rest; red, green and blue are the world's axes, brighter along them and
-/// darker against them.
+/// Velocities `[H * W * 3]` in colour: mid grey is at rest; red, green and blue are the world's axes, brighter along
+/// them and darker against them.
 pub fn velocity_colors(velocity: &[f32]) -> Vec<u8> {
     vector_colors(velocity, full_speed(velocity))
 }

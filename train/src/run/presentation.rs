@@ -66,7 +66,8 @@ pub struct Camera {
     pub photo: Option<String>,
 }
 
-/// The cameras of a data set: of the split on which figures are reported, then of training, each spread evenly over its views.
+/// The cameras of a data set: of the split on which figures are reported, then of training, each spread evenly over its
+/// views.
 pub fn cameras(photos: &Scene) -> Vec<Camera> {
     let held_out = photos.reported().map(|split| (split.name.as_str(), split.views.as_slice()));
     let splits = held_out.into_iter().chain([("training", photos.train.as_slice())]);

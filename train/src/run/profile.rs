@@ -1,7 +1,7 @@
 //! `gsburn train --profile`: the time of each stage of a training step, as profile.json, as a table and in the report.
 //!
-//! The stages are those of [`gs_burn::profile`], with the gradient of an operation beside the operation. Measuring and saving are
-//! outside the steps.
+//! The stages are those of [`gs_burn::profile`], with the gradient of an operation beside the operation. Measuring and
+//! saving are outside the steps.
 
 use std::fmt::Write as _;
 
@@ -52,8 +52,8 @@ pub struct ProfiledStage {
     pub share: f64,
 }
 
-/// Measures this thread's training steps from now on. On a GPU each stage waits for the device at both ends, or it would be charged
-/// for queueing alone; such steps are slower.
+/// Measures this thread's training steps from now on. On a GPU each stage waits for the device at both ends, or it
+/// would be charged for queueing alone; such steps are slower.
 pub fn begin(device: &Device) {
     let device = device.clone();
     let wait = Box::new(move || {

@@ -1,4 +1,5 @@
-//! The progress bar: loss, PSNR, count, steps per second and time left. Without a terminal, lines: soon, and then more and more rarely.
+//! The progress bar: loss, PSNR, count, steps per second and time left. Without a terminal, lines: soon, and then more
+//! and more rarely.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -6,7 +7,8 @@ use std::time::{Duration, Instant};
 use gs_base::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Time to the first line where there is no terminal: a log shows at once that a run is alive, and how long it will take.
+/// Time to the first line where there is no terminal: a log shows at once that a run is alive, and how long it will
+/// take.
 const FIRST_LINE: Duration = Duration::from_secs(2);
 
 /// Longest time between lines; from the first on it doubles, so that the log of a day stays short.

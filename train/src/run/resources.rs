@@ -9,9 +9,9 @@ const KEPT: i32 = 256 << 20;
 
 /// Keeps freed buffers instead of giving them back to the system.
 ///
-/// A step allocates and frees the same few large buffers. The C library's default returns each to the system and gets it back page
-/// by page, zeroed, which cost a quarter of the processor time of a step (lund-door at 480 pixels). Has an effect only on Linux
-/// with glibc.
+/// A step allocates and frees the same few large buffers. The C library's default returns each to the system and gets
+/// it back page by page, zeroed, which cost a quarter of the processor time of a step (lund-door at 480 pixels). Has an
+/// effect only on Linux with glibc.
 pub fn keep_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `mallopt` only changes parameters of the allocator, and is called before any other thread exists.
@@ -29,7 +29,8 @@ pub fn peak_memory() -> Option<u64> {
     Some(kilobytes * 1024)
 }
 
-/// Returns freed buffers to the system: those of a step are of other sizes than those of a measurement, which would come on top.
+/// Returns freed buffers to the system. Buffers of training steps and of evaluation differ in size, so both would stay
+/// allocated.
 pub fn release_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `malloc_trim` may be called at any time.
@@ -38,8 +39,8 @@ pub fn release_freed_memory() {
     }
 }
 
-/// Returns freed buffers to the system and resets [`peak_memory`] to what is resident now, so that each of several runs in a
-/// process has its own peak. `false` if the system does not allow it.
+/// Returns freed buffers to the system and resets [`peak_memory`] to what is resident now, so that each of several runs
+/// in a process has its own peak. `false` if the system does not allow it.
 pub fn forget_peak_memory() -> bool {
     release_freed_memory();
     // 5 resets VmHWM (proc(5), since Linux 4.0).

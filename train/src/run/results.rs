@@ -30,8 +30,8 @@ pub struct Results {
 }
 
 impl Results {
-    /// Begins results in `out`, which is made. `summary` is the file that is moved last and by which an earlier result of the same
-    /// command is known; it has the mark of [`outputs`](super::outputs).
+    /// Begins results in `out`, which is made. `summary` is the file that is moved last and by which an earlier result
+    /// of the same command is known; it has the mark of [`outputs`](super::outputs).
     ///
     /// # Errors
     /// One sentence when `out` is a file, has files of somebody else, is being written by another process, or cannot be
@@ -97,7 +97,7 @@ impl Drop for Results {
     }
 }
 
-/// That nothing of the user is written over.
+/// Checks that nothing of the user is written over.
 fn vacant(out: &Path, summary: &str) -> Result<()> {
     if out.exists() && !out.is_dir() {
         bail!("{}: expected a folder or nothing, found a file", out.display());
@@ -120,7 +120,7 @@ pub fn is_empty(folder: &Path) -> bool {
     entries(folder).is_ok_and(|paths| paths.iter().all(|path| lock::is_lock(path)))
 }
 
-/// That a folder holds nothing but a lock and what `is_own`.
+/// Checks that a folder holds nothing but a lock and paths that are `is_own`.
 ///
 /// # Errors
 /// A sentence with a name of something else.

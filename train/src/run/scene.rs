@@ -113,7 +113,8 @@ impl LoadedScene {
         (0..count).map(|i| first + step * i as f64).collect()
     }
 
-    /// Warns once about times outside the recording: a path is an expansion, and diverges outside the window it was fitted in.
+    /// Warns once about times outside the recording: a path is an expansion, and diverges outside the window it was
+    /// fitted in.
     pub fn warn_outside(&self, times: impl IntoIterator<Item = f64>) {
         let Some(span) = self.scene.span() else { return };
         if let Some(warning) = outside(&times.into_iter().collect::<Vec<_>>(), span) {

@@ -38,10 +38,11 @@ pub const SCHEDULE: &str = "schedule";
 /// Steps from one line of metrics to the next.
 const METRICS_EVERY: usize = 10;
 
-/// Steps from a save that failed to the next try: a disk is rarely full for seconds, and a checkpoint costs about a step's time.
+/// Steps from a save that failed to the next try: a disk is rarely full for seconds, and a checkpoint costs about a
+/// step's time.
 const RETRY_AFTER: usize = 50;
 
-/// What to train, and where.
+/// The training that is asked for: its data set, its configuration, its folder and its device.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// The data set.
@@ -120,8 +121,8 @@ pub struct Run {
     _lock: Lock,
 }
 
-/// The newest whole checkpoint of the run in `job.folder`, where it is to be continued and has one. Damaged ones that are newer are
-/// named, and set aside so that nothing takes them for the newest again.
+/// The newest whole checkpoint of the run in `job.folder`, where it is to be continued and has one. Damaged ones that
+/// are newer are named, and set aside so that nothing takes them for the newest again.
 ///
 /// # Errors
 /// A sentence when all are damaged, or it was begun with another configuration.
@@ -269,7 +270,8 @@ impl Run {
         result
     }
 
-    /// Adds the time since `watch` began to that of training: reading the photos and finding the first Gaussians are part of its cost.
+    /// Adds the time since `watch` began to that of training: reading the photos and finding the first Gaussians are
+    /// part of its cost.
     pub fn count_time(&mut self, watch: Stopwatch) {
         self.count_spent(watch.spent());
     }
@@ -291,9 +293,9 @@ impl Run {
     ) {
         let was_skipped = skipped > self.skipped;
         self.skipped = skipped;
-        // A line at every planned checkpoint, because the clock of a resumed run continues from the last line. A run that is
-        // stopped in between writes none there, so that its metrics equal those of an uninterrupted one; its clock loses a few
-        // steps.
+        // A line at every planned checkpoint, because the clock of a resumed run continues from the last line. A run
+        // that is stopped in between writes none there, so that its metrics equal those of an uninterrupted one; its
+        // clock loses a few steps.
         let last = step == self.plan.steps;
         let noted = due(step, METRICS_EVERY) || due(step, self.plan.checkpoint.every) || last || was_skipped;
         let psnr = if noted && !was_skipped { psnr() } else { None };

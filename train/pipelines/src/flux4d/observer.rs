@@ -1,4 +1,4 @@
-//! What follows a step of the training: it is shown, written down, measured and saved where that is due.
+//! The observer of a training: each step is shown, written down, measured and saved where that is due.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! The Gaussians of the first frame: at the back-projected pixels of depth priors, else at the data set's points, else in the hull of outlines
-//! before a plain background, else where photos agree.
+//! The Gaussians of the first frame: at the back-projected pixels of depth priors, else at the data set's points, else
+//! in the hull of outlines before a plain background, else where photos agree.
 
 use burn::tensor::Device;
 use gs_datasets::{PointCloud, Scene};
@@ -16,8 +16,8 @@ use gs_train::fit::initialise::{InitialGaussians, Random, gaussians_at, initial_
 /// Least weight of a prior's pixel that becomes a point.
 const LEAST_WEIGHT: f32 = 0.25;
 
-/// Most points throughout the hull of outlines. From 5,000 to 20,000 the first frame of held-out cameras is the same within 0.15 dB, on eight object
-/// sets of five cameras.
+/// Most points throughout the hull of outlines. From 5,000 to 20,000 the first frame of held-out cameras is the same
+/// within 0.15 dB, on eight object sets of five cameras.
 const HULL_POINTS: usize = 10_000;
 
 /// The state before the first step.
@@ -71,8 +71,8 @@ fn first_frame(scene: &Scene, cues: &Cues) -> Scene {
     first
 }
 
-/// The points of the depth priors; without priors those throughout the visual hull of what stands before a plain background, of which photos leave
-/// the surfaces. Empty: neither is there.
+/// The points of the depth priors; without priors those throughout the visual hull of what stands before a plain
+/// background, of which photos leave the surfaces. Empty: neither is there.
 fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointCloud {
     let points = prior_points(scene, cues);
     if !points.is_empty() || first.points.is_some() {
@@ -91,14 +91,16 @@ fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointC
     hull.points
 }
 
-/// Whether neither points nor priors nor outlines before a plain background tell where the first frame's Gaussians begin.
+/// Whether neither points nor priors nor outlines before a plain background tell where the first frame's Gaussians
+/// begin.
 pub fn is_photos_alone(scene: &Scene) -> bool {
     let (_, by_frame) = frames(&scene.train);
     let first = by_frame.first().map(Vec::as_slice).unwrap_or_default();
     Source::of(scene, first, !depths_of(&scene.train, first).is_empty()) == Source::Photos
 }
 
-/// The pixels of all priors of the first frame in space, with the photos' colours: the dense and redundant union of the views.
+/// The pixels of all priors of the first frame in space, with the photos' colours: the dense and redundant union of the
+/// views.
 fn prior_points(scene: &Scene, cues: &Cues) -> PointCloud {
     let mut points = PointCloud::default();
     for (index, prior) in &cues.depths {

@@ -1,5 +1,5 @@
-//! A step of this pipeline by stage, for `gsburn bench --rollout`. The cost of the rollout is linear in its length and in the Gaussians that move; that of
-//! the image depends on neither.
+//! A step of this pipeline by stage, for `gsburn bench --rollout`. The cost of the rollout is linear in its length and
+//! in the Gaussians that move; that of the image depends on neither.
 
 use std::time::{Duration, Instant};
 
@@ -25,8 +25,8 @@ const MOVING: [usize; 3] = [1000, 2000, 4000];
 /// The stages of a step.
 const STAGES: [&str; 5] = ["rollout", "render", "loss", "backward", "rollout, backward"];
 
-/// Times the stages on some of `gaussians` and gives `print` the lines of a table: medians of `repeat` times, milliseconds; last the rollout both
-/// ways for each of its steps and 1000 Gaussians.
+/// Times the stages on some of `gaussians` and gives `print` the lines of a table: medians of `repeat` times,
+/// milliseconds; last the rollout both ways for each of its steps and 1000 Gaussians.
 pub fn rollout_table(gaussians: &Gaussians, camera: &Camera, repeat: u32, print: impl Fn(String)) {
     let target = render(gaussians, camera, &RenderOptions::default()).color * 0.5 + 0.25;
     let dynamics = DynamicsConfig { ask: AskChoice::Step, ..DynamicsConfig::default() };

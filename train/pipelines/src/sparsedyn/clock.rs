@@ -1,15 +1,15 @@
 //! The unit of time of the dynamics.
 //!
-//! Learning rates and encodings are made for times from 0 to 1, of which three quarters are seen. Other recordings (seconds, frame numbers) are
-//! learned in such a unit, and asked and answered in their own.
+//! Learning rates and encodings are made for times from 0 to 1, of which three quarters are seen. Other recordings
+//! (seconds, frame numbers) are learned in such a unit, and asked and answered in their own.
 
 use serde::{Deserialize, Serialize};
 
 /// Share of the unit that is seen of a recording in another unit: as in the sets whose times lie in [0, 1].
 const SEEN: f64 = 0.75;
 
-/// Smallest share of the unit that a recording in [0, 1] fills for its times to be taken as they are: below it, velocities would be large for
-/// the learning rates.
+/// Smallest share of the unit that a recording in [0, 1] fills for its times to be taken as they are: below it,
+/// velocities would be large for the learning rates.
 const LEAST: f64 = 0.25;
 
 /// The map from the data set's times to those of the dynamics: `(t - origin) / unit`.

@@ -8,7 +8,7 @@ use super::cues::warmup_steps;
 use gs_train::config::Strategy;
 use gs_train::fit::density::Control;
 
-/// What is asked of density control at `step`.
+/// Whether density control may refine at `step`.
 pub fn control(step: usize, config: &Config) -> Control {
     match (resting(config).contains(&step), resumed(config).contains(&step)) {
         (_, true) => Control::Resumes,
@@ -17,8 +17,8 @@ pub fn control(step: usize, config: &Config) -> Control {
     }
 }
 
-/// The steps in which density control rests, because motion has just begun. Under the baselines the last step before it belongs to them: TRACE
-/// leaves out the reset of opacities there.
+/// The steps in which density control rests, because motion has just begun. Under the baselines the last step before it
+/// belongs to them: TRACE leaves out the reset of opacities there.
 fn resting(config: &Config) -> Range<usize> {
     let warmup = warmup_steps(config);
     let first = match config.method.dynamics.model {
@@ -28,8 +28,8 @@ fn resting(config: &Config) -> Range<usize> {
     first..warmup + RESTING_STEPS
 }
 
-/// The steps in which density control takes place again: bodies, if any were found, have laws, so that photos of all times show the same surfaces from more sides, and
-/// surfaces that the first frame hides.
+/// The steps in which density control takes place again: bodies, if any were found, have laws, so that photos of all
+/// times show the same surfaces from more sides, and surfaces that the first frame hides.
 fn resumed(config: &Config) -> Range<usize> {
     let bodies = &config.method.bodies;
     let has_laws = bodies.mode != BodyUse::Field && config.method.dynamics.model == MotionModel::Rollout;

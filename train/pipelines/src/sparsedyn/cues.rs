@@ -1,4 +1,5 @@
-//! What is inferred once from the data set: its frames, the depth priors in scene units, the pixels that change.
+//! The cues that are inferred once from the data set: its frames, the depth priors in scene units, the pixels that
+//! change.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,8 +34,9 @@ pub struct Cues {
     pub interval: f64,
     /// The depth priors of the first frame, by index of the training view.
     pub depths: BTreeMap<usize, DepthPrior>,
-    /// For each view of the first frame, or of all frames where outlines count there, by index of the training view, `[H, W]`: 1 inside the outline
-    /// of what stands before a plain background, -1 before the background, 0 at the outline itself. Empty without a plain background.
+    /// For each view of the first frame, or of all frames where outlines count there, by index of the training view,
+    /// `[H, W]`: 1 inside the outline of what stands before a plain background, -1 before the background, 0 at the
+    /// outline itself. Empty without a plain background.
     pub outlines: BTreeMap<usize, Vec<i8>>,
     /// Where the Gaussians of the first frame begin.
     pub source: Source,
@@ -96,8 +98,8 @@ fn interval(times: &[f64]) -> f64 {
     gaps.get(gaps.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// Checks that a rollout from the first frame reaches the time of every photo, of training and held-out views, in fewer than
-/// [`STEPS_MAX`] steps.
+/// Checks that a rollout from the first frame reaches the time of every photo, of training and held-out views, in fewer
+/// than [`STEPS_MAX`] steps.
 ///
 /// # Errors
 /// A sentence about `dataset`, with the length of a step that is enough.
@@ -137,8 +139,8 @@ pub fn schedule(frames: usize, config: &Config) -> Curriculum {
     }
 }
 
-/// Steps in which the first frame alone is fitted: the share of the run, and where `density.stop` is not above it no fewer than until the count is
-/// fixed, which rounding may put one step later.
+/// Steps in which the first frame alone is fitted: the share of the run, and where `density.stop` is not above it no
+/// fewer than until the count is fixed, which rounding may put one step later.
 pub fn warmup_steps(config: &Config) -> usize {
     let (density, share) = (&config.density, config.method.warmup.share);
     let own = (share * config.steps as f64).round() as usize;

@@ -1,5 +1,5 @@
-//! Rigid bodies: found in the paths of the field while the window grows, followed by a smooth free motion, divided and joined again where their
-//! parts move alike, then given laws: those that their poses bear out and photos confirm.
+//! Rigid bodies: found in the paths of the field while the window grows, followed by a smooth free motion, divided and
+//! joined again where their parts move alike, then given laws: those that their poses bear out and photos confirm.
 
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
@@ -86,8 +86,8 @@ impl Events {
     }
 }
 
-/// Finds bodies in the paths of the Gaussians that the field moves. At the last examination what rests becomes static: before it, what rests may
-/// only be slow to begin.
+/// Finds bodies in the paths of the Gaussians that the field moves. At the last examination what rests becomes static:
+/// before it, what rests may only be slow to begin.
 fn with_bodies(
     mut model: Sparsedyn,
     gaussians: &Gaussians,

@@ -24,15 +24,15 @@ pub struct CameraEvidence {
     pub changes: Vec<bool>,
 }
 
-/// Least range of a colour channel over the frames of a static camera at which something moves there, 0 to 1: the noise of
-/// photos stays below it.
+/// Least range of a colour channel over the frames of a static camera at which something moves there, 0 to 1: the noise
+/// of photos stays below it.
 const CHANGE: f64 = 0.06;
 
 /// Share of the cameras that show a Gaussian which must see a change there: another body may hide it from some.
 const CAMERAS: f64 = 0.5;
 
-/// The changing pixels of each static camera among `views`; empty if a camera has no second photo, or if too few cameras stand still for
-/// the evidence to mean anything.
+/// The changing pixels of each static camera among `views`; empty if a camera has no second photo, or if too few
+/// cameras stand still for the evidence to mean anything.
 pub fn changing_pixels(views: &[View]) -> Vec<CameraEvidence> {
     let mut cameras: Vec<Vec<&View>> = Vec::new();
     for view in views {
@@ -120,16 +120,16 @@ impl CameraEvidence {
     }
 }
 
-/// The root mean square distance of the changing pixels from their middle, at the depth of `centre`, scene units: the median over the cameras; 0
-/// without evidence.
+/// The root mean square distance of the changing pixels from their middle, at the depth of `centre`, scene units: the
+/// median over the cameras; 0 without evidence.
 pub fn swept(evidence: &[CameraEvidence], centre: DVec3) -> f64 {
     let mut sizes: Vec<f64> = evidence.iter().filter_map(|camera| camera.swept(centre)).collect();
     sizes.sort_by(f64::total_cmp);
     sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The rows of `means` that may move, ascending: those at which at least half of the cameras that show them see a change. All
-/// rows without evidence.
+/// The rows of `means` that may move, ascending: those at which at least half of the cameras that show them see a
+/// change. All rows without evidence.
 pub fn may_move(means: &[[f32; 3]], evidence: &[CameraEvidence]) -> Vec<u32> {
     let moves = |mean: &[f32; 3]| {
         let position = glam::Vec3::from(*mean).as_dvec3();

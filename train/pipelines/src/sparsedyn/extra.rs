@@ -1,4 +1,5 @@
-//! The method's device data of a photo: the depth prior of the first frame, and the outline of what stands before a plain background.
+//! The method's device data of a photo: the depth prior of the first frame, and the outline of what stands before a
+//! plain background.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_datasets::View;
@@ -6,7 +7,7 @@ use gs_datasets::View;
 use super::Cues;
 use gs_train::fit::photos::Extra;
 
-/// What a photo says beside its colours.
+/// The cues of a photo beside its colours.
 #[derive(Debug, Clone, Default)]
 pub struct PhotoCues {
     /// Camera z `[H, W, 1]`, scene units, and its weight `[H, W, 1]`, 0 (unknown) to 1.

@@ -30,7 +30,8 @@ fn speed(model: &Sparsedyn, gaussians: &Gaussians) -> f64 {
     speeds.sum::<f64>() / model.frame.rows.len() as f64 / model.frame.clock.unit
 }
 
-/// Bytes of every number that is needed to draw the scene at any time: Gaussians, field, and a row number for each moving Gaussian.
+/// Bytes of every number that is needed to draw the scene at any time: Gaussians, field, and a row number for each
+/// moving Gaussian.
 pub fn bytes(model: &Sparsedyn, gaussians: &Gaussians, _config: &Config) -> usize {
     let own = 4 * gaussians.len() * (11 + 3 * gaussians.sh.dims()[1]);
     let moving = if model.frame.rows.is_empty() { 0 } else { parameter_bytes(model) + 4 * model.frame.rows.len() };

@@ -19,8 +19,8 @@ use gs_train::fit::method::{Drawn, Forward, Remainder};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::random::{Purpose, stream};
 
-/// Factor of the opacity's weight on the hull of outlines, which holds more Gaussians than surfaces need. On four object sets of five cameras,
-/// held-out cameras gain 0.1 to 2.7 dB by 3 over 1, and lose by 6.
+/// Factor of the opacity's weight on the hull of outlines, which holds more Gaussians than surfaces need. On four
+/// object sets of five cameras, held-out cameras gain 0.1 to 2.7 dB by 3 over 1, and lose by 6.
 const ON_HULL: f64 = 3.0;
 
 impl Sparsedyn {
@@ -92,9 +92,9 @@ impl Sparsedyn {
         let placed = |moved: Vec<Moved>| moved.iter().map(|moved| self.placed(gaussians, moved)).collect();
         let first = self.first_positions(gaussians);
         match (&self.field, self.model) {
-            // A field that alone moves everything and is asked more than once: its activations over the horizon are computed again in the
-            // backward pass. Elsewhere they are stored: asked once, they are small; beside bodies or a deformation, the field is differentiated
-            // in the graph of the loss.
+            // A field that alone moves everything and is asked more than once: its activations over the horizon are
+            // computed again in the backward pass. Elsewhere they are stored: asked once, they are small; beside bodies
+            // or a deformation, the field is differentiated in the graph of the loss.
             (Some(field), MotionModel::Rollout) if self.options.ask != Ask::Start && self.bodies.is_none() => {
                 let rollout = Rollout { field, options: self.options };
                 let recorded = rollout.record(&State::at_rest(first.inner()), times);

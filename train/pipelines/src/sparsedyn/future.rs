@@ -85,7 +85,7 @@ impl RolledFuture {
         &self.scene.method
     }
 
-    /// Those of the moving Gaussians that the field moves, as indices among them.
+    /// The moving Gaussians that the field moves, as indices among them.
     fn of_field(&self) -> Vec<u32> {
         let labels = self.method().frame.labels.iter().enumerate();
         let has_bodies = self.method().bodies.is_some();
@@ -113,7 +113,7 @@ impl RolledFuture {
         bodies.frames.iter().enumerate().map(of).collect()
     }
 
-    /// The scale of the field's perturbation at which the spread over the seen times is that of the noise.
+    /// The perturbation scale whose ensemble spread over the observed times equals the pose noise.
     fn field_scale(&self, field: &DynamicsField, rows: &[u32], count: usize) -> f64 {
         let (method, every) = (self.method(), rows.len().div_ceil(CALIBRATED_ROWS).max(1));
         let rows: Vec<u32> = rows.iter().copied().step_by(every).collect();

@@ -58,7 +58,8 @@ impl<'a> Judges<'a> {
         }
     }
 
-    /// The mean squared difference of renderings from the photos where these count, 0 to 1; `None` without a photo, or where it is not finite.
+    /// The mean squared difference of renderings from the photos where these count, 0 to 1; `None` without a photo, or
+    /// where it is not finite.
     pub fn error(&self, model: &Sparsedyn) -> Option<f64> {
         let device = self.gaussians.device();
         let times: Vec<f64> = self.photos.iter().map(|(time, _)| *time).collect();

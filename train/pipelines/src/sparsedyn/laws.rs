@@ -1,5 +1,5 @@
-//! The law of each body: parts that moved alike are one body again; the poses of each bear out some laws, and photos of later times choose among
-//! these.
+//! The law of each body: parts that moved alike are one body again; the poses of each bear out some laws, and photos of
+//! later times choose among these.
 
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
@@ -14,34 +14,39 @@ use super::poses::{middle, paths, pixel_size, poses_of, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
 
-/// Largest difference of two parts' motions that is one motion, in the noise of a pose. By BIC a second free motion costs six numbers a knot, each
-/// worth the logarithm of some hundred coordinates, 4.6; the misfit that pays for it is `sqrt(2 * 4.6)` of the noise.
-const JOINED_NOISES: f64 = 3.0;
+/// Largest difference of two parts' motions that is one motion, in the noise of a pose. By BIC a second free motion
+/// costs six numbers a knot, each worth the logarithm of some hundred coordinates, 4.6; the misfit that pays for it is
+/// `sqrt(2 * 4.6)` of the noise.
+const MERGE_SIGMA: f64 = 3.0;
 
-/// Share of the way of two parts that may be added to that difference. Gaussians of one pendulum that had been taken for three bodies differed by 3
-/// pixels on a way of 100; bodies that move on their own differ by the way itself.
+/// Share of the way of two parts that may be added to that difference. Gaussians of one pendulum that had been taken
+/// for three bodies differed by 3 pixels on a way of 100; bodies that move on their own differ by the way itself.
 const JOINED_SHARE: f64 = 0.04;
 
-/// Laws whose score is worse than the best by more than this are not shown to the photos. The score adds two terms of BIC's scale, on which 10 is
-/// very strong evidence; poses of a tracked body err together, so that each term may mislead by that much.
-const DOUBTFUL: f64 = 40.0;
+/// Laws whose score is worse than the best by more than this are not shown to the photos. The score adds two terms of
+/// BIC's scale, on which 10 is very strong evidence; poses of a tracked body err together, so that each term may
+/// mislead by that much.
+const CANDIDATE_MARGIN: f64 = 40.0;
 
 /// Most laws of a body that photos judge: each costs a rendering per photo.
-const JUDGED: usize = 6;
+const CANDIDATES_MAX: usize = 6;
 
-/// Largest excess over the least error of the photos at which a law with a better score is preferred. Most of the error is that of the first frame:
-/// right laws have had errors 5 and 10 % above richer ones, and wrong ones have had 20 to 70 % more than the right one.
-const AS_GOOD: f64 = 0.2;
+/// Largest excess over the least error of the photos at which a law with a better score is preferred. Most of the error
+/// is that of the first frame: right laws have had errors 5 and 10 % above richer ones, and wrong ones have had 20 to
+/// 70 % more than the right one.
+const ERROR_TOLERANCE: f64 = 0.2;
 
-/// Shares of the poses, from the first on, to which the laws of a lost body are fitted: it may have been lost early, and fewer poses determine less.
-const FOLLOWED: [f64; 4] = [0.25, 0.4, 0.65, 1.0];
+/// Shares of the poses, from the first on, to which the laws of a lost body are fitted: it may have been lost early,
+/// and fewer poses determine less.
+const PREFIX_SHARES: [f64; 4] = [0.25, 0.4, 0.65, 1.0];
 
 /// Fewest poses that determine a law of second order in their noise.
 const FEWEST_POSES: usize = 6;
 
-/// Excess over the least error of the photos at which a lost body takes a law of fewer numbers. The body may be small in the photos, so that much of
-/// its motion is a small share of their error; equal laws fitted to one sequence differ by less than this.
-const NEARLY: f64 = 0.005;
+/// Excess over the least error of the photos at which a lost body takes a law of fewer numbers. The body may be small
+/// in the photos, so that much of its motion is a small share of their error; equal laws fitted to one sequence differ
+/// by less than this.
+const TIE_TOLERANCE: f64 = 0.005;
 
 /// Joins parts that moved alike, gives each body its law, and drops the free motion.
 pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
@@ -54,7 +59,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
     let everything: Vec<usize> = (0..model.frame.rows.len()).collect();
     let weights = weights_of(&model, gaussians, &everything);
     let pixel = pixel_size(views, middle(&all[0], &weights));
-    let labels = joined(&all, &model.frame.labels, JOINED_NOISES * config.noise_pixels * pixel, JOINED_SHARE);
+    let labels = joined(&all, &model.frame.labels, MERGE_SIGMA * config.noise_pixels * pixel, JOINED_SHARE);
     let judges = Judges::of(times, views, gaussians, at);
     let whole = Judges::of_all(times, views, gaussians, at);
     let count = labels.iter().max().map_or(0, |most| *most + 1);
@@ -120,13 +125,14 @@ struct Lawful {
     pixels: f64,
 }
 
-/// Whether a body's poses follow no law: their deviation from the nearest one, pixels, is above the tolerance of a body.
+/// Whether a body's poses follow no law: their deviation from the nearest one, pixels, is above the tolerance of a
+/// body.
 fn is_lost(pixels: f64, config: &BodiesConfig) -> bool {
     pixels.is_nan() || pixels > config.tolerance_pixels
 }
 
-/// The body whose law each body takes: its own, or where its poses follow none, that of the body, or the rest (`None`), with
-/// which late photos have no larger error. Such a body is a part that was lost while it was followed.
+/// The body whose law each body takes: its own, or where its poses follow none, that of the body, or the rest (`None`),
+/// with which late photos have no larger error. Such a body is a part that was lost while it was followed.
 fn assigned(
     model: &Sparsedyn,
     lawful: &[Lawful],
@@ -153,14 +159,15 @@ fn assigned(
     lawful.iter().enumerate().map(taken).collect()
 }
 
-/// The law that the poses bear out. Where they leave several, that which, fitted to the first two thirds of the poses, has the least error in
-/// photos of the last third; of laws as good as that one, the one that the poses bear out best. `judge` gives the error of a law.
+/// The law that the poses bear out. Where they leave several, that which, fitted to the first two thirds of the poses,
+/// has the least error in photos of the last third; of laws as good as that one, the one that the poses bear out best.
+/// `judge` gives the error of a law.
 fn chosen(sequence: &Poses, judge: impl Fn(Law, LawValues) -> Option<f64>) -> Option<Fitted> {
     let mut fits = compare_laws(sequence, &Law::ALL);
     fits.sort_by(|a, b| a.score().total_cmp(&b.score()));
     let best = *fits.first()?;
-    fits.retain(|fitted| fitted.score() <= best.score() + DOUBTFUL);
-    fits.truncate(JUDGED);
+    fits.retain(|fitted| fitted.score() <= best.score() + CANDIDATE_MARGIN);
+    fits.truncate(CANDIDATES_MAX);
     if fits.len() == 1 {
         return Some(best);
     }
@@ -172,11 +179,16 @@ fn chosen(sequence: &Poses, judge: impl Fn(Law, LawValues) -> Option<f64>) -> Op
         tracing::info!(law, score, error, deviation = fitted.deviation, "a law before photos of later times");
     }
     // The scores ascend, so the first one that is as good has the best.
-    judged.into_iter().find(|(_, error)| *error <= (1.0 + AS_GOOD) * least).map(|(fitted, _)| fitted).or(Some(best))
+    judged
+        .into_iter()
+        .find(|(_, error)| *error <= (1.0 + ERROR_TOLERANCE) * least)
+        .map(|(fitted, _)| fitted)
+        .or(Some(best))
 }
 
-/// The law of a body that was lost while it was followed: of `fitted` and all laws fitted to all poses or to those before it may have been lost, the
-/// one with fewest numbers among those with which photos of all times have nearly the least error. `judge` gives the error of a law.
+/// The law of a body that was lost while it was followed: of `fitted` and all laws fitted to all poses or to those
+/// before it may have been lost, the one with fewest numbers among those with which photos of all times have nearly the
+/// least error. `judge` gives the error of a law.
 fn recovered(
     sequence: &Poses,
     fitted: Option<Fitted>,
@@ -186,12 +198,13 @@ fn recovered(
         let count = (share * sequence.poses.len() as f64).ceil() as usize;
         Poses { poses: sequence.poses[..count.min(sequence.poses.len())].to_vec(), ..sequence.clone() }
     };
-    let parts: Vec<Poses> = FOLLOWED.into_iter().map(until).filter(|part| part.poses.len() >= FEWEST_POSES).collect();
+    let parts: Vec<Poses> =
+        PREFIX_SHARES.into_iter().map(until).filter(|part| part.poses.len() >= FEWEST_POSES).collect();
     let fits = parts.iter().flat_map(|part| Law::ALL.into_iter().filter_map(|law| fit_law(part, law)));
     let judged: Vec<(f64, Fitted)> =
         fitted.into_iter().chain(fits).filter_map(|fitted| Some((judge(fitted.law, fitted.values)?, fitted))).collect();
     let least = judged.iter().map(|(error, _)| *error).fold(f64::INFINITY, f64::min);
-    let near = judged.into_iter().filter(|(error, _)| *error <= (1.0 + NEARLY) * least);
+    let near = judged.into_iter().filter(|(error, _)| *error <= (1.0 + TIE_TOLERANCE) * least);
     let found = near.min_by(|a, b| a.1.law.freedom().cmp(&b.1.law.freedom()).then(a.0.total_cmp(&b.0)));
     if let Some((error, found)) = &found {
         tracing::info!(error, least, law = found.law.in_words(), "a law for a body that was lost");

@@ -30,7 +30,7 @@ pub struct Sparsedyn {
     /// The constants of the module.
     #[module(skip)]
     pub frame: Frame,
-    /// What moves the Gaussians.
+    /// The model that moves the Gaussians.
     #[module(skip)]
     pub model: MotionModel,
     /// How the field is integrated.

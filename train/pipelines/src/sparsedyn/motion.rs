@@ -1,4 +1,5 @@
-//! The moving Gaussians at given times: by the rollout, or by the baselines' deformation with one step of their velocity field.
+//! The moving Gaussians at given times: by the rollout, or by the baselines' deformation with one step of their
+//! velocity field.
 
 use burn::tensor::Tensor;
 use gs_models::rotation::turn;
@@ -40,8 +41,8 @@ struct Parts {
 }
 
 impl Sparsedyn {
-    /// The Gaussians that are at `positions` `[M, 3]` in the first frame, at `times`; differentiable. Those of bodies follow the bodies' laws,
-    /// the others the field.
+    /// The Gaussians that are at `positions` `[M, 3]` in the first frame, at `times`; differentiable. Those of bodies
+    /// follow the bodies' laws, the others the field.
     pub fn moved(&self, positions: &Tensor<2>, times: &[f64]) -> Vec<Moved> {
         let Some(bodies) = &self.bodies else { return self.moved_by_field(positions, times) };
         let parts = self.parts();
@@ -94,8 +95,9 @@ impl Sparsedyn {
         }
     }
 
-    /// The baselines in training: deformed one integration step away from `time`, then integrated to it. The step begins at a position that
-    /// gets no gradient through the field; near the first frame there is only the deformation.
+    /// The baselines in training: deformed one integration step away from `time`, then integrated to it. The step
+    /// begins at a position that gets no gradient through the field; near the first frame there is only the
+    /// deformation.
     pub fn moved_by_one_step(&self, positions: &Tensor<2>, time: f64, direction: Direction) -> Moved {
         let step = self.options.step;
         if time < self.frame.start + step {
@@ -156,7 +158,8 @@ impl Sparsedyn {
         }
     }
 
-    /// Velocities of the Gaussians that are at `first` `[M, 3]` in the first frame, at `time`, `[M, 3]`, scene units per unit of time.
+    /// Velocities of the Gaussians that are at `first` `[M, 3]` in the first frame, at `time`, `[M, 3]`, scene units
+    /// per unit of time.
     pub fn velocities(&self, first: &Tensor<2>, time: f64) -> Tensor<2> {
         if self.bodies.is_some() {
             // Laws are smooth functions of time: central differences over a share of a frame are exact to f32.

@@ -1,5 +1,6 @@
-//! Parts of a body that photos show at rest leave it: for the field, and at the last examination for what is static. Early paths of a slow motion
-//! are near those of what rests beside it, so that a body begins with Gaussians that do not belong to it.
+//! Parts of a body that photos show at rest leave it: for the field, and at the last examination for what is static.
+//! Early paths of a slow motion are near those of what rests beside it, so that a body begins with Gaussians that do
+//! not belong to it.
 
 use gs_burn::Gaussians;
 use gs_datasets::View;
@@ -14,7 +15,8 @@ const PARTS: usize = 16;
 /// Fewest Gaussians of such a part.
 const FEWEST: usize = 6;
 
-/// Least share of the photos' error by which it must fall for a part to be at rest: a part has learned to fit the photos where its body takes it.
+/// Least share of the photos' error by which it must fall for a part to be at rest: a part has learned to fit the
+/// photos where its body takes it.
 const CLEARLY: f64 = 0.005;
 
 /// The moving Gaussians, by index, that the photos of `times` show at rest although a body moves them.

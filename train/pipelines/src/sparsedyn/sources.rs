@@ -3,7 +3,7 @@
 use gs_datasets::{PointCloud, Scene, View};
 use gs_multiview::{Pinhole, foreground_masks};
 
-/// What tells where the Gaussians of the first frame begin.
+/// The source that tells where the Gaussians of the first frame begin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Source {
     /// Depth priors of the first frame.
@@ -18,7 +18,8 @@ pub enum Source {
 }
 
 impl Source {
-    /// Of a scene whose first frame is the training views `first`; `has_priors`: whether some of these have a usable depth prior.
+    /// Of a scene whose first frame is the training views `first`; `has_priors`: whether some of these have a usable
+    /// depth prior.
     pub fn of(scene: &Scene, first: &[usize], has_priors: bool) -> Self {
         if has_priors {
             return Self::Priors;

@@ -16,7 +16,7 @@ use gs_train::fit::timetable::{Curve, Mark, Timetable};
 /// Steps whose draws are shown: as many as a chart of some 600 pixels tells apart.
 const SHOWN: usize = 160;
 
-/// What is learned from, and what happens at which step.
+/// Lines about the photos that are learned from, and about the events of the training.
 pub fn lines(frame: &Frame, at: &Step) -> Vec<String> {
     let (cues, config) = (at.cues, at.config);
     let (warmup, schedule) = (warmup_steps(config), cues.curriculum(config));

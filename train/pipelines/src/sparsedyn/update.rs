@@ -26,10 +26,10 @@ impl Sparsedyn {
     }
 }
 
-/// The learning rate of the bodies' numbers at a step after the warm-up. It falls from the first search for bodies to the last step, and once more
-/// from the choice of laws: a law's numbers are new, and poses leave them further from the photos than what is left of the first fall
-/// can go. A pendulum whose rate of oscillation was 1 and 3 % off at the choice was 34 and 10 % of its angle off at time 1 with one fall, and
-/// less than 2 % with two.
+/// The learning rate of the bodies' numbers at a step after the warm-up. It falls from the first search for bodies to
+/// the last step, and once more from the choice of laws: a law's numbers are new, and poses leave them further from the
+/// photos than what is left of the first fall can go. A pendulum whose rate of oscillation was 1 and 3 % off at the
+/// choice was 34 and 10 % of its angle off at time 1 with one fall, and less than 2 % with two.
 fn body_rate(step: usize, config: &Config) -> f64 {
     let (bodies, laws) = (&config.method.bodies, laws_at(config));
     let begun = if step > laws { laws } else { bodies_at(config) };

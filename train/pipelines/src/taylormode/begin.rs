@@ -1,5 +1,5 @@
-//! The state of a moving scene before the first step: initial Gaussians, the initial paths of moving ones, which are those of their
-//! objects, and the networks that the configuration learns beside them.
+//! The state of a moving scene before the first step: initial Gaussians, the initial paths of moving ones, which are
+//! those of their objects, and the networks that the configuration learns beside them.
 
 use burn::module::Param;
 use burn::tensor::Device;
@@ -87,17 +87,18 @@ pub(super) fn networks(config: &Config) -> Networks {
     Networks { velocity, peano: blur.peano && !velocity, weights: if blur.weights { blur.samples } else { 0 } }
 }
 
-/// Largest root mean square distance of the centres from their best polynomial, pixels, at which a remainder is not needed: it
-/// would not show in a photo.
+/// Largest root mean square distance of the centres from their best polynomial, pixels, at which a remainder is not
+/// needed: it would not show in a photo.
 const REMAINDER_PIXELS: f64 = 0.5;
 
-/// Standard deviations of the centre's own uncertainty that its distance from the best polynomial must exceed. The residual of a
-/// high order alternates from frame to frame, so a test of correlation in time alone would take it for noise.
+/// Standard deviations of the centre's own uncertainty that its distance from the best polynomial must exceed. The
+/// residual of a high order alternates from frame to frame, so a test of correlation in time alone would take it for
+/// noise.
 const REMAINDER_DEVIATIONS: f64 = 3.0;
 
-/// Whether the 3D remainder is used: it is configured, or the centre's distances from the best polynomial are visible and are not
-/// noise. Decided once, before training, from the triangulated centres of moving objects: their residual after the best order is
-/// known without a scene.
+/// Whether the 3D remainder is used: it is configured, or the centre's distances from the best polynomial are visible
+/// and are not noise. Decided once, before training, from the triangulated centres of moving objects: their residual
+/// after the best order is known without a scene.
 pub fn wants_remainder(cues: &Cues, config: &Config) -> bool {
     match config.method.motion.remainder {
         RemainderChoice::On => true,
@@ -124,8 +125,8 @@ pub fn remainder_frame(rows: &[u32], means: &[[f32; 3]], order: usize) -> Remain
     RemainderFrame { centre: centre.to_array(), scale: spread(&positions, centre), order }
 }
 
-/// Centre and root mean square extent of each object; objects without Gaussians are left out. For several objects the centre is the
-/// path's position at `t0`, so that a Gaussian stays with the object on whose path it began.
+/// Centre and root mean square extent of each object; objects without Gaussians are left out. For several objects the
+/// centre is the path's position at `t0`, so that a Gaussian stays with the object on whose path it began.
 fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> {
     let t0 = frame.window.t0;
     let mut parts = vec![Vec::new(); tracks.len()];

@@ -40,8 +40,8 @@ pub fn warp(gaussians: Gaussians, camera: &Camera) -> Steps {
     with_blur(gaussians, camera, BlurMode::Warp)
 }
 
-/// The photo has a mask of moving pixels, the middle half of its columns, and no other prior: the depth prior of a data set is
-/// aligned on the host, whose work is not listed here.
+/// The photo has a mask of moving pixels, the middle half of its columns, and no other prior: the depth prior of a data
+/// set is aligned on the host, whose work is not listed here.
 fn with_blur(gaussians: Gaussians, camera: &Camera, mode: BlurMode) -> Steps {
     let device = gaussians.device();
     let mut config = Taylormode::defaults();

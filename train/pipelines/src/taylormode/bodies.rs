@@ -1,5 +1,5 @@
-//! Bodies of a moving scene whose objects follow no path that could be told before training: the parts of the moving positions that
-//! stand apart from each other. Each gets a [common motion](super::common_motion), which begins at rest.
+//! Bodies of a moving scene whose objects follow no path that could be told before training: the parts of the moving
+//! positions that stand apart from each other. Each gets a [common motion](super::common_motion), which begins at rest.
 
 use std::num::NonZero;
 
@@ -7,14 +7,15 @@ use gs_base::median;
 use gs_models::flux4d::actors::dbscan;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-/// Distance at which positions are of one body, in median distances to the nearest other position: gaps of a hull are narrower.
+/// Distance at which positions are of one body, in median distances to the nearest other position: gaps of a hull are
+/// narrower.
 const APART: f64 = 4.0;
 
 /// Least share of all positions that a body has: smaller parts are fragments of a hull.
 const LEAST: f64 = 0.1;
 
-/// The bodies among `positions`, each by the indices of its positions, the largest first; all as one body where no part is large enough
-/// or most positions coincide.
+/// The bodies among `positions`, each by the indices of its positions, the largest first; all as one body where no part
+/// is large enough or most positions coincide.
 pub fn bodies(positions: &[[f32; 3]]) -> Vec<Vec<usize>> {
     if positions.is_empty() {
         return Vec::new();

@@ -1,15 +1,16 @@
 //! The common motion of an object: an update of all its paths together, in addition to each Gaussian's own.
 //!
-//! A path's blocks `c_k` belong to one Gaussian and are learned from the few pixels it covers. On an object that turns, texture
-//! repeats, and a Gaussian alone may converge to the wrong repetition or lag behind. Near the object's centre the motion of the
-//! whole object is the first order of a Taylor series in space,
+//! A path's blocks `c_k` belong to one Gaussian and are learned from the few pixels it covers. On an object that turns,
+//! texture repeats, and a Gaussian alone may converge to the wrong repetition or lag behind. Near the object's centre
+//! the motion of the whole object is the first order of a Taylor series in space,
 //!
 //! `c_k(x) = W_k [1, (x - centre) / scale]`,   `W_k` `[3, 4]`,
 //!
-//! which represents every rigid motion exactly (a rotation by any angle is linear in `x`) and many others approximately. Adam on
-//! `W`, whose gradient is the sum of the gradients of all the object's Gaussians, moves all blocks by `dW_k [1, ...]`. Each object
-//! has its own `W`; a Gaussian belongs to the object with the nearest centre. The model does not change: stored numbers and degrees
-//! of freedom of single Gaussians stay the same. Not part of the paper.
+//! which represents every rigid motion exactly (a rotation by any angle is linear in `x`) and many others
+//! approximately. Adam on `W`, whose gradient is the sum of the gradients of all the object's Gaussians, moves all
+//! blocks by `dW_k [1, ...]`. Each object has its own `W`; a Gaussian belongs to the object with the nearest centre.
+//! The model does not change: stored numbers and degrees of freedom of single Gaussians stay the same. Not part of the
+//! paper.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
@@ -30,24 +31,25 @@ pub struct CommonMotion {
     pub scale: f64,
 }
 
-/// Unit of positions, in root mean square extents of the object: nearly all of an object lies within, so that a position adds less
-/// than 1 per axis to a step.
+/// Unit of positions, in root mean square extents of the object: nearly all of an object lies within, so that a
+/// position adds less than 1 per axis to a step.
 const REACH: f64 = 2.0;
 
 /// Rate of the shift of the whole object, as a factor of the learning rate.
 const SHIFT: f64 = 0.5;
 
-/// Decay of the first moment. The gradient of one photo is a rotation that suits one camera. The usual 0.9 averages ten photos, and
-/// so fast a rotation is noisy; 0.99 averages a hundred, more than the cameras of most rigs.
+/// Decay of the first moment. The gradient of one photo is a rotation that suits one camera. The usual 0.9 averages ten
+/// photos, and so fast a rotation is noisy; 0.99 averages a hundred, more than the cameras of most rigs.
 const BETA1: f64 = 0.99;
 
-/// Largest displacement of a position of the object at the ends of the window by one step, as a factor of the learning rate; a
-/// longer step is scaled down as a whole. Adam's first steps have full length in every number whatever the gradient: together with
-/// the Gaussians' own steps they must not exceed a hundredth of the scene, the bound of the stability experiment `thrown`.
+/// Largest displacement of a position of the object at the ends of the window by one step, as a factor of the learning
+/// rate; a longer step is scaled down as a whole. Adam's first steps have full length in every number whatever the
+/// gradient: together with the Gaussians' own steps they must not exceed a hundredth of the scene, the bound of the
+/// stability experiment `thrown`.
 const FARTHEST: f64 = 3.0;
 
-/// The basis `[M, 4]` of each object's common motion at `positions` `[M, 3]`, zero at Gaussians of other objects; `turn` is
-/// `cues.turn`.
+/// The basis `[M, 4]` of each object's common motion at `positions` `[M, 3]`, zero at Gaussians of other objects;
+/// `turn` is `cues.turn`.
 pub fn bases(objects: &[CommonMotion], positions: &Tensor<2>, turn: f64) -> Vec<Tensor<2>> {
     if let [object] = objects {
         return vec![object.basis(positions, turn)];
@@ -72,8 +74,8 @@ fn members(centres: &[[f64; 3]], positions: &Tensor<2>) -> Vec<Tensor<2>> {
 }
 
 impl CommonMotion {
-    /// A zero motion of an object with centre `centre` and root mean square extent `size` (scene units), whose paths have `order`
-    /// blocks.
+    /// A zero motion of an object with centre `centre` and root mean square extent `size` (scene units), whose paths
+    /// have `order` blocks.
     pub fn new(centre: [f64; 3], size: f64, order: usize, device: &Device) -> Self {
         Self { sum: Param::from_tensor(Tensor::zeros([4, 3 * order], device)), centre, scale: REACH * size }
     }
@@ -103,13 +105,14 @@ impl CommonMotion {
         transposed_product(basis.clone(), gradients)
     }
 
-    /// The rate of the sum if single paths have the rate `paths`. A factor of the basis is a factor of the step, because Adam's
-    /// steps do not depend on the scale of gradients.
+    /// The rate of the sum if single paths have the rate `paths`. A factor of the basis is a factor of the step,
+    /// because Adam's steps do not depend on the scale of gradients.
     pub fn rate(paths: &AdamRate) -> AdamRate {
         AdamRate { beta1: BETA1, ..*paths }
     }
 
-    /// The change `[M, 3 K]` of the paths' blocks, if the sum was `before` this update; `lr` is the rate of single paths.
+    /// The change `[M, 3 K]` of the paths' blocks, if the sum was `before` this update; `lr` is the rate of single
+    /// paths.
     pub fn change(&self, basis: Tensor<2>, before: Tensor<2>, lr: f64) -> Tensor<2> {
         let change = exact_matmul(basis, self.sum.val() - before);
         let [count, columns] = change.dims();
@@ -157,8 +160,8 @@ mod tests {
         (offsets, from_host(positions, 3, device))
     }
 
-    /// A gradient towards a rotation about z gives a rotation about z of all positions, as one linear map; no position moves much
-    /// farther than the rate allows.
+    /// A gradient towards a rotation about z gives a rotation about z of all positions, as one linear map; no position
+    /// moves much farther than the rate allows.
     #[test]
     fn a_turn_is_asked_and_a_turn_is_given() {
         let device = gs_burn::device::select("auto").expect("a device");
@@ -194,8 +197,8 @@ mod tests {
         }
     }
 
-    /// Two adjacent cubes: the gradient rotates one by more than a step may and shifts the other; each moves by its own gradient
-    /// alone.
+    /// Two adjacent cubes: the gradient rotates one by more than a step may and shifts the other; each moves by its own
+    /// gradient alone.
     #[test]
     fn objects_move_apart() {
         const ORDER: usize = 4;

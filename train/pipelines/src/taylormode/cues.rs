@@ -1,5 +1,5 @@
-//! Cues about motion, inferred from the photos before training: masks, the paths of moving objects' centres, the recording's middle
-//! and length, the exposure.
+//! Cues about motion, inferred from the photos before training: masks, the paths of moving objects' centres, the
+//! recording's middle and length, the exposure.
 
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::{TaylorMotion, TimeWindow};
@@ -18,7 +18,8 @@ pub struct Cues {
     pub guides: Vec<Option<[f64; 3]>>,
     /// The centre of all moving pixels, by time.
     pub centres: Vec<Centre>,
-    /// Objects that move separately, each with the path of its centre; a single one for all moving pixels if there are no two.
+    /// Objects that move separately, each with the path of its centre; a single one for all moving pixels if there are
+    /// no two.
     pub tracks: Vec<Track>,
     /// Pixels and image widths per scene unit at the centre.
     pub scale: ImageScale,
@@ -74,9 +75,9 @@ pub fn left_out_warning(photos: usize) -> Option<String> {
     (photos > 0).then(|| format!("{photos} photos without a time are left out"))
 }
 
-/// The moving parts of held-out views: as given by the data set; if it gives none at all, the pixels that change in front of static
-/// cameras. Training never uses them. They are found with the default heuristics and not with a run's `[cues]`, so that the same
-/// pixels are scored in every run on a data set.
+/// The moving parts of held-out views: as given by the data set; if it gives none at all, the pixels that change in
+/// front of static cameras. Training never uses them. They are found with the default heuristics and not with a run's
+/// `[cues]`, so that the same pixels are scored in every run on a data set.
 pub fn regions(views: &[View]) -> Vec<Vec<Region>> {
     let given: Vec<Vec<Region>> = views.iter().map(given_regions).collect();
     if given.iter().any(|regions| !regions.is_empty()) {
@@ -156,8 +157,8 @@ impl Cues {
     }
 }
 
-/// The time at which paths are expanded (the training time nearest the middle of the recording whose exposure has no contact), and
-/// the half length for which every exposure lies within normalised times from -1 to 1.
+/// The time at which paths are expanded (the training time nearest the middle of the recording whose exposure has no
+/// contact), and the half length for which every exposure lies within normalised times from -1 to 1.
 pub fn window(scene: &Scene, exposure: f64, tracks: &[Track]) -> TimeWindow {
     let times: Vec<f64> = scene.train.iter().filter_map(|view| view.time).collect();
     let (low, high) = scene.time_range.unwrap_or((0.0, 0.0));
@@ -193,8 +194,8 @@ pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
     (half, Some(format!("the data set does not say how long the shutter was open: beginning with {half:.4}")))
 }
 
-/// The exposure as the data set states it, in its unit of time. One exposure is learned for all views; if they differ, it is
-/// compared with the median.
+/// The exposure as the data set states it, in its unit of time. One exposure is learned for all views; if they differ,
+/// it is compared with the median.
 pub fn stated_exposure(views: &[View]) -> Option<f64> {
     let mut said: Vec<f64> = views.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
     said.sort_by(f64::total_cmp);

@@ -1,7 +1,7 @@
 //! The curriculum: first only photos near `t0` are used, at last all.
 //!
-//! Once its texture is learned at one time, a Gaussian can be tracked to the next; if the whole recording is compared at once, a
-//! repetitive texture converges to the wrong repetition.
+//! Once its texture is learned at one time, a Gaussian can be tracked to the next; if the whole recording is compared
+//! at once, a repetitive texture converges to the wrong repetition.
 
 use gs_datasets::View;
 use rand::Rng;
@@ -17,7 +17,8 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// The order of `views` that opens around `middle` over the first `steps` steps, then uses every view once an epoch.
+    /// The order of `views` that opens around `middle` over the first `steps` steps, then uses every view once an
+    /// epoch.
     pub fn new(views: &[View], middle: f64, steps: usize, seed: u64) -> Self {
         Self { curriculum: Curriculum::new(views, middle, steps, seed), sampler: Sampler::new(seed, views.len()) }
     }
@@ -49,8 +50,8 @@ impl Curriculum {
         (farthest > 0.0 && steps > 0).then_some(Self { by_distance, steps, seed })
     }
 
-    /// The view of `step` (from 1); `None` once the whole recording is open. Each is drawn independently, so that a resumed run
-    /// draws the same.
+    /// The view of `step` (from 1); `None` once the whole recording is open. Each is drawn independently, so that a
+    /// resumed run draws the same.
     pub fn pick(&self, step: usize) -> Option<usize> {
         if step > self.steps {
             return None;

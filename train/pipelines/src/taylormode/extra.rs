@@ -18,7 +18,8 @@ pub struct PhotoPriors {
     pub compared: ComparedPixels,
     /// The pseudo-sharp photo, `[H, W, 3]`.
     pub sharp: Option<Tensor<3>>,
-    /// `[H * W]`, 0 where unknown, with its space and whether it is in scene units; on the host, where priors are aligned.
+    /// `[H * W]`, 0 where unknown, with its space and whether it is in scene units; on the host, where priors are
+    /// aligned.
     pub depth: Option<(Arc<Vec<f32>>, DepthSpace, bool)>,
     /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
     pub guide: Option<[f64; 3]>,
@@ -40,8 +41,8 @@ pub enum ComparedPixels {
 impl PhotoPriors {
     /// The priors of `view`, the `index`-th of the views of `cues`.
     pub fn new(cues: &Cues, index: usize, view: &View, device: &Device) -> Self {
-        // If no motion was searched for (`motion.masks = "none"`) every Gaussian may move, but the pseudo-sharp photo still
-        // replaces only the pixels that the data set marks as moving.
+        // If no motion was searched for (`motion.masks = "none"`) every Gaussian may move, but the pseudo-sharp photo
+        // still replaces only the pixels that the data set marks as moving.
         let moving = cues.masks.masks.get(index).unwrap_or(&view.priors.moving).as_deref();
         let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
         // Ignored pixels have no colour that a blurred one could be compared with.

@@ -1,4 +1,5 @@
-//! Figures of a moving scene beside image quality: its blurred images, velocities and exposure, and the cost of its motion.
+//! Figures of a moving scene beside image quality: its blurred images, velocities and exposure, and the cost of its
+//! motion.
 
 use burn::tensor::Tensor;
 use gs_base::median;
@@ -20,7 +21,8 @@ use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::run::memory::megabytes;
 use gs_train::run::metrics::{psnr, psnr_masked};
 
-/// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty pixels of motion.
+/// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty
+/// pixels of motion.
 pub const MEASURE_SAMPLES: usize = 33;
 
 /// Alpha below which a pixel's velocity is not measured.
@@ -122,8 +124,8 @@ pub fn blur_over(gaussians: &Gaussians, motion: &TaylorMotion, exposure: f64, vi
     formed.color.clamp(0.0, 1.0)
 }
 
-/// Whether a held-out photo is blurry and has no sharp truth, so that it is compared with a formed blur: the data set states an
-/// exposure, or training used a blur model.
+/// Whether a held-out photo is blurry and has no sharp truth, so that it is compared with a formed blur: the data set
+/// states an exposure, or training used a blur model.
 pub fn is_blurry(view: &View, config: &Config) -> bool {
     let no_truth = view.truth.blurry.is_none();
     let stated = view.exposure.map(|exposure| exposure > 0.0);

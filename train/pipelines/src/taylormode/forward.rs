@@ -24,8 +24,8 @@ use gs_train::fit::method::{Drawn, Forward, Note};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::Photo;
 
-/// Smallest share of the steps at which a misfit of depth priors is told, per cent: the first renderings of a scene show
-/// almost nothing.
+/// Smallest share of the steps at which a misfit of depth priors is told, per cent: the first renderings of a scene
+/// show almost nothing.
 const MISFIT_PERCENT: u32 = 10;
 
 /// The note on a depth prior that cannot be aligned.
@@ -42,13 +42,13 @@ struct Formed {
     color: Tensor<3>,
     /// All terms but the regularisers, `[1]`.
     loss: Tensor<1>,
-    /// What the trainer needs of the renderings.
+    /// The quantities of the renderings that the trainer needs.
     drawn: Drawn,
 }
 
 impl Taylormode {
-    /// Forms the image of a scene that moved while `photo` was exposed, and compares it. `self` and `gaussians` are leaves of this
-    /// step's graph.
+    /// Forms the image of a scene that moved while `photo` was exposed, and compares it. `self` and `gaussians` are
+    /// leaves of this step's graph.
     pub(super) fn formed_and_compared(
         &self,
         gaussians: &Gaussians,
@@ -164,9 +164,9 @@ impl Formation<'_> {
         let offsets = self.exposure().offsets(Samples::Ends, blur.samples);
         let path = blur_path(pixels, depth.clone(), velocity.clone(), &photo.camera.intrinsics, offsets);
         let weights = self.model.weights.as_ref().map(|network| network.forward(depth, velocity.clone()));
-        // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the blur. Depth
-        // and velocity at moving pixels, which determine the samples' positions, keep their gradient, static Gaussians under the
-        // mask included.
+        // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the
+        // blur. Depth and velocity at moving pixels, which determine the samples' positions, keep their gradient,
+        // static Gaussians under the mask included.
         let sharp = match &photo.extra.moving {
             Some(moving) if blur.decouple => decoupled(centre.color.clone(), moving.clone()),
             _ => centre.color.clone(),
@@ -246,7 +246,8 @@ impl Formation<'_> {
         let device = rows.device();
         let ones = Tensor::<2>::ones([rows.dims()[0], 1], &device);
         let moves = add_rows(Tensor::zeros([scene.len(), 1], &device), rows, ones);
-        // The value is x either way, because x - x is exactly zero for every finite x; the gradient of static rows is zero.
+        // The value is x either way, because x - x is exactly zero for every finite x; the gradient of static rows is
+        // zero.
         let two = |x: Tensor<2>| (x.clone() - x.clone().detach()) * moves.clone() + x.detach();
         let sh = scene.sh.val();
         let [count, coefficients, channels] = sh.dims();
@@ -267,7 +268,8 @@ impl Formation<'_> {
         }
     }
 
-    /// The sharp term, Eq. 14 with the hybrid target of Eq. 13. Moving pixels without a pseudo-sharp photo are not compared.
+    /// The sharp term, Eq. 14 with the hybrid target of Eq. 13. Moving pixels without a pseudo-sharp photo are not
+    /// compared.
     fn sharp_term(&self, centre: &Rendering) -> Option<Tensor<1>> {
         let (extra, image) = (&self.photo.extra, self.photo.image.clone());
         let color = centre.color.clone();

@@ -8,9 +8,9 @@ use gs_multiview::{Kink, Track, Trajectory};
 /// Sample times of a path for each order that is fitted.
 const SAMPLES_PER_ORDER: usize = 4;
 
-/// The order (at least `least`) and the contacts of initial paths: the fewest that miss no path by more than `unseen`, a root mean
-/// square share of the image width; `widths_per_unit` is the number of image widths per scene unit. Any further number would be
-/// fitted to noise.
+/// The order (at least `least`) and the contacts of initial paths: the fewest that miss no path by more than `unseen`,
+/// a root mean square share of the image width; `widths_per_unit` is the number of image widths per scene unit. Any
+/// further number would be fitted to noise.
 pub fn shape(
     tracks: &[Track],
     window: TimeWindow,
@@ -63,8 +63,8 @@ fn displacements(
     })
 }
 
-/// The kinks of all paths in the window, in descending order of their jumps, at most `most` and apart from each other: objects that
-/// collide have a kink at one time. A kink at `t0` itself is left to the polynomial.
+/// The kinks of all paths in the window, in descending order of their jumps, at most `most` and apart from each other:
+/// objects that collide have a kink at one time. A kink at `t0` itself is left to the polynomial.
 pub fn contacts(tracks: &[Track], window: &TimeWindow, most: usize) -> Vec<Contact> {
     let mut kinks: Vec<&Kink> = tracks.iter().flat_map(|track| &track.path.kinks).collect();
     kinks.sort_by(|a, b| b.jump.length_squared().total_cmp(&a.jump.length_squared()));
@@ -101,12 +101,13 @@ pub fn nearest(tracks: &[Track], t: f64, position: DVec3) -> usize {
     nearest.expect("there are tracks").0
 }
 
-/// Added to the diagonal, as a share of its sum: numbers that the times do not determine (the jump of an object that was seen only
-/// after a contact) stay zero, and the others change in the tenth digit.
+/// Added to the diagonal, as a share of its sum: numbers that the times do not determine (the jump of an object that
+/// was seen only after a contact) stay zero, and the others change in the tenth digit.
 const RIDGE: f64 = 1e-10;
 
-/// The path as coefficient blocks of the window, first of the powers, then of the contacts. They are the least squares fit of
-/// `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times at which the path is known.
+/// The path as coefficient blocks of the window, first of the powers, then of the contacts. They are the least squares
+/// fit of `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times at
+/// which the path is known.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
     let mut normal = vec![vec![0.0; columns + 3]; columns];
@@ -140,7 +141,8 @@ mod tests {
             })
             .collect();
         let path = Trajectory::fit(&centres, 3, 0).expect("a path");
-        // The window's centre at the recording's middle, and beside it: then the window is longer than the recording on one side.
+        // The window's centre at the recording's middle, and beside it: then the window is longer than the recording on
+        // one side.
         for window in [TimeWindow { t0: 0.5, half: 0.5 }, TimeWindow { t0: 0.4, half: 0.65 }] {
             let blocks = displacement_blocks(&path, window, 3, &[]);
             for t in [0.0, 0.3, 0.8, 1.0] {

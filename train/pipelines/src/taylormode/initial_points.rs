@@ -1,5 +1,5 @@
-//! The initial Gaussians of a moving scene: static ones at the points or on backgrounds, moving ones in the visual hull of moving
-//! pixels at the middle of the recording.
+//! The initial Gaussians of a moving scene: static ones at the points or on backgrounds, moving ones in the visual hull
+//! of moving pixels at the middle of the recording.
 
 use gs_datasets::{PointCloud, Scene, View};
 use gs_multiview::{self as multiview, HullOptions, Pinhole};
@@ -75,8 +75,8 @@ fn moves_at(scene: &Scene, cues: &Cues, t0: f64, point: [f32; 3]) -> bool {
 /// Views that must see motion behind a point before it is dropped: one mask may be wrong.
 const HIDES: usize = 2;
 
-/// Static points for a data set without points: in front of the cameras, with the colours of the static background, and none in
-/// front of moving pixels.
+/// Static points for a data set without points: in front of the cameras, with the colours of the static background, and
+/// none in front of moving pixels.
 fn invented_points(scene: &Scene, cues: &Cues, config: &Config, extent: f64, room: usize) -> PointCloud {
     let count = config.init.random_points.min(room);
     let random = Random { plain_nearest: config.method.cues.plain_nearest, ..Random::STATIC_CAMERAS };
@@ -93,7 +93,8 @@ fn invented_points(scene: &Scene, cues: &Cues, config: &Config, extent: f64, roo
 struct MaskedView<'a> {
     camera: Pinhole,
     mask: &'a [u8],
-    /// Depth of the centre of moving pixels, scene units; of several objects the smallest, because any may be seen at a pixel.
+    /// Depth of the centre of moving pixels, scene units; of several objects the smallest, because any may be seen at a
+    /// pixel.
     depth: f64,
 }
 
@@ -164,7 +165,8 @@ mod tests {
 
     use super::*;
 
-    /// Two cameras, one at the origin and one beside it, look along z at an object at depth 4, in the middle of 9 x 9 pixels.
+    /// Two cameras, one at the origin and one beside it, look along z at an object at depth 4, in the middle of 9 x 9
+    /// pixels.
     #[test]
     fn points_before_what_moves_hide_it() {
         let camera = |x: f64| {

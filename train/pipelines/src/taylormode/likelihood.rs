@@ -1,8 +1,8 @@
 //! Likelihood check of the simpler motion that [`select`](super::select) proposes: does it explain the photos as well?
 //!
-//! The check judges all Gaussians together, with the residual variance of training photos: a single Gaussian changes too few
-//! pixels, and no photo is set aside. The check rejects visible changes; for single Gaussians, the threshold in pixels of
-//! [`select`](super::select) decides.
+//! The check judges all Gaussians together, with the residual variance of training photos: a single Gaussian changes
+//! too few pixels, and no photo is set aside. The check rejects visible changes; for single Gaussians, the threshold in
+//! pixels of [`select`](super::select) decides.
 
 use burn::tensor::{Device, Tensor};
 use gs_burn::Gaussians;
@@ -33,8 +33,8 @@ struct Candidate<'a> {
     exposure: &'a Exposure,
 }
 
-/// Selects, and reverts the selection if the photos need the removed motion (Schwarz's criterion, with pixels that share a blur
-/// counted as one).
+/// Selects, and reverts the selection if the photos need the removed motion (Schwarz's criterion, with pixels that
+/// share a blur counted as one).
 pub fn select_with_check(
     model: Taylormode,
     gaussians: &mut Gaussians,
@@ -118,8 +118,9 @@ impl Candidate<'_> {
     }
 }
 
-/// Sums of squared differences from the photo with the simpler and with the present motion, and the number of differences, over the
-/// pixels in which the two images differ. The other pixels do not distinguish the two, and are explained better than moving ones.
+/// Sums of squared differences from the photo with the simpler and with the present motion, and the number of
+/// differences, over the pixels in which the two images differ. The other pixels do not distinguish the two, and are
+/// explained better than moving ones.
 fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device) -> [f64; 3] {
     let differs = (simpler.clone() - present.clone()).abs().max_dim(2).greater_elem(NOTICED).float();
     let counts = match &view.mask {

@@ -72,7 +72,8 @@ pub struct Frame {
     objects: Vec<[u64; 4]>,
 }
 
-/// Highest order and most samples that a frame may name: far above a configuration's limits, and small enough to allocate.
+/// Highest order and most samples that a frame may name: far above a configuration's limits, and small enough to
+/// allocate.
 const ORDERS_MAX: usize = 64;
 const SAMPLES_MAX: usize = 4096;
 
@@ -94,8 +95,8 @@ impl Frame {
 }
 
 impl Taylormode {
-    /// A module with the motion of `frame`, all zero, an exposure of `exposure` (the data set's unit of time), and untrained
-    /// networks.
+    /// A module with the motion of `frame`, all zero, an exposure of `exposure` (the data set's unit of time), and
+    /// untrained networks.
     pub fn new(
         frame: &MotionFrame,
         exposure: f64,

@@ -1,8 +1,9 @@
-//! Selection of orders: every Gaussian keeps the lowest order whose path stays within a fraction of a pixel of the present one in
-//! every training view. A Gaussian of order 0 is static and stores no motion.
+//! Selection of orders: every Gaussian keeps the lowest order whose path stays within a fraction of a pixel of the
+//! present one in every training view. A Gaussian of order 0 is static and stores no motion.
 //!
-//! [`order`](gs_models::taylormode::order) lowers a path. Each selection also applies a soft threshold in pixels to coefficient
-//! blocks ([`shrinkage`](gs_models::taylormode::shrinkage)), so that coefficients without support in the photos decay.
+//! [`order`](gs_models::taylormode::order) lowers a path. Each selection also applies a soft threshold in pixels to
+//! coefficient blocks ([`shrinkage`](gs_models::taylormode::shrinkage)), so that coefficients without support in the
+//! photos decay.
 
 use burn::module::Param;
 use burn::tensor::Tensor;
@@ -61,8 +62,8 @@ pub fn select(gaussians: &Gaussians, motion: &TaylorMotion, views: &[View], conf
         selected.lowered += order - left;
         motion.orders[index] = left as u8;
 
-        // A rotation moves the surface of a Gaussian by its angle times its scale. The constant from lowering an even order is
-        // ignored and is as large again, hence half the threshold.
+        // A rotation moves the surface of a Gaussian by its angle times its scale. The constant from lowering an even
+        // order is ignored and is as large again, hence half the threshold.
         let size = log_scales[3 * *row as usize..][..3].iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
         let pixels = f64::from(size).exp() * scales[index];
         let turn = &mut rotation[columns[1] * index..][..columns[1]];
@@ -118,7 +119,8 @@ fn remainder_moves(gaussians: &Gaussians, motion: &TaylorMotion) -> Vec<f64> {
         .collect()
 }
 
-/// Times on each side of `t0` at which the remainder is evaluated: four to each half oscillation of its fastest function.
+/// Times on each side of `t0` at which the remainder is evaluated: four to each half oscillation of its fastest
+/// function.
 const REMAINDER_TIMES: i32 = 8;
 
 /// Shrinks the bands of view-dependent colour; at the end of a run, removes bands that are not visible.

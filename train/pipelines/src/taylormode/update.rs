@@ -17,8 +17,8 @@ const WARM_UP: f64 = 100.0;
 /// Largest share of a run for this rise.
 const WARM_UP_SHARE: f64 = 0.1;
 
-/// Learning rate of the remainder's network (paper: of all networks). All Gaussians share it, so a larger rate perturbs the
-/// whole object at each step.
+/// Learning rate of the remainder's network (paper: of all networks). All Gaussians share it, so a larger rate perturbs
+/// the whole object at each step.
 const REMAINDER_LR: f64 = 1e-4;
 
 /// Path of the method in the model's tree.
@@ -42,8 +42,8 @@ impl Rates {
     fn of(model: &Taylormode, at: &Step) -> Self {
         let (config, step) = (at.config, at.step);
         let (motion, blur) = (&config.method.motion, &config.method.blur);
-        // Adam's first steps have full length in every block whatever the gradient: together they would move a path across the
-        // scene.
+        // Adam's first steps have full length in every block whatever the gradient: together they would move a path
+        // across the scene.
         let warm = (step as f64 / WARM_UP.min(WARM_UP_SHARE * config.steps as f64).max(1.0)).min(1.0);
         let decay = warm * exponential(1.0, motion.final_share, step, config.steps);
         let held = if model.exposure_is_stated { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
@@ -68,7 +68,8 @@ impl Rates {
             "motion" if name.starts_with("motion.rotation") => AdamRate::new(self.rotation),
             "motion" if name.starts_with("motion.remainder") => AdamRate::new(self.remainder),
             "motion" => position,
-            // While held, its rate is 0 but Adam's moments still run; starting them late would make the first steps too long.
+            // While held, its rate is 0 but Adam's moments still run; starting them late would make the first steps too
+            // long.
             "exposure" => AdamRate::new(self.exposure),
             "objects" => CommonMotion::rate(&position),
             _ => AdamRate::new(self.network),

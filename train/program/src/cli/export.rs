@@ -25,17 +25,18 @@ pub struct ExportArgs {
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 
-    /// The file to write, in the data set's own world: .ply (3DGS layout), .spz, .glb or .usda by its ending; of a network, the
-    /// .safetensors file to write without the state of its optimiser
+    /// The file to write, in the data set's own world: .ply (3DGS layout), .spz, .glb or .usda by its ending; of a
+    /// network, the .safetensors file to write without the state of its optimiser
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,
 
-    /// Time of a moving scene, in its data set's unit [default: the middle of the recording; .glb and .usda hold all times]
+    /// Time of a moving scene, in its data set's unit [default: the middle of the recording; .glb and .usda hold all
+    /// times]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 
-    /// N times spread over the recording: of .ply and .spz one numbered file each, of .usda samples in the one file [default there: 49],
-    /// of .glb key frames where the motion has no formula
+    /// N times spread over the recording: of .ply and .spz one numbered file each, of .usda samples in the one file
+    /// [default there: 49], of .glb key frames where the motion has no formula
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: Option<u32>,
 
@@ -47,12 +48,13 @@ pub struct ExportArgs {
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: Option<u8>,
 
-    /// The axis of the data set's world that points up, or auto: up by the cameras. The scene is turned so that viewers show it upright
+    /// The axis of the data set's world that points up, or auto: up by the cameras. The scene is turned so that viewers
+    /// show it upright
     #[arg(long, value_name = "x|y|z|-x|-y|-z|auto", allow_hyphen_values = true, value_parser = up)]
     pub up: Option<Up>,
 
-    /// Keep the Gaussians that contribute most to the training photos, as many as a file of this size holds, and say what that
-    /// costs on held-out photos
+    /// Keep the Gaussians that contribute most to the training photos, as many as a file of this size holds, and say
+    /// what that costs on held-out photos
     #[arg(long, value_name = "MB", value_parser = megabytes)]
     pub target_mb: Option<f64>,
 

@@ -59,7 +59,8 @@ pub struct ExtrapolateArgs {
     #[arg(long, value_name = "F", value_parser = positive)]
     pub fps: Option<f64>,
 
-    /// A camera of the data set by its id or by the name of one of its views, or `orbit` (repeatable) [default: the first that is held out]
+    /// A camera of the data set by its id or by the name of one of its views, or `orbit` (repeatable) [default: the
+    /// first that is held out]
     #[arg(long, value_name = "NAME")]
     pub camera: Vec<String>,
 

@@ -23,7 +23,8 @@ pub struct ReconstructArgs {
     #[arg(long, value_name = "RUN", value_hint = ValueHint::AnyPath)]
     pub model: Option<PathBuf>,
 
-    /// Set one value of the network's configuration, as in --set lift.points=100000 or --set logs.camera=all (repeatable)
+    /// Set one value of the network's configuration, as in --set lift.points=100000 or --set logs.camera=all
+    /// (repeatable)
     #[arg(short, long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 
@@ -43,11 +44,13 @@ pub struct ReconstructArgs {
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=100), value_name = "N")]
     pub future: u8,
 
-    /// Also render these times, seconds from the begin of the snippet (with --full of the first; each by the snippet that holds it)
+    /// Also render these times, seconds from the begin of the snippet (with --full of the first; each by the snippet
+    /// that holds it)
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_parser = seconds, value_name = "T,...")]
     pub times: Vec<f64>,
 
-    /// Optimise each snippet after the network, on its input images alone, by this many steps; Ctrl-C keeps what is reached
+    /// Optimise each snippet after the network, on its input images alone, by this many steps; Ctrl-C keeps what is
+    /// reached
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1_000_000), value_name = "STEPS")]
     pub polish: u32,
 

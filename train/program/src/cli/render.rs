@@ -78,8 +78,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = finite, conflicts_with = "frames")]
     pub time: Option<f64>,
 
-    /// Every camera (named after its first frame) at N times spread over the recording; images are numbered, ready for a video
-    /// encoder
+    /// Every camera (named after its first frame) at N times spread over the recording; images are numbered, ready for
+    /// a video encoder
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: Option<u32>,
 
@@ -87,8 +87,8 @@ pub struct RenderArgs {
     #[arg(long, requires = "frames")]
     pub gif: bool,
 
-    /// Also depth in colour (near bright, far dark) and, of a moving scene, velocity in colour (grey: at rest; red, green and blue:
-    /// the world's axes)
+    /// Also depth in colour (near bright, far dark) and, of a moving scene, velocity in colour (grey: at rest; red,
+    /// green and blue: the world's axes)
     #[arg(long)]
     pub maps: bool,
 

@@ -40,7 +40,8 @@ pub struct SweepArgs {
     #[arg(long)]
     pub one_at_a_time: bool,
 
-    /// Choose a model afterwards, by a held-out split that is not the reported one; without --over, the pipeline's own small grid
+    /// Choose a model afterwards, by a held-out split that is not the reported one; without --over, the pipeline's own
+    /// small grid
     #[arg(long, value_name = "RULE", value_enum)]
     pub choose: Option<Rule>,
 

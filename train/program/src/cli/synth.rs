@@ -18,11 +18,14 @@ pub struct SynthArgs {
 /// The kinds of data sets that `synth` makes.
 #[derive(Debug, Subcommand)]
 pub enum Synth {
-    /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and priors
+    /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and
+    /// priors
     Deblur(SynthDeblurArgs),
-    /// Moving objects or a room filmed by static cameras, whose future is to be predicted, with depth priors of the first frame
+    /// Moving objects or a room filmed by static cameras, whose future is to be predicted, with depth priors of the
+    /// first frame
     Extrapolation(SynthExtrapolationArgs),
-    /// Driving logs of streets with moving cars, cyclists and people: cameras, LiDAR and exact truth, in PandaSet's layout
+    /// Driving logs of streets with moving cars, cyclists and people: cameras, LiDAR and exact truth, in PandaSet's
+    /// layout
     Driving(SynthDrivingArgs),
     /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
     BlurFromFrames(BlurFromFramesArgs),

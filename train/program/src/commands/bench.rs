@@ -32,8 +32,8 @@ const GAUSSIANS_MAX: usize = 1 << 26;
 /// Depths of the synthetic Gaussians, scene units.
 const DEPTHS: [f32; 2] = [2.0, 10.0];
 
-/// Median standard deviation of the synthetic Gaussians in the image, pixels, for 100 000 Gaussians at 640 x 480: about that of a
-/// trained scene.
+/// Median standard deviation of the synthetic Gaussians in the image, pixels, for 100 000 Gaussians at 640 x 480: about
+/// that of a trained scene.
 const SIZE_PIXELS: f32 = 2.0;
 
 /// Times the operations and prints a table.
@@ -137,7 +137,8 @@ fn camera(args: &BenchArgs, device: &Device) -> Camera {
     Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, device)
 }
 
-/// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as those of a trained scene.
+/// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as those of a trained
+/// scene.
 fn scene(args: &BenchArgs, device: &Device) -> Gaussians {
     let n = args.gaussians;
     let mut rng = stream(0, Purpose::Bench, 0);

@@ -14,7 +14,8 @@ use gs_train::run::folder::utf8;
 /// Prints the contents and mistakes of a data set or a driving log; exits with 1 if it cannot be trained on.
 ///
 /// # Errors
-/// When the configuration is not valid or the path is not UTF-8. A bad data set is no error but a finding, and exit code 1.
+/// When the configuration is not valid or the path is not UTF-8. A bad data set is no error but a finding, and exit
+/// code 1.
 pub fn run(args: &CheckArgs) -> Result<ExitCode> {
     if LogFormat::of(&args.dataset).is_some() {
         return Ok(of_logs(std::slice::from_ref(&args.dataset), args.pictures.as_deref()));

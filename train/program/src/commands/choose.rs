@@ -19,7 +19,7 @@ pub const FILE: &str = "choice.md";
 /// Measures that a choice does not need.
 const LEFT_OUT: [&str; 2] = ["eval.lpips=false", "eval.ms_ssim=false"];
 
-/// That a split can choose: the data set has it, and figures are reported on another one.
+/// Checks that a split can choose: the data set has it, and figures are reported on another one.
 ///
 /// # Errors
 /// One sentence.

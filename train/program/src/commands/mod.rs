@@ -34,8 +34,8 @@ use crate::cli::DeviceArgs;
 use gs_train::run::evaluate::Quality;
 use gs_train::run::metrics::NO_LPIPS;
 
-/// The device named by the arguments, without autodiff. In a build with a GPU backend it says on standard error what `auto` took, and
-/// why: the wrong choice costs hours.
+/// The device named by the arguments, without autodiff. In a build with a GPU backend it says on standard error what
+/// `auto` took, and why: the wrong choice costs hours.
 fn device(args: &DeviceArgs) -> Result<Device> {
     let selected = gs_burn::device::select_explained(&args.device)?;
     if let Some(why) = selected.why {
@@ -59,8 +59,8 @@ pub fn describe(device: &Device) -> String {
 /// Why standard output did not take a result.
 static LOST: OnceLock<String> = OnceLock::new();
 
-/// Prints to stdout, where results go. A reader that left (`gsburn info | head -1`) is no error; what else fails is one at the end, after
-/// the files of the command were written.
+/// Prints to stdout, where results go. A reader that left (`gsburn info | head -1`) is no error; what else fails is one
+/// at the end, after the files of the command were written.
 fn print(text: impl std::fmt::Display) {
     let text = text.to_string();
     let lines: Vec<_> = text.split('\n').map(printable).collect();
@@ -73,7 +73,7 @@ fn print(text: impl std::fmt::Display) {
     }
 }
 
-/// That everything printed has arrived.
+/// Checks that everything printed has arrived.
 ///
 /// # Errors
 /// A sentence, when standard output did not take it (a full disk).
@@ -81,7 +81,8 @@ pub fn all_printed() -> Result<()> {
     LOST.get().map_or(Ok(()), |error| bail!("standard output: cannot write: {error}"))
 }
 
-/// Why figures are missing. What is missing for every run of this machine (the weights of LPIPS) is said once per machine.
+/// Why figures are missing. What is missing for every run of this machine (the weights of LPIPS) is said once per
+/// machine.
 fn missing(quality: &Quality) -> Vec<&str> {
     let once = |reason: &&str| !reason.starts_with(NO_LPIPS) || is_news(reason);
     let reasons = [&quality.ms_ssim_reason, &quality.lpips_reason].into_iter().flatten();

@@ -1,4 +1,4 @@
-//! What a sweep will do: for each data set its runs, their folders and their progress.
+//! The plan of a sweep: for each data set its runs, their folders and their progress.
 
 use std::path::{Path, PathBuf};
 

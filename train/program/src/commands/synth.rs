@@ -166,8 +166,8 @@ fn blur(args: &BlurFromFramesArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Warns if exposures overlap: training takes them for a mistake. `share` is in frame intervals, `exposure` in the data set's unit
-/// of time.
+/// Warns if exposures overlap: training takes them for a mistake. `share` is in frame intervals, `exposure` in the data
+/// set's unit of time.
 fn warn_of_overlap(share: f64, exposure: f64) {
     if share > 1.0 {
         print(format!(

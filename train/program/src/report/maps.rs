@@ -7,8 +7,8 @@ use gs_base::write_atomic;
 
 use gs_train::run::outputs::MARK;
 
-/// Share of the seen pixels at each end of the depth range that the colours do not spread over: a few wrong pixels must not
-/// flatten the rest.
+/// Share of the seen pixels at each end of the depth range that the colours do not spread over: a few wrong pixels must
+/// not flatten the rest.
 const DEPTH_TAILS: f64 = 0.02;
 
 /// Alpha below which a pixel shows nothing: it is drawn black or grey.
@@ -17,7 +17,8 @@ pub const ALPHA_SEEN: f32 = 0.5;
 /// Delay between the frames of a GIF, hundredths of a second: about 12 frames a second.
 const GIF_DELAY: u16 = 8;
 
-/// Depth `[H * W]` in colour, `[H * W * 3]`: near yellow, far violet (viridis over inverse depth), black where alpha is low.
+/// Depth `[H * W]` in colour, `[H * W * 3]`: near yellow, far violet (viridis over inverse depth), black where alpha is
+/// low.
 pub fn depth_colors(depth: &[f32], alpha: &[f32]) -> Vec<u8> {
     let seen = |(depth, alpha): &(&f32, &f32)| **alpha >= ALPHA_SEEN && **depth > 0.0 && depth.is_finite();
     let mut inverse: Vec<f32> = depth.iter().zip(alpha).filter(seen).map(|(depth, _)| 1.0 / depth).collect();

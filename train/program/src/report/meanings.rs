@@ -1,4 +1,4 @@
-//! What the figures of a report mean, for readers who do not know their names.
+//! The meanings of the figures of a report, for readers who do not know their names.
 
 /// Beginnings of names, and their meaning in a sentence.
 const MEANINGS: [(&str, &str); 25] = [

@@ -28,12 +28,12 @@ use gs_train::run::profile::Profile;
 use gs_train::run::watch::SCHEDULE;
 
 use charts::{Chart, Series};
-use future::{Known, Studio};
+use future::{PredictedScene, SceneRenderer};
 pub use page::{COMPARISON, FUTURE, section_page, with_section};
 use pictures::SideBySide;
 
-/// Largest section kept beside a report, bytes: a row of a table takes some 500 bytes, and a page with a million measurements is read by
-/// nobody.
+/// Largest section kept beside a report, bytes: a row of a table takes some 500 bytes, and a page with a million
+/// measurements is read by nobody.
 const SECTION_MAX: u64 = 64 << 20;
 
 /// Draws the report of a finished training and ends its run; returns its figures.
@@ -61,10 +61,11 @@ pub fn schedule_svg(schedule: &Timetable) -> String {
 fn add_future(folder: &RunFolder, eval: &EvalFile, contents: &Contents) -> Result<()> {
     let (Some(presented), Some(photos)) = (&contents.scene, &contents.photos) else { return Ok(()) };
     let ScenePhotos { photos, facts, render, device } = photos;
-    let studio = Studio { facts: *facts, render: render.clone(), device: device.clone() };
-    let known = Known { studio: &studio, scene: &*presented.scene, photos, measured: Some(&eval.last.measured) };
-    match known.horizon(None) {
-        Some(horizon) => future::add_to_report(folder, &known.section(&horizon, &[])?),
+    let renderer = SceneRenderer { facts: *facts, render: render.clone(), device: device.clone() };
+    let predicted =
+        PredictedScene { renderer: &renderer, scene: &*presented.scene, photos, measured: Some(&eval.last.measured) };
+    match predicted.horizon(None) {
+        Some(horizon) => future::add_to_report(folder, &predicted.section(&horizon, &[])?),
         None => Ok(()),
     }
 }

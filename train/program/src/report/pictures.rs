@@ -13,8 +13,8 @@ const IGNORED: [u8; 3] = [70, 78, 90];
 /// Pixels between the panels.
 const GAP: usize = 4;
 
-/// Colours of the error from none to full scale: black, violet, red, orange, pale yellow. Lightness rises evenly, so that the
-/// panel also reads in grey.
+/// Colours of the error from none to full scale: black, violet, red, orange, pale yellow. Lightness rises evenly, so
+/// that the panel also reads in grey.
 const HEAT: [[f32; 3]; 5] = [[0., 0., 4.], [87., 16., 110.], [188., 55., 84.], [249., 142., 9.], [252., 255., 164.]];
 
 /// A picture of three or four panels of equal size, 8 bits RGB.
@@ -37,8 +37,8 @@ pub struct SideBySide {
 }
 
 impl SideBySide {
-    /// Blurry photo (if known and the compared one is sharp), photo, rendering, error and what there is beside these, from left to
-    /// right.
+    /// Blurry photo (if known and the compared one is sharp), photo, rendering, error and what there is beside these,
+    /// from left to right.
     pub fn new(comparison: &Comparison) -> Self {
         let [height, panel, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));

@@ -1,4 +1,5 @@
-//! The pipeline of docs/extend.md, which the program knows by one line: it learns, saves, resumes, reports and is charted like any other.
+//! The pipeline of docs/extend.md, which the program knows by one line: it learns, saves, resumes, reports and is
+//! charted like any other.
 
 use crate::common;
 
@@ -17,8 +18,8 @@ use crate::common::program::succeeds;
 
 const STEPS: usize = 1500;
 
-/// Brightness of the training photos, in turn. Its geometric mean is 1, so that the scene is learned at the brightness of the held-out
-/// photos.
+/// Brightness of the training photos, in turn. Its geometric mean is 1, so that the scene is learned at the brightness
+/// of the held-out photos.
 const FACTORS: [f64; 8] = [0.7, 1.0 / 0.7, 0.8, 1.0 / 0.8, 0.9, 1.0 / 0.9, 1.0, 1.0];
 
 /// Training photos.
@@ -58,11 +59,13 @@ fn job(world: &Path, folder: &Path, pipeline: &str, steps: usize) -> Job {
     common::job(world, folder, &common::config(steps, &overrides))
 }
 
-/// Root mean square error of the learned factors' logarithms. A photo's factor is told from its scene only where other photos show the same
-/// surfaces: three seeds end at 2 % (4 % in the worst photo), where every other change of brightness is a change of the scene.
+/// Root mean square error of the learned factors' logarithms. A photo's factor is told from its scene only where other
+/// photos show the same surfaces: three seeds end at 2 % (4 % in the worst photo), where every other change of
+/// brightness is a change of the scene.
 const ERROR: f64 = 0.03;
 
-/// Of held-out photos over a scene that takes all photos to be of one brightness, dB: 1.3, 1.4 and 2.3 dB with three seeds.
+/// Of held-out photos over a scene that takes all photos to be of one brightness, dB: 1.3, 1.4 and 2.3 dB with three
+/// seeds.
 const GAIN: f64 = 0.7;
 
 fn json(path: &Path) -> serde_json::Value {
@@ -128,7 +131,8 @@ fn it_resumes_to_the_same_bits() {
     assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
 }
 
-/// The example stays one: the module and its method in at most eighty lines of code, and one line for the program to know it.
+/// The example stays one: the module and its method in at most eighty lines of code, and one line for the program to
+/// know it.
 #[test]
 fn it_is_small_and_named_in_the_list_alone() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipelines/src");

@@ -130,7 +130,8 @@ fn first_byte(bytes: &[u8], name: &str) -> usize {
     8 + header + json[name]["data_offsets"][0].as_u64().expect("an offset") as usize
 }
 
-/// `bytes` as a program would have written them that called its format `version`; `program` is what the file says of its writer.
+/// `bytes` as a program would have written them that called its format `version`; `program` is what the file says of
+/// its writer.
 fn of_version(bytes: &[u8], version: &str, program: Option<&str>) -> Vec<u8> {
     let header = u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes")) as usize;
     let mut json: serde_json::Value = serde_json::from_slice(&bytes[8..8 + header]).expect("a header");

@@ -1,4 +1,5 @@
-//! `gsburn extrapolate`: its files are whole and repeat to the bit, bad input is a sentence, and its uncertainty behaves as one.
+//! `gsburn extrapolate`: its files are whole and repeat to the bit, bad input is a sentence, and its uncertainty
+//! behaves as one.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -111,7 +112,7 @@ fn a_run_is_extrapolated_into_whole_files_that_repeat() {
     refused(folder);
 }
 
-/// What cannot be predicted, and files of others.
+/// Requests that cannot be met, and files of others.
 fn refused(folder: &Path) {
     for (code, args, said) in [
         (1, vec!["--to", "0.5"], "expected a time after 0.75"),
@@ -192,8 +193,8 @@ fn the_spread_of_a_rotating_body_grows_with_the_horizon() {
     let scene = future.scene();
     let rows = moving_rows(&*scene, &[0.0, 0.3, 0.75], 0.01);
     assert_eq!(rows, (10..40).collect::<Vec<u32>>());
-    // After whole turns errors of the pivot and of the axis' direction lead back to where they began: the angle's error is left, and it grows
-    // in proportion to time.
+    // After whole turns errors of the pivot and of the axis' direction lead back to where they began: the angle's error
+    // is left, and it grows in proportion to time.
     let turn = std::f64::consts::TAU / SPIN;
     let times = [0.0, turn, 2.0 * turn, 4.0 * turn, 0.25];
     let spread = Spread::of(&future.members(MEMBERS).expect("members"), &times);
@@ -203,7 +204,8 @@ fn the_spread_of_a_rotating_body_grows_with_the_horizon() {
         // Angles of some 0.05 are bent by less than their cube.
         assert!((pair[1] / pair[0] - 2.0).abs() < 0.1, "{medians:?}");
     }
-    // A single pose of one independent in four has a deviation of sqrt(3) times that of a coordinate; a draw is cut at twice the expected.
+    // A single pose of one independent in four has a deviation of sqrt(3) times that of a coordinate; a draw is cut at
+    // twice the expected.
     assert!(medians[4] < 2.0 * 3.0_f64.sqrt() * 2.0 * future.noise(), "{medians:?} for a noise of {}", future.noise());
     let still = spread.summary(&(0..10).collect::<Vec<u32>>());
     assert!(still.iter().all(|at| at.rms == 0.0), "static Gaussians are in no doubt: {still:?}");
@@ -213,7 +215,8 @@ fn the_spread_of_a_rotating_body_grows_with_the_horizon() {
     let turning = angular_velocities(&*scene, 0.9);
     for (row, w) in turning.iter().enumerate() {
         let truth = if row < 10 { DVec3::ZERO } else { DVec3::Z * SPIN };
-        // Quaternions of f32 over 1.5e-3 units of time: 6e-8 x 4 / 1.5e-3, with room for the sine and cosine of the rotation.
+        // Quaternions of f32 over 1.5e-3 units of time: 6e-8 x 4 / 1.5e-3, with room for the sine and cosine of the
+        // rotation.
         assert!(w.distance(truth) < 5e-3, "Gaussian {row}: {w}");
     }
 }

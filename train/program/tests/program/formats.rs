@@ -97,7 +97,8 @@ fn a_scene_goes_through_every_format() {
     fails_with(2, folder, &["export", "run", "--out", "x.spz", "--up", "w"]);
 }
 
-/// The demo's world has z up. A scene that was turned has its cameras' up at -y; `auto` finds the same within the cameras' tilt.
+/// The demo's world has z up. A scene that was turned has its cameras' up at -y; `auto` finds the same within the
+/// cameras' tilt.
 #[test]
 fn up_is_turned() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -115,8 +116,8 @@ fn up_is_turned() {
     assert!(fails(folder, &["export", "run/scene.ply", "--out", "no.ply", "--up", "auto"]).contains("name the axis"));
 }
 
-/// Turning the scene and the camera alike changes no picture but for rounding: a Gaussian at the edge of what is blended (1/255) may
-/// appear or vanish in single pixels, all others differ by rounding of f32.
+/// Turning the scene and the camera alike changes no picture but for rounding: a Gaussian at the edge of what is
+/// blended (1/255) may appear or vanish in single pixels, all others differ by rounding of f32.
 #[test]
 fn a_turned_scene_looks_as_before_from_the_turned_camera() {
     let device = common::device();

@@ -96,7 +96,7 @@ fn blurry_photos_are_compared_with_the_formed_blur() {
     assert!(formed > believed, "formed blur {formed} dB, sharp rendering {believed} dB against the same photos");
 }
 
-/// What a run on such a set writes.
+/// The files of a run on such a set.
 #[test]
 fn eval_json_says_what_was_compared() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -2,12 +2,13 @@
 
 use std::process::Command;
 
-/// Most launches of a step of `static`, MCMC or classic: each takes 5 to 15 microseconds on CUDA and up to 40 through wgpu, and a step of 100,000
-/// Gaussians at 640 x 480 has about one millisecond of work.
+/// Most launches of a step of `static`, MCMC or classic: each takes 5 to 15 microseconds on CUDA and up to 40 through
+/// wgpu, and a step of 100,000 Gaussians at 640 x 480 has about one millisecond of work.
 const MOST: usize = 80;
 
-/// The exact exposure: motion, rows, copies and their backward as tensors of all instants, whatever their number. It had 865 when each instant
-/// had its own, and 246 when the lists of tiles were made on the host, for which the GPU waited; the kernels that make them are 45 launches.
+/// The exact exposure: motion, rows, copies and their backward as tensors of all instants, whatever their number. It
+/// had 865 when each instant had its own, and 246 when the lists of tiles were made on the host, for which the GPU
+/// waited; the kernels that make them are 45 launches.
 const MOST_INTEGRATED: usize = 291;
 
 /// The paper's warp: depth, velocity, path and weights at the moving pixels.

@@ -1,5 +1,5 @@
-//! What the compiler does not hold about imports: within a crate they never go in a circle, and papers are named by their
-//! own crates alone.
+//! The rules of imports that the compiler does not hold: within a crate they never go in a circle, and papers are named
+//! by their own crates alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -10,8 +10,8 @@ const PAPERS: [&str; 3] = ["taylormode", "sparsedyn", "flux4d"];
 /// Source folders that name no paper: papers are `models`, `train/pipelines`, `configs` and `tests/lab`.
 const NO_PAPERS: [&str; 2] = ["train/src", "train/program/src"];
 
-/// Source folders in which no circle is allowed. Twins of a kernel are one idea in several files, so `gs-kernels` is not
-/// one of them.
+/// Source folders in which no circle is allowed. Twins of a kernel are one idea in several files, so `gs-kernels` is
+/// not one of them.
 const NO_CIRCLES: [&str; 12] = [
     "datasets/base/src",
     "datasets/src",

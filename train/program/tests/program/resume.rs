@@ -54,8 +54,9 @@ fn relocation_resumes_to_the_same_bits() {
     resumes_to_the_same_bits(&["density.strategy=mcmc"]);
 }
 
-/// Photos of half their width up to step 25, growth that follows the run (20 refinements, the cap at 45 %), rates of a short run and points
-/// on which photos agree: interrupted before the switch of the width, at it, right after it, and after a growth step.
+/// Photos of half their width up to step 25, growth that follows the run (20 refinements, the cap at 45 %), rates of a
+/// short run and points on which photos agree: interrupted before the switch of the width, at it, right after it, and
+/// after a growth step.
 #[test]
 fn measures_that_follow_the_run_resume_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! SparseDynGS: motion is recovered and the future is predicted; every way of integration trains; a resumed run is the same to the bit.
+//! SparseDynGS: motion is recovered and the future is predicted; every way of integration trains; a resumed run is the
+//! same to the bit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,8 @@ fn model(job: &Job, steps: usize) -> Sparsedyn {
     read_model::<Sparsedyn>(&file, &common::device()).expect("a scene").0.method
 }
 
-/// Every way of asking, every integrator, the hybrid and both baselines take steps in every phase, save, and are measured at future times.
+/// Every way of asking, every integrator, the hybrid and both baselines take steps in every phase, save, and are
+/// measured at future times.
 #[test]
 fn every_way_trains_and_is_measured() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -87,8 +89,8 @@ fn it_resumes_to_the_same_bits() {
     assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
 }
 
-/// A rotor that turns evenly is one body. At time 1, a quarter of the recording after the last frame that was seen, its angle is right to 3
-/// degrees, and its pivot to 2 % of its size.
+/// A rotor that turns evenly is one body. At time 1, a quarter of the recording after the last frame that was seen, its
+/// angle is right to 3 degrees, and its pivot to 2 % of its size.
 #[test]
 fn a_rotation_is_found_and_goes_on() {
     const STEPS: usize = 2000;
@@ -122,8 +124,8 @@ fn a_rotation_is_found_and_goes_on() {
 /// The radius of the rotor, metres.
 const ROTOR: f64 = 1.0;
 
-/// The pose at time 1 of the body with most Gaussians, learned from six cameras in 3000 steps, with its centre in the first frame, and words for
-/// messages.
+/// The pose at time 1 of the body with most Gaussians, learned from six cameras in 3000 steps, with its centre in the
+/// first frame, and words for messages.
 fn largest_at_1(world: World) -> (BodyPose, DVec3, String) {
     const STEPS: usize = 3000;
     let temporary = tempfile::tempdir().expect("a folder");
@@ -139,7 +141,8 @@ fn largest_at_1(world: World) -> (BodyPose, DVec3, String) {
     (bodies.poses(1.0)[body], DVec3::from_array(bodies.frames[body].centre), words)
 }
 
-/// A ball that falls freely is where it should be at time 1, a quarter of the recording after the last frame that was seen, to 3 % of its path.
+/// A ball that falls freely is where it should be at time 1, a quarter of the recording after the last frame that was
+/// seen, to 3 % of its path.
 ///
 /// `cargo test --release --workspace --test sparsedyn -- --ignored a_fall` takes a minute or two.
 #[test]
@@ -169,12 +172,12 @@ fn a_swing_goes_on() {
     assert!(off < 0.05 * angle.abs(), "{off} of {angle} radians off: {words}");
 }
 
-/// Largest difference between backends, dB. Sums in another order differ in the seventh digit, and Adam's first steps have full length whatever the
-/// gradient.
+/// Largest difference between backends, dB. Sums in another order differ in the seventh digit, and Adam's first steps
+/// have full length whatever the gradient.
 const BACKENDS_APART: f64 = 0.05;
 
-/// The pipeline without bodies, whose choice is discrete, on each backend of the build and on the device that the tests were asked for: the same
-/// scene as on the first, but for rounding.
+/// The pipeline without bodies, whose choice is discrete, on each backend of the build and on the device that the tests
+/// were asked for: the same scene as on the first, but for rounding.
 #[test]
 fn every_backend_trains_the_same_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -200,8 +203,8 @@ fn every_backend_trains_the_same_scene() {
     }
 }
 
-/// Without points and priors, Gaussians begin on the hull of the outlines: none lies far from the objects, as random ones in the cameras' view
-/// would.
+/// Without points and priors, Gaussians begin on the hull of the outlines: none lies far from the objects, as random
+/// ones in the cameras' view would.
 #[test]
 fn photos_alone_begin_on_the_hull_of_the_outlines() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -225,7 +228,8 @@ fn photos_alone_begin_on_the_hull_of_the_outlines() {
     let job = job(&world, &folder.join("run"), 1, &["eval.lpips=false"]);
     common::finish(&job);
     let means = gs_splats::ply::read(&job.folder.ply()).expect("a scene").splats.means.into_flattened();
-    // Objects fill about half of the way from the middle to the cameras at most; random points lie from 0.3 to 3 of it before them.
+    // Objects fill about half of the way from the middle to the cameras at most; random points lie from 0.3 to 3 of it
+    // before them.
     let far =
         means.chunks_exact(3).filter(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into()).length() > 0.6 * reach);
     let count = means.len() / 3;

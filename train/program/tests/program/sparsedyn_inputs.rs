@@ -1,4 +1,5 @@
-//! Through the program: the schedule is shown, a model is chosen, and unusual input gives a stated result or one sentence.
+//! Through the program: the schedule is shown, a model is chosen, and unusual input gives a stated result or one
+//! sentence.
 
 use std::fs;
 use std::path::Path;
@@ -149,7 +150,8 @@ fn times_outside_0_to_1_are_learned_the_same() {
     assert!(info.contains("100 to 287.5"), "{info}");
 }
 
-/// Frames are missing irregularly: the recording has the times that are left, and a step has the length of two median frames.
+/// Frames are missing irregularly: the recording has the times that are left, and a step has the length of two median
+/// frames.
 #[test]
 fn times_may_be_unevenly_spaced() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -43,8 +43,9 @@ fn ignored_pixels_teach_nothing() {
     assert_eq!(before, begun.trainer.gaussians().read(Group::Means));
 }
 
-/// A GPU makes its lists as long as the steps before tell. The first step near the scene has many times the pairs of those far from it,
-/// so the pass is done again; the next one has room. Neither differs in a bit from a trainer that counts first.
+/// A GPU makes its lists as long as the steps before tell. The first step near the scene has many times the pairs of
+/// those far from it, so the pass is done again; the next one has room. Neither differs in a bit from a trainer that
+/// counts first.
 #[test]
 fn room_for_intersections_changes_no_bit() {
     for backend in common::backends() {

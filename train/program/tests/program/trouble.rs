@@ -1,4 +1,5 @@
-//! What goes wrong around a run: damaged and missing files, full disks, a second writer, names that steer a terminal, signals.
+//! Failures around a run: damaged and missing files, full disks, a second writer, names that steer a terminal,
+//! signals.
 
 use crate::common;
 
@@ -29,7 +30,7 @@ fn succeeds(folder: &Path, args: &[&str]) -> [String; 2] {
     [out, err]
 }
 
-/// What stderr says of a command that must fail, and not by a panic.
+/// The text on stderr of a command that must fail, and not by a panic.
 fn fails(folder: &Path, args: &[&str]) -> String {
     let output = output(folder, args);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();

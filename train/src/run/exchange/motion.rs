@@ -8,7 +8,8 @@ use gs_splats::{Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunctio
 
 use super::host::{gaussians_of, splats_of};
 
-/// How a scene moves: as series where it is that, else by `count` key frames spread over the recording. `None` where nothing moves.
+/// How a scene moves: as series where it is that, else by `count` key frames spread over the recording. `None` where
+/// nothing moves.
 pub fn motion_of(scene: &dyn DynamicScene, middle: f64, count: usize) -> Option<Motion> {
     let span = scene.span()?;
     if let Some(basis) = scene.basis() {

@@ -1,6 +1,7 @@
 //! LPIPS (Zhang et al. 2018) by burn-train, in a build with the feature `lpips`.
 //!
-//! burn-train brings a hundred packages, and its weights are never part of this project; a build without it says that it has none.
+//! burn-train brings a hundred packages, and its weights are never part of this project; a build without it says that
+//! it has none.
 
 #[cfg(feature = "lpips")]
 pub use with_burn_train::Perceptual;
@@ -72,8 +73,8 @@ mod with_burn_train {
             match choices.into_iter().find(|(_, name)| cached(name)) {
                 Some((net, name)) => {
                     let read = || Self { network: LpipsConfig::new().with_net(net).init_pretrained(device), name };
-                    // Burn continues with random weights if it cannot read the files; those differ between two reads. The first network
-                    // is dropped before the second is read, because they are large.
+                    // Burn continues with random weights if it cannot read the files; those differ between two reads.
+                    // The first network is dropped before the second is read, because they are large.
                     let first = read().of_patterns(device);
                     let network = read();
                     let same = network.of_patterns(device).to_bits() == first.to_bits();

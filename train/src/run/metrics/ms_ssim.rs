@@ -1,8 +1,8 @@
 //! Multi-scale structural similarity (Wang, Simoncelli and Bovik 2003, equation 7).
 //!
-//! `MS-SSIM = l_M^b_M prod_j cs_j^b_j`, where `cs_j` is the mean of contrast times structure at scale `j`, `l_M` takes luminance in at
-//! the coarsest, and each scale has half of the size of the one before. Windows are Gaussians of 11 x 11 pixels; images are continued
-//! by reflection. The result is the mean over the channels.
+//! `MS-SSIM = l_M^b_M prod_j cs_j^b_j`, where `cs_j` is the mean of contrast times structure at scale `j`, `l_M` takes
+//! luminance in at the coarsest, and each scale has half of the size of the one before. Windows are Gaussians of 11 x
+//! 11 pixels; images are continued by reflection. The result is the mean over the channels.
 
 use burn::tensor::Tensor;
 use gs_kernels::constants::SSIM_WINDOW;
@@ -72,8 +72,8 @@ mod tests {
         assert_eq!(ms_ssim(small.clone(), small, None), None);
     }
 
-    /// Equal images have 1 at every scale; a constant shift leaves contrast and structure as they are, so that luminance of the coarsest
-    /// scale is all that changes.
+    /// Equal images have 1 at every scale; a constant shift leaves contrast and structure as they are, so that
+    /// luminance of the coarsest scale is all that changes.
     #[test]
     fn equal_images_have_one_and_a_shift_costs_luminance_alone() {
         let flat = |level: f64| image(176, 180, move |_, _, _| level);
@@ -86,7 +86,8 @@ mod tests {
         assert!((shifted - expected).abs() < 1e-9, "{shifted}, not {expected}");
     }
 
-    /// burn-train computes in f32: variances of 0.04 are differences of means of squares of about 0.3, so each term is right to 1e-6.
+    /// burn-train computes in f32: variances of 0.04 are differences of means of squares of about 0.3, so each term is
+    /// right to 1e-6.
     #[cfg(feature = "lpips")]
     #[test]
     fn burn_train_has_the_same_value() {
@@ -106,8 +107,8 @@ mod tests {
         assert!((0.05..0.995).contains(&own), "{own} tells nothing apart");
     }
 
-    /// The value of a second implementation of the same formulas, in NumPy with doubles; sines of two libraries differ by 1e-16, and
-    /// pixels rounded to f32 by 6e-8 where that crosses a rounding edge.
+    /// The value of a second implementation of the same formulas, in NumPy with doubles; sines of two libraries differ
+    /// by 1e-16, and pixels rounded to f32 by 6e-8 where that crosses a rounding edge.
     #[test]
     fn the_value_of_a_second_implementation_is_met() {
         let own = ms_ssim(image(177, 201, waves), image(177, 201, noisy), None).expect("large enough");

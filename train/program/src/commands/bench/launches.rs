@@ -32,13 +32,15 @@ mod recorded {
     /// Fewest units of a launch whose work grows with the scene: a launch below it leaves most of a large GPU idle.
     const UNITS_MIN: u64 = 4096;
 
-    /// Units of a cube where nothing is known: of the kernels of rasterization, and of most of Burn's, which have at least 32.
+    /// Units of a cube where nothing is known: of the kernels of rasterization, and of most of Burn's, which have at
+    /// least 32.
     const UNITS_OF_A_CUBE: u64 = 64;
 
     /// This project's kernels that work on a row or a number a unit, 256 units a cube.
     const OF_256_UNITS: [&str; 4] = ["rows_of::", "sh_forward", "sh_backward", "opacity::"];
 
-    /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in brackets.
+    /// Kernels whose launches may be small, because their work does not grow with the scene beyond the number in
+    /// brackets.
     const SMALL_WORK: [(&str, &str); 15] = [
         ("sum::", "8 values a unit, or the second level: 1,024 parts"),
         ("scan::", "8 values a unit"),

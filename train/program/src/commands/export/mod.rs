@@ -22,7 +22,8 @@ use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, r
 
 use size::fit;
 
-/// Times at which OpenUSD samples a motion, and key frames of a motion without a formula: two seconds of film, and the end.
+/// Times at which OpenUSD samples a motion, and key frames of a motion without a formula: two seconds of film, and the
+/// end.
 const SAMPLES: usize = 49;
 
 /// Writes a scene for other programs.

@@ -1,4 +1,5 @@
-//! A file of at most some size: the Gaussians that contribute most to the training photos, and what the others are missed for.
+//! A file of at most some size: the Gaussians that contribute most to the training photos, and what the others are
+//! missed for.
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
@@ -16,7 +17,8 @@ use gs_train::run::scene::{LoadedScene, SceneFile, read_file, through_time};
 
 use super::keep;
 
-/// Sizes that are tried: each brings the count nearer to the largest that fits, and the fourth is within a few percent of it.
+/// Sizes that are tried: each brings the count nearer to the largest that fits, and the fourth is within a few percent
+/// of it.
 const TRIALS: usize = 8;
 
 /// A file that is at least this share of what is allowed is full.

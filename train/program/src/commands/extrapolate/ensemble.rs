@@ -65,8 +65,8 @@ impl Work<'_> {
             last.time
         ));
         let values = spread.values.last().cloned().unwrap_or_default();
-        let (camera, gaussians) = (self.shots[0].pose(self.times.len() - 1), self.known.scene.at(last.time));
-        let map = motion::map(self.known.studio, &gaussians, camera, ("uncertainty", "scene units"), values);
+        let (camera, gaussians) = (self.shots[0].pose(self.times.len() - 1), self.predicted.scene.at(last.time));
+        let map = motion::map(self.predicted.renderer, &gaussians, camera, ("uncertainty", "scene units"), values);
         self.write_picture("uncertainty.png", &map.picture)?;
         let caption = format!("Spread of the ensemble at {}, yellow is {:.4} {}", last.time, map.full, map.unit);
         shown.push(Shown::Picture(map.picture.clone(), caption));
@@ -97,15 +97,16 @@ impl Work<'_> {
             let step = (until - end) / CALIBRATED_TIMES as f64;
             let times: Vec<f64> = (1..=CALIBRATED_TIMES).map(|k| (end + step * k as f64).min(until)).collect();
             let spread = Spread::of(members, &times);
-            let pairs = by_true_motion(self.known.scene, &spread, &self.moving, &movers);
+            let pairs = by_true_motion(self.predicted.scene, &spread, &self.moving, &movers);
             return Ok(Calibration::of(Against::TrueMotion, pairs));
         }
-        let views = [Split::TEST, Split::TEST_SEEN].iter().find_map(|s| self.known.future_views(s, Some(self.args.to)));
+        let views =
+            [Split::TEST, Split::TEST_SEEN].iter().find_map(|s| self.predicted.future_views(s, Some(self.args.to)));
         let Some(views) = views else { return Ok(None) };
         let mut times: Vec<f64> = views.iter().filter_map(|view| view.time).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         let spread = Spread::of(members, &times);
-        Ok(Calibration::of(Against::ImageError, by_images(&self.known, &spread, &views)))
+        Ok(Calibration::of(Against::ImageError, by_images(&self.predicted, &spread, &views)))
     }
 }

@@ -53,7 +53,7 @@ pub struct Figures {
     pub parts: Vec<PartFigures>,
     /// The ensemble.
     pub spread: Option<SpreadFigures>,
-    /// What the step that was asked for changes.
+    /// The changes by the step that was asked for.
     pub step: Option<StepNote>,
 }
 

@@ -18,7 +18,7 @@ use gs_train::run::scene::write_ply;
 /// Times at which Gaussians are held at once.
 const TIMES_AT_ONCE: usize = 8;
 
-/// What another step of integration changes.
+/// The changes by another step of integration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StepNote {
     /// Its length, frames.
@@ -49,11 +49,11 @@ impl Work<'_> {
     pub(super) fn frames(&self) -> Result<()> {
         let mut animations = vec![Vec::new(); self.shots.len()];
         for (chunk, times) in self.times.chunks(TIMES_AT_ONCE).enumerate() {
-            for (k, gaussians) in self.known.scene.at_times(times).iter().enumerate() {
+            for (k, gaussians) in self.predicted.scene.at_times(times).iter().enumerate() {
                 let index = chunk * TIMES_AT_ONCE + k;
                 for (shot, animation) in self.shots.iter().zip(&mut animations) {
                     let pose = shot.pose(index);
-                    let pixels = image_bytes(self.known.studio.image(gaussians, pose));
+                    let pixels = image_bytes(self.predicted.renderer.image(gaussians, pose));
                     let path = self.files.frame(shot, index);
                     write_atomic(&path, &marked_png(&encode_png(&path, pose.width, pose.height, &pixels)?))?;
                     animation.push(pixels);
@@ -78,7 +78,7 @@ impl Work<'_> {
         let mut largest: f64 = 0.0;
         for times in self.times.chunks(TIMES_AT_ONCE) {
             let trained = self.loaded.scene.at_times(times);
-            for (a, b) in self.known.scene.at_times(times).iter().zip(&trained) {
+            for (a, b) in self.predicted.scene.at_times(times).iter().zip(&trained) {
                 let [a, b] = [a, b].map(|gaussians| to_host(gaussians.means.val()));
                 let squared = |(a, b): (&[f32], &[f32])| -> f64 {
                     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()

@@ -27,7 +27,7 @@ use crate::cli::ExtrapolateArgs;
 use crate::commands::{device, print};
 use crate::report::future::spread::moving_rows;
 use crate::report::future::strip::Picture;
-use crate::report::future::{Known, Shown, Studio, add_to_report, motion, section, trajectories};
+use crate::report::future::{PredictedScene, SceneRenderer, Shown, add_to_report, motion, section, trajectories};
 use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
@@ -53,7 +53,7 @@ struct Work<'a> {
     files: Files,
     /// The same where they will be.
     placed: Files,
-    known: Known<'a>,
+    predicted: PredictedScene<'a>,
     loaded: &'a LoadedScene,
     /// First and last time that was seen.
     span: [f64; 2],
@@ -83,23 +83,23 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
         bail!("{}: expected a run with a moving scene, found one that stands still", args.run.display());
     };
     let trained = pipeline.future().map(|future| future.extrapolate(&checkpoint, &photos, &device)).transpose()?;
-    let studio = Studio { facts: loaded.facts, render: loaded.render.clone(), device };
+    let renderer = SceneRenderer { facts: loaded.facts, render: loaded.render.clone(), device };
     let stepped = frames::stepped(args, trained.as_deref())?;
     let future = stepped.as_deref().or(trained.as_deref());
     let scene = future.map(|future| future.scene());
     let scene = scene.as_deref().unwrap_or(&*loaded.scene);
     let last = future.map_or(f64::INFINITY, |future| future.last());
     let times = plan::times(args, span, plan::interval(&photos), last)?;
-    let known = Known { studio: &studio, scene, photos: &photos, measured: None };
+    let predicted = PredictedScene { renderer: &renderer, scene, photos: &photos, measured: None };
 
-    let middle = middle(&known, span, args.to);
+    let middle = middle(&predicted, span, args.to);
     let shots = plan::shots(&args.camera, &photos, middle, times.len())?;
     let camera = shots[0].pose(0);
     let depth = camera.c2w.inverse().transform_point3(middle).z;
     let pixel = if depth > 0.0 { depth / camera.intrinsics.fx } else { 1.0 };
     let moving = moving_rows(scene, &[span[0], span[1], 0.5 * (span[1] + args.to), args.to], MOVES * pixel);
     let (files, placed) = (Files::new(Results::unfinished(&out)), Files::new(out.clone()));
-    let work = Work { args, files, placed, known, loaded: &loaded, span, times, shots, moving, pixel };
+    let work = Work { args, files, placed, predicted, loaded: &loaded, span, times, shots, moving, pixel };
     work.check(&dataset)?;
     let results = Results::begin(&out, figures::JSON)?;
     let section = work.all(future, &dataset)?;
@@ -110,9 +110,9 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
 }
 
 /// The middle of what moves up to `to`, or of everything.
-fn middle(known: &Known, [first, end]: [f64; 2], to: f64) -> DVec3 {
-    let [positions, later] = [end, to].map(|time| to_host(known.scene.at(time).means.val()));
-    let opacities = to_host(known.scene.at(first).opacities());
+fn middle(predicted: &PredictedScene, [first, end]: [f64; 2], to: f64) -> DVec3 {
+    let [positions, later] = [end, to].map(|time| to_host(predicted.scene.at(time).means.val()));
+    let opacities = to_host(predicted.scene.at(first).opacities());
     let at = |values: &[f32], row: usize| DVec3::from_slice(&[0, 1, 2].map(|axis| f64::from(values[3 * row + axis])));
     let mean = |moving: bool| -> Option<DVec3> {
         let rows = (0..opacities.len()).filter(|row| !moving || at(&positions, *row) != at(&later, *row));
@@ -124,14 +124,14 @@ fn middle(known: &Known, [first, end]: [f64; 2], to: f64) -> DVec3 {
 }
 
 impl Work<'_> {
-    /// That no file of somebody else would be written over.
+    /// Checks that no file of somebody else would be written over.
     fn check(&self, dataset: &std::path::Path) -> Result<()> {
         let frames = self.shots.iter().flat_map(|shot| (0..self.times.len()).map(|k| self.placed.frame(shot, k)));
         let animations = self.shots.iter().map(|shot| self.placed.animation(shot));
         let single = figures::NAMES.iter().map(|name| self.placed.at(name));
         let ply = self.times.iter().filter(|_| self.args.ply).map(|time| self.placed.ply(&self.run_name(), *time));
         let paths: Vec<PathBuf> = frames.chain(animations).chain(single).chain(ply).collect();
-        let photos = self.known.photos.held_out_views().chain(&self.known.photos.train);
+        let photos = self.predicted.photos.held_out_views().chain(&self.predicted.photos.train);
         let named: Vec<PathBuf> = photos.map(|view| view.image_path.clone()).chain([dataset.to_path_buf()]).collect();
         outputs::check(&paths, &named)
     }
@@ -147,8 +147,8 @@ impl Work<'_> {
         self.frames()?;
         let horizon = self.horizon(&mut figures)?;
         let (paths, count) = trajectories::draw(
-            self.known.studio,
-            self.known.scene,
+            self.predicted.renderer,
+            self.predicted.scene,
             self.shots[0].pose(0),
             (self.span, self.args.to),
             SEED,
@@ -156,7 +156,7 @@ impl Work<'_> {
         self.write_picture("trajectories.png", &paths)?;
         let caption = format!("Paths of {}: seen in blue, the future in orange to red", counted(count, "Gaussian"));
         shown.push(Shown::Picture(paths, caption));
-        for map in motion::maps(self.known.studio, self.known.scene, self.shots[0].pose(0), self.times[0]) {
+        for map in motion::maps(self.predicted.renderer, self.predicted.scene, self.shots[0].pose(0), self.times[0]) {
             self.write_picture(&format!("{}.png", map.name), &map.picture)?;
             let caption =
                 format!("{}, the brightest colour is {:.3} {}", map.name.replace('_', " "), map.full, map.unit);
@@ -179,7 +179,7 @@ impl Work<'_> {
         figures.step = self.step_note()?;
         write_atomic(&self.files.at(figures::JSON), figures.json().as_bytes())?;
         match &horizon {
-            Some(horizon) => self.known.section(horizon, &shown),
+            Some(horizon) => self.predicted.section(horizon, &shown),
             None => section::without_photos(&shown),
         }
     }
@@ -201,7 +201,7 @@ impl Work<'_> {
     /// PSNR over time against photos of later times, where there are any.
     fn horizon(&self, figures: &mut Figures) -> Result<Option<crate::report::future::Horizon>> {
         let until = Some(self.args.to);
-        let found = [Split::TEST, Split::TEST_SEEN].map(|split| self.known.horizon_of(split, until));
+        let found = [Split::TEST, Split::TEST_SEEN].map(|split| self.predicted.horizon_of(split, until));
         let found: Vec<_> = found.into_iter().flatten().collect();
         let Some(first) = found.first().cloned() else {
             print("no photos of later times: the prediction is not measured");
@@ -209,7 +209,7 @@ impl Work<'_> {
         };
         found.iter().for_each(|horizon| print(horizon.line()));
         write_atomic(&self.files.at("psnr_over_time.svg"), marked_svg(&first.chart().svg()).as_bytes())?;
-        if let Some(strip) = self.known.strip(&first, until) {
+        if let Some(strip) = self.predicted.strip(&first, until) {
             self.write_picture("strip.png", &strip)?;
         }
         figures.future = found;

@@ -62,7 +62,7 @@ impl Work<'_> {
         let paths_of = |files: &Files| -> Vec<_> { parts.iter().map(|part| files.part(&part.name)).collect() };
         outputs::check(&[paths_of(&self.placed), vec![self.placed.at(JSON)]].concat(), &[])?;
         let paths = paths_of(&self.files);
-        let whole = self.known.scene.at(self.span[0]);
+        let whole = self.predicted.scene.at(self.span[0]);
         for (part, path) in parts.iter().zip(&paths) {
             write_ply(path, &rows_of(&whole, &part.rows), origin)?;
             print(format!("{}: {}, {}", part.name, counted(part.rows.len(), "Gaussian"), part.words));

@@ -1,4 +1,4 @@
-//! What is asked of `gsburn extrapolate`, checked: times, cameras and files.
+//! The request of `gsburn extrapolate`, checked: times, cameras and files.
 
 use std::path::PathBuf;
 
@@ -13,8 +13,8 @@ use gs_train::config::brief;
 /// Frames at most: `--frames` allows no more.
 const FRAMES_MAX: f64 = 10_000.0;
 
-/// Lengths of the recording that the future may last at most: positions of 32 bits are then still right to a thousandth of the way that
-/// something goes in one recording.
+/// Lengths of the recording that the future may last at most: positions of 32 bits are then still right to a thousandth
+/// of the way that something goes in one recording.
 const RECORDINGS_MAX: f64 = 1000.0;
 
 /// The name of the camera that goes around.
@@ -156,7 +156,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Those in `root`.
+    /// The files in `root`.
     pub fn new(root: PathBuf) -> Self {
         Self { root }
     }

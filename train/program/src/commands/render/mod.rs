@@ -104,7 +104,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// That nothing is written over but earlier renderings: neither photos that the cameras' file names, nor other files of the user.
+/// Checks that nothing is written over but earlier renderings: neither photos that the cameras' file names, nor other
+/// files of the user.
 fn check_outputs(
     args: &RenderArgs,
     source: &Path,

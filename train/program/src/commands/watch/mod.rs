@@ -89,7 +89,7 @@ struct Found {
     is_gone: bool,
 }
 
-/// What is known of the run.
+/// The run as it was last seen.
 struct Watcher {
     folder: RunFolder,
     data: Option<PathBuf>,

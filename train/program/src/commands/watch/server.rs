@@ -1,7 +1,9 @@
-//! A server for one page on this machine: GET only, three fixed names, nothing from the request but its first line and `Host`.
+//! A server for one page on this machine: GET only, three fixed names, nothing from the request but its first line and
+//! `Host`.
 //!
-//! It listens on 127.0.0.1. A page of another site could still reach it through a name that it lets point here (DNS rebinding), so a
-//! `Host` that is not this address is refused. There is no CORS header, so that no other page may read an answer.
+//! It listens on 127.0.0.1. A page of another site could still reach it through a name that it lets point here (DNS
+//! rebinding), so a `Host` that is not this address is refused. There is no CORS header, so that no other page may read
+//! an answer.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -26,7 +28,7 @@ const ANSWER_TIME: Duration = Duration::from_secs(20);
 /// Most connections at once; a browser opens six.
 const CONNECTIONS_MAX: usize = 32;
 
-/// What the server sends; the state and the scene change while it runs.
+/// The answers of the server; the state and the scene change while it runs.
 #[derive(Debug, Default)]
 pub struct Answers {
     /// The page.

@@ -1,7 +1,8 @@
 //! Whether the predicted spread is right: Gaussians by their spread, each group with its true error.
 //!
-//! Where the data set has the true motion of its bodies, the error is the distance of a Gaussian from where its body carries it. Elsewhere the
-//! spread that a pixel shows is held against the error of the rendered image, which has another unit: then only the order can be judged.
+//! Where the data set has the true motion of its bodies, the error is the distance of a Gaussian from where its body
+//! carries it. Elsewhere the spread that a pixel shows is held against the error of the rendered image, which has
+//! another unit: then only the order can be judged.
 
 use gs_base::median;
 use gs_datasets::Mover;
@@ -10,8 +11,8 @@ use gs_models::DynamicScene;
 use serde::Serialize;
 
 use super::motion::seen;
+use super::renderer::{PredictedScene, pose_of};
 use super::spread::Spread;
-use super::studio::{Known, pose_of};
 use crate::report::charts::{Chart, Series};
 use gs_train::fit::parameters::{from_host, to_host};
 use gs_train::fit::photos::to_tensor;
@@ -29,8 +30,8 @@ const SEEN: f32 = 0.5;
 /// Least spread and error in the chart, scene units: logarithms of zero are none.
 const LEAST: f64 = 1e-6;
 
-/// A Gaussian farther from a body's position than its radius times this is not of the body: radii are bounds of the true shape, learned
-/// Gaussians lie around its surface.
+/// A Gaussian farther from a body's position than its radius times this is not of the body: radii are bounds of the
+/// true shape, learned Gaussians lie around its surface.
 const AROUND: f64 = 1.1;
 
 /// The number against which the spread is held.
@@ -61,7 +62,8 @@ pub struct Calibration {
     pub against: Against,
     /// From the smallest spread to the largest.
     pub groups: Vec<Group>,
-    /// Root mean square error over root mean square spread of all pairs; 1 is ideal, above 1 the spread is too small. `None` against an image.
+    /// Root mean square error over root mean square spread of all pairs; 1 is ideal, above 1 the spread is too small.
+    /// `None` against an image.
     pub error_over_spread: Option<f64>,
     /// Median of each Gaussian's error over its spread: a few that are far off do not count. `None` against an image.
     pub median_error_over_spread: Option<f64>,
@@ -87,8 +89,8 @@ impl Calibration {
         })
     }
 
-    /// The groups as a chart, with the line on which they should lie where both have one unit. Both axes are logarithms: spreads of what
-    /// follows a law and of what does not differ by powers of ten.
+    /// The groups as a chart, with the line on which they should lie where both have one unit. Both axes are
+    /// logarithms: spreads of what follows a law and of what does not differ by powers of ten.
     pub fn chart(&self) -> Chart {
         let logarithm = |value: f64| value.max(LEAST).log10();
         let point = |group: &Group| match self.against {
@@ -117,8 +119,8 @@ fn group(pairs: &[(f64, f64)]) -> Group {
     Group { count: pairs.len(), spread: rms(|pair| pair.0), error: rms(|pair| pair.1) }
 }
 
-/// Spread and error of the Gaussians of `rows` at the times of `spread`, by the true motion of bodies in the world of the scene. Gaussians of
-/// no true body should rest.
+/// Spread and error of the Gaussians of `rows` at the times of `spread`, by the true motion of bodies in the world of
+/// the scene. Gaussians of no true body should rest.
 pub fn by_true_motion(scene: &dyn DynamicScene, spread: &Spread, rows: &[u32], movers: &[Mover]) -> Vec<(f64, f64)> {
     let Some([start, _]) = scene.span() else { return Vec::new() };
     let at = |values: &[f32], row: u32| {
@@ -150,18 +152,18 @@ fn carrier(movers: &[Mover], point: glam::DVec3, time: f64) -> Option<&Mover> {
 }
 
 /// Spread and image error of the pixels of a few of `views`, whose times are those of `spread`.
-pub fn by_images(known: &Known, spread: &Spread, views: &[&View]) -> Vec<(f64, f64)> {
-    let device = &known.studio.device;
+pub fn by_images(predicted: &PredictedScene, spread: &Spread, views: &[&View]) -> Vec<(f64, f64)> {
+    let device = &predicted.renderer.device;
     let mut pairs = Vec::new();
     let position = |view: &&View| spread.times.iter().position(|time| view.time == Some(*time));
     let views = views.iter().step_by(views.len().div_ceil(VIEWS).max(1));
     let views: Vec<(&View, usize)> = views.filter_map(|view| Some((*view, position(view)?))).collect();
     let times: Vec<f64> = views.iter().map(|(_, index)| spread.times[*index]).collect();
-    for ((view, index), gaussians) in views.into_iter().zip(through_time(known.scene, &times)) {
+    for ((view, index), gaussians) in views.into_iter().zip(through_time(predicted.scene, &times)) {
         let pose = pose_of(view);
         let features = from_host(spread.values[index].clone(), 1, device);
-        let (spreads, alpha) = seen(known.studio, &gaussians, &pose, features);
-        let image = known.studio.image(&gaussians, &pose);
+        let (spreads, alpha) = seen(predicted.renderer, &gaussians, &pose, features);
+        let image = predicted.renderer.image(&gaussians, &pose);
         let error = to_host((image - to_tensor(view, &view.image.data, 3, device)).abs().mean_dim(2));
         let pixels = spreads.iter().zip(&error).zip(&alpha).filter(|(_, alpha)| **alpha >= SEEN);
         pairs.extend(pixels.map(|((spread, error), _)| (f64::from(*spread), f64::from(*error))));

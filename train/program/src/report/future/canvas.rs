@@ -2,7 +2,8 @@
 
 use super::strip::Picture;
 
-/// Draws a line from `a` to `b`, pixels from the upper left corner, with soft edges; `share` of its colour covers what is below.
+/// Draws a line from `a` to `b`, pixels from the upper left corner, with soft edges; `share` of its colour covers what
+/// is below.
 pub fn line(picture: &mut Picture, a: [f64; 2], b: [f64; 2], width: f64, color: [u8; 3], share: f64) {
     if !a.iter().chain(&b).all(|x| x.is_finite()) {
         return;

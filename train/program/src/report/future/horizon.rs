@@ -6,7 +6,7 @@ use gs_base::counted;
 use gs_datasets::{Split, View};
 use serde::Serialize;
 
-use super::studio::{Known, pose_of};
+use super::renderer::{PredictedScene, pose_of};
 use super::{ONE_TIME, strip};
 use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
@@ -82,7 +82,7 @@ struct Score {
     held: Option<(f64, Option<f64>)>,
 }
 
-impl Known<'_> {
+impl PredictedScene<'_> {
     /// The horizon on the views after the last time that was seen, up to `until`; `None` without such views.
     pub fn horizon(&self, until: Option<f64>) -> Option<Horizon> {
         FUTURES.iter().find_map(|split| self.horizon_of(split, until))
@@ -140,12 +140,12 @@ impl Known<'_> {
                 let held = (time > end).then(|| {
                     let known = seen.iter().find(|(c2w, image)| *c2w == view.c2w && fits(image, view));
                     known.map(|(_, image)| image.clone()).unwrap_or_else(|| {
-                        let image = self.studio.image(&held, &pose);
+                        let image = self.renderer.image(&held, &pose);
                         seen.push((view.c2w, image.clone()));
                         image
                     })
                 });
-                let rendered = now.as_ref().map(|now| compared(self.studio.image(now, &pose), view));
+                let rendered = now.as_ref().map(|now| compared(self.renderer.image(now, &pose), view));
                 let model = rendered.or_else(|| self.measured_scores(view)).expect("one of the two");
                 scores.push(Score { time, model, held: held.map(|held| compared(held, view)) });
             }

@@ -14,15 +14,15 @@ pub mod calibration;
 pub mod canvas;
 pub mod horizon;
 pub mod motion;
+pub mod renderer;
 pub mod section;
 pub mod spread;
 pub mod strip;
-pub mod studio;
 pub mod trajectories;
 
 pub use horizon::Horizon;
+pub use renderer::{PredictedScene, SceneRenderer, pose_of};
 pub use section::{Shown, add_to_report};
-pub use studio::{Known, Studio, pose_of};
 
 /// Share of the seen time by which two times of one frame differ at most: they are rounded in files.
 pub const ONE_TIME: f64 = 1e-6;

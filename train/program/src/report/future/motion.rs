@@ -7,15 +7,15 @@ use gs_datasets::CameraPose;
 use gs_models::DynamicScene;
 use serde::Serialize;
 
+use super::renderer::{SceneRenderer, enlarged};
 use super::strip::Picture;
-use super::studio::{Studio, enlarged};
 use super::trajectories::SIDE;
 use crate::report::maps::{ALPHA_SEEN, scalar_colors};
 use gs_train::fit::parameters::{from_host, to_host};
 use gs_train::run::pixels::{full_scale, full_speed, vector_colors};
 
-/// Half the time between two orientations of a difference, as a share of the seen time: rotations of f32 then give an angular velocity to
-/// some 1e-4 radians per seen time, and motion over that time is even.
+/// Half the time between two orientations of a difference, as a share of the seen time: rotations of f32 then give an
+/// angular velocity to some 1e-4 radians per seen time, and motion over that time is even.
 const DIFFERENCE: f64 = 1e-3;
 
 /// A map, and what its brightest colour means.
@@ -32,7 +32,8 @@ pub struct Map {
     pub picture: Picture,
 }
 
-/// Angular velocities of Gaussians at a time, radians per unit of time, world axes: from their rotations a little before and after.
+/// Angular velocities of Gaussians at a time, radians per unit of time, world axes: from their rotations a little
+/// before and after.
 pub fn angular_velocities(scene: &dyn DynamicScene, time: f64) -> Vec<DVec3> {
     let half = scene.span().map_or(1.0, |[first, last]| DIFFERENCE * (last - first)).max(f64::MIN_POSITIVE);
     let pair = scene.at_times(&[time - half, time + half]);
@@ -55,13 +56,13 @@ fn rotations(gaussians: &Gaussians) -> Vec<DQuat> {
 }
 
 /// Maps of speed, velocity and angular velocity at a time.
-pub fn maps(studio: &Studio, scene: &dyn DynamicScene, camera: &CameraPose, time: f64) -> Vec<Map> {
+pub fn maps(renderer: &SceneRenderer, scene: &dyn DynamicScene, camera: &CameraPose, time: f64) -> Vec<Map> {
     let (camera, gaussians) = (enlarged(camera, SIDE), scene.at(time));
     let velocity = scene.velocity(time);
     let speed = velocity.clone().square().sum_dim(1).sqrt();
     let angular: Vec<f32> = angular_velocities(scene, time).iter().flat_map(|w| w.as_vec3().to_array()).collect();
-    let angular = from_host(angular, 3, &studio.device);
-    let (values, alpha) = seen(studio, &gaussians, &camera, Tensor::cat(vec![speed, velocity, angular], 1));
+    let angular = from_host(angular, 3, &renderer.device);
+    let (values, alpha) = seen(renderer, &gaussians, &camera, Tensor::cat(vec![speed, velocity, angular], 1));
     let columns = |from: usize, count: usize| -> Vec<f32> {
         values.chunks_exact(7).flat_map(|row| row[from..from + count].iter().copied()).collect()
     };
@@ -85,14 +86,14 @@ pub fn maps(studio: &Studio, scene: &dyn DynamicScene, camera: &CameraPose, time
 
 /// A map of one number of each Gaussian.
 pub fn map(
-    studio: &Studio,
+    renderer: &SceneRenderer,
     gaussians: &Gaussians,
     camera: &CameraPose,
     (name, unit): (&'static str, &'static str),
     values: Vec<f32>,
 ) -> Map {
     let camera = enlarged(camera, SIDE);
-    let (values, alpha) = seen(studio, gaussians, &camera, from_host(values, 1, &studio.device));
+    let (values, alpha) = seen(renderer, gaussians, &camera, from_host(values, 1, &renderer.device));
     let full = full_scale(clear(&values, &alpha));
     let pixels = scalar_colors(&values, &alpha, full);
     Map { name, full, unit, picture: Picture { width: camera.width, height: camera.height, pixels } }
@@ -103,10 +104,16 @@ fn clear(values: &[f32], alpha: &[f32]) -> Vec<f32> {
     values.iter().zip(alpha).filter(|(_, alpha)| **alpha >= ALPHA_SEEN).map(|(value, _)| *value).collect()
 }
 
-/// The mean of `features` `[N, F]` over what a pixel shows, `[H * W * F]`, and the opacity of each pixel; 0 where nothing is.
-pub fn seen(studio: &Studio, gaussians: &Gaussians, camera: &CameraPose, features: Tensor<2>) -> (Vec<f32>, Vec<f32>) {
+/// The mean of `features` `[N, F]` over what a pixel shows, `[H * W * F]`, and the opacity of each pixel; 0 where
+/// nothing is.
+pub fn seen(
+    renderer: &SceneRenderer,
+    gaussians: &Gaussians,
+    camera: &CameraPose,
+    features: Tensor<2>,
+) -> (Vec<f32>, Vec<f32>) {
     let count = features.dims()[1];
-    let rendering = studio.with_features(gaussians, camera, features);
+    let rendering = renderer.with_features(gaussians, camera, features);
     let alpha = to_host(rendering.alpha);
     let sums = rendering.features.map(to_host).unwrap_or_else(|| vec![0.0; count * alpha.len()]);
     // Where alpha is not 0 it is at least that of one level of 255.

@@ -7,8 +7,8 @@ use gs_base::{counted, guarded, write_atomic};
 use gs_datasets::image_io::encode_png;
 
 use super::Horizon;
+use super::renderer::PredictedScene;
 use super::strip::Picture;
-use super::studio::Known;
 use crate::report::html::{escaped, figure};
 use crate::report::{FUTURE, section_page, with_section};
 use gs_train::run::folder::RunFolder;
@@ -26,7 +26,7 @@ pub enum Shown {
     Picture(Picture, String),
 }
 
-impl Known<'_> {
+impl PredictedScene<'_> {
     /// The section: strip, PSNR over time, the means, then `more`.
     ///
     /// # Errors
@@ -85,7 +85,8 @@ fn table(horizon: &Horizon) -> String {
     )
 }
 
-/// Puts a section into the report.html of a run, instead of an earlier one, and saves it beside it, so that a new report contains it too.
+/// Puts a section into the report.html of a run, instead of an earlier one, and saves it beside it, so that a new
+/// report contains it too.
 ///
 /// # Errors
 /// When the run has no report, or a file cannot be written.

@@ -17,8 +17,8 @@ pub const FEWEST: usize = 2;
 pub struct Spread {
     /// The times.
     pub times: Vec<f64>,
-    /// `[T][N]` scene units: the root mean square distance of the members' positions from their mean, with one degree of freedom taken for
-    /// the mean.
+    /// `[T][N]` scene units: the root mean square distance of the members' positions from their mean, with one degree
+    /// of freedom taken for the mean.
     pub values: Vec<Vec<f32>>,
 }
 

@@ -2,7 +2,7 @@
 
 use gs_datasets::View;
 
-use super::studio::{Known, pose_of};
+use super::renderer::{PredictedScene, pose_of};
 use gs_train::run::pixels::image_bytes;
 use gs_train::run::scene::through_time;
 
@@ -27,14 +27,14 @@ pub struct Picture {
 }
 
 /// Predictions above photos of the camera with the most of `views`, at a few times from the first to the last.
-pub fn strip(known: &Known, views: &[&View]) -> Picture {
+pub fn strip(predicted: &PredictedScene, views: &[&View]) -> Picture {
     let chosen = chosen(views);
     let times: Vec<f64> = chosen.iter().map(|view| view.time.unwrap_or(0.0)).collect();
     let rows: Vec<(Picture, Picture)> = chosen
         .iter()
-        .zip(through_time(known.scene, &times))
+        .zip(through_time(predicted.scene, &times))
         .map(|(view, gaussians)| {
-            let image = known.studio.image(&gaussians, &pose_of(view));
+            let image = predicted.renderer.image(&gaussians, &pose_of(view));
             let (width, height) = (view.width, view.height);
             let predicted = Picture { width, height, pixels: image_bytes(image) };
             (predicted, Picture { width, height, pixels: view.image.data.clone() })
@@ -81,7 +81,8 @@ fn joined(rows: &[Vec<Picture>]) -> Picture {
 }
 
 impl Picture {
-    /// The picture with every `factor` x `factor` pixels averaged; what is left at the right and lower edges is dropped.
+    /// The picture with every `factor` x `factor` pixels averaged; what is left at the right and lower edges is
+    /// dropped.
     fn shrunk(self, factor: usize) -> Self {
         if factor <= 1 {
             return self;

@@ -6,8 +6,8 @@ use gs_models::DynamicScene;
 use rand::Rng;
 
 use super::canvas::{fade, line};
+use super::renderer::{SceneRenderer, enlarged};
 use super::strip::Picture;
-use super::studio::{Studio, enlarged};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::run::pixels::image_bytes;
@@ -15,7 +15,8 @@ use gs_train::run::pixels::image_bytes;
 /// Paths that are drawn at most and at least, as far as so many move.
 const PATHS: [usize; 2] = [300, 24];
 
-/// Length of all paths together, as a share of the pixels of the drawing: longer ones, as of what turns, hide each other.
+/// Length of all paths together, as a share of the pixels of the drawing: longer ones, as of what turns, hide each
+/// other.
 const INK: f64 = 0.08;
 
 /// Least length of a path, pixels of the drawing: shorter ones are points.
@@ -42,7 +43,7 @@ const COLORS: [[[f64; 3]; 2]; 2] =
 
 /// The drawing, and the number of paths in it.
 pub fn draw(
-    studio: &Studio,
+    renderer: &SceneRenderer,
     scene: &dyn DynamicScene,
     camera: &CameraPose,
     ([first, end], until): ([f64; 2], f64),
@@ -50,7 +51,7 @@ pub fn draw(
 ) -> (Picture, usize) {
     let camera = enlarged(camera, SIDE);
     let now = scene.at(end);
-    let pixels = image_bytes(studio.image(&now, &camera));
+    let pixels = image_bytes(renderer.image(&now, &camera));
     let mut picture = Picture { width: camera.width, height: camera.height, pixels };
     fade(&mut picture, FADED);
     let between = |a: f64, b: f64| (0..=POINTS).map(move |k| a + (b - a) * k as f64 / POINTS as f64);
@@ -83,7 +84,8 @@ fn projected(camera: &CameraPose, w2c: &DMat4, point: &[f32]) -> Option<[f64; 2]
     (seen.z > 0.0).then(|| camera.intrinsics.project(seen).to_array())
 }
 
-/// The rows whose paths are drawn: those that move, drawn at random by opacity without repetition, until the paths are `room` pixels long.
+/// The rows whose paths are drawn: those that move, drawn at random by opacity without repetition, until the paths are
+/// `room` pixels long.
 fn chosen(paths: &[Vec<Option<[f64; 2]>>], opacities: &[f32], room: f64, seed: u64) -> Vec<usize> {
     let mut rng = stream(seed, Purpose::Paths, 0);
     let mut keys: Vec<(f64, usize)> = Vec::new();

@@ -4,11 +4,12 @@
 //! the page's JSON (`"arrays"`), in the same order.
 //!
 //! - `f32`: IEEE numbers, multiples of the step.
-//! - `i16`: multiples of the step, `round(value / step)` within +-32767, as `2 n` for `n >= 0` and `-2 n - 1` below 0, so that small numbers
-//!   of either sign have a zero upper byte.
+//! - `i16`: multiples of the step, `round(value / step)` within +-32767, as `2 n` for `n >= 0` and `-2 n - 1` below 0,
+//!   so that small numbers of either sign have a zero upper byte.
 //!
-//! Either is stored by byte planes: the lowest bytes of all numbers, then the next, and so on. Rounded numbers have the same upper
-//! or lower bytes over and over, and gzip makes little of those planes: a position takes 5 to 8 bytes instead of 12.
+//! Either is stored by byte planes: the lowest bytes of all numbers, then the next, and so on. Rounded numbers have the
+//! same upper or lower bytes over and over, and gzip makes little of those planes: a position takes 5 to 8 bytes
+//! instead of 12.
 
 use std::io::Write;
 

@@ -1,7 +1,8 @@
 //! Motion as a page evaluates it: blocks of numbers for each moving row, and the weights that they have at a time.
 //!
-//! A moving row is `mean + sum_j w_j(t) position_j`, and likewise its rotation and its shape. The weights are tabulated at knots that are
-//! spread evenly, value and slope; between knots they are Hermite's cubics. That is exact for key frames and for powers up to 3.
+//! A moving row is `mean + sum_j w_j(t) position_j`, and likewise its rotation and its shape. The weights are tabulated
+//! at knots that are spread evenly, value and slope; between knots they are Hermite's cubics. That is exact for key
+//! frames and for powers up to 3.
 
 use gs_burn::Gaussians;
 use gs_models::DynamicScene;
@@ -14,7 +15,8 @@ use gs_train::run::exchange::time_function;
 /// Most blocks of a row that have a weight at one time: as many as the page's shader has room for.
 const BLOCKS_MAX: usize = 64;
 
-/// Knots of the functions of a motion: a wave of three periods is off by a millionth, the sharpest kink by an eighth of the distance of two.
+/// Knots of the functions of a motion: a wave of three periods is off by a millionth, the sharpest kink by an eighth of
+/// the distance of two.
 const KNOTS: usize = 257;
 
 /// Most key frames: 64 spans between them, doubled from [`KEYS_FIRST`].
@@ -26,11 +28,12 @@ const KEYS_FIRST: usize = 9;
 /// Numbers that the key frames of a scene may have, 32 MB: with more moving rows there are fewer key frames.
 const KEY_NUMBERS_MAX: usize = 8 << 20;
 
-/// Key frames are dense enough when a centre between two of them is off by less than this share of its Gaussian's smallest size
-/// that is seen (see [`SIZE_FLOOR`]): no pixel notices a twentieth of a standard deviation.
+/// Key frames are dense enough when a centre between two of them is off by less than this share of its Gaussian's
+/// smallest size that is seen (see [`SIZE_FLOOR`]): no pixel notices a twentieth of a standard deviation.
 const KEY_ERROR: f32 = 0.05;
 
-/// Sizes below this share of the moving rows' median size count as this: a needle's thickness is widened by the renderer anyway.
+/// Sizes below this share of the moving rows' median size count as this: a needle's thickness is widened by the
+/// renderer anyway.
 const SIZE_FLOOR: f32 = 0.3;
 
 /// Share of the rows that may be off by more: single rows must not decide over all.
@@ -74,8 +77,8 @@ pub struct Clock {
 }
 
 impl Motion {
-    /// The motion of a scene from the first to the last of the times that are shown, and half an `exposure` beyond; `None` where none of its
-    /// rows moves.
+    /// The motion of a scene from the first to the last of the times that are shown, and half an `exposure` beyond;
+    /// `None` where none of its rows moves.
     pub fn of(scene: &dyn DynamicScene, [first, last]: [f64; 2], exposure: f64) -> Option<Self> {
         match scene.basis().filter(|basis| basis.functions.len() + basis.turns.len() <= BLOCKS_MAX) {
             Some(basis) => Some(Self::of_basis(basis, [first - 0.5 * exposure, last + 0.5 * exposure])),
@@ -344,7 +347,8 @@ mod tests {
             let exact = time_function(function);
             let off = |x: f64| (weight(&table, functions.len(), block, x) - exact.at(first + step * x)).abs();
             let worst = (0..10 * KNOTS - 10).map(|i| off(0.1 * f64::from(i as u32))).fold(0.0, f64::max);
-            // A parabola that begins within a stretch bends the cubic: by the step squared times the change of the second derivative over 64.
+            // A parabola that begins within a stretch bends the cubic: by the step squared times the change of the
+            // second derivative over 64.
             let bound = if block < 2 { 2e-6 } else { 0.02 * step };
             assert!(worst < bound, "{function:?}: {worst}");
         }

@@ -36,7 +36,8 @@ pub fn page_of(scene: &dyn DynamicScene, presentation: &Presentation) -> String 
     page(&presentation.name, &packed(scene, presentation))
 }
 
-/// The viewer without a scene: the function `follow` of `script` fetches it from the server that sends the page, again and again.
+/// The viewer without a scene: the function `follow` of `script` fetches it from the server that sends the page, again
+/// and again.
 pub fn live_page(name: &str, style: &str, script: &str) -> String {
     whole(name, &format!("<style>\n{style}</style>\n<script>\n{script}</script>\n{}", body("live", None)))
 }

@@ -14,7 +14,8 @@ use gs_train::run::presentation::{Camera, Presentation};
 /// Up to so many Gaussians a page has everything; beyond, colour is the same from all sides (SH 0).
 pub const WITH_SH_MAX: usize = 300_000;
 
-/// Up to so many Gaussians a page has all of them; beyond, the least visible are left out. A page of a million takes some 25 MB.
+/// Up to so many Gaussians a page has all of them; beyond, the least visible are left out. A page of a million takes
+/// some 25 MB.
 pub const GAUSSIANS_MAX: usize = 1_000_000;
 
 /// Positions are rounded to this share of a small Gaussian's size: a thirtieth moves no edge.
@@ -162,8 +163,8 @@ impl Shown<'_> {
         Packed { json: json.replace('<', "\\u003c"), block: block.text() }
     }
 
-    /// The first and the last time that are shown: those that the scene was trained for, and those of photos before and after, as far as the
-    /// scene can be asked.
+    /// The first and the last time that are shown: those that the scene was trained for, and those of photos before and
+    /// after, as far as the scene can be asked.
     fn shown_span(&self) -> Option<[f64; 2]> {
         let [first, last] = self.scene.span()?;
         let [earliest, latest] = self.scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);

@@ -110,7 +110,7 @@ pub fn begun_on(config: &Table, device: &Device) -> Begun {
     Begun { config, data, trainer, photo }
 }
 
-/// What to run in `folder` on `dataset`.
+/// A job in `folder` on `dataset`.
 pub fn job(dataset: &Path, folder: &Path, config: &Table) -> Job {
     Job {
         dataset: dataset.to_path_buf(),

@@ -15,7 +15,7 @@ pub fn gsburn(folder: &Path, args: &[&str]) -> Output {
     program(folder).args(args).output().expect("the program starts")
 }
 
-/// What it says on both streams when it must succeed.
+/// Its text on both streams when it must succeed.
 pub fn says(folder: &Path, args: &[&str]) -> [String; 2] {
     let output = gsburn(folder, args);
     let [said, errors] = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
@@ -23,7 +23,7 @@ pub fn says(folder: &Path, args: &[&str]) -> [String; 2] {
     [said, errors]
 }
 
-/// What it prints when it must succeed.
+/// Its standard output when it must succeed.
 pub fn succeeds(folder: &Path, args: &[&str]) -> String {
     let [said, _] = says(folder, args);
     said

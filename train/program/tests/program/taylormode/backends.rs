@@ -6,8 +6,8 @@ use gs_worlds::deblur::{DeblurOptions, World};
 use crate::common;
 use crate::taylormode::{job, written};
 
-/// Largest difference between backends, dB. Sums in another order differ in the seventh digit; forty steps of Adam, whose first have
-/// full length whatever the gradient, made 4e-4 dB of that.
+/// Largest difference between backends, dB. Sums in another order differ in the seventh digit; forty steps of Adam,
+/// whose first have full length whatever the gradient, made 4e-4 dB of that.
 const BACKENDS_APART: f64 = 0.01;
 
 /// The whole pipeline, on each backend of the build: the same scene but for rounding.

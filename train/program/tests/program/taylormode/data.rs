@@ -1,4 +1,4 @@
-//! What data sets do not say, or say twice, is refused, left out or told, by `check` as by `train`.
+//! Facts that data sets omit or give twice are refused, left out or told, by `check` as by `train`.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ fn loaded<M: SceneMethod>(dataset: &Path, config: &toml::Table) -> Scene {
     load::<M>(dataset, &common::typed::<M>(config)).expect("loads")
 }
 
-/// What a static run and a moving one of the program's own settings are asked with.
+/// The overrides of a static run and of a moving one with the program's own settings.
 fn plain(pipeline: &str) -> toml::Table {
     common::config(STEPS, &[pipeline])
 }

@@ -9,11 +9,12 @@ use gs_train::run::evaluate::Evaluation;
 use crate::common;
 use crate::taylormode::{STEPS, finish_in, tiny_world, written};
 
-/// Each formation learns; the exact one, decoupled or not, and the warp by the Taylor motion win over no blur model where things move.
+/// Each formation learns; the exact one, decoupled or not, and the warp by the Taylor motion win over no blur model
+/// where things move.
 ///
-/// In moving parts, after 300 steps: integrate 18.33, decoupled 18.37, warp 18.16, warp by a network 17.69, none 17.69 dB, from 16.34 dB
-/// after one step. Runs scatter by 0.05 dB with the seed, so half of the least gain (0.47 dB) is five deviations of a difference. A network
-/// that has to find all velocities by itself needs more steps than these.
+/// In moving parts, after 300 steps: integrate 18.33, decoupled 18.37, warp 18.16, warp by a network 17.69, none 17.69
+/// dB, from 16.34 dB after one step. Runs scatter by 0.05 dB with the seed, so half of the least gain (0.47 dB) is five
+/// deviations of a difference. A network that has to find all velocities by itself needs more steps than these.
 #[test]
 fn every_formation_trains_and_is_measured() {
     const GAIN: f64 = 0.25;

@@ -38,7 +38,7 @@ fn last_checkpoint(job: &Job) -> Vec<u8> {
     std::fs::read(job.folder.checkpoint(STEPS)).expect("the last checkpoint")
 }
 
-/// What the run in `folder` learned beside the Gaussians.
+/// The tensors that the run in `folder` learned beside the Gaussians.
 fn learned(folder: &Path) -> Taylormode {
     let run = gs_train::run::folder::RunFolder::at(folder);
     let file = Checkpoint::load(&run.checkpoint(STEPS)).expect("loads");
@@ -55,7 +55,8 @@ fn the_warp_resumes_to_the_same_bits() {
     resumes_to_the_same_bits(&["blur.mode=warp", "blur.decouple=true"]);
 }
 
-/// A bounce, with its contact, the common motion, and interruptions on both sides of where the exposure begins to be learned.
+/// A bounce, with its contact, the common motion, and interruptions on both sides of where the exposure begins to be
+/// learned.
 #[test]
 fn a_bounce_resumes_to_the_same_bits() {
     let temporary = tempfile::tempdir().expect("a folder");

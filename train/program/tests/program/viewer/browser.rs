@@ -9,7 +9,8 @@ use base64::engine::general_purpose::STANDARD;
 use burn::tensor::Tensor;
 use gs_train::fit::parameters::to_host;
 
-/// Least PSNR against the rasterizer, dB: half of a step of 8 bits everywhere is 54 dB. The page rounds its numbers, and adds half floats.
+/// Least PSNR against the rasterizer, dB: half of a step of 8 bits everywhere is 54 dB. The page rounds its numbers,
+/// and adds half floats.
 const LEAST: f64 = 45.0;
 
 /// Chromium one after the other: each takes all cores for its GL.

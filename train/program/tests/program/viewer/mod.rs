@@ -1,4 +1,5 @@
-//! The viewer's page against the rasterizer, in headless Chromium with software GL, and everything of it that needs no browser.
+//! The viewer's page against the rasterizer, in headless Chromium with software GL, and everything of it that needs no
+//! browser.
 //!
 //! Where there is no Chromium, the comparisons say so and pass.
 

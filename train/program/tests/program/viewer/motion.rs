@@ -15,7 +15,8 @@ use crate::common::device;
 use crate::viewer::browser::{agrees, bytes, pictures};
 use crate::viewer::{Draw, bytes_of, camera, cloud, options, viewed};
 
-/// Compares the page of a moving scene at the begin, the middle and the end, and at a time that is no simple share of its span.
+/// Compares the page of a moving scene at the begin, the middle and the end, and at a time that is no simple share of
+/// its span.
 fn compare_through_time(what: &str, scene: &dyn DynamicScene) {
     let [first, last] = scene.span().expect("it moves");
     let times = [first, 0.5 * (first + last), last, first + 0.3719 * (last - first)];
@@ -179,7 +180,8 @@ fn the_future_is_shown_up_to_the_last_photo() {
     }
 }
 
-/// A motion without bounds is shown at every time at which there is a photo, so that a photo is held against the state of its own time.
+/// A motion without bounds is shown at every time at which there is a photo, so that a photo is held against the state
+/// of its own time.
 #[test]
 fn photos_before_and_after_the_recording_are_reached() {
     let scene = taylor();

@@ -11,7 +11,7 @@ use gs_train::run::evaluate::Measured;
 
 /// How pictures of a scene are drawn.
 #[derive(Debug, Clone)]
-pub struct Studio {
+pub struct SceneRenderer {
     /// Values fixed by its data set.
     pub facts: SceneFacts,
     /// Options of its renderer.
@@ -22,9 +22,9 @@ pub struct Studio {
 
 /// A scene with the photos that it is held against.
 #[derive(Clone, Copy)]
-pub struct Known<'a> {
+pub struct PredictedScene<'a> {
     /// How it is drawn.
-    pub studio: &'a Studio,
+    pub renderer: &'a SceneRenderer,
     /// The scene at any time.
     pub scene: &'a dyn DynamicScene,
     /// The photos; the scene's origin is subtracted from their cameras.
@@ -33,7 +33,7 @@ pub struct Known<'a> {
     pub measured: Option<&'a Measured>,
 }
 
-impl Studio {
+impl SceneRenderer {
     /// The rendering of Gaussians by a camera with the scene's origin subtracted, `[H, W, 3]` from 0 to 1.
     pub fn image(&self, gaussians: &Gaussians, pose: &CameraPose) -> Tensor<3> {
         let camera = self.camera(pose);
