@@ -7,24 +7,24 @@ use std::path::{Path, PathBuf};
 
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 14] = [
-    ("configs", 0),
-    ("datasets", 0),
-    ("datasets/base", 0),
-    ("datasets/driving", 0),
-    ("datasets/multiview", 0),
-    ("datasets/splats", 0),
-    ("datasets/worlds", 0),
-    ("gs-burn", 0),
-    ("gs-kernels", 0),
-    ("models", 0),
-    ("tests/lab", 0),
-    ("train", 0),
-    ("train/pipelines", 0),
-    ("train/program", 0),
+    ("configs", 100),
+    ("datasets", 11_250),
+    ("datasets/base", 1_150),
+    ("datasets/driving", 6_600),
+    ("datasets/multiview", 4_500),
+    ("datasets/splats", 3_200),
+    ("datasets/worlds", 5_250),
+    ("gs-burn", 6_750),
+    ("gs-kernels", 14_300),
+    ("models", 10_350),
+    ("tests/lab", 6_550),
+    ("train", 9_500),
+    ("train/pipelines", 12_150),
+    ("train/program", 9_200),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 0;
+const TEST_LINES: usize = 38_300;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
