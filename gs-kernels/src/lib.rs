@@ -14,7 +14,8 @@
 //! use gs_kernels::cpu::projection;
 //! use gs_kernels::rows::{PROJECTED, ProjectedRow};
 //!
-//! let camera = ProjectionConfig { width: 64, height: 48, fx: 50.0, fy: 50.0, cx: 32.0, cy: 24.0, ..Default::default() };
+//! let lens = ProjectionConfig { fx: 50.0, fy: 50.0, cx: 32.0, cy: 24.0, ..Default::default() };
+//! let camera = ProjectionConfig { width: 64, height: 48, ..lens };
 //! let identity: [f32; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
 //! let rows = projection::forward(&[0.0, 0.0, 2.0], &[1.0, 0.0, 0.0, 0.0], &[-2.0; 3], &identity, &camera);
 //! assert_eq!(rows.len(), PROJECTED);

@@ -13,7 +13,8 @@
 //! The path of the data; each arrow is one function:
 //!
 //! ```text
-//! Scene -> facts, cues -> initial Gaussians -> Method::forward -> losses -> Adam -> density -> checkpoint, evaluation, outcome
+//! Scene -> facts, cues -> initial Gaussians -> Method::forward -> losses -> Adam -> density
+//!       -> checkpoint, evaluation, outcome
 //! ```
 //!
 //! [`Trainer::step`](fit::trainer::Trainer::step) is one optimisation step. The configuration holds everything that a

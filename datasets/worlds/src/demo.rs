@@ -56,7 +56,8 @@ impl Default for DemoOptions {
 }
 
 /// Writes a small scene to `dir`: `transforms_train.json` and `transforms_test.json`, RGBA images (transparent where
-/// there is nothing), and `points3d.ply` with sparse, noisy, coloured surface points as structure from motion finds them.
+/// there is nothing), and `points3d.ply` with sparse, noisy, coloured surface points as structure from motion finds
+/// them.
 ///
 /// A checkered floor, a box and four spheres under a soft lamp. All surfaces are matt, so colours do not depend on the
 /// view; edges are anti-aliased.
@@ -112,8 +113,8 @@ fn check(dir: &Path, options: &DemoOptions) -> Result<(), DatasetError> {
     Ok(())
 }
 
-/// Camera to world, OpenGL axes (x right, y up, z back), of the `index`-th of `count` cameras. Golden-angle steps around
-/// the dome and even steps in height leave no side unseen.
+/// Camera to world, OpenGL axes (x right, y up, z back), of the `index`-th of `count` cameras. Golden-angle steps
+/// around the dome and even steps in height leave no side unseen.
 fn camera(index: usize, count: usize, turn: f64) -> DMat4 {
     let golden_angle = PI * (3.0 - 5.0_f64.sqrt());
     let azimuth = turn + index as f64 * golden_angle;

@@ -1,11 +1,11 @@
 //! Static cameras that film a scene over time, with the truth behind every pixel.
 //!
-//! A sharp pixel is the mean, in linear light, of [`RAYS`] rays at one instant. Its alpha is the share of them that meet
-//! anything or a sky, and its colour the mean of these alone (straight alpha), encoded. A blurry pixel is the mean of one
-//! ray per sub-frame; the rays of successive sub-frames take the positions inside the pixel in turn, and with each a share
-//! of the lamp, so that the sub-frames smooth edges, textures and half shadows for free. Where no moving body covers or
-//! shades any of the rays, both are the mean of the points that the rays meet without moving bodies, computed once for all
-//! frames: blurry and sharp images are then equal to the bit.
+//! A sharp pixel is the mean, in linear light, of [`RAYS`] rays at one instant. Its alpha is the share of them that
+//! meet anything or a sky, and its colour the mean of these alone (straight alpha), encoded. A blurry pixel is the mean
+//! of one ray per sub-frame; the rays of successive sub-frames take the positions inside the pixel in turn, and with
+//! each a share of the lamp, so that the sub-frames smooth edges, textures and half shadows for free. Where no moving
+//! body covers or shades any of the rays, both are the mean of the points that the rays meet without moving bodies,
+//! computed once for all frames: blurry and sharp images are then equal to the bit.
 
 use glam::DVec3;
 use gs_datasets::light::to_byte;

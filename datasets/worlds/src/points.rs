@@ -29,8 +29,8 @@ const DRAWS: usize = 10;
 pub(crate) struct Points(Vec<(DVec3, [u8; 3])>);
 
 impl Points {
-    /// Points as structure from motion leaves them: at most `count` on what training cameras see at time `t`, noisy, with
-    /// outliers, few on moving bodies.
+    /// Points as structure from motion leaves them: at most `count` on what training cameras see at time `t`, noisy,
+    /// with outliers, few on moving bodies.
     pub fn matched(scene: &Scene, cameras: &[Camera], count: usize, t: f64, rng: &mut ChaCha8Rng) -> Self {
         let cameras: Vec<&Camera> = cameras.iter().filter(|camera| !camera.is_test).collect();
         let bodies = scene.placed(t);
@@ -57,9 +57,9 @@ impl Points {
         Self(points)
     }
 
-    /// The pixels of one view whose depth is known. `depth` is `[height, width]` camera z, 0 where unknown; `colors` are
-    /// `[height, width, 3]`, encoded. A depth prior has a scale and a shift of its own in each view, so a surface that several
-    /// views see lies there several times, as in the unions that feed-forward reconstructors write.
+    /// The pixels of one view whose depth is known. `depth` is `[height, width]` camera z, 0 where unknown; `colors`
+    /// are `[height, width, 3]`, encoded. A depth prior has a scale and a shift of its own in each view, so a surface
+    /// that several views see lies there several times, as in the unions that feed-forward reconstructors write.
     pub fn of_view(camera: &Camera, depth: &[f32], colors: &[u8]) -> Self {
         let known = depth.iter().zip(colors.chunks_exact(3)).enumerate().filter(|(_, (z, _))| **z > 0.0);
         let point = |(index, (z, color)): (usize, (&f32, &[u8]))| {

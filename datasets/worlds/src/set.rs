@@ -128,8 +128,8 @@ impl<'a> Photo<'a> {
 }
 
 impl<'a> Set<'a> {
-    /// Films all frames with all cameras. `list` names the list that a photo is in; `write` writes its files and completes
-    /// its entry; `progress` hears how many of all photos are done.
+    /// Films all frames with all cameras. `list` names the list that a photo is in; `write` writes its files and
+    /// completes its entry; `progress` hears how many of all photos are done.
     pub fn photograph(
         &self,
         exposures: &[Exposure],
@@ -160,8 +160,8 @@ impl<'a> Set<'a> {
         Ok(photos)
     }
 
-    /// Writes the lists that are not empty in the order of `lists`, each with the keys of `more`: a folder without the last
-    /// is not finished.
+    /// Writes the lists that are not empty in the order of `lists`, each with the keys of `more`: a folder without the
+    /// last is not finished.
     pub fn describe(&self, photos: Vec<Photo<'_>>, lists: &[&str], more: Value) -> Result<(), DatasetError> {
         let Some(camera) = self.cameras.first() else { return Ok(()) };
         let mut top = camera.intrinsics();
@@ -180,8 +180,8 @@ impl<'a> Set<'a> {
         Ok(())
     }
 
-    /// The pose (metres), velocity (metres per unit of time) and angular velocity (radians per unit of time, world axes) of
-    /// a moving body at each time: the truth for motion models.
+    /// The pose (metres), velocity (metres per unit of time) and angular velocity (radians per unit of time, world
+    /// axes) of a moving body at each time: the truth for motion models.
     fn motion(&self, body: &MovingBody) -> Value {
         let pose = |time: &f64| {
             let (pose, twist) = (body.motion.pose(*time), body.motion.twist(*time));

@@ -1,4 +1,5 @@
-//! [`write()`]: moving objects in a textured room, filmed by static cameras with open shutters, with the truth beside it.
+//! [`write()`]: moving objects in a textured room, filmed by static cameras with open shutters, with the truth beside
+//! it.
 //!
 //! | file | holds |
 //! |---|---|
@@ -6,7 +7,8 @@
 //! | `priors.rs` | depth, masks and pseudo-sharp images with faults |
 //! | `write.rs` | cameras, exposures, the files of a photo |
 //!
-//! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these images.
+//! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these
+//! images.
 
 mod priors;
 mod write;
@@ -27,8 +29,8 @@ const MONKEY: &str = include_str!("../../scenes/deblur/monkey.toml");
 const SPHERE: &str = include_str!("../../scenes/deblur/sphere.toml");
 const PAIR: &str = include_str!("../../scenes/deblur/pair.toml");
 
-/// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one moving object
-/// in a room with static objects; the last has two.
+/// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one
+/// moving object in a room with static objects; the last has two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum World {
     /// A tilted box that crosses the room while it turns.
@@ -95,7 +97,8 @@ pub struct DeblurOptions {
     pub height: usize,
     /// Cameras, held-out ones included, 1 to 1000. They stand on an arc of 80 degrees in a room, or all around.
     pub cameras: usize,
-    /// Cameras stand all around, in the open: no walls, the floor a disc, and a sky of which no photo says how far it is.
+    /// Cameras stand all around, in the open: no walls, the floor a disc, and a sky of which no photo says how far it
+    /// is.
     pub ring: bool,
     /// Cameras that are held out; they stand between others, so at most `(cameras - 1) / 2`.
     pub held_out: usize,

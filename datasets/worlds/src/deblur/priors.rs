@@ -7,15 +7,16 @@ use rand_chacha::ChaCha8Rng;
 
 use super::super::random::gaussian;
 
-/// How wrong the priors are. [`PriorFaults::default`] is about what today's networks leave; [`PriorFaults::none`] writes
-/// the truth as prior. Lengths in pixels are at a width of 256 and grow with the image.
+/// How wrong the priors are. [`PriorFaults::default`] is about what today's networks leave; [`PriorFaults::none`]
+/// writes the truth as prior. Lengths in pixels are at a width of 256 and grow with the image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorFaults {
     /// Each frame's depth is multiplied by a factor between 1 / (1 + this) and 1 + this; at least 0.
     pub depth_scale: f64,
     /// Each frame's depth is shifted by up to this share of the frame's mean depth, either way; 0 to 1.
     pub depth_shift: f64,
-    /// Standard deviation of the depth's noise as a share of depth, half of its variance in patches of 16 pixels; 0 to 1.
+    /// Standard deviation of the depth's noise as a share of depth, half of its variance in patches of 16 pixels; 0 to
+    /// 1.
     pub depth_noise: f64,
     /// Share of pixels whose depth is replaced by a random one of the frame's range; 0 to 1.
     pub depth_outliers: f64,

@@ -16,10 +16,10 @@ fn stage(world: World, speed: f64) -> Scene {
     scene(world, speed, false, &mut ChaCha8Rng::seed_from_u64(3))
 }
 
-/// A ray is traced to a surface point of the moving object; the point is carried along by the pose at other times. Its central
-/// difference over 2e-5 must be the analytic velocity. The truncation error is h^2 / 6 times the third derivative (below
-/// 100 here), that is 2e-9, and the rounding error 1e-16 / 1e-5; the bounce's force jumps by 2 x 3.1 / 0.05 = 125, which a
-/// difference across the jump shows as at most 125 h / 2 = 6e-4.
+/// A ray is traced to a surface point of the moving object; the point is carried along by the pose at other times. Its
+/// central difference over 2e-5 must be the analytic velocity. The truncation error is h^2 / 6 times the third
+/// derivative (below 100 here), that is 2e-9, and the rounding error 1e-16 / 1e-5; the bounce's force jumps by 2 x 3.1
+/// / 0.05 = 125, which a difference across the jump shows as at most 125 h / 2 = 6e-4.
 #[test]
 fn velocity_is_the_derivative_of_traced_surface_points() {
     let h = 1e-5;
@@ -57,7 +57,8 @@ fn velocity_is_the_derivative_of_traced_surface_points() {
     }
 }
 
-/// A march must end on the form and never inside it: the distance of hits is checked against a dense walk along the ray.
+/// A march must end on the form and never inside it: the distance of hits is checked against a dense walk along the
+/// ray.
 #[test]
 fn marched_forms_are_met_where_a_dense_walk_meets_them() {
     for world in [World::Lychee, World::Monkey] {

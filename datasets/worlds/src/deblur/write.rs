@@ -30,8 +30,8 @@ const GROUND: f64 = 5.0;
 const TARGET: DVec3 = DVec3::new(0.0, 0.0, 0.62);
 const DISTANCE: f64 = 3.7;
 
-/// Horizontal angle of view, radians. A metre at the target is then about 76 pixels of a 256 pixel wide image, so a metre
-/// per unit of time is about 4.6 pixels per exposure of 0.06.
+/// Horizontal angle of view, radians. A metre at the target is then about 76 pixels of a 256 pixel wide image, so a
+/// metre per unit of time is about 4.6 pixels per exposure of 0.06.
 const ANGLE_X: f64 = 0.85;
 
 /// The arc around the target, radians; the outermost cameras stand at half of it on either side.
@@ -67,23 +67,24 @@ impl Draws {
 }
 
 /// Writes a synthetic multi-view set with motion blur to `dir`, in the D-NeRF layout: `transforms_train.json` and
-/// `transforms_test.json`, 8-bit PNG images, EXR depth and velocity, and `points3d.ply`. `progress` hears how many of all
-/// photos are done.
+/// `transforms_test.json`, 8-bit PNG images, EXR depth and velocity, and `points3d.ply`. `progress` hears how many of
+/// all photos are done.
 ///
 /// ```text
 /// train/cam00/0000.png              blurry photos to learn from
 /// test/cam09/0000.png               sharp photos of the cameras that are held out
 /// truth/{sharp,blurry}/...          their counterparts
-/// truth/{depth,velocity}/...        EXR: camera z (channel Z), metres; world velocity (X, Y, Z), metres per unit of time;
+/// truth/{depth,velocity}/...        EXR: camera z (channel Z), metres; world velocity (X, Y, Z),
+///                                   metres per unit of time;
 ///                                   both through the pixel's centre at the exposure's centre
 /// truth/{masks,masks_union}/...     255 where a moving object is seen at the exposure's centre, and at any time of it
 /// priors/{depth,masks,sharp}/...    of training photos, with the faults of `options.priors`
 /// ```
 ///
 /// Keys of the JSON beside the usual ones: `exposure` (unit of `time`), `mask_meaning`, `depth_kind`, `blur_space`; per
-/// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the truth;
-/// `movers` with every moving object's pose, velocity and angular velocity at each time. The JSON is written last: a folder
-/// without it is not finished.
+/// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the
+/// truth; `movers` with every moving object's pose, velocity and angular velocity at each time. The JSON is written
+/// last: a folder without it is not finished.
 ///
 /// # Errors
 /// When an option is out of its range or a file cannot be written.

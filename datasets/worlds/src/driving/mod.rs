@@ -1,8 +1,9 @@
 //! Streets with exact truth, ray traced and written in the layout of PandaSet.
 //!
-//! [`write()`] makes one log: a vehicle with up to six cameras and a spinning LiDAR drives along a street with buildings, trees, parked
-//! vehicles and moving ones: some brake, some turn at the crossing, cyclists ride and people walk. Each seed is another street with other
-//! traffic. Nothing here is shared with the rasterizer that learns from these logs.
+//! [`write()`] makes one log: a vehicle with up to six cameras and a spinning LiDAR drives along a street with
+//! buildings, trees, parked vehicles and moving ones: some brake, some turn at the crossing, cyclists ride and people
+//! walk. Each seed is another street with other traffic. Nothing here is shared with the rasterizer that learns from
+//! these logs.
 //!
 //! | file | holds |
 //! |---|---|
@@ -22,7 +23,8 @@
 //! | `truth/images/CAMERA/NN.exr` | channels `Z` (camera z in metres, 0 for sky), `VX`, `VY`, `VZ` (flow in metres in the next 0.1 s, world), `ID` (object) |
 //! | `truth/actors.json` | every vehicle and person: number, track, label, size, and position, heading and speed at each frame |
 //!
-//! A point's flow is from its own time on, and a pixel's from the time of its image. [`gs_driving::truth_image`] reads a file of the second kind.
+//! A point's flow is from its own time on, and a pixel's from the time of its image. [`gs_driving::truth_image`] reads
+//! a file of the second kind.
 
 mod body;
 mod files;

@@ -41,9 +41,11 @@ pub struct StreetOptions {
     pub seed: u64,
     /// Standard deviation of the LiDAR's ranges, 0 to 1 m.
     pub range_noise: f64,
-    /// Error of the times that are written for images, -1 to 1 s: the image was taken this much later than its poses and times say.
+    /// Error of the times that are written for images, -1 to 1 s: the image was taken this much later than its poses
+    /// and times say.
     pub camera_delay: f64,
-    /// Standard deviation of the positions of written camera poses, 0 to 5 m, and of their angles, in hundredths of a radian.
+    /// Standard deviation of the positions of written camera poses, 0 to 5 m, and of their angles, in hundredths of a
+    /// radian.
     pub pose_noise: f64,
     /// Whether pickles are compressed (`.pkl.gz`), as in the original, or not (`.pkl`), as in the re-packed data set.
     pub compressed: bool,

@@ -1,4 +1,5 @@
-//! Paths of vehicles and people in closed form: a straight line, an arc, a straight line, driven with one change of speed.
+//! Paths of vehicles and people in closed form: a straight line, an arc, a straight line, driven with one change of
+//! speed.
 
 use glam::DVec2;
 
@@ -19,7 +20,8 @@ pub(super) struct Turn {
     pub angle: f64,
 }
 
-/// A change of speed: from `begin` on the speed changes by `acceleration` (metres per second squared) until it is `end`.
+/// A change of speed: from `begin` on the speed changes by `acceleration` (metres per second squared) until it is
+/// `end`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Change {
     pub begin: f64,

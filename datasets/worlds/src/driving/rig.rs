@@ -1,4 +1,5 @@
-//! The sensors on the ego vehicle. Vehicle axes are those of PandaSet's `lidar/poses.json`: x to the right, y ahead, z up.
+//! The sensors on the ego vehicle. Vehicle axes are those of PandaSet's `lidar/poses.json`: x to the right, y ahead, z
+//! up.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -27,7 +28,8 @@ const CAMERA_YAWS: [f64; 6] = [0.0, 55.0, -55.0, 110.0, -110.0, 180.0];
 /// Lowest and highest beam, radians.
 const BEAMS: (f64, f64) = (-0.42, 0.2);
 
-/// Seconds of the first sweep's end on the log's clock. Clocks of real logs count from 1970, which is beyond what f32 can tell apart.
+/// Seconds of the first sweep's end on the log's clock. Clocks of real logs count from 1970, which is beyond what f32
+/// can tell apart.
 const CLOCK: f64 = 1_700_000_000.0;
 
 /// The rig on a street.
@@ -59,7 +61,8 @@ impl Rig<'_> {
         DMat4::from_translation(stand.position.extend(0.0)) * DMat4::from_rotation_z(stand.yaw - FRAC_PI_2)
     }
 
-    /// Street seconds of the image of a camera: cameras fire when the LiDAR looks their way. It turns clockwise and begins behind.
+    /// Street seconds of the image of a camera: cameras fire when the LiDAR looks their way. It turns clockwise and
+    /// begins behind.
     pub fn image_time(&self, frame: usize, camera: usize) -> f64 {
         let turned = (PI - CAMERA_YAWS[camera].to_radians()).rem_euclid(TAU);
         // The back camera fires at the end of the turn.

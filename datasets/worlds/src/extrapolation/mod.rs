@@ -1,7 +1,8 @@
-//! [`write()`]: rigid objects with steady laws of motion, filmed by static cameras, of which the last quarter is to be predicted.
+//! [`write()`]: rigid objects with steady laws of motion, filmed by static cameras, of which the last quarter is to be
+//! predicted.
 //!
-//! The worlds are in the manner of NVFi's Dynamic Objects and Dynamic Indoor Scenes: 60 frames over one unit of time, of which those up
-//! to [`LAST_TRAINING_TIME`] are for training.
+//! The worlds are in the manner of NVFi's Dynamic Objects and Dynamic Indoor Scenes: 60 frames over one unit of time,
+//! of which those up to [`LAST_TRAINING_TIME`] are for training.
 //!
 //! | file | holds |
 //! |---|---|
@@ -9,7 +10,8 @@
 //! | `priors.rs` | depth and confidence with the errors of a feed-forward reconstructor |
 //! | `write.rs` | cameras, the files of a photo, the points that the priors place |
 //!
-//! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these images.
+//! Rays, light and motion are those of `tracer/`. Nothing here is shared with the rasterizer that learns from these
+//! images.
 
 mod priors;
 mod write;
@@ -134,7 +136,8 @@ pub struct ExtrapolationOptions {
     pub width: usize,
     /// Image height, 8 to 8192 pixels.
     pub height: usize,
-    /// Cameras, held-out ones included, 1 to 1000. They stand all around: on a dome outside of objects, under the ceiling of a room.
+    /// Cameras, held-out ones included, 1 to 1000. They stand all around: on a dome outside of objects, under the
+    /// ceiling of a room.
     pub cameras: usize,
     /// Cameras that are held out, at most `(cameras - 1) / 2`.
     pub held_out: usize,

@@ -1,5 +1,5 @@
-//! Depth and confidence as a feed-forward reconstructor gives them: known up to a scale and a shift for each view, smeared at depth
-//! edges, with a confidence that is low there.
+//! Depth and confidence as a feed-forward reconstructor gives them: known up to a scale and a shift for each view,
+//! smeared at depth edges, with a confidence that is low there.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -34,8 +34,8 @@ impl PriorErrors {
     }
 }
 
-/// Neighbours whose depths differ by more than this share are on two sides of an edge. A floor at 75 degrees from the normal changes
-/// by 3 % from pixel to pixel of a 160 pixel wide image.
+/// Neighbours whose depths differ by more than this share are on two sides of an edge. A floor at 75 degrees from the
+/// normal changes by 3 % from pixel to pixel of a 160 pixel wide image.
 const EDGE: f64 = 0.05;
 
 /// Confidences as VGGT gives them: 1 where it knows nothing, around 10 on surfaces; its viewer draws points from 5 on.

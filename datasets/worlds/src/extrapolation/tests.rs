@@ -140,7 +140,8 @@ fn movers_stay_in_view() {
     }
 }
 
-/// The photo against the truth: a pixel whose 16 rays all meet the ball is opaque, one that none meets is clear, and edges are between.
+/// The photo against the truth: a pixel whose 16 rays all meet the ball is opaque, one that none meets is clear, and
+/// edges are between.
 #[test]
 fn alpha_is_the_share_of_rays_that_meet_the_ball() {
     let options = ExtrapolationOptions { width: 96, height: 96, ..small(World::Duo) };
@@ -152,8 +153,8 @@ fn alpha_is_the_share_of_rays_that_meet_the_ball() {
         let image = image::open(folder.path().join(format!("train/{}/{frame:04}.png", camera.id))).expect("a photo");
         for (x, y, pixel) in image.to_rgba8().enumerate_pixels() {
             let (u, v) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-            // Distance from the outlines of the balls around both bodies, pixels; the cameras of another seed stand 0.02 radians off,
-            // which is 0.08 m or 3 pixels.
+            // Distance from the outlines of the balls around both bodies, pixels; the cameras of another seed stand
+            // 0.02 radians off, which is 0.08 m or 3 pixels.
             let far = stage.moving.iter().all(|object| {
                 let (cx, cy, z) = camera.project(object.motion.pose(options.time(frame)).position);
                 (u - cx).hypot(v - cy) > camera.focal * object.solid.radius / z * 1.1 + 8.0
@@ -198,7 +199,8 @@ fn priors_err_as_much_as_they_are_asked_to() {
     assert!((3.7..4.2).contains(&between), "depth at the step lies between 3.55 and 4.56: {between}");
 }
 
-/// With exact priors every point lies on what is met; with the usual ones views disagree about the same surface by centimetres.
+/// With exact priors every point lies on what is met; with the usual ones views disagree about the same surface by
+/// centimetres.
 #[test]
 fn points_are_the_priors_of_all_training_cameras() {
     let base = small(World::FallingBall);

@@ -21,8 +21,8 @@ use crate::tracer::scene::Scene;
 /// The light of all worlds but the room.
 const LIGHT: &str = include_str!("../../scenes/extrapolation/light.toml");
 
-/// Cameras on a dome: the point that they look at and their distance from it, metres; lowest and highest elevation as seen
-/// from there and horizontal angle of view, radians.
+/// Cameras on a dome: the point that they look at and their distance from it, metres; lowest and highest elevation as
+/// seen from there and horizontal angle of view, radians.
 struct Dome {
     target: DVec3,
     distance: f64,
@@ -37,8 +37,8 @@ const AROUND_OBJECTS: Dome = Dome { target: DVec3::ZERO, distance: 4.0, elevatio
 const IN_ROOM: Dome =
     Dome { target: DVec3::new(0.0, 0.0, 0.8), distance: 2.7, elevations: (0.17, 0.70), angle_x: 1.15 };
 
-/// Share of the range of elevations from one camera to the next, modulo the range: the golden section spreads any number
-/// evenly.
+/// Share of the range of elevations from one camera to the next, modulo the range: the golden section spreads any
+/// number evenly.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Cameras are out of line by up to this much, radians.
@@ -64,8 +64,8 @@ impl Draws {
     }
 }
 
-/// Writes a synthetic multi-view set for the prediction of future frames to `dir`, in the D-NeRF layout. `progress` hears how many of
-/// all photos are done.
+/// Writes a synthetic multi-view set for the prediction of future frames to `dir`, in the D-NeRF layout. `progress`
+/// hears how many of all photos are done.
 ///
 /// ```text
 /// transforms_train.json             training cameras, times up to 0.75
@@ -73,16 +73,19 @@ impl Draws {
 /// transforms_test.json              all cameras, later times
 /// train/cam00/0000.png ...          photos: RGBA with straight alpha, RGB of the room
 /// points3d.ply                      the priors' pixels of all training cameras, placed in the world
-/// priors/{depth,confidence}/...     EXR, of the first frame of each training camera: camera z up to a scale and a shift for each view,
+/// priors/{depth,confidence}/...     EXR, of the first frame of each training camera: camera z up to a scale and
+///                                   a shift for each view,
 ///                                   0 where nothing is met; confidence, 1 (none) and above
 /// truth/masks/...                   255 where a moving object is seen through the pixel's centre
-/// truth/{depth,velocity}/...        EXR, of every `truth_every`-th frame and the last: camera z (channel Z), metres; world velocity (X,
+/// truth/{depth,velocity}/...        EXR, of every `truth_every`-th frame and the last: camera z (channel Z),
+///                                   metres; world velocity (X,
 ///                                   Y, Z), metres per unit of time
 /// ```
 ///
-/// Keys of the JSON beside the usual ones: per frame `camera_id`, `depth_file_path`, `confidence_file_path`, and the paths of the truth
-/// under `truth`; at the top `depth_kind`, `world`, and `movers` with every moving object's pose, velocity and angular velocity at each
-/// time. The JSON files are written last, that of training after the others: a folder without it is not finished.
+/// Keys of the JSON beside the usual ones: per frame `camera_id`, `depth_file_path`, `confidence_file_path`, and the
+/// paths of the truth under `truth`; at the top `depth_kind`, `world`, and `movers` with every moving object's pose,
+/// velocity and angular velocity at each time. The JSON files are written last, that of training after the others: a
+/// folder without it is not finished.
 ///
 /// # Errors
 /// When an option is out of its range or a file cannot be written.

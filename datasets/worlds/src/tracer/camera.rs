@@ -75,8 +75,8 @@ pub(crate) struct Rig {
 }
 
 impl Rig {
-    /// Cameras at azimuths and elevations (radians, as seen from the target; azimuth 0 looks along +y). The `held_out` ones
-    /// stand between training cameras, evenly spread, as long as they are at most half of the rest.
+    /// Cameras at azimuths and elevations (radians, as seen from the target; azimuth 0 looks along +y). The `held_out`
+    /// ones stand between training cameras, evenly spread, as long as they are at most half of the rest.
     pub fn cameras(&self, held_out: usize, directions: &[(f64, f64)]) -> Vec<Camera> {
         let held: Vec<usize> = (1..=held_out).map(|i| (i * directions.len() + held_out / 2) / (held_out + 1)).collect();
         let camera = |(index, (azimuth, elevation)): (usize, &(f64, f64))| {

@@ -1,7 +1,7 @@
 //! Rigid motion in closed form: where an object is and how it moves, at any time and without differences.
 //!
-//! A surface point p of an object at c with velocity v and angular velocity w moves at `v + w x (p - c)`. Every path and
-//! spin below has its derivative beside it, so that this velocity is exact.
+//! A surface point p of an object at c with velocity v and angular velocity w moves at `v + w x (p - c)`. Every path
+//! and spin below has its derivative beside it, so that this velocity is exact.
 
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
@@ -71,8 +71,8 @@ pub(crate) enum Path {
         #[serde(default, deserialize_with = "vector")]
         acceleration: DVec3,
     },
-    /// At the end of an arm that turns with the body around a pivot: a door, a wing, a pendulum. `arm` is from the pivot
-    /// to the body's origin at the angle 0.
+    /// At the end of an arm that turns with the body around a pivot: a door, a wing, a pendulum. `arm` is from the
+    /// pivot to the body's origin at the angle 0.
     Arm {
         #[serde(deserialize_with = "vector")]
         pivot: DVec3,
@@ -142,7 +142,8 @@ impl Bounce {
 }
 
 impl Path {
-    /// Position and velocity by `s` of an object that has turned by `turned` and turns at `angular` (world axes, radians per `s`).
+    /// Position and velocity by `s` of an object that has turned by `turned` and turns at `angular` (world axes,
+    /// radians per `s`).
     fn at(&self, s: f64, turned: DQuat, angular: DVec3) -> (DVec3, DVec3) {
         let sway = |swing: DVec3, rate: f64| (swing * (rate * s).sin(), swing * rate * (rate * s).cos());
         match *self {

@@ -1,8 +1,9 @@
 //! A scene of static and moving bodies under one area lamp: the colour that a ray sees at a given time.
 //!
-//! Lambert's law, soft shadows, light from the sky; all surfaces are matt, so a position has one colour in every view. The
-//! still part of a shot does not depend on time: a [`StaticPoint`] keeps the point that a ray meets there and the positions
-//! on the lamp that light it, and at each instant only points that moving bodies cover or shade are worked out again.
+//! Lambert's law, soft shadows, light from the sky; all surfaces are matt, so a position has one colour in every view.
+//! The still part of a shot does not depend on time: a [`StaticPoint`] keeps the point that a ray meets there and the
+//! positions on the lamp that light it, and at each instant only points that moving bodies cover or shade are worked
+//! out again.
 
 use glam::DVec3;
 
@@ -217,8 +218,8 @@ impl Scene {
         may_cover || (still.is_met() && self.may_shade(still.position, centre, radius))
     }
 
-    /// Whether a ball may stand between a position and any part of the lamp. A segment to a position on the lamp is, at share
-    /// s of its length, at most s lamp radii away from the segment to the lamp's centre.
+    /// Whether a ball may stand between a position and any part of the lamp. A segment to a position on the lamp is, at
+    /// share s of its length, at most s lamp radii away from the segment to the lamp's centre.
     fn may_shade(&self, position: DVec3, centre: DVec3, radius: f64) -> bool {
         let to_lamp = self.lamp.centre - position;
         let length = to_lamp.length();
@@ -236,7 +237,8 @@ impl Scene {
         if lit == still.lit { still.color } else { self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// The positions in `lit` that moving bodies do not hide; `own` is the moving body and part that the position is on.
+    /// The positions in `lit` that moving bodies do not hide; `own` is the moving body and part that the position is
+    /// on.
     fn lit_by_moving(
         &self,
         position: DVec3,

@@ -35,11 +35,6 @@ pub(crate) struct Hit {
 }
 
 impl<P> Part<P> {
-    /// The part in a body's coordinates, not turned.
-    pub fn new(shape: Shape, position: DVec3, paint: P) -> Self {
-        Self { shape, position, turn: DQuat::IDENTITY, paint }
-    }
-
     fn is_turned(&self) -> bool {
         self.turn != DQuat::IDENTITY
     }
@@ -77,8 +72,9 @@ impl<P> Solid<P> {
         nearest
     }
 
-    /// Whether a part other than `except` stands between `origin` and `origin + way`, in the body's coordinates. A surface
-    /// that a light shines on does not shade itself as long as its own shape is round, which all shapes nearly are.
+    /// Whether a part other than `except` stands between `origin` and `origin + way`, in the body's coordinates. A
+    /// surface that a light shines on does not shade itself as long as its own shape is round, which all shapes nearly
+    /// are.
     pub fn is_between(&self, origin: DVec3, way: DVec3, except: Option<usize>) -> bool {
         if self.parts.len() > 1 && !passes(origin, way, self.radius) {
             return false;

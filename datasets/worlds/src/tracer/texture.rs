@@ -1,7 +1,7 @@
 //! Paint with detail at all scales: a texture without fine detail would look the same blurred and sharp.
 //!
-//! Textures are functions of the position in an object's own coordinates, so they turn with it. Cells get their colours from
-//! a hash of their numbers and a salt, which comes from the seed.
+//! Textures are functions of the position in an object's own coordinates, so they turn with it. Cells get their colours
+//! from a hash of their numbers and a salt, which comes from the seed.
 
 use std::f64::consts::TAU;
 

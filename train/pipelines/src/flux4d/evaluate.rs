@@ -14,12 +14,13 @@ use gs_models::flux4d::scene::REST_SPEED;
 
 use super::config::FluxConfig;
 use super::feed::prepared;
+use super::host_view::HostView;
 use super::infer::{Inferred, Ready, infer};
 use super::label_scores::LabelScores;
 use super::logs::{Logs, Place};
 use super::moving;
 use super::network::FluxNetwork;
-use super::prepare::{HostSnippet, HostView};
+use super::prepare::HostSnippet;
 use super::sample::{camera, photo};
 use super::snippet_page;
 use super::world::in_world;

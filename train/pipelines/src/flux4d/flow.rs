@@ -9,9 +9,10 @@ use gs_models::flux4d::flow_metrics::{Buckets, FlowClass, FlowFrame, PointErrors
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
+use super::host_view::Posed;
 use super::infer::Inferred;
 use super::moving::MOVING;
-use super::prepare::{HostSnippet, Posed};
+use super::prepare::HostSnippet;
 use gs_train::fit::figure::{Better, Figure, FigureTable};
 use gs_train::fit::parameters::to_host;
 

@@ -6,7 +6,8 @@
 //! |---|---|
 //! | [`config`] | the sections and their ranges |
 //! | [`logs`] | the logs of a folder and their snippets |
-//! | [`prepare`](mod@prepare), [`start`] | a snippet on the host; the velocities that its sweeps show |
+//! | [`prepare`](mod@prepare), [`host_view`] | a snippet on the host; its images |
+//! | [`points`], [`start`] | its points; the velocities that its sweeps show |
 //! | [`feed`], [`recolour`] | the snippets of steps to come; other colours for them |
 //! | [`memory`] | prediction of the memory |
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
@@ -27,6 +28,7 @@ pub mod degrees;
 pub mod evaluate;
 pub mod feed;
 pub mod flow;
+pub mod host_view;
 pub mod infer;
 pub mod label_scores;
 pub mod logs;
@@ -34,6 +36,7 @@ pub mod memory;
 pub mod moving;
 pub mod network;
 pub mod observer;
+pub mod points;
 pub mod polish;
 pub mod prepare;
 pub mod recolour;

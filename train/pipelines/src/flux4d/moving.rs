@@ -3,7 +3,8 @@
 use anyhow::Result;
 use gs_driving::{DrivingLog, TruthImage, truth_image};
 
-use super::prepare::{HostSnippet, HostView, Posed};
+use super::host_view::{HostView, Posed};
+use super::prepare::HostSnippet;
 
 /// Slowest motion that counts, metres in 0.1 s: the limit between static and dynamic of the flow labels.
 pub const MOVING: f32 = 0.05;

@@ -3,45 +3,22 @@
 //! Positions are relative to the ego vehicle at the middle input frame, and the x axis is the horizontal direction of
 //! its first camera, so that a network sees every street from the same place in the same direction. z stays up.
 
-use std::collections::BTreeSet;
-
 use anyhow::{Result, anyhow, bail};
-use glam::{DMat4, DVec2, DVec3};
-use gs_datasets::RgbImage8;
-use gs_driving::{Camera, DrivingLog, Snippet, Sweep, depth_image, project, sample};
-use gs_models::flux4d::merge::{MergeConfig, TimedPoints, merge_to_budget};
+use glam::{DMat4, DVec3};
+use gs_driving::{DrivingLog, Snippet, Sweep, depth_image};
 use gs_models::flux4d::{BoxLength, FarConfig, LiftConfig, LiftInput, LiftedRows, Rotations, lift_rows};
 use rayon::prelude::*;
 
-use super::config::{LiftSection, MergeChoice, RotationChoice, VelocityChoice};
-use super::start::{Motions, RowMotion, motions_of};
+use super::config::{LiftSection, RotationChoice};
+use super::host_view::{HostView, Posed, color_at, inverse};
+use super::points::{Points, Scan};
+use super::start::RowMotion;
 
 /// An image whose brightest channel is at most this, of 255, shows nothing: a covered lens or a lost frame.
 const BLANK: u8 = 8;
 
 /// Shortest window of a snippet, seconds: two frames of one time have no motion between them.
 const WINDOW_MIN: f64 = 1e-2;
-
-/// An image with its camera.
-#[derive(Debug, Clone)]
-pub struct HostView {
-    /// Camera and frame.
-    pub name: String,
-    /// Place in the log's list of frames.
-    pub frame: usize,
-    /// Place in the log's list of cameras.
-    pub camera: usize,
-    /// Camera to the snippet's axes, OpenCV axes.
-    pub c2w: DMat4,
-    /// Seconds.
-    pub seconds: f64,
-    /// 0 to 1 in the window; beyond 1 in the future.
-    pub time: f64,
-    /// The image, without rows that show the vehicle itself.
-    pub image: RgbImage8,
-    /// Depth of the frame's LiDAR, `[height, width]`, metres, 0 where there is none.
-    pub depth: Vec<f32>,
-}
 
 /// A snippet on the host.
 #[derive(Debug, Clone)]
@@ -277,155 +254,4 @@ fn window(log: &DrivingLog, snippet: &Snippet, sweeps: &[Sweep], inputs: &[HostV
         bail!("{path}: expected input frames over at least {WINDOW_MIN} s, found {length} s");
     }
     Ok([low, high])
-}
-
-/// The points of a snippet.
-struct Points {
-    points: TimedPoints,
-    /// The place of each point's input frame.
-    row_frames: Vec<u16>,
-    /// The motion of each point; empty where velocities start at zero.
-    start: Vec<RowMotion>,
-}
-
-/// The resting or the moving points of one sweep, which stay apart when points are merged.
-struct SweepPart {
-    /// The place of the sweep's input frame.
-    frame: u16,
-    /// The moving points before they are merged, with their motions; `None` at rest.
-    moving: Option<(Vec<[f32; 3]>, Vec<RowMotion>)>,
-}
-
-/// The input sweeps of a snippet in its axes.
-struct Scan<'a> {
-    log: &'a DrivingLog,
-    /// Their frames.
-    frames: &'a [usize],
-    sweeps: &'a [Sweep],
-    from_world: &'a DMat4,
-    /// First and last time of the inputs, seconds.
-    window: [f64; 2],
-}
-
-impl Scan<'_> {
-    /// The points of all sweeps with their colours in the inputs, thinned to the budget, and the input frame of each.
-    fn points(&self, inputs: &[Posed], config: &LiftSection) -> Result<Points> {
-        let motions = match config.velocity {
-            VelocityChoice::Zero => None,
-            VelocityChoice::Aligned => {
-                Some(Motions::of(self.log, self.frames, self.sweeps, self.from_world, self.window))
-            }
-        };
-        let (mut parts, mut points) = (Vec::new(), Vec::new());
-        for place in 0..self.sweeps.len() {
-            for (part, own) in self.parts(place, inputs, motions.as_ref(), config.in_view) {
-                parts.push(part);
-                points.push(own);
-            }
-        }
-        let views = || inputs.iter().map(|posed| posed.view);
-        let cameras = views().map(|view| view.camera).collect::<BTreeSet<_>>().len();
-        let budget = if config.points == 0 { usize::MAX } else { config.points * cameras };
-        let viewpoints: Vec<[f32; 3]> = match config.merge {
-            MergeChoice::Growing => views().map(|view| view.c2w.w_axis.truncate().as_vec3().to_array()).collect(),
-            MergeChoice::Equal => Vec::new(),
-        };
-        let thinned = merge_to_budget(points, &MergeConfig { budget, times: 1, viewpoints: &viewpoints })?.parts;
-        let mut all = Points { points: TimedPoints::default(), row_frames: Vec::new(), start: Vec::new() };
-        for (part, after) in parts.into_iter().zip(thinned) {
-            all.row_frames.resize(all.row_frames.len() + after.points.len(), part.frame);
-            match part.moving {
-                Some((before, motions)) => all.start.extend(motions_of(&before, &motions, &after.points)),
-                None if motions.is_some() => {
-                    all.start.resize(all.start.len() + after.points.len(), RowMotion::default());
-                }
-                None => {}
-            }
-            all.points.points.extend(after.points);
-            all.points.times.extend(after.times);
-            all.points.colors.extend(after.colors);
-        }
-        Ok(all)
-    }
-
-    /// The resting and the moving points of a sweep, of those that an input shows if only these are wanted.
-    fn parts(
-        &self,
-        place: usize,
-        inputs: &[Posed],
-        motions: Option<&Motions>,
-        in_view: bool,
-    ) -> Vec<(SweepPart, TimedPoints)> {
-        let (sweep, frame) = (&self.sweeps[place], place as u16);
-        let is_wanted =
-            |index: &usize| !in_view || inputs.iter().any(|posed| posed.place(sweep.points[*index]).is_some());
-        let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(is_wanted).collect();
-        let own: Vec<&Posed> = inputs.iter().filter(|posed| posed.view.frame == self.frames[place]).collect();
-        let Some(motions) = motions else {
-            return vec![(SweepPart { frame, moving: None }, coloured(sweep, &kept, &own, self.window))];
-        };
-        let (moving, resting): (Vec<usize>, Vec<usize>) =
-            kept.into_iter().partition(|index| motions.moves(place, *index));
-        let [resting, points] = [&resting, &moving].map(|kept| coloured(sweep, kept, &own, self.window));
-        let motions = moving.iter().map(|index| motions.of_point(place, *index, sweep.points[*index])).collect();
-        let moving = Some((points.points.clone(), motions));
-        vec![(SweepPart { frame, moving: None }, resting), (SweepPart { frame, moving }, points)]
-    }
-}
-
-/// Some points of a sweep with their times in the window and their colours in views of the same frame.
-fn coloured(sweep: &Sweep, kept: &[usize], views: &[&Posed], [begin, end]: [f64; 2]) -> TimedPoints {
-    let time = |index: &usize| (((sweep.times[*index] - begin) / (end - begin)) as f32).clamp(0.0, 1.0);
-    TimedPoints {
-        points: kept.iter().map(|index| sweep.points[*index]).collect(),
-        times: kept.iter().map(time).collect(),
-        colors: kept.par_iter().map(|index| color_at(views.iter().copied(), sweep.points[*index])).collect(),
-    }
-}
-
-/// A view with its camera and its pose inverted once, for many points.
-pub struct Posed<'a> {
-    view: &'a HostView,
-    camera: &'a Camera,
-    w2c: DMat4,
-}
-
-impl<'a> Posed<'a> {
-    /// A view of a log.
-    pub fn new(log: &'a DrivingLog, view: &'a HostView) -> Self {
-        Self { view, camera: &log.cameras()[view.camera], w2c: inverse(view.c2w) }
-    }
-
-    /// Views of a log.
-    pub fn all(log: &'a DrivingLog, views: &'a [HostView]) -> Vec<Self> {
-        views.iter().map(|view| Self::new(log, view)).collect()
-    }
-
-    /// The place of a point (in the axes of the snippet) in the image, pixels, and its depth, metres; `None` outside of
-    /// it.
-    pub fn place(&self, point: [f32; 3]) -> Option<(DVec2, f64)> {
-        project(self.camera, &self.w2c, point)
-    }
-}
-
-/// The inverse of a rigid motion, exact where a general one would round.
-pub fn inverse(c2w: DMat4) -> DMat4 {
-    let rotation = glam::DMat3::from_mat4(c2w).transpose();
-    let translation = -(rotation * c2w.w_axis.truncate());
-    DMat4::from_cols(
-        rotation.x_axis.extend(0.0),
-        rotation.y_axis.extend(0.0),
-        rotation.z_axis.extend(0.0),
-        translation.extend(1.0),
-    )
-}
-
-/// The colour of a point in the view in which it is nearest to the middle.
-fn color_at<'a>(views: impl Iterator<Item = &'a Posed<'a>>, point: [f32; 3]) -> Option<[f32; 3]> {
-    let seen = views.filter_map(|posed| {
-        let (pixel, _) = posed.place(point)?;
-        Some(((pixel.x / posed.view.image.width as f64 - 0.5).abs(), pixel, posed.view))
-    });
-    let (_, pixel, view) = seen.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(sample(&view.image, pixel))
 }

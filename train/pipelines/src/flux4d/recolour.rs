@@ -9,7 +9,8 @@ use gs_models::flux4d::channels::{CHANNELS, COLOR};
 use gs_models::flux4d::lift::logit;
 use rand::Rng;
 
-use super::prepare::{HostSnippet, HostView};
+use super::host_view::HostView;
+use super::prepare::HostSnippet;
 use gs_train::fit::random::{Purpose, stream};
 
 /// A channel's own part of the logarithm of the gain, of the part that all channels share: light has less colour than

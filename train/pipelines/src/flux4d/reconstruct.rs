@@ -16,12 +16,13 @@ use gs_models::flux4d::scene::REST_SPEED;
 
 use super::actors_file::ActorList;
 use super::degrees::{Degrees, choose_degrees};
+use super::host_view::HostView;
 use super::infer::{Ready, infer};
 use super::label_scores::LabelScores;
 use super::logs::{MIN_FRAMES, open, snippets, times, warn};
 use super::memory::of_reconstruction;
 use super::polish::{Polished, polish};
-use super::prepare::{HostSnippet, HostView, prepare};
+use super::prepare::{HostSnippet, prepare};
 use super::sample::{camera, photo};
 use super::saved::{SavedNetwork, parameters};
 use super::snippet_page;

@@ -10,7 +10,8 @@ use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, Snippet
 
 use super::config::{FarChoice, FluxConfig};
 
-use super::prepare::{HostSnippet, HostView};
+use super::host_view::HostView;
+use super::prepare::HostSnippet;
 
 /// Levels of the voxel pyramid: those of SparseResUNet42.
 const LEVELS: usize = 5;

@@ -4,7 +4,8 @@ use gs_burn::RenderOptions;
 use gs_datasets::View;
 use gs_driving::DrivingLog;
 
-use super::prepare::{HostSnippet, HostView};
+use super::host_view::HostView;
+use super::prepare::HostSnippet;
 use gs_train::run::presentation::{self, Camera, Presentation};
 
 /// Metres to the point around which the viewer turns: a few cars away.

@@ -21,9 +21,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::config::FluxConfig;
 use super::feed::Drawn;
+use super::host_view::HostView;
 use super::logs::Logs;
 use super::network::FluxNetwork;
-use super::prepare::{HostSnippet, HostView};
+use super::prepare::HostSnippet;
 use super::sample::{Sample, Supervision, target};
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::fit::training::Training;

@@ -1,10 +1,11 @@
-//! Golden figures: what short trainings of some recipes (`static/base`; `taylormode/base`, `paper`, `itg` and `no-blur`;
-//! `sparsedyn/base` with bodies and by its field alone; `flux4d/base`) reach on a small world, as the mean over three seeds. A change of
-//! the code that loses a figure fails here, and one that wins it has to write down the new figures. The other recipes have no golden
-//! figures: they differ from these in their data or in single keys.
+//! Golden figures: what short trainings of some recipes (`static/base`; `taylormode/base`, `paper`, `itg` and
+//! `no-blur`; `sparsedyn/base` with bodies and by its field alone; `flux4d/base`) reach on a small world, as the mean
+//! over three seeds. A change of the code that loses a figure fails here, and one that wins it has to write down the
+//! new figures. The other recipes have no golden figures: they differ from these in their data or in single keys.
 //!
-//! Single runs scatter with the seed. Numbers of another processor round differently, which is no worse than another seed. Two means over
-//! three such runs then differ by less than `t * deviation * sqrt(2 / 3)` in 99 of 100 cases, which is the bound:
+//! Single runs scatter with the seed. Numbers of another processor round differently, which is no worse than another
+//! seed. Two means over three such runs then differ by less than `t * deviation * sqrt(2 / 3)` in 99 of 100 cases,
+//! which is the bound:
 //!
 //! | runs | deviation, whole and moving, dB | degrees of freedom | t |
 //! |---|---|---|---|
@@ -82,8 +83,8 @@ struct Held {
     misses: Vec<String>,
 }
 
-/// Seeds 42, 43, 44: 26.92, 26.93, 26.84. With copies that coincide: 25.23, 25.59, 25.20; as published, also without the measures that follow
-/// the run: 20.37, 20.14, 20.17.
+/// Seeds 42, 43, 44: 26.92, 26.93, 26.84. With copies that coincide: 25.23, 25.59, 25.20; as published, also without
+/// the measures that follow the run: 20.37, 20.14, 20.17.
 const STATIC: Golden =
     Golden { recipe: "static/base", keys: &[&SMALL], whole: Figure { golden: 26.90, bound: WHOLE }, moving: None };
 
@@ -96,8 +97,8 @@ const STATIC: Golden =
 /// | itg | 23.46, 23.49, 23.64 | 17.17, 17.19, 17.22 |
 /// | no-blur | 23.63, 23.58, 23.75 | 17.40, 17.46, 17.51 |
 ///
-/// With the published rates in a short run their means were 23.14, 23.08, 23.10 and 23.04, and 17.56, 17.64, 17.11 and 17.38; with copies that
-/// coincide, besides, 22.86, 22.76, 22.69 and 22.80, and 17.49, 17.48, 17.02 and 17.31.
+/// With the published rates in a short run their means were 23.14, 23.08, 23.10 and 23.04, and 17.56, 17.64, 17.11 and
+/// 17.38; with copies that coincide, besides, 22.86, 22.76, 22.69 and 22.80, and 17.49, 17.48, 17.02 and 17.31.
 const MOTION: [Golden; 4] = [
     of_motion("taylormode/base", 23.83, 17.91),
     of_motion("taylormode/paper", 23.75, 18.24),

@@ -6,6 +6,7 @@
 #![recursion_limit = "256"]
 
 mod brightness;
+mod budget;
 mod checkpoint;
 mod cli;
 mod common;

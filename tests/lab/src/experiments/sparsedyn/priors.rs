@@ -44,7 +44,8 @@ const LEVELS: [f64; 2] = [0.33, 1.0];
 /// farther away.
 const DOUBLED: Wrong = Wrong { apart: 0.1, ..Wrong::NONE };
 
-/// Largest cost of an error, of those with levels at the lower one, dB over the image: the bound on the spread of seeds.
+/// Largest cost of an error, of those with levels at the lower one, dB over the image: the bound on the spread of
+/// seeds.
 const BOUND: f64 = 0.3;
 
 /// Errors of priors.
