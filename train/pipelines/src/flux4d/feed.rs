@@ -65,7 +65,7 @@ impl Feed {
     ///
     /// # Errors
     /// When a thread that reads has ended.
-    pub fn next(&mut self) -> Result<Drawn> {
+    pub fn take(&mut self) -> Result<Drawn> {
         let receiver = &self.receivers[self.next];
         self.next = (self.next + 1) % self.receivers.len();
         receiver.recv().map_err(|_| anyhow!("the thread that reads snippets has ended"))

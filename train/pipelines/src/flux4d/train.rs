@@ -68,7 +68,7 @@ fn advance(
     let mut feed = Feed::start(&cache, training.step * accumulate, devices.len())?;
     let setup = Setup { logs: &logs, config: &config, devices: &devices };
     while !observer.is_over(training.step) {
-        let snippets = (0..accumulate).map(|_| feed.next()).collect::<Result<Vec<_>>>()?;
+        let snippets = (0..accumulate).map(|_| feed.take()).collect::<Result<Vec<_>>>()?;
         let mut reasons = Vec::new();
         let report = observer
             .run

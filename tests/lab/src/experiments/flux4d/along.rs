@@ -133,7 +133,7 @@ fn trained(lab: &Lab, logs: &Arc<Logs>, config: &FluxConfig) -> Result<Training<
         if interrupt::asked() {
             return Err(Interrupted.into());
         }
-        let snippets = [feed.next()?];
+        let snippets = [feed.take()?];
         step(&mut training, &snippets, setup, &mut |reason| lab.say(reason));
         lab.count_step();
     }
