@@ -39,7 +39,7 @@ use gs_train::run::metrics::{psnr, psnr_masked};
 use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
 use gs_train::run::presentation::{self, Presentation, PresentedScene};
 use gs_train::run::progress;
-use gs_train::run::resources::Stopwatch;
+use gs_train::run::resources::{Spent, Stopwatch};
 use gs_train::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
 use gs_train::run::watch::{self, Ending, Job, Plan, Run};
 
@@ -125,7 +125,7 @@ fn fit<M: SceneMethod>(job: &Job, mut config: FitConfig<M::Config>) -> Result<En
 
 /// Reads the data set of a job, and plans the steps if the job has a budget of minutes; with the seconds of reading,
 /// and those of the processor.
-fn read<M: SceneMethod>(job: &Job, config: &mut FitConfig<M::Config>) -> Result<(Data<M>, (f64, Option<f64>))> {
+fn read<M: SceneMethod>(job: &Job, config: &mut FitConfig<M::Config>) -> Result<(Data<M>, Spent)> {
     let watch = Stopwatch::start();
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
     let mut scene = load::<M>(&job.dataset, config)?;

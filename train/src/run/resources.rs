@@ -61,6 +61,9 @@ pub fn cpu_seconds() -> Option<f64> {
     cpu_ticks()
 }
 
+/// Seconds: wall-clock, and of the processor where the system reports it.
+pub type Spent = (f64, Option<f64>);
+
 /// Time since a moment, wall-clock and of the processor.
 #[derive(Debug, Clone, Copy)]
 pub struct Stopwatch {
@@ -74,8 +77,8 @@ impl Stopwatch {
         Self { begun: Instant::now(), cpu_begun: cpu_seconds() }
     }
 
-    /// Seconds since then: wall-clock, and of the processor where the system reports it.
-    pub fn spent(&self) -> (f64, Option<f64>) {
+    /// Seconds since then.
+    pub fn spent(&self) -> Spent {
         let cpu = cpu_seconds().zip(self.cpu_begun).map(|(now, begun)| now - begun);
         (self.begun.elapsed().as_secs_f64(), cpu)
     }

@@ -21,7 +21,7 @@ use super::outcome::Outcome;
 use super::outputs;
 use super::profile;
 use super::progress::Progress;
-use super::resources::{Stopwatch, cpu_seconds, peak_memory};
+use super::resources::{Spent, Stopwatch, cpu_seconds, peak_memory};
 use crate::config::{CheckpointConfig, tables};
 use crate::fit::method::Note;
 use crate::fit::schedule::due;
@@ -277,7 +277,7 @@ impl Run {
     }
 
     /// Adds seconds, and those of the processor, to the time of training.
-    pub fn count_spent(&mut self, (seconds, cpu): (f64, Option<f64>)) {
+    pub fn count_spent(&mut self, (seconds, cpu): Spent) {
         self.clock.seconds += seconds;
         self.clock.cpu_seconds = self.clock.cpu_seconds.zip(cpu).map(|(sum, spent)| sum + spent);
     }
