@@ -21,7 +21,7 @@ use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::error::CubeError;
 use gs_kernels::cube::intersect;
 
-use crate::ops::operation::{Computation, Kernels, Operation, Output, State, Tensors};
+use crate::ops::operation::{Computation, ComputeOnCube, Kernels, OnCube, Operation, Output, State, Tensors};
 
 /// The device of a kernel launch, with conversions between tensors and buffers.
 struct Launch {
@@ -105,21 +105,6 @@ fn joined<B: Backend>(first: IntTensor<B>, second: IntTensor<B>) -> IntTensor<B>
 /// Panics on a [`CubeError`]: Burn's operations return tensors, not results.
 fn unwrap<T>(result: Result<T, CubeError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
-}
-
-/// The two directions of an [`Operation`] on a GPU. Tensors may be strided.
-pub trait OnCube<const N: usize, const M: usize> {
-    /// See [`Operation::forward`].
-    fn forward(&self, inputs: [CubeTensor; N], lists: [CubeTensor; M], tracked: bool) -> Output<CubeBackend>;
-
-    /// See [`Operation::backward`].
-    fn backward(&self, state: State<CubeBackend, N, M>, v: CubeTensor, wanted: [bool; N]) -> [Option<CubeTensor>; N];
-}
-
-/// A [`Computation`] on a GPU. Tensors may be strided.
-pub trait ComputeOnCube<const N: usize, const M: usize> {
-    /// See [`Computation::compute`].
-    fn compute(&self, inputs: [CubeTensor; N], lists: [CubeTensor; M]) -> Tensors<CubeBackend>;
 }
 
 impl Kernels for CubeBackend {

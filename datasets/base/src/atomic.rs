@@ -27,7 +27,8 @@ pub fn write_atomic_with(path: &Path, content: impl FnOnce(&mut File) -> io::Res
     };
     fs::create_dir_all(folder).map_err(|error| FileError::write(folder, error))?;
     let partial = PartialFile::beside(path);
-    let written = File::create(partial.path()).and_then(|mut file| content(&mut file)).and_then(|()| partial.finish());
+    let written =
+        File::create(partial.temporary()).and_then(|mut file| content(&mut file)).and_then(|()| partial.finish());
     written.map_err(|error| FileError::write(path, error))
 }
 
@@ -55,7 +56,7 @@ impl PartialFile {
     }
 
     /// The temporary name.
-    pub fn path(&self) -> &Path {
+    pub fn temporary(&self) -> &Path {
         &self.temporary
     }
 

@@ -4,11 +4,11 @@ use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::{bilinear, channels, exposure, ssim};
 
-use super::{Launch, OnCube, unwrap};
+use super::{Launch, unwrap};
 use crate::ops::bilinear::Lookup;
 use crate::ops::channels::Channels;
 use crate::ops::exposure::Average;
-use crate::ops::operation::{Output, State, Tensors};
+use crate::ops::operation::{OnCube, Output, State, Tensors};
 use crate::ops::ssim::Comparison;
 
 impl OnCube<2, 0> for Lookup {

@@ -4,10 +4,10 @@ use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::{adam, noise, statistics};
 
-use super::{ComputeOnCube, Launch, owned};
+use super::{Launch, owned};
 use crate::ops::adam::AdamStep;
 use crate::ops::noise::Noise;
-use crate::ops::operation::Tensors;
+use crate::ops::operation::{ComputeOnCube, Tensors};
 use crate::ops::statistics::Statistics;
 
 impl ComputeOnCube<4, 0> for Noise {

@@ -4,8 +4,8 @@ use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::products;
 
-use super::{ComputeOnCube, Launch, OnCube, unwrap};
-use crate::ops::operation::{Output, State, Tensors};
+use super::{Launch, unwrap};
+use crate::ops::operation::{ComputeOnCube, OnCube, Output, State, Tensors};
 use crate::ops::products::{Affine, RowSums, Scaled, TransposedProduct};
 
 impl RowSums for CubeBackend {

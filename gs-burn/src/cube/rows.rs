@@ -4,8 +4,8 @@ use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::{rows_of, sum};
 
-use super::{ComputeOnCube, Launch, OnCube, owned, unwrap};
-use crate::ops::operation::{Output, State, Tensors};
+use super::{Launch, owned, unwrap};
+use crate::ops::operation::{ComputeOnCube, OnCube, Output, State, Tensors};
 use crate::ops::rows::{AddRows, TakeRows, columns, with_rows};
 use crate::ops::sum::{ActivatedSum, Largest, MarkNotFinite, Sum};
 

@@ -7,8 +7,8 @@ use gs_kernels::cube::buffer::Buffer;
 use gs_kernels::cube::segments::{DeviceLists, reduce, take};
 use gs_kernels::cube::sparse_conv::{Table, backward_input, backward_weights, forward};
 
-use super::{Launch, OnCube, unwrap};
-use crate::ops::operation::{Output, State};
+use super::{Launch, unwrap};
+use crate::ops::operation::{OnCube, Output, State};
 use crate::ops::segments::{AlongSegments, Walk};
 use crate::ops::sparse_conv::{PairSide, SparseConv};
 

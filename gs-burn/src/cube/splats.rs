@@ -5,11 +5,11 @@ use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::{intersect, opacity, projection, rasterize, sh};
 use gs_kernels::rows::{PROJECTED, SCREEN};
 
-use super::{ComputeOnCube, Launch, OnCube, dispatches, unwrap};
+use super::{Launch, dispatches, unwrap};
 use crate::ops::instants::Instants;
 use crate::ops::intersect::Intersection;
 use crate::ops::opacity::Opacities;
-use crate::ops::operation::{Output, State, Tensors};
+use crate::ops::operation::{ComputeOnCube, OnCube, Output, State, Tensors};
 use crate::ops::projection::Projection;
 use crate::ops::rasterize::Rasterization;
 use crate::ops::sh::ShColors;

@@ -15,6 +15,8 @@ use burn::backend::{
     ExtensionType, backend_extension,
 };
 use burn::tensor::{Int, Tensor};
+#[cfg(feature = "cube")]
+use burn_cubecl::{CubeBackend, tensor::CubeTensor};
 
 use crate::profile;
 use crate::slices::{HostBackend, HostTensor};
@@ -148,8 +150,22 @@ pub trait Computation<const N: usize, const M: usize = 0>: ComputeOnCube<N, M> {
     fn compute<B: HostBackend>(&self, inputs: [FloatTensor<B>; N], lists: [IntTensor<B>; M]) -> Tensors<B>;
 }
 
+/// The two directions of an [`Operation`] on a GPU. Tensors may be strided.
 #[cfg(feature = "cube")]
-pub use crate::cube::{ComputeOnCube, OnCube};
+pub trait OnCube<const N: usize, const M: usize> {
+    /// See [`Operation::forward`].
+    fn forward(&self, inputs: [CubeTensor; N], lists: [CubeTensor; M], tracked: bool) -> Output<CubeBackend>;
+
+    /// See [`Operation::backward`].
+    fn backward(&self, state: State<CubeBackend, N, M>, v: CubeTensor, wanted: [bool; N]) -> [Option<CubeTensor>; N];
+}
+
+/// A [`Computation`] on a GPU. Tensors may be strided.
+#[cfg(feature = "cube")]
+pub trait ComputeOnCube<const N: usize, const M: usize> {
+    /// See [`Computation::compute`].
+    fn compute(&self, inputs: [CubeTensor; N], lists: [CubeTensor; M]) -> Tensors<CubeBackend>;
+}
 
 /// A build without CubeCL asks nothing more of an operation.
 #[cfg(not(feature = "cube"))]

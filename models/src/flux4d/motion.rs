@@ -53,9 +53,9 @@ impl PolynomialMotion {
         3 * (self.degree + 1)
     }
 
-    /// Displacements `[N, 3]`, metres, from each row's own time `times` `[N]` to the time `t`, by `velocity` `[N, 3 (l
-    /// + 1)]`, metres per window. Zero exactly where a row's own time is `t` in the tensor's float type. Differentiable
-    /// by all tensors.
+    /// Displacements `[N, 3]`, metres, from each row's own time `times` `[N]` to the time `t`, by `velocity`
+    /// `[N, 3 (l + 1)]`, metres per window. Zero exactly where a row's own time is `t` in the tensor's float type.
+    /// Differentiable by all tensors.
     ///
     /// # Panics
     /// When shapes disagree.

@@ -137,12 +137,12 @@ pub fn save(path: &Path, origin: &Origin, snapshot: &Snapshot) -> Result<(), Che
     let metadata = HashMap::from([(FORMAT.to_string(), content.to_string())]);
     let partial = PartialFile::named(path.with_extension("part"), path);
     // The permissions that all other files of a run get; safetensors makes its file for the owner alone.
-    let permissions = File::create(partial.path()).and_then(|file| Ok(file.metadata()?.permissions()));
+    let permissions = File::create(partial.temporary()).and_then(|file| Ok(file.metadata()?.permissions()));
     let written = permissions
         .map_err(SafeTensorError::IoError)
         .and_then(|permissions| {
-            safetensors::serialize_to_file(columns, Some(metadata), partial.path())?;
-            Ok(fs::set_permissions(partial.path(), permissions)?)
+            safetensors::serialize_to_file(columns, Some(metadata), partial.temporary())?;
+            Ok(fs::set_permissions(partial.temporary(), permissions)?)
         })
         .map_err(|error| match error {
             SafeTensorError::IoError(error) => error,

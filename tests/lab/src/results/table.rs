@@ -46,6 +46,5 @@ pub fn replaced(page: &str, name: &str, data: &Data) -> Result<Option<String>> {
 /// The names of all tables of a page.
 #[cfg(test)]
 pub fn names(page: &str) -> Vec<&str> {
-    let marks = page.lines().filter_map(|line| line.strip_prefix("<!-- results ")?.strip_suffix(" -->"));
-    marks.filter_map(|mark| mark.split(' ').next()).collect()
+    page.lines().filter_map(|line| line.strip_prefix("<!-- results ")?.strip_suffix(" begin -->")).collect()
 }

@@ -27,9 +27,9 @@ fn cost_and_bins_are_measured() {
         let figure = outcome.figures.iter().find(|figure| figure.file.contains(name)).expect("a figure");
         figure.chart.series[0].points().to_vec()
     };
-    let psnr = series(&outcomes[1], "psnr");
+    let psnr = series(&outcomes[0], "psnr");
     assert!(psnr.len() == 2 && psnr[1].0 > psnr[0].0 && psnr[1].1 > psnr[0].1, "{psnr:?}");
-    assert_eq!(series(&outcomes[0], "bins").len(), 5);
+    assert_eq!(series(&outcomes[1], "bins").len(), 5);
 }
 
 /// A car beside the ego vehicle moves as it does; how much of its motion a bus before it takes is measured.

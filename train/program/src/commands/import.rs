@@ -146,10 +146,12 @@ mod tests {
 
     /// Three cameras side by side, and points of the plane; every tenth lies far behind it.
     fn dataset(folder: &Path) {
+        // Photos of one colour would be refused.
+        let photo: Vec<u8> = (0..3 * SIZE.0 * SIZE.1).map(|i| (i * 37 % 251) as u8).collect();
         let frames: Vec<_> = (0..3)
             .map(|index| {
                 let name = format!("images/{index:02}.png");
-                write_png(&folder.join(&name), SIZE.0, SIZE.1, &vec![128; 3 * SIZE.0 * SIZE.1]).expect("a photo");
+                write_png(&folder.join(&name), SIZE.0, SIZE.1, &photo).expect("a photo");
                 let x = f64::from(index) * 0.2;
                 json!({ "file_path": name, "time": index, "transform_matrix":
                     [[1.0, 0.0, 0.0, x], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]] })

@@ -53,7 +53,7 @@ impl Film {
             .args(["-s", &format!("{}x{}", size.0, size.1), "-r", &rate.to_string(), "-i", "-"])
             // The temporary name has no ending that says the format.
             .args(["-vf", even, "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"])
-            .arg(partial.path())
+            .arg(partial.temporary())
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .spawn()
@@ -109,7 +109,7 @@ impl Film {
 
 /// Appends a box with our mark, which players skip, and renames the file.
 fn name_it(partial: PartialFile) -> Result<()> {
-    let mut file = std::fs::OpenOptions::new().append(true).open(partial.path())?;
+    let mut file = std::fs::OpenOptions::new().append(true).open(partial.temporary())?;
     let length = 8 + MARK.len() as u32;
     file.write_all(&[&length.to_be_bytes(), &b"free"[..], MARK.as_bytes()].concat())?;
     Ok(partial.finish()?)
