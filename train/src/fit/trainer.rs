@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use gs_burn::adam::{Adam, AdamRate};
-use gs_burn::ops::intersect::{DeviceCount, Room};
+use gs_burn::ops::intersect::DeviceCount;
 use gs_burn::ops::rasterize::SCREEN;
 use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
@@ -155,43 +155,45 @@ impl<M: Method> Trainer<M> {
         config: &FitConfig<M::Config>,
     ) -> StepReport {
         self.step += 1;
+        let facts = self.facts;
+        let at = Step { step: self.step, config, facts: &facts, cues, room: None };
         self.raise_sh_degree(config);
         let Backward { images, intersections, tiles, notes, observations, loss, gradients } =
-            self.compared(photos, cues, config);
+            self.compared(photos, &at);
         self.room.observe(&intersections, &tiles);
         let intersections = intersections.iter().sum();
         let skipped = gradients.is_none();
         let mut changes = Changes::default();
         match gradients {
             Some(gradients) => {
-                self.update(gradients, cues, config);
-                changes = self.control_density(observations, config);
+                self.update(gradients, &at);
+                changes = self.control_density(observations, &at);
             }
             None => {
                 self.skipped += 1;
                 tracing::warn!(step = self.step, loss, "loss or gradients are not finite: step skipped");
             }
         }
-        self.simplify(views, cues, config);
+        self.finish_step(views, &at);
         StepReport { loss, images, intersections, notes, skipped, changes }
     }
 
     /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made
     /// room for, both are done again with lists of the right length.
-    fn compared(&mut self, photos: &[Photo<M::Extra>], cues: &M::Cues, config: &FitConfig<M::Config>) -> Backward {
-        if self.wants_screen(config) {
+    fn compared(&mut self, photos: &[Photo<M::Extra>], at: &Step<M>) -> Backward {
+        if self.wants_screen(at.config) {
             let (shape, device) = ([self.gaussians().len(), SCREEN], self.gaussians().device());
             self.zeros = self.zeros.take().filter(|zeros| zeros.dims() == shape);
             self.zeros.get_or_insert_with(|| Tensor::zeros(shape, &device));
         } else {
             self.zeros = None;
         }
-        self.compare(photos, cues, config, self.room.room()).unwrap_or_else(|| {
+        self.compare(photos, &Step { room: self.room.room(), ..*at }).unwrap_or_else(|| {
             tracing::debug!(
                 step = self.step,
                 "more tile intersections or tiles than there was room for: the step is done again"
             );
-            let again = self.compare(photos, cues, config, None);
+            let again = self.compare(photos, at);
             again.expect("lists that are counted first have room")
         })
     }
@@ -200,20 +202,14 @@ impl<M: Method> Trainer<M> {
         self.density.wants_screen(&config.density, M::control(self.step, config), self.step, config.steps)
     }
 
-    /// Forward and backward pass with `room` for the lists of each rendering; `None` if there was too little.
-    fn compare(
-        &self,
-        photos: &[Photo<M::Extra>],
-        cues: &M::Cues,
-        config: &FitConfig<M::Config>,
-        room: Option<Room>,
-    ) -> Option<Backward> {
+    /// Forward and backward pass with the step's room for the lists of each rendering; `None` if there was too little.
+    fn compare(&self, photos: &[Photo<M::Extra>], at: &Step<M>) -> Option<Backward> {
+        let config = at.config;
         let tracked = self.model().clone().train();
         let screen = |zeros: &Tensor<2>| zeros.clone().autodiff().require_grad();
         let screens: Vec<Tensor<2>> = photos.iter().filter_map(|_| self.zeros.as_ref().map(screen)).collect();
-        let at = Step { room, ..self.at(cues, config) };
         let Forward { images, loss, drawn, notes, remainder } =
-            tracked.method.forward(&tracked.gaussians, photos, &screens, &at);
+            tracked.method.forward(&tracked.gaussians, photos, &screens, at);
         let fixed = config.density.rests_by(self.step, config.steps);
         let loss = regularised(loss, &tracked.gaussians, self.facts.extent, fixed, &config.loss);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
@@ -253,19 +249,19 @@ impl<M: Method> Trainer<M> {
     }
 
     /// One Adam update of the Gaussians, then of the method's tensors.
-    fn update(&mut self, mut gradients: NamedGradients, cues: &M::Cues, config: &FitConfig<M::Config>) {
+    fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
-        let rate = gaussian_rates(&config.optimiser, self.step, config.steps, self.facts.extent);
-        let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
+        let rate = gaussian_rates(&at.config.optimiser, at.step, at.config.steps, at.facts.extent);
         self.training.change(|Model { gaussians, method }, adam| {
             adam.advance();
             let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
-            let method = method.update(&gaussians, &mut gradients, adam, &at);
+            let method = method.update(&gaussians, &mut gradients, adam, at);
             Model { gaussians, method }
         });
     }
 
-    fn control_density(&mut self, observations: Vec<Observation>, config: &FitConfig<M::Config>) -> Changes {
+    fn control_density(&mut self, observations: Vec<Observation>, at: &Step<M>) -> Changes {
+        let config = at.config;
         let _stage = profile::whole_stage("density control");
         let context = StepContext {
             step: self.step,
@@ -284,14 +280,13 @@ impl<M: Method> Trainer<M> {
         changes
     }
 
-    /// Prunes Gaussians, then the method's parameters, if it is time.
-    fn simplify(&mut self, views: &[View], cues: &M::Cues, config: &FitConfig<M::Config>) {
-        if config.density.prune_share > 0.0 && config.density.rests_at(self.step, config.steps) {
-            self.prune(views, config);
+    /// Prunes Gaussians if it is time, then changes the model as the method says.
+    fn finish_step(&mut self, views: &[View], at: &Step<M>) {
+        if at.config.density.prune_share > 0.0 && at.config.density.rests_at(at.step, at.config.steps) {
+            self.prune(views, at.config);
         }
-        let at = Step { step: self.step, config, facts: &self.facts, cues, room: None };
         self.training.change(|Model { mut gaussians, method }, adam| {
-            let method = method.after_step(&mut gaussians, adam, views, &at);
+            let method = method.after_step(&mut gaussians, adam, views, at);
             Model { gaussians, method }
         });
     }
