@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use super::metrics::{
     Perceptual, is_of_equal_images, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, shown_psnr, ssim, ssim_masked,
 };
-use super::scene::TIMES_AT_ONCE;
 use crate::config::EvalConfig;
 use crate::fit::figure::{Figure, FigureTable, Prominence};
 use crate::fit::method::Step;
@@ -20,6 +19,9 @@ use crate::fit::saved::Saved;
 use crate::fit::told::{Compared, MOVING, Region, Told, given_regions};
 use crate::fit::trainer::Model;
 use crate::run::resources::release_freed_memory;
+
+/// Times at which a scene is held at once: a rollout is integrated once for all of them, and each holds its Gaussians.
+pub const TIMES_AT_ONCE: usize = 16;
 
 /// Image quality of one view, or the mean over several.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

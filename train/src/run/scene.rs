@@ -12,6 +12,7 @@ use gs_models::{DynamicScene, Shutter, Static};
 use gs_splats::{Splats, ply};
 
 use super::checkpoint::Checkpoint;
+use super::evaluate::TIMES_AT_ONCE;
 use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign};
 use super::folder::RunFolder;
@@ -144,9 +145,6 @@ impl LoadedScene {
         Ok(())
     }
 }
-
-/// Times at which a scene is held at once: a rollout is integrated once for all of them, and each holds its Gaussians.
-pub const TIMES_AT_ONCE: usize = 16;
 
 /// The Gaussians at each of `times`, of which a few are held at once.
 pub fn through_time<'a>(scene: &'a dyn DynamicScene, times: &'a [f64]) -> impl Iterator<Item = Gaussians> + 'a {
