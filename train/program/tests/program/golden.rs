@@ -12,7 +12,7 @@
 //! | static and taylormode, pooled over the recipes | 0.13, 0.035 | 10, 8 | 3.17, 3.36 |
 //! | sparsedyn, bodies | 0.90, 0.82 | 5 | 4.03 |
 //! | sparsedyn, field | 0.23, 0.22 | 7 | 3.50 |
-//! | flux4d | 0.147, 0.088 | 7 | 3.50 |
+//! | flux4d | 0.103, 0.072 | 7 | 3.50 |
 
 use crate::common;
 
@@ -111,7 +111,8 @@ const fn of_motion(recipe: &'static str, whole: f64, moving: f64) -> Golden {
     Golden { recipe, keys: &[&SMALL, &SMALL_MOTION], whole, moving }
 }
 
-/// A sliding box, means over the seeds 42, 43, 44. Without bodies, by the field alone: 25.92 whole and 15.22 moving.
+/// Seeds 42, 43, 44 of a sliding box, whole and moving: 30.42, 32.37, 32.49 and 21.14, 21.69, 22.07. Without bodies, by
+/// the field alone, the means were 25.92 and 15.22.
 const BODIES: Golden = Golden {
     recipe: "sparsedyn/base",
     keys: &[&SMALL, &SMALL_FUTURE],
@@ -119,7 +120,7 @@ const BODIES: Golden = Golden {
     moving: Some(Figure { golden: 21.63, bound: 2.71 }),
 };
 
-/// A thrown ball and a turning box, means over the seeds 42, 43, 44.
+/// Seeds 42, 43, 44 of a thrown ball and a turning box, whole and moving: 19.24, 19.37, 19.34 and 10.79, 10.90, 10.83.
 const FIELD: Golden = Golden {
     recipe: "sparsedyn/base",
     keys: &[&SMALL, &SMALL_FUTURE, &["bodies.mode=field"]],
@@ -127,12 +128,13 @@ const FIELD: Golden = Golden {
     moving: Some(Figure { golden: 10.84, bound: 0.64 }),
 };
 
-/// Seeds 42, 43, 44 of a street that was not trained on: 14.44, 14.49, 14.50 whole; 9.77, 9.88, 9.96 moving.
+/// Seeds 42, 43, 44 of a street that was not trained on, whole and moving: 14.44, 14.49, 14.50 and 9.77, 9.88, 9.96. The
+/// lifted points alone have 13.17 over whole images.
 const STREETS: Golden = Golden {
     recipe: "flux4d/base",
     keys: &[&SMALL_NETWORK],
-    whole: Figure { golden: 14.48, bound: 0.42 },
-    moving: Some(Figure { golden: 9.87, bound: 0.25 }),
+    whole: Figure { golden: 14.48, bound: 0.29 },
+    moving: Some(Figure { golden: 9.87, bound: 0.21 }),
 };
 
 #[test]
