@@ -1,4 +1,4 @@
-//! A [`Method`] as a pipeline: the loop that fits the Gaussians of one scene.
+//! A [`Method`](gs_train::fit::method::Method) as a pipeline: the loop that fits the Gaussians of one scene.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;

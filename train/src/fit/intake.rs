@@ -10,7 +10,7 @@ use crate::config::FitConfig;
 
 /// The part of a method that reads a data set and its configuration.
 pub trait Intake: Method {
-    /// Whether photos may be compared at a reduced width: nothing in [`Extra`](Self::Extra) or [`Cues`](Self::Cues) has
+    /// Whether photos may be compared at a reduced width: nothing in [`Method::Extra`] or [`Method::Cues`] has
     /// their size.
     const ANY_WIDTH: bool = false;
     /// The background where the photos do not tell.

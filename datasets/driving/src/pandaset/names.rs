@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// The cameras, and the rows at the bottom that show the ego vehicle in an image of [`EGO_ROWS_OF`] rows.
+/// The cameras, and the rows at the bottom that show the ego vehicle in an image of `EGO_ROWS_OF` rows.
 pub const CAMERAS: [(&str, usize); 6] = [
     ("front_camera", 0),
     ("front_left_camera", 0),
