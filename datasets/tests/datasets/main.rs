@@ -5,7 +5,6 @@ mod check;
 mod colmap;
 mod colmap_writer;
 mod consistency;
-mod deblur;
 mod dialects;
 mod diverged;
 mod elsewhere;

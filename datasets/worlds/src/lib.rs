@@ -12,6 +12,7 @@ pub mod extrapolation;
 mod film;
 mod points;
 mod random;
+mod ranges;
 mod set;
 mod shapes;
 mod tracer;

@@ -1,7 +1,5 @@
 //! Multi-view sets on disk, in the D-NeRF layout with more keys: photos of static cameras, images beside them, lists.
 
-use std::fmt::Display;
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use glam::DQuat;
@@ -19,22 +17,6 @@ use crate::tracer::scene::{MovingBody, Scene};
 /// Pixels of all frames that are held in memory at a time, at about 60 bytes each. One camera's 16 frames of 640 x 480
 /// fit; of larger sets the still part is traced again for every few frames.
 const PIXELS_MAX: usize = 5_000_000;
-
-/// Fails unless every option is in its range, which NaN never is.
-pub(crate) fn check_ranges<T: PartialOrd + Display>(
-    dir: &Path,
-    options: &[(&'static str, T, RangeInclusive<T>)],
-) -> Result<(), DatasetError> {
-    match options.iter().find(|(_, value, range)| !range.contains(value)) {
-        None => Ok(()),
-        Some((option, value, range)) => Err(DatasetError::Option {
-            path: dir.to_path_buf(),
-            option,
-            expected: format!("{} to {}", range.start(), range.end()),
-            found: value.to_string(),
-        }),
-    }
-}
 
 /// A set in the making.
 pub(crate) struct Set<'a> {

@@ -6,14 +6,16 @@ use std::path::Path;
 use glam::DVec3;
 use gs_base::write_atomic;
 use gs_datasets::DatasetError;
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
 use super::{DeblurOptions, World, priors};
 use crate::film::{Exposure, Order, Shot};
 use crate::points::Points;
-use crate::set::{Image, Photo, Set, check_ranges};
+use crate::random::Draws;
+use crate::ranges::check_ranges;
+use crate::set::{Image, Photo, Set};
 use crate::tracer::camera::{Camera, Rig};
 use crate::tracer::scene::Scene;
 
@@ -43,28 +45,6 @@ const ELEVATION_STEP: f64 = 0.12;
 
 /// Cameras are out of line by up to this much, radians: nobody hangs them exactly.
 const JITTER: f64 = 0.02;
-
-/// Independent random sequences of one seed, so that a change of one option leaves the rest of the world as it is.
-enum Draws {
-    Scene,
-    Rig,
-    Points,
-    /// Faults of frame `.0`, counted over all cameras.
-    Frame(u64),
-}
-
-impl Draws {
-    fn rng(&self, seed: u64) -> ChaCha8Rng {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(match self {
-            Self::Scene => 0,
-            Self::Rig => 1,
-            Self::Points => 2,
-            Self::Frame(index) => 16 + index,
-        });
-        rng
-    }
-}
 
 /// Writes a synthetic multi-view set with motion blur to `dir`, in the D-NeRF layout: `transforms_train.json` and
 /// `transforms_test.json`, 8-bit PNG images, EXR depth and velocity, and `points3d.ply`. `progress` hears how many of
@@ -99,7 +79,7 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
     let exposures: Vec<Exposure> = times.iter().map(expose).collect();
     let set = Set { dir, scene: &scene, cameras: &cameras, times: &times, order: Order::Bayer };
     let write = |photo: &mut Photo<'_>, shot: &Shot| {
-        let draws = Draws::Frame((photo.number * options.frames + photo.frame) as u64);
+        let draws = Draws::Prior((photo.number * options.frames + photo.frame) as u64);
         files(photo, shot, options, &mut draws.rng(seed))
     };
     let list = |camera: &Camera, _| if camera.is_test { "test" } else { "train" };

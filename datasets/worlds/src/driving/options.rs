@@ -4,6 +4,8 @@ use std::path::Path;
 
 use gs_datasets::DatasetError;
 
+use crate::ranges::check_ranges;
+
 /// Bodies that a street has beside its movers, whose paths meet during the first second.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Encounter {
@@ -35,7 +37,7 @@ pub struct StreetOptions {
     pub subpixels: usize,
     /// Vehicles, cyclists and people that move, 0 to 60.
     pub movers: usize,
-    /// What passes beside the movers.
+    /// Bodies that pass beside the movers.
     pub encounter: Encounter,
     /// Seed of the street, the traffic and the noise.
     pub seed: u64,
@@ -88,24 +90,12 @@ impl StreetOptions {
             ("subpixels", self.subpixels, 1..=4),
             ("movers", self.movers, 0..=60),
         ];
-        let wrong = |option, expected: String, found: String| {
-            Err(DatasetError::Option { path: path.to_path_buf(), option, expected, found })
-        };
-        for (option, value, range) in counts {
-            if !range.contains(&value) {
-                return wrong(option, format!("{} to {}", range.start(), range.end()), value.to_string());
-            }
-        }
+        check_ranges(path, &counts)?;
         let measures = [
             ("range_noise", self.range_noise, 0.0..=1.0),
             ("camera_delay", self.camera_delay, -1.0..=1.0),
             ("pose_noise", self.pose_noise, 0.0..=5.0),
         ];
-        for (option, value, range) in measures {
-            if !range.contains(&value) {
-                return wrong(option, format!("{} to {}", range.start(), range.end()), value.to_string());
-            }
-        }
-        Ok(())
+        check_ranges(path, &measures)
     }
 }

@@ -41,7 +41,8 @@ pub(super) fn actors(rig: &Rig<'_>) -> Value {
                 .map(|frame| {
                     let time = middle(rig, frame);
                     let Placed { position, yaw, speed } = placed(rig, thing, time);
-                    json!({ "time": rig.clock(time), "position": [position.x, position.y, 0.0], "yaw": yaw, "speed": speed })
+                    let position = [position.x, position.y, 0.0];
+                    json!({ "time": rig.clock(time), "position": position, "yaw": yaw, "speed": speed })
                 })
                 .collect();
             json!({
@@ -66,7 +67,7 @@ pub(super) fn middle(rig: &Rig<'_>, frame: usize) -> f64 {
 /// The classes that streets have, as `annotations/semseg/classes.json` names them.
 pub(super) fn classes() -> Value {
     json!({
-        "5": "Vegetation", "6": "Ground", "7": "Road", "10": "Other Road Marking", "11": "Sidewalk", "13": "Car", "23": "Bus",
-        "26": "Bicycle", "30": "Pedestrian", "41": "Building", "42": "Other Static Object",
+        "5": "Vegetation", "6": "Ground", "7": "Road", "10": "Other Road Marking", "11": "Sidewalk", "13": "Car",
+        "23": "Bus", "26": "Bicycle", "30": "Pedestrian", "41": "Building", "42": "Other Static Object",
     })
 }

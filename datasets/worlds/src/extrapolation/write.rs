@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use gs_base::write_atomic;
 use gs_datasets::DatasetError;
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
@@ -14,7 +14,9 @@ use super::priors::prior;
 use super::{ExtrapolationOptions, World};
 use crate::film::{Exposure, Order, Shot};
 use crate::points::Points;
-use crate::set::{Image, Photo, Set, check_ranges};
+use crate::random::Draws;
+use crate::ranges::check_ranges;
+use crate::set::{Image, Photo, Set};
 use crate::tracer::camera::{Camera, Rig};
 use crate::tracer::scene::Scene;
 
@@ -43,26 +45,6 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Cameras are out of line by up to this much, radians.
 const JITTER: f64 = 0.02;
-
-/// Independent random sequences of one seed, so that a change of one option leaves the rest of the world as it is.
-enum Draws {
-    Scene,
-    Rig,
-    /// Errors of the prior of camera `.0`.
-    Prior(u64),
-}
-
-impl Draws {
-    fn rng(&self, seed: u64) -> ChaCha8Rng {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(match self {
-            Self::Scene => 0,
-            Self::Rig => 1,
-            Self::Prior(index) => 16 + index,
-        });
-        rng
-    }
-}
 
 /// Writes a synthetic multi-view set for the prediction of future frames to `dir`, in the D-NeRF layout. `progress`
 /// hears how many of all photos are done.

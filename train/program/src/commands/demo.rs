@@ -11,6 +11,7 @@ use gs_worlds::{DemoOptions, demo_scene};
 use gs_worlds::driving::{StreetOptions, write as street_log};
 
 use crate::cli::DemoArgs;
+use crate::commands::synth::with_bar;
 use crate::commands::train::{execute, next_folder};
 use crate::commands::{device, print};
 use crate::report::{schedule_svg, viewer};
@@ -79,12 +80,7 @@ fn driving(args: &DemoArgs, device: &Device) -> Result<ExitCode> {
     if !args.quiet {
         print("tracing a street with moving traffic ...");
     }
-    let bar = crate::commands::synth::bar();
-    street_log(&log, &street(), |done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
+    with_bar(|progress| street_log(&log, &street(), progress))?;
     print(format!("a driving log is in {}; its reconstruction takes seconds", log.display()));
     let request = Reconstruction {
         log: &log,
@@ -118,12 +114,7 @@ fn make(dataset: &Path, args: &DemoArgs) -> Result<()> {
     if !args.quiet {
         print("tracing a small world with motion blur ...");
     }
-    let bar = crate::commands::synth::bar();
-    deblur::write(dataset, &video(), |done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
+    with_bar(|progress| deblur::write(dataset, &video(), progress))?;
     print(format!("blurry video of it is in {}; training on it takes a minute or two", dataset.display()));
     Ok(())
 }

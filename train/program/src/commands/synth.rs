@@ -52,12 +52,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         points: args.points,
         priors: faults(args),
     };
-    let bar = bar();
-    deblur::write(&args.out, &options, |done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
+    with_bar(|progress| deblur::write(&args.out, &options, progress))?;
     warn_of_overlap(args.exposure, options.exposure_time());
     print(format!("{}: {} cameras, {} frames each", args.out.display(), args.cameras, args.frames));
     Ok(ExitCode::SUCCESS)
@@ -85,12 +80,7 @@ fn extrapolation_world(args: &SynthExtrapolationArgs) -> Result<ExitCode> {
         seed: args.seed,
         ..usual
     };
-    let bar = bar();
-    extrapolation::write(&args.out, &options, |done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
+    with_bar(|progress| extrapolation::write(&args.out, &options, progress))?;
     print(format!(
         "{}: {} cameras, {} held out, {} frames each, of which {} are for training",
         args.out.display(),
@@ -116,22 +106,20 @@ fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
         pose_noise: args.pose_noise,
         ..StreetOptions::default()
     };
-    let bar = bar();
-    for log in 0..args.logs {
-        let folder = if args.logs == 1 { args.out.clone() } else { args.out.join(format!("{log:03}")) };
-        let in_turn = |list: &[u32]| list[log as usize % list.len()] as usize;
-        let options = StreetOptions {
-            beams: in_turn(&args.beams),
-            columns: in_turn(&args.columns),
-            seed: args.seed.wrapping_add(u64::from(log)),
-            ..options.clone()
-        };
-        gs_worlds::driving::write(&folder, &options, |done, total| {
-            bar.set_length(total as u64 * u64::from(args.logs));
-            bar.set_position(done as u64 + total as u64 * u64::from(log));
-        })?;
-    }
-    bar.finish_and_clear();
+    let logs = args.logs as usize;
+    with_bar(|bar| {
+        (0..logs).try_for_each(|log| {
+            let folder = if logs == 1 { args.out.clone() } else { args.out.join(format!("{log:03}")) };
+            let in_turn = |list: &[u32]| list[log % list.len()] as usize;
+            let options = StreetOptions {
+                beams: in_turn(&args.beams),
+                columns: in_turn(&args.columns),
+                seed: args.seed.wrapping_add(log as u64),
+                ..options.clone()
+            };
+            gs_worlds::driving::write(&folder, &options, |done, total| bar(done + total * log, total * logs))
+        })
+    })?;
     let frames = format!("{} frames of {} cameras and a LiDAR", args.frames, args.cameras);
     print(format!("{}: {}, {frames} each", args.out.display(), gs_base::counted(args.logs as usize, "log")));
     Ok(ExitCode::SUCCESS)
@@ -177,10 +165,16 @@ fn warn_of_overlap(share: f64, exposure: f64) {
     }
 }
 
-/// A progress bar over images, with the time left.
-pub(crate) fn bar() -> ProgressBar {
+/// Runs `work` under a progress bar over images with the time left; it is told how many of how many are done.
+pub(crate) fn with_bar<T, E>(work: impl FnOnce(&(dyn Fn(usize, usize) + Sync)) -> Result<T, E>) -> Result<T, E> {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} images, {eta} left");
-    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    let bar = ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let done = work(&|done, total| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    Ok(done)
 }
 
 /// Parses "256x192".

@@ -1,0 +1,4 @@
+//! Worlds as they are written and read back.
+
+mod deblur;
+mod fixtures;
