@@ -67,7 +67,7 @@ pub enum Command {
     Extrapolate(Box<ExtrapolateArgs>),
     /// Make a data set whose ground truth is known, or blur a sharp one
     Synth(SynthArgs),
-    /// Make priors of a calibrated data set from the output of VGGT or OmniVGGT
+    /// Fit depth files of a network to the points of a data set, as priors
     Import(ImportArgs),
     /// Report contents and mistakes of a data set
     Check(CheckArgs),
