@@ -13,10 +13,7 @@ use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::outputs::marked_png;
 use gs_train::run::pixels::image_bytes;
-use gs_train::run::scene::write_ply;
-
-/// Times at which Gaussians are held at once.
-const TIMES_AT_ONCE: usize = 8;
+use gs_train::run::scene::{through_time, write_ply};
 
 /// The changes by another step of integration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -48,19 +45,16 @@ impl Work<'_> {
     /// Writes frames, animations and PLY files.
     pub(super) fn frames(&self) -> Result<()> {
         let mut animations = vec![Vec::new(); self.shots.len()];
-        for (chunk, times) in self.times.chunks(TIMES_AT_ONCE).enumerate() {
-            for (k, gaussians) in self.predicted.scene.at_times(times).iter().enumerate() {
-                let index = chunk * TIMES_AT_ONCE + k;
-                for (shot, animation) in self.shots.iter().zip(&mut animations) {
-                    let pose = shot.pose(index);
-                    let pixels = image_bytes(self.predicted.renderer.image(gaussians, pose));
-                    let path = self.files.frame(shot, index);
-                    write_atomic(&path, &marked_png(&encode_png(&path, pose.width, pose.height, &pixels)?))?;
-                    animation.push(pixels);
-                }
-                if self.args.ply {
-                    write_ply(&self.files.ply(&self.run_name(), times[k]), gaussians, self.loaded.origin)?;
-                }
+        for (index, gaussians) in through_time(self.predicted.scene, &self.times).enumerate() {
+            for (shot, animation) in self.shots.iter().zip(&mut animations) {
+                let pose = shot.pose(index);
+                let pixels = image_bytes(self.predicted.renderer.image(&gaussians, pose));
+                let path = self.files.frame(shot, index);
+                write_atomic(&path, &marked_png(&encode_png(&path, pose.width, pose.height, &pixels)?))?;
+                animation.push(pixels);
+            }
+            if self.args.ply {
+                write_ply(&self.files.ply(&self.run_name(), self.times[index]), &gaussians, self.loaded.origin)?;
             }
         }
         for (shot, animation) in self.shots.iter().zip(&animations) {
@@ -76,16 +70,14 @@ impl Work<'_> {
     pub(super) fn step_note(&self) -> Result<Option<StepNote>> {
         let Some(frames) = self.args.step else { return Ok(None) };
         let mut largest: f64 = 0.0;
-        for times in self.times.chunks(TIMES_AT_ONCE) {
-            let trained = self.loaded.scene.at_times(times);
-            for (a, b) in self.predicted.scene.at_times(times).iter().zip(&trained) {
-                let [a, b] = [a, b].map(|gaussians| to_host(gaussians.means.val()));
-                let squared = |(a, b): (&[f32], &[f32])| -> f64 {
-                    a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
-                };
-                let most = a.chunks_exact(3).zip(b.chunks_exact(3)).map(squared).fold(0.0, f64::max);
-                largest = largest.max(most.sqrt());
-            }
+        let trained = through_time(&*self.loaded.scene, &self.times);
+        for (a, b) in through_time(self.predicted.scene, &self.times).zip(trained) {
+            let [a, b] = [a, b].map(|gaussians| to_host(gaussians.means.val()));
+            let squared = |(a, b): (&[f32], &[f32])| -> f64 {
+                a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
+            };
+            let most = a.chunks_exact(3).zip(b.chunks_exact(3)).map(squared).fold(0.0, f64::max);
+            largest = largest.max(most.sqrt());
         }
         let note = StepNote { frames, largest, largest_pixels: largest / self.pixel };
         print(format!(

@@ -5,9 +5,8 @@ use gs_models::DynamicScene;
 use serde::Serialize;
 
 use gs_train::fit::parameters::to_host;
-
-/// Times at which a scene's Gaussians are held at once.
-const TIMES_AT_ONCE: usize = 8;
+use gs_train::run::evaluate::TIMES_AT_ONCE;
+use gs_train::run::scene::through_time;
 
 /// Fewest members: of one there is no spread.
 pub const FEWEST: usize = 2;
@@ -96,7 +95,7 @@ impl Sums {
 
 /// The Gaussians that move by more than `least` scene units between any two of `times` and the first of them.
 pub fn moving_rows(scene: &dyn DynamicScene, times: &[f64], least: f64) -> Vec<u32> {
-    let mut at = times.chunks(TIMES_AT_ONCE).flat_map(|times| scene.at_times(times)).map(|g| to_host(g.means.val()));
+    let mut at = through_time(scene, times).map(|gaussians| to_host(gaussians.means.val()));
     let Some(first) = at.next() else { return Vec::new() };
     let mut moves = vec![false; first.len() / 3];
     for positions in at {

@@ -11,6 +11,7 @@ use super::strip::Picture;
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::run::pixels::image_bytes;
+use gs_train::run::scene::through_time;
 
 /// Paths that are drawn at most and at least, as far as so many move.
 const PATHS: [usize; 2] = [300, 24];
@@ -57,7 +58,7 @@ pub fn draw(
     let between = |a: f64, b: f64| (0..=POINTS).map(move |k| a + (b - a) * k as f64 / POINTS as f64);
     let times: Vec<f64> = between(first, end).chain(between(end, until)).collect();
     let positions: Vec<Vec<f32>> =
-        times.chunks(8).flat_map(|times| scene.at_times(times)).map(|scene| to_host(scene.means.val())).collect();
+        through_time(scene, &times).map(|gaussians| to_host(gaussians.means.val())).collect();
     let w2c = camera.c2w.inverse();
     let path = |row: usize| positions.iter().map(|at| projected(&camera, &w2c, &at[3 * row..3 * row + 3])).collect();
     let paths: Vec<Vec<Option<[f64; 2]>>> = (0..now.len()).map(path).collect();
