@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use toml::Table;
 
-use super::evaluate::Evaluation;
 use super::lock;
+use super::measured::Evaluation;
 use crate::config::tables;
 
 /// Largest metrics.jsonl, bytes: a line of 200 bytes every ten steps makes 20 MB in a million steps.

@@ -22,6 +22,7 @@ pub mod folder;
 pub mod interrupt;
 pub mod listing;
 pub mod lock;
+pub mod measured;
 pub mod memory;
 pub mod metrics;
 pub mod outcome;

@@ -11,11 +11,11 @@ use gs_base::{guarded, write_atomic};
 use toml::Table;
 
 use super::checkpoint::{self, Checkpoint, CheckpointError, Origin};
-use super::evaluate::{Cost, Evaluation, Measured};
 use super::fingerprint::Fingerprint;
 use super::folder::{EvalFile, MetricsFile, MetricsLine, RunFolder, Setting, TrainLine, full_path, utf8};
 use super::interrupt;
 use super::lock::Lock;
+use super::measured::{Cost, Evaluation, Measured};
 use super::memory::Prediction;
 use super::outcome::Outcome;
 use super::outputs;

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use gs_train::run::evaluate::Evaluation;
+use gs_train::run::measured::Evaluation;
 use gsburn::report::comparison::{ComparedRun, by_cpu, differing_keys, pareto_front, seconds, settings};
 
 use super::scatter::{COLORS, Dot, Scatter};

@@ -1,6 +1,6 @@
 //! Runs that differ in nothing but their seed: one curve of their means, with the range over the seeds.
 
-use gs_train::run::evaluate::Evaluation;
+use gs_train::run::measured::Evaluation;
 use gsburn::report::comparison::{ComparedRun, Table, by_cpu, seconds};
 
 /// The key of the configuration by which such runs differ.

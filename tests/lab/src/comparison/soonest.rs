@@ -4,7 +4,7 @@
 //! Between two measurements the PSNR is taken to rise evenly with the logarithm of the cost, as it nearly does. A
 //! quality that the first measurement already exceeds was reached before it, at an unknown cost.
 
-use gs_train::run::evaluate::Evaluation;
+use gs_train::run::measured::Evaluation;
 use gsburn::report::comparison::{ComparedRun, Table, seconds};
 
 use super::Other;
@@ -172,7 +172,7 @@ mod tests {
     fn moving_parts_have_times_of_their_own() {
         let mut moving = run("moving", &[(10.0, 20.0), (40.0, 22.0)]);
         for (evaluation, psnr) in moving.eval.evaluations.iter_mut().zip([17.0, 19.0]) {
-            let scores = gs_train::run::evaluate::Scores { psnr, ..evaluation.measured.quality.mean.clone() };
+            let scores = gs_train::run::measured::Scores { psnr, ..evaluation.measured.quality.mean.clone() };
             evaluation.measured.quality.regions.insert(gs_train::fit::told::MOVING.into(), scores);
         }
         let tables = soonest(&curves(&[moving]), &[], true);

@@ -1,8 +1,8 @@
 //! Hand-made runs for tests.
 
 use gs_train::fit::told::MOVING;
-use gs_train::run::evaluate::{Cost, Evaluation, Measured, ModelSize, Quality, Scores};
 use gs_train::run::folder::{EvalFile, RunFolder, Setting};
+use gs_train::run::measured::{Cost, Evaluation, Measured, ModelSize, Quality, Scores};
 use gsburn::report::comparison::ComparedRun;
 
 /// A setting.

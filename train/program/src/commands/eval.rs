@@ -13,7 +13,7 @@ use crate::commands::{device, missing, print};
 use crate::report::pictures::SideBySide;
 use gs_pipelines::{EvalRequest, Evaluated, find, of_checkpoint, resolve_changed};
 use gs_train::config::tables;
-use gs_train::run::evaluate::{Measured, Scores, described_split};
+use gs_train::run::measured::{Measured, Scores, described_split};
 use gs_train::run::metrics::psnr_cell;
 use gs_train::run::outputs::{self, MARK, check_one, marked_png};
 use gs_train::run::resources::peak_memory;

@@ -31,7 +31,7 @@ use burn::tensor::Device;
 use gs_base::printable;
 
 use crate::cli::DeviceArgs;
-use gs_train::run::evaluate::Quality;
+use gs_train::run::measured::Quality;
 use gs_train::run::metrics::NO_LPIPS;
 
 /// The device named by the arguments, without autodiff. In a build with a GPU backend it says on standard error what

@@ -11,7 +11,8 @@ use gs_train::config::tables;
 use gs_train::fit::session::Data;
 use gs_train::fit::told::{MOVING, Told};
 use gs_train::run::checkpoint::Checkpoint;
-use gs_train::run::evaluate::{HeldOut, Measured};
+use gs_train::run::evaluate::HeldOut;
+use gs_train::run::measured::Measured;
 use gs_train::run::scene::SceneFile;
 use gs_worlds::deblur::{self, DeblurOptions, World};
 

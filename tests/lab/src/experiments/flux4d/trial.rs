@@ -9,8 +9,8 @@ use gs_pipelines::flux4d::evaluate::{Split, measure};
 use gs_pipelines::flux4d::logs::Logs;
 use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
-use gs_train::run::evaluate::Measured;
 use gs_train::run::interrupt;
+use gs_train::run::measured::Measured;
 use gs_worlds::driving::StreetOptions;
 
 use crate::experiments::lab::figure;

@@ -6,7 +6,7 @@ use gs_datasets::{Priors, Scene};
 use gs_pipelines::taylormode::config::CuesConfig;
 use gs_pipelines::taylormode::cues;
 use gs_pipelines::taylormode::{Config, Taylormode};
-use gs_train::run::evaluate::Measured;
+use gs_train::run::measured::Measured;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
 use gsburn::report::charts::Series;
 

@@ -7,7 +7,7 @@
 use super::ComparedRun;
 use super::choice::mean_and_error;
 use gs_train::fit::told::MOVING;
-use gs_train::run::evaluate::{Evaluation, ViewScores};
+use gs_train::run::measured::{Evaluation, ViewScores};
 
 /// The key of the cap.
 const CAP: &str = "density.cap";
@@ -82,8 +82,8 @@ fn figure(cap: usize, evaluation: &Evaluation, moving: bool) -> Option<(usize, f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gs_train::run::evaluate::Scores;
     use gs_train::run::folder::RunFolder;
+    use gs_train::run::measured::Scores;
 
     /// The figures of a run without views.
     const EVAL: &str = r#"{

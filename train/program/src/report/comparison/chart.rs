@@ -2,7 +2,7 @@
 
 use super::{ComparedRun, by_cpu, pareto_front, seconds};
 use crate::report::charts::{Chart, Series};
-use gs_train::run::evaluate::Evaluation;
+use gs_train::run::measured::Evaluation;
 
 /// Counts of Gaussians that differ by less than this share are equal, and a chart over them would show nothing.
 const SAME_COUNT: f64 = 0.05;

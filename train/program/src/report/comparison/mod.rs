@@ -17,8 +17,8 @@ pub use table::{Table, differing_keys};
 
 use std::collections::BTreeMap;
 
-use gs_train::run::evaluate::Evaluation;
 use gs_train::run::folder::{EvalFile, RunFolder, Setting};
+use gs_train::run::measured::Evaluation;
 
 /// A finished run.
 #[derive(Debug, Clone)]

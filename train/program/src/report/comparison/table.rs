@@ -7,7 +7,7 @@ use gs_base::printable;
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
 use crate::report::html::{escaped, name};
 use gs_train::fit::figure::Prominence;
-use gs_train::run::evaluate::Evaluation;
+use gs_train::run::measured::Evaluation;
 use gs_train::run::memory::megabytes;
 
 /// Most further keys of the configuration shown as columns; more would not be readable.

@@ -7,7 +7,7 @@ use gs_models::DynamicScene;
 
 use gs_train::config::RenderConfig;
 use gs_train::fit::facts::SceneFacts;
-use gs_train::run::evaluate::Measured;
+use gs_train::run::measured::Measured;
 
 /// How pictures of a scene are drawn.
 #[derive(Debug, Clone)]

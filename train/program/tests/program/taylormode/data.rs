@@ -133,7 +133,7 @@ fn exposures_that_differ_are_judged_by_their_median() {
         });
     }
     let run = |name: &str, from: &str| finish_in(temporary.path(), &world, name, &[from]).last;
-    let exposure = |last: &gs_train::run::evaluate::Evaluation| last.figure("exposure").expect("it moves");
+    let exposure = |last: &gs_train::run::measured::Evaluation| last.figure("exposure").expect("it moves");
     let held = run("held", "blur.exposure_from=1");
     assert!((exposure(&held) / 0.05 - 1.0).abs() < 1e-6, "{}", exposure(&held));
     assert_eq!(held.figure("exposure_error"), None, "what is held is not found");

@@ -4,7 +4,7 @@ use gs_worlds::deblur::{DeblurOptions, World};
 
 use gs_pipelines::fit::load;
 use gs_pipelines::taylormode::{Taylormode, cues};
-use gs_train::run::evaluate::Evaluation;
+use gs_train::run::measured::Evaluation;
 
 use crate::common;
 use crate::taylormode::{STEPS, finish_in, tiny_world, written};
