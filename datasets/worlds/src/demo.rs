@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::random::gaussian;
-use super::shapes::Ray;
 use super::world::World;
+use crate::tracer::shape::Ray;
 use gs_datasets::DatasetError;
 use gs_datasets::image_io::write_png;
 

@@ -5,18 +5,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use rand::Rng;
 
-/// A half line; `direction` has length 1.
-#[derive(Clone, Copy)]
-pub(super) struct Ray {
-    pub origin: DVec3,
-    pub direction: DVec3,
-}
-
-impl Ray {
-    pub fn at(&self, t: f64) -> DVec3 {
-        self.origin + t * self.direction
-    }
-}
+use crate::tracer::shape::{Crossing, Ray, SKIN};
 
 /// A surface, in metres.
 #[derive(Clone, Copy)]
@@ -36,16 +25,6 @@ pub(super) enum Shape {
         radius: f64,
     },
 }
-
-/// A distance along a ray, and the outward normal there.
-#[derive(Clone, Copy)]
-pub(super) struct Crossing {
-    pub t: f64,
-    pub normal: DVec3,
-}
-
-/// Rays start this far off a surface, metres, so that rounding does not make it shade itself.
-pub(super) const SKIN: f64 = 1e-6;
 
 impl Shape {
     /// The nearest crossing in front of the ray's origin.

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::shapes::{Paint, Pattern, Ray, SKIN, Shape};
+use super::shapes::{Paint, Pattern, Shape};
+use crate::tracer::shape::{Ray, SKIN};
 
 /// Rays towards the light from every shaded place. The pattern is the same everywhere, so that a place has the same
 /// colour in every view; more would smooth the steps in the half shadow below what 8 bits show.

@@ -89,7 +89,7 @@ impl FromStr for World {
 /// Options of [`write()`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeblurOptions {
-    /// Which world.
+    /// The world.
     pub world: World,
     /// Image width, 8 to 8192 pixels.
     pub width: usize,

@@ -48,7 +48,7 @@ pub enum PriorFault {
 }
 
 impl PriorFault {
-    /// Those that [`PriorFaults::default`] has.
+    /// The faults of [`PriorFaults::default`].
     pub const USUAL: [Self; 4] = [Self::DepthAffine, Self::DepthNoise, Self::Masks, Self::Sharp];
 
     /// All faults.

@@ -3,7 +3,8 @@
 use glam::{DVec2, DVec3};
 
 use super::paint::Paint;
-use super::shape::{Ray, Shape};
+use super::shape::Shape;
+use crate::tracer::shape::Ray;
 use gs_driving::ObjectClass;
 
 /// A painted form.

@@ -4,8 +4,9 @@ use glam::{DVec2, DVec3};
 
 use super::body::Part;
 use super::paint::{Ground, Paint};
-use super::shape::{Ray, SKIN};
+use super::shape::SKIN;
 use super::street::{Street, Thing};
+use crate::tracer::shape::Ray;
 use crate::tracer::texture::noise;
 
 /// Where the ground ends, metres from the ray's origin: the rest is haze.
@@ -72,7 +73,7 @@ pub(super) struct Instant<'s> {
     placed: Vec<Placed<'s>>,
 }
 
-/// Which things a bundle of rays can meet.
+/// The things that a bundle of rays can meet.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Candidates(Vec<u32>);
 

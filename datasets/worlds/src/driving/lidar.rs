@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::instant::Instant;
 use super::rig::{Rig, TURN};
-use super::shape::Ray;
+use crate::tracer::shape::Ray;
 
 /// Nearest and farthest return, metres.
 const RANGE: (f64, f64) = (1.5, 120.0);

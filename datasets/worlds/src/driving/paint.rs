@@ -82,7 +82,7 @@ pub(super) const HOUSES: f64 = 13.5;
 /// Half the width of the crossing street, metres.
 pub(super) const SIDE: f64 = 7.0;
 
-/// What the ground is at a position.
+/// The kind of ground at a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ground {
     Road,

@@ -2,18 +2,7 @@
 
 use glam::DVec3;
 
-/// A half line; the direction has length 1.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Ray {
-    pub origin: DVec3,
-    pub direction: DVec3,
-}
-
-impl Ray {
-    pub fn at(&self, t: f64) -> DVec3 {
-        self.origin + t * self.direction
-    }
-}
+use crate::tracer::shape::Ray;
 
 /// Nearer crossings do not count, metres: a surface does not shade itself.
 pub(super) const SKIN: f64 = 1e-4;

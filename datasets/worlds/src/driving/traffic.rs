@@ -1,4 +1,4 @@
-//! What moves: eight kinds of movers in turn, so that a log with eight movers or more has all of them.
+//! Movers: eight kinds in turn, so that a log with eight movers or more has all of them.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -130,7 +130,7 @@ impl FromStr for World {
 /// Options of [`write()`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtrapolationOptions {
-    /// Which world.
+    /// The world.
     pub world: World,
     /// Image width, 8 to 8192 pixels.
     pub width: usize,

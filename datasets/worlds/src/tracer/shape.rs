@@ -33,7 +33,7 @@ pub(crate) struct Crossing {
 }
 
 /// Rays start this far off a surface, metres, so that rounding does not make it shade itself.
-const SKIN: f64 = 1e-6;
+pub(crate) const SKIN: f64 = 1e-6;
 
 /// Crossings are found to this precision along the ray, metres: less than a hundredth of a pixel in any view.
 const PRECISION: f64 = 1e-5;

@@ -145,7 +145,7 @@ fn depth_and_velocity_lie_on_the_ball() {
     }
 }
 
-/// What one camera sees must be where another sees it: nothing may lie behind what the other one sees there. Depth of
+/// A surface that one camera sees must be where another sees it: nothing may lie behind what the other one sees there. Depth of
 /// the nearest pixel stands in for the depth at a place, so slanted surfaces and edges may differ by more than 3 %.
 #[test]
 fn depth_agrees_between_cameras() {
@@ -229,7 +229,7 @@ fn same_options_same_bytes_on_any_number_of_threads() {
     }
 }
 
-/// Which priors (depth, mask, pseudo-sharp) are the truth in every training frame, and how the set names its depths.
+/// The priors (depth, mask, pseudo-sharp) that are the truth in every training frame, and how the set names its depths.
 fn exact(faults: PriorFaults) -> ([bool; 3], String) {
     let folder = written(&DeblurOptions { priors: faults, ..small(World::Cube) });
     let set = json(&folder, "train");
