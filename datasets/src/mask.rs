@@ -27,7 +27,7 @@ pub(crate) struct MaskFile {
     pub white: White,
 }
 
-/// Which pixels of a photo count, at a size of its own; lookups scale to the nearest pixel.
+/// The pixels of a photo that count, at a size of its own; lookups scale to the nearest pixel.
 pub(crate) struct Mask {
     width: usize,
     height: usize,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::convention::PoseConvention;
 
-/// Which views are held out of training. Except by [`Holdout::Dataset`], they are held out as
+/// The views that are held out of training. Except by [`Holdout::Dataset`], they are held out as
 /// [`Split::TEST`](crate::Split::TEST).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Holdout {
@@ -23,7 +23,7 @@ pub enum Holdout {
     None,
 }
 
-/// Which held-out splits are loaded.
+/// The held-out splits that are loaded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SplitUse {
     /// All of them.
@@ -34,7 +34,7 @@ pub enum SplitUse {
     Reported,
 }
 
-/// Which cameras train, which are held out, and the times that are seen.
+/// The cameras that train, those that are held out, and the times that are seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SparseViews {
     /// Cameras that train; 0: all that the data set's split trains on.
@@ -74,7 +74,7 @@ pub enum MaskUse {
     KeepBlack,
 }
 
-/// Which priors are read where a data set has them. Truth is always read.
+/// The priors that are read where a data set has them. Truth is always read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PriorUse {
     /// [`Priors::depth`](crate::Priors::depth).
@@ -122,9 +122,9 @@ pub struct LoadOptions {
     pub max_width: Option<usize>,
     /// The colour that transparent pixels show, 0 to 1 per channel (encoded as the images are). Default black.
     pub background: [f32; 3],
-    /// Which views are held out. Default [`Holdout::Dataset`].
+    /// The views that are held out. Default [`Holdout::Dataset`].
     pub holdout: Holdout,
-    /// Which of the held-out splits are loaded. Default [`SplitUse::All`].
+    /// The held-out splits that are loaded. Default [`SplitUse::All`].
     pub splits: SplitUse,
     /// Few training cameras, and the times that are seen, in place of the split; `None` (the default) goes by
     /// `holdout`.
@@ -136,7 +136,7 @@ pub struct LoadOptions {
     pub recentre: bool,
     /// How mask files are used. Default [`MaskUse::Auto`].
     pub masks: MaskUse,
-    /// Which priors are read. Default all.
+    /// The priors that are read. Default all.
     pub priors: PriorUse,
     /// Whether the truth of training views is read where views are held out. Nobody measures by it there, and velocity
     /// maps alone are twelve bytes a pixel. Default no. The truth of held-out views is always read, and where nothing
@@ -154,7 +154,7 @@ pub struct LoadOptions {
     /// The levels that become black and white, as shares of a photo's full range, 0 to 1. A 16-bit photo is stretched
     /// before it is rounded to 8 bits. `None` (the default): 0 and 1.
     pub levels: Option<[f64; 2]>,
-    /// Which file goes with which row of an LLFF set. Default [`RowOrder::Auto`].
+    /// The order of the files of an LLFF set in its rows. Default [`RowOrder::Auto`].
     pub row_order: RowOrder,
     /// Whether later frames are held out on purpose, so that their times are no mistake. Default no.
     pub predicts: bool,

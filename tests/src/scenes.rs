@@ -178,7 +178,7 @@ fn compensation_of(rows: &[f64], index: usize) -> f64 {
     ProjectedRow::read(rows, index).compensation
 }
 
-/// Which bodies of the ops compute an image.
+/// The bodies of the ops that compute an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
     /// The accelerated kernels.

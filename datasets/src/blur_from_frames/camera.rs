@@ -1,4 +1,4 @@
-//! Which frames belong to one static camera, and which windows they make.
+//! The frames of one static camera, and the windows that they make.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Which file goes with which row of an LLFF pose file. The file holds no names.
+//! The file of each row of an LLFF pose file, which holds no names.
 //!
 //! LLFF's script sorts names as text: `IMG_10` stands before `IMG_2`. Other scripts go by number. Photos and cameras
 //! are numbered along a path, so that the right order has the shorter one.

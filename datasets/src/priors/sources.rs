@@ -1,4 +1,4 @@
-//! Which files lie beside a photo: named by keys of its JSON frame, or found in side folders by the photo's own name.
+//! The files beside a photo: named by keys of its JSON frame, or found in side folders by the photo's own name.
 
 use std::path::{Path, PathBuf};
 

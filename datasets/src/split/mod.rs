@@ -1,4 +1,4 @@
-//! Which frames train and which are held out, and under which name.
+//! The frames that train, those that are held out, and under which name.
 
 mod sparse_views;
 

@@ -13,7 +13,7 @@ use serde_json::json;
 use crate::colmap;
 use crate::fixtures::{Folder, npy_f32, rig, ring_scene};
 
-/// What may lie where a file should be, and how the sentence calls it.
+/// An entry that may lie where a file should be, and how the sentence calls it.
 const IMPOSTORS: [(&str, &str); 3] = [("/dev/zero", "a device"), ("pipe", "a pipe"), ("folder", "a folder")];
 
 fn options() -> LoadOptions {

@@ -1,4 +1,4 @@
-//! What a data set on disk becomes when it is loaded: fixtures are written by the tests themselves.
+//! Data sets on disk and as they are loaded: fixtures are written by the tests themselves.
 
 mod blur_from_frames;
 mod check;

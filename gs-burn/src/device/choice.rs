@@ -1,4 +1,4 @@
-//! Which adapter `auto` takes, from descriptions of all. Nothing here touches a device.
+//! The adapter that `auto` takes, from descriptions of all. Nothing here touches a device.
 
 use std::fmt;
 

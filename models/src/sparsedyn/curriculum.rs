@@ -46,7 +46,7 @@ pub enum Phase {
 /// A frame of a step, and the weight of its loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sampled {
-    /// Which frame, 0 to `T`.
+    /// The frame, 0 to `T`.
     pub frame: usize,
     /// The factor of its loss.
     pub weight: f64,

@@ -78,7 +78,7 @@ impl DynamicsField {
     }
 }
 
-/// What a rollout may ask for the physical quantities of Gaussians.
+/// A source of the physical quantities of Gaussians, as a rollout needs them.
 pub trait Asked {
     /// The quantities of Gaussians at `positions` `[M, 3]`, world, scene units, at time `t`.
     fn ask(&self, positions: Tensor<2>, t: f64) -> Dynamics;

@@ -10,7 +10,7 @@ Examples:
   gsburn synth deblur sphere --out sphere           blurry multi-view video with known truth
   gsburn train sphere --recipe taylormode/base
   gsburn render runs/my-photos --cameras path/transforms.json --out frames
-  gsburn view runs/my-photos                        one page with the scene in 3D; gsburn watch shows it while it trains
+  gsburn view runs/my-photos                        one page with the scene in 3D; gsburn watch shows it in training
   gsburn export runs/my-photos --out scene.ply
   gsburn extrapolate runs/my-video --to 1.5         frames after the recording, of a run that moves";
 
@@ -30,15 +30,18 @@ Examples:
   gsburn sweep cube --recipe taylormode/base \\
       --over blur.samples=3,7,15 --over density.cap=5000,10000 --out runs/cube-sweep
   gsburn sweep cube --recipes taylormode/paper,taylormode/itg,taylormode/base --set steps=2000 --out runs/methods
-  gsburn sweep fan --set pipeline=sparsedyn --one-at-a-time --over dynamics.step_frames=1,4 --over dynamics.ask=step,stage --out runs/fan-cost
+  gsburn sweep fan --set pipeline=sparsedyn --one-at-a-time \\
+      --over dynamics.step_frames=1,4 --over dynamics.ask=step,stage --out runs/fan-cost
   gsburn sweep fan --set pipeline=sparsedyn --set data.train_cameras=5 --choose smallest --out runs/fan-size
-  gsburn sweep door fox --recipe static/lund-door,static/fox --over seed=42,43,44 --set 'eval.at=[100,300,1000,3000]' --out runs/time
+  gsburn sweep door fox --recipe static/lund-door,static/fox \\
+      --over seed=42,43,44 --set 'eval.at=[100,300,1000,3000]' --out runs/time
 
---choose smallest measures the runs on the validation images and chooses the smallest scene within one standard error of the best;
-choice.md says what it saves and what it costs. The reported split takes no part in the choice.
+--choose smallest measures the runs on the validation images and chooses the smallest scene within one standard error
+of the best; choice.md says what it saves and what it costs. The reported split takes no part in the choice.
 
-One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg, chart.md
-and chart.csv with all of them. Of several data sets each has such a folder in --out. The same command again continues: finished runs are kept, an interrupted one goes on from its newest checkpoint. Ctrl-C saves a checkpoint and
+One run for every combination, one after another, each in a folder of --out that is named after it; then chart.svg,
+chart.md and chart.csv with all of them. Of several data sets each has such a folder in --out. The same command again
+continues: finished runs are kept, an interrupted one goes on from its newest checkpoint. Ctrl-C saves a checkpoint and
 leaves with exit code 130, SIGTERM likewise with 143.";
 
 /// Shown below `gsburn flow --help`.
@@ -46,17 +49,18 @@ pub const FLOW: &str = "\
 Examples:
   gsburn flow pandaset/002
   gsburn flow av2/val/LOG --out flow              one array a sweep: [points, 3], metres in 0.1 s, axes of the world
-  gsburn flow av2/val/LOG --fit 500               the baseline: a fit of every pair of sweeps, which takes minutes a sweep
+  gsburn flow av2/val/LOG --fit 500               the baseline: a fit of every pair of sweeps, minutes a sweep
 
-Bodies are found by what the rays of other sweeps passed through; each has one motion in the plane (velocity, acceleration, turn),
-and all else rests. Points without a label are not scored. 'gsburn reconstruct' starts from the same motions.";
+Bodies are found by what the rays of other sweeps passed through; each has one motion in the plane (velocity,
+acceleration, turn), and all else rests. Points without a label are not scored. 'gsburn reconstruct' starts from the
+same motions.";
 
 /// Shown below `gsburn reconstruct --help`.
 pub const RECONSTRUCT: &str = "\
 Examples:
   gsburn synth driving --logs 4 --frames 22 --out streets
   gsburn train streets --recipe flux4d/base --out runs/streets
-  gsburn reconstruct streets/003 --model runs/streets --out out        one snippet: frames between the inputs, actors, PLY
+  gsburn reconstruct streets/003 --model runs/streets --out out     one snippet: frames between the inputs, actors, PLY
   gsburn reconstruct pandaset/002 --model runs/streets --full --out whole
   gsburn reconstruct streets/003 --model runs/streets --future 5 --times 0.25,0.55 --shift 0,2,1 --out moved
   gsburn reconstruct streets/003 --model runs/streets --polish 100 --out polished

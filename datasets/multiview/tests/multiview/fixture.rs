@@ -21,7 +21,7 @@ pub struct Ball {
     pub spin: f64,
 }
 
-/// What is looked at, and how.
+/// The scene and its cameras.
 pub struct World {
     pub balls: Vec<Ball>,
     pub cameras: usize,

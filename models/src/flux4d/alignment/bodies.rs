@@ -173,7 +173,7 @@ impl<'a> Snippet<'a> {
 
     /// Bodies that the sweep before or after confirms, with those found there by following them.
     ///
-    /// What drives away hides the places where it will be, so no ray shows that they were empty: such a body is evident
+    /// A body that drives away hides the places where it will be, so no ray shows that they were empty: it is evident
     /// in the first sweeps alone and is followed into the later ones.
     fn followed(&self, found: Vec<Candidate>) -> Vec<Candidate> {
         let mut bodies: Vec<(Candidate, bool)> = found.into_iter().map(|body| (body, false)).collect();

@@ -28,7 +28,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// What laws are compared by, from their poses alone; lower is better.
+    /// The criterion by which laws are compared, from their poses alone; lower is better.
     pub fn score(&self) -> f64 {
         self.bic + self.surprise
     }

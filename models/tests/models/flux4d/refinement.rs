@@ -121,7 +121,7 @@ fn detached(place: &Place, setting: &Setting, bowl: &Bowl, held: &[(Tensor<2>, T
     sum
 }
 
-/// What enters the later passes, computed by hand.
+/// The inputs of the later passes, computed by hand.
 fn entering(place: &Place, setting: &Setting, bowl: &Bowl, passes: usize) -> Vec<(Tensor<2>, Tensor<2>)> {
     let (f, r) = toys(&setting.weights, |values, shape| place.tensor(values, shape));
     let times: Tensor<2> = setting.times.clone().reshape([ROWS, 1]);

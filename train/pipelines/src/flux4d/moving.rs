@@ -1,4 +1,4 @@
-//! Which pixels of an image move, by the truth of a synthetic log or by labelled LiDAR points.
+//! The pixels of an image that move, by the truth of a synthetic log or by labelled LiDAR points.
 
 use anyhow::Result;
 use gs_driving::{DrivingLog, TruthImage, truth_image};

@@ -145,7 +145,7 @@ section! {
 }
 
 section! {
-    /// Which Gaussians may move.
+    /// The Gaussians that may move.
     pub struct MovingConfig {
         /// Whether Gaussians without evidence of motion stay static; otherwise all may move.
         select: bool = true;
@@ -206,7 +206,7 @@ section! {
         dynamics: DynamicsConfig;
         /// Progressive physics learning.
         curriculum: CurriculumConfig;
-        /// Which Gaussians may move.
+        /// The Gaussians that may move.
         moving: MovingConfig;
         /// Rigid bodies with laws of motion.
         bodies: BodiesConfig;

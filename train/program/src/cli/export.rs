@@ -89,7 +89,7 @@ pub struct ConvertArgs {
     pub keep_far: bool,
 }
 
-/// Which way is up.
+/// The direction that is up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Up {
     /// A direction of the world.

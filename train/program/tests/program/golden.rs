@@ -75,7 +75,7 @@ struct Golden {
     moving: Option<Figure>,
 }
 
-/// What a recipe reached.
+/// The outcome of a recipe.
 struct Held {
     /// Mean PSNR of moving parts, dB.
     moving: Option<f64>,
