@@ -16,7 +16,7 @@ use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::{Ending, Job};
 use gs_worlds::driving::{StreetOptions, write};
 
-use self::reconstruct::{best_of_one_opacity, json, reconstructs};
+use self::reconstruct::{best_of_one_opacity, reconstructs};
 use crate::common;
 use crate::common::program::{fails, says, succeeds};
 use crate::common::streets::{SMALL, job, small_street, streets};
