@@ -15,12 +15,15 @@ const LEAST: f64 = 45.0;
 
 /// Chromium one after the other: each takes all cores for its GL.
 static BROWSER: Mutex<()> = Mutex::new(());
-/// The installed Chromium.
+
+/// The installed Chromium, which `GSBURN_TEST_BROWSER` requires.
 fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome", "chrome"];
     let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
     let found = folders.iter().flat_map(|folder| names.map(|name| folder.join(name))).find(|path| path.is_file());
     if found.is_none() {
+        let required = std::env::var_os("GSBURN_TEST_BROWSER").is_some();
+        assert!(!required, "GSBURN_TEST_BROWSER is set, and there is no Chromium in PATH");
         println!("no Chromium on this machine: the viewer's pictures are not compared");
     }
     found
