@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 
 const PAPERS: [&str; 3] = ["taylormode", "sparsedyn", "flux4d"];
 
-/// Source folders that name no paper: papers are `models`, `train/pipelines`, `configs` and `tests/lab`.
-const NO_PAPERS: [&str; 2] = ["train/src", "train/program/src"];
+/// Source folders that name no paper: papers are `models`, `train/pipelines`, `configs` and `tests/lab`. Comments of
+/// `gs-burn`, `datasets/driving`, `datasets/multiview` and `datasets/worlds` cite their equations.
+const NO_PAPERS: [&str; 6] =
+    ["datasets/base/src", "datasets/splats/src", "datasets/src", "gs-kernels/src", "train/program/src", "train/src"];
 
 /// Source folders in which no circle is allowed. Twins of a kernel are one idea in several files, so `gs-kernels` is
 /// not one of them.
