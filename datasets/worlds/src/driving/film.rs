@@ -6,7 +6,7 @@ use gs_datasets::light::to_byte;
 
 use super::instant::{Candidates, Instant};
 use super::rig::TURN;
-use super::shape::Ray;
+use crate::tracer::shape::Ray;
 
 /// Things are looked for once for each square of pixels of this side.
 const TILE: usize = 16;
