@@ -14,8 +14,6 @@ mod points;
 mod random;
 mod ranges;
 mod set;
-mod shapes;
 mod tracer;
-mod world;
 
 pub use demo::{DemoOptions, demo_scene};

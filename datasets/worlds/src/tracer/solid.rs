@@ -35,6 +35,11 @@ pub(crate) struct Hit {
 }
 
 impl<P> Part<P> {
+    /// The part in a body's coordinates, not turned.
+    pub fn new(shape: Shape, position: DVec3, paint: P) -> Self {
+        Self { shape, position, turn: DQuat::IDENTITY, paint }
+    }
+
     fn is_turned(&self) -> bool {
         self.turn != DQuat::IDENTITY
     }
