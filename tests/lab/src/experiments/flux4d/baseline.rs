@@ -13,19 +13,11 @@ use gs_pipelines::flux4d::logs::open;
 use gs_pipelines::flux4d::prepare::{prepare, sweep};
 use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_pipelines::flux4d::sweep_flow::FIT_POINTS;
-use gs_train::run::interrupt;
 use gsburn::report::charts::Series;
 
 use super::trial::{network, street};
-use crate::experiments::{Experiment, Findings, Interrupted, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "baseline",
-    "Scene flow of the same points by the shipped network, and by fitting a network to each pair of sweeps (FastNSF): \
-     which is nearer to the truth, and how long does a sweep take?",
-    run,
-);
+use crate::experiments::lab::go_on;
+use crate::experiments::{Findings, Lab};
 
 /// Iterations of the fits: a thousand, as its authors take, would be a quarter of an hour a sweep on two cores.
 const ITERATIONS: [usize; 3] = [20, 60, 200];
@@ -51,7 +43,7 @@ impl Way {
     }
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let iterations: &[usize] = lab.either(&ITERATIONS, &ITERATIONS_QUICK);
     let (mut ours, mut fits) = (Way::default(), iterations.iter().map(|_| Way::default()).collect::<Vec<_>>());
@@ -109,9 +101,7 @@ fn compare<'a>(
     for (iterations, fit) in fits {
         let config = FastNsfConfig { iterations: *iterations, points: Some(FIT_POINTS), ..FastNsfConfig::default() };
         for (flow, target, seconds) in &pairs {
-            if interrupt::asked() {
-                return Err(Interrupted.into());
-            }
+            go_on()?;
             let begun = Instant::now();
             let fitted = fit_flow(&flow.points, target, &config, &lab.device)?;
             fit.seconds += begun.elapsed().as_secs_f64();

@@ -14,14 +14,7 @@ use gs_train::run::metrics::psnr_masked;
 use gsburn::report::charts::Series;
 
 use super::trial::{network, street};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "bins",
-    "PSNR of the frames between the inputs by distance, and of the sky, which has no LiDAR point: does far mean wrong?",
-    run,
-);
+use crate::experiments::{Findings, Lab};
 
 /// Upper ends of the bins of distance, metres; the last has none, and the sky is a bin of its own.
 const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
@@ -30,7 +23,7 @@ const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
 /// a pixel has, and a bin is not to be lost for that.
 const BOUND: f64 = 6.0;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let path = lab.street(&street())?;
     let (config, device) = (&saved.config, &lab.device);

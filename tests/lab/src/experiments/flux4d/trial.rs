@@ -9,12 +9,11 @@ use gs_pipelines::flux4d::evaluate::{Split, measure};
 use gs_pipelines::flux4d::logs::Logs;
 use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
-use gs_train::run::interrupt;
 use gs_train::run::measured::Measured;
 use gs_worlds::driving::StreetOptions;
 
-use crate::experiments::lab::figure;
-use crate::experiments::{Interrupted, Lab};
+use crate::experiments::Lab;
+use crate::experiments::lab::{figure, go_on};
 
 /// Seed of the streets of experiments: none of those that the shipped network was trained on.
 const SEED: u64 = 2000;
@@ -79,9 +78,7 @@ impl Outcome {
 /// # Errors
 /// [`Interrupted`]; when no snippet can be used.
 pub fn applied(lab: &Lab, street: &Path, network: &FluxNetwork, config: &FluxConfig) -> Result<Outcome> {
-    if interrupt::asked() {
-        return Err(Interrupted.into());
-    }
+    go_on()?;
     let logs = Arc::new(Logs::unseen(street, &config.own.logs)?);
     let split = Split { places: &logs.held_out, name: logs.split, logs: &logs, pictures: 0 };
     Ok(Outcome::of(&measure(network, &split, config, &lab.device)?.measured))

@@ -13,15 +13,7 @@ use gs_train::fit::parameters::{from_host, to_host};
 use gsburn::report::charts::Series;
 
 use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "divergence",
-    "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how \
-     far off are they inside the window, how far beyond it, and does the remainder vanish faster than the last power?",
-    run,
-);
+use crate::experiments::{Findings, Lab};
 
 /// Fitted orders.
 const ORDERS: std::ops::RangeInclusive<usize> = 0..=5;
@@ -48,7 +40,7 @@ const PATHS: [Path; 4] = [
     Path { name: "bounce", position: |s| [0.5 * s, 0.0, (2.0 * s).sin().abs()] },
 ];
 
-fn run(_: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     let device = gs_burn::device::select("auto")?;
     let (mut inside, mut outside, mut outside_rest, mut outside_kinked) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());

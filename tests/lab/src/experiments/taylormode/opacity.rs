@@ -7,27 +7,14 @@ use gs_datasets::{Scene, View};
 use gs_pipelines::fit::SceneMethod;
 use gs_pipelines::still::Still;
 use gs_train::fit::photos::{camera, to_tensor};
-use gs_train::fit::session::Data;
 use gs_train::run::metrics::psnr;
 use gs_worlds::deblur::{DeblurOptions, World};
 use gsburn::report::charts::Series;
 
-use super::trial::{SHARED, Trial};
+use super::trial::{SHARED, trial};
 use crate::experiments::findings::largest;
-use crate::experiments::lab::{Session, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "opacity",
-    "Opacities reset, decaying or left alone under classic density control, in a blurry moving scene, a sharp \
-               moving one and a static one: what does each cost during training and at the end?",
-    |quick| 9 * if quick { STEPS_QUICK } else { STEPS },
-    run,
-);
-
-const STEPS: usize = 900;
-const STEPS_QUICK: usize = 180;
+use crate::experiments::lab::{Session, Trial, small};
+use crate::experiments::{Findings, Lab};
 
 /// Steps between measurements.
 const EVERY: usize = 15;
@@ -42,7 +29,7 @@ const BACKGROUND: &str = "data.background=[0.0, 0.0, 0.0]";
 
 const POLICIES: [&str; 3] = ["reset", "decay", "none"];
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let moving = lab.world(&small(World::Lychee, 6))?;
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Lychee, 6) })?;
     let static_scene = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
@@ -78,7 +65,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 
 /// Steps from one reset to the next: two in a run, with a third of it to recover from the second.
 fn reset_interval(lab: &Lab) -> usize {
-    lab.either(STEPS, STEPS_QUICK) / 3
+    lab.steps() / 3
 }
 
 /// PSNR of the held-out views along a run of a moving scene.
@@ -86,8 +73,7 @@ fn moving_curve(lab: &Lab, scene: &Scene, policy: &str, changes: &[&str]) -> Res
     let strategy = strategy(lab, policy);
     let strategy = strategy.iter().map(String::as_str);
     let changes: Vec<&str> = strategy.chain([BACKGROUND]).chain(changes.iter().copied()).collect();
-    let trial = Trial::new(scene, Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &changes)?);
-    curve(lab, trial.begin(lab))
+    curve(lab, trial(lab, scene, &changes)?.begin(lab))
 }
 
 /// PSNR of the held-out views along a run of a static scene.
@@ -95,9 +81,7 @@ fn static_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)
     let strategy = strategy(lab, policy);
     let strategy = strategy.iter().map(String::as_str);
     let changes: Vec<&str> = SHARED.into_iter().chain([BACKGROUND]).chain(strategy).collect();
-    let config = lab.config::<Still>(lab.either(STEPS, STEPS_QUICK), &changes)?;
-    let data = Data::<Still>::new(scene.clone(), &config);
-    curve(lab, Session::begin(lab, &data, &config))
+    curve(lab, Trial::<Still>::new(lab, scene.clone(), &changes)?.begin(lab))
 }
 
 /// Classic density control with an opacity policy, as `--set` overrides.
