@@ -8,14 +8,12 @@ use gs_driving::{FLOW_INTERVAL, INTERPOLATION_FRAMES, Snippet};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use gs_pipelines::flux4d::flow::{FlowOfSweep, FlowScores, of_sweep};
 use gs_pipelines::flux4d::host_view::inverse;
-use gs_pipelines::flux4d::infer::{Ready, infer};
-use gs_pipelines::flux4d::logs::open;
-use gs_pipelines::flux4d::prepare::{prepare, sweep};
+use gs_pipelines::flux4d::prepare::sweep;
 use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_pipelines::flux4d::sweep_flow::FIT_POINTS;
 use gsburn::report::charts::Series;
 
-use super::trial::{network, street};
+use super::trial::{Seen, network, seen, street};
 use crate::experiments::lab::go_on;
 use crate::experiments::{Findings, Lab};
 
@@ -83,12 +81,9 @@ fn compare<'a>(
     ours: &mut Way,
     fits: impl Iterator<Item = (&'a usize, &'a mut Way)>,
 ) -> Result<()> {
-    let log = open(path, &saved.config.own.logs)?;
+    let Seen { log, host, inferred, seconds } = seen(lab, path, saved)?;
     let snippet = Snippet::new(0, INTERPOLATION_FRAMES);
-    let begun = Instant::now();
-    let host = prepare(&log, &snippet, "street", &saved.config.own.lift, saved.config.seed)?;
-    let inferred = infer(&Ready::new(&saved.network), &host, &log, &saved.config, &lab.device)?;
-    ours.seconds += begun.elapsed().as_secs_f64();
+    ours.seconds += seconds;
     ours.sweeps += snippet.inputs.len();
     let mut pairs = Vec::new();
     let from_world = inverse(host.to_world);

@@ -1,16 +1,11 @@
 //! A car that a bus hides for half of a snippet.
 
 use anyhow::Result;
-use gs_driving::Snippet;
 use gs_pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
-use gs_pipelines::flux4d::infer::{Ready, infer};
-use gs_pipelines::flux4d::logs::open;
-use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_worlds::driving::{Encounter, StreetOptions};
 
-use super::trial::{network, streets};
-use crate::experiments::lab::go_on;
+use super::trial::{Seen, network, seen, streets};
 use crate::experiments::{Findings, Lab};
 
 /// Streets that are averaged.
@@ -63,12 +58,7 @@ fn shown(epe: Option<f64>) -> String {
 
 /// The flow of the car of a street, which is the last of its objects.
 fn car(lab: &Lab, saved: &SavedNetwork, options: &StreetOptions) -> Result<Car> {
-    go_on()?;
-    let config = &saved.config;
-    let log = open(&lab.street(options)?, &config.own.logs)?;
-    let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
-    let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
-    let inferred = infer(&Ready::new(&saved.network), &host, &log, config, &lab.device)?;
+    let Seen { log, host, inferred, .. } = seen(lab, &lab.street(options)?, saved)?;
     let sweeps = of_inputs(&log, &host, &inferred)?;
     let last = sweeps.iter().flat_map(|sweep| &sweep.tracks).max().cloned();
     Ok(sweeps.iter().fold(Car::default(), |car, sweep| added(car, sweep, last.as_deref())))
