@@ -115,9 +115,6 @@ impl Lab {
     }
 
     /// A synthetic world, written once and read with all its truth.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn world(&self, options: &DeblurOptions) -> Result<Scene> {
         let DeblurOptions { world, cameras, frames, .. } = options;
         let name = format!("{world}-{cameras}x{frames}");
@@ -126,9 +123,6 @@ impl Lab {
     }
 
     /// A synthetic world whose future is to be predicted, written once and read as training loads it.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn future_world(&self, options: &ExtrapolationOptions) -> Result<Scene> {
         let ExtrapolationOptions { world, cameras, frames, .. } = options;
         let name = format!("{world}-{cameras}x{frames}");
@@ -137,9 +131,6 @@ impl Lab {
     }
 
     /// A driving log of a synthetic street, written once.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn street(&self, options: &StreetOptions) -> Result<PathBuf> {
         let write = |folder: &Path| Ok(gs_worlds::driving::write(folder, options, |_, _| {})?);
         self.made("street", options, write)
@@ -172,9 +163,6 @@ impl Lab {
 }
 
 /// Fills a folder that is not there yet: under another name until it is whole.
-///
-/// # Errors
-/// When it cannot be written.
 pub fn whole(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     if folder.is_dir() {
         return Ok(());

@@ -25,7 +25,8 @@ use gs_train::run::outputs::{self, MARK, marked_svg};
 use gs_train::run::{interrupt, results};
 use serde::Serialize;
 
-pub use findings::{Findings, Outcome};
+pub use findings::{Findings, Outcome, largest, smallest};
+pub use gsburn::report::charts::Series;
 pub use lab::{Interrupted, Lab};
 
 /// The pipelines with their experiments.

@@ -11,12 +11,10 @@ use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::trainer::{Setup, step};
 use gs_train::fit::training::Training;
 use gs_worlds::driving::StreetOptions;
-use gsburn::report::charts::Series;
 
 use super::trial::{Outcome, applied, network, streets};
-use crate::experiments::findings::largest;
 use crate::experiments::lab::go_on;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// PSNR that an eighth of the beams may cost, dB, and that the refinements of the training must add: the paper's add
 /// that much (its table 7).

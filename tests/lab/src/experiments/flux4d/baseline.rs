@@ -11,11 +11,10 @@ use gs_pipelines::flux4d::host_view::inverse;
 use gs_pipelines::flux4d::prepare::sweep;
 use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_pipelines::flux4d::sweep_flow::FIT_POINTS;
-use gsburn::report::charts::Series;
 
 use super::trial::{Seen, network, seen, street};
 use crate::experiments::lab::go_on;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Iterations of the fits: a thousand, as its authors take, would be a quarter of an hour a sweep on two cores.
 const ITERATIONS: [usize; 3] = [20, 60, 200];

@@ -7,10 +7,9 @@ use gs_pipelines::flux4d::evaluate::color;
 use gs_pipelines::flux4d::moving::in_truth;
 use gs_pipelines::flux4d::sample::{camera, photo};
 use gs_train::run::metrics::psnr_masked;
-use gsburn::report::charts::Series;
 
 use super::trial::{Seen, network, seen, street};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Upper ends of the bins of distance, metres; the last has none, and the sky is a bin of its own.
 const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];

@@ -10,11 +10,10 @@ use gs_pipelines::flux4d::logs::open;
 use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::sample::camera;
 use gs_worlds::driving::StreetOptions;
-use gsburn::report::charts::Series;
 
 use super::trial::{applied, network, street};
 use crate::experiments::lab::go_on;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// LiDAR points of a snippet at most.
 const BUDGETS: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];

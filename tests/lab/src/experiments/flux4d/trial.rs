@@ -98,9 +98,6 @@ impl Outcome {
 }
 
 /// Applies a network to the snippets of a street.
-///
-/// # Errors
-/// [`Interrupted`]; when no snippet can be used.
 pub fn applied(lab: &Lab, street: &Path, network: &FluxNetwork, config: &FluxConfig) -> Result<Outcome> {
     go_on()?;
     let logs = Arc::new(Logs::unseen(street, &config.own.logs)?);

@@ -4,10 +4,9 @@
 use anyhow::Result;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::{Film, SAME_TIME, Score, mean, over_time, scores, small, time, trial};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// The last time that is seen.
 const SEEN: f64 = 0.75;

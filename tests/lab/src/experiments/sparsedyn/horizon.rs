@@ -5,11 +5,9 @@ use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::{Film, Score, means, over_time, positions, scores, small, time, trial};
-use crate::experiments::findings::largest;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Worlds: a box that slows down, a rotor that turns steadily, a thrown ball beside a drifting box.
 const WORLDS: [World; 3] = [World::Slider, World::Fan, World::Duo];

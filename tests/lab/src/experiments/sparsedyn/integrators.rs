@@ -6,11 +6,9 @@ use std::f64::consts::TAU;
 use anyhow::Result;
 use burn::tensor::Device;
 use gs_models::sparsedyn::Integrator;
-use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, double, positions, radius, slope, starts};
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Largest difference of a measured order from that of the method: halving the step leaves about this much of the next
 /// order.

@@ -2,11 +2,9 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::{Film, mean, means, scores, small, trial};
-use crate::experiments::findings::largest;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Worlds: a box that slows down, and a body that turns ever faster, whose law must be told from a steady turn.
 const WORLDS: [World; 2] = [World::Slider, World::Spinner];

@@ -5,13 +5,11 @@ use anyhow::Result;
 use gs_datasets::Scene;
 use gs_train::fit::random::normal_pair;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::trial::{Film, means, scores, small, trial};
-use crate::experiments::findings::largest;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// The last time that is seen.
 const SEEN: f64 = 0.75;

@@ -1,11 +1,9 @@
 //! Does a rollout forwards and then backwards return to its start? Arithmetic alone.
 
 use anyhow::Result;
-use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, difference, double, slope};
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// A way back undoes errors and adds none of a lower order, so the return's order is the method's or a higher one; the
 /// rest is left for the share of the next order.

@@ -2,10 +2,9 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::Series;
 
 use super::trial::{Film, means, scores, small, trial};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Seeds.
 const SEEDS: u64 = 8;

@@ -6,12 +6,10 @@ use glam::DVec3;
 use gs_models::sparsedyn::RolloutOptions;
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::Series;
 
 use super::trial::{Film, means, positions, scores, small, trial};
-use crate::experiments::findings::largest;
 use crate::experiments::lab::Session;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq.
 /// 4).

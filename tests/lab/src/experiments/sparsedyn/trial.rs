@@ -61,9 +61,6 @@ pub struct Film {
 
 impl Film {
     /// Films a world, or reads it if that was done before.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn of(lab: &Lab, options: &ExtrapolationOptions) -> Result<Self> {
         let mut scene = lab.future_world(options)?;
         let mut cameras: Vec<String> = scene.train.iter().filter_map(|view| view.camera_id.clone()).collect();

@@ -3,11 +3,9 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::{Film, means, scores, small, trial};
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Training cameras.
 const COUNTS: [usize; 5] = [2, 3, 5, 9, 15];

@@ -9,11 +9,10 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::metrics::psnr_of_mse;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::trial;
 use crate::experiments::lab::{Session, moving_psnr, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Measurements along a run.
 const LOOKS: usize = 6;

@@ -6,14 +6,12 @@ use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
 use gs_pipelines::taylormode::forward::in_space;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::trial::trial;
-use crate::experiments::findings::largest;
 use crate::experiments::lab::small;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// At corruption 1, scales are from 1 / (1 + this) to 1 + this, and shifts within half of this share of the mean.
 const AFFINE: f64 = 0.6;

@@ -10,13 +10,11 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::cues::find_cues;
 use gs_train::fit::parameters::from_host;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
-use gsburn::report::charts::Series;
 
 use super::surface::on_surface;
 use super::trial::trial;
-use crate::experiments::findings::{largest, smallest};
 use crate::experiments::lab::small;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The object's
 /// texture repeats every 3.4 pixels; a start at minus the velocity is wrong by twice the motion.

@@ -10,10 +10,8 @@ use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
 use gs_multiview::{Centre, Track, Trajectory};
 use gs_pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 use gs_train::fit::parameters::{from_host, to_host};
-use gsburn::report::charts::Series;
 
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Fitted orders.
 const ORDERS: std::ops::RangeInclusive<usize> = 0..=5;

@@ -11,13 +11,11 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::figures::blur_over;
 use gs_train::fit::photos::to_tensor;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
 use super::surface::on_surface;
 use super::trial::trial;
-use crate::experiments::findings::largest;
 use crate::experiments::lab::{Session, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of
 /// `base.toml`.

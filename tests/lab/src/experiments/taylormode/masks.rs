@@ -3,12 +3,10 @@
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
 use super::trial::trial;
-use crate::experiments::findings::largest;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its
 /// outline by more than a tenth of that on either side is a poor one.

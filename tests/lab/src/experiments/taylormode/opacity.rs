@@ -9,12 +9,10 @@ use gs_pipelines::still::Still;
 use gs_train::fit::photos::{camera, to_tensor};
 use gs_train::run::metrics::psnr;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::{SHARED, trial};
-use crate::experiments::findings::largest;
 use crate::experiments::lab::{Session, Trial, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Steps between measurements.
 const EVERY: usize = 15;

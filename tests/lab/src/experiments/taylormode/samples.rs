@@ -12,12 +12,10 @@ use gs_pipelines::taylormode::blur::expose;
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::camera;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
 use super::trial::trial;
-use crate::experiments::findings::largest;
 use crate::experiments::lab::small;
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Instants of the reference.
 const REFERENCE: usize = 129;

@@ -7,11 +7,10 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::config::CuesConfig;
 use gs_pipelines::taylormode::cues;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
-use gsburn::report::charts::Series;
 
 use super::trial::trial;
 use crate::experiments::lab::{Trial, moving_psnr, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Steps on the user's data set, which is larger.
 const STEPS_REAL: &str = "steps=1000";

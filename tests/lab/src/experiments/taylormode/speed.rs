@@ -4,12 +4,10 @@ use anyhow::Result;
 use gs_base::median;
 use gs_datasets::Scene;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::Series;
 
 use super::trial::trial;
-use crate::experiments::findings::smallest;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, smallest};
 
 /// Differences below this are as likely from the order of sums as from the method, dB.
 const NOISE: f64 = 0.1;

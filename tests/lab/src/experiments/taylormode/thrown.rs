@@ -6,12 +6,10 @@ use burn::tensor::Tensor;
 use gs_datasets::Scene;
 use gs_pipelines::taylormode::Taylormode;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
 use super::trial::trial;
-use crate::experiments::findings::largest;
 use crate::experiments::lab::{Session, Trial, small};
-use crate::experiments::{Findings, Lab};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Seeds of the initial Gaussians, the order of the photos and the networks.
 const SEEDS: [u64; 3] = [42, 43, 44];
