@@ -10,6 +10,7 @@ mod demo;
 pub mod driving;
 pub mod extrapolation;
 mod film;
+mod named;
 mod points;
 mod random;
 mod ranges;
