@@ -19,6 +19,7 @@ mod testing;
 pub use others::{Other, read_others};
 pub use page::{add_to_report, page, stacked};
 pub use panels::Panels;
+pub use seeds::Spread;
 
 use gsburn::report::comparison::{Gathered, Table, by_cpu};
 

@@ -125,13 +125,7 @@ impl Marks {
         // Without such a setting a few runs have a colour each.
         let each = colored.is_none() && (2..COLORS.len()).contains(&runs.len());
         let colors = runs.iter().enumerate().map(|(i, run)| match colored {
-            None => {
-                if each {
-                    i
-                } else {
-                    0
-                }
-            }
+            None => i * usize::from(each),
             // A run for which the setting has no meaning has the last colour, which no value has.
             Some(key) => run
                 .setting(key)

@@ -36,14 +36,9 @@ pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]),
         ("still", &static_scene, &[]),
     ];
-    for (name, scene, changes) in scenes {
-        let curves: Vec<Vec<(f64, f64)>> = POLICIES
-            .iter()
-            .map(|policy| match name {
-                "still" => static_curve(lab, scene, policy),
-                _ => moving_curve(lab, scene, policy, changes),
-            })
-            .collect::<Result<_>>()?;
+    for scene in scenes {
+        let name = scene.0;
+        let curves = POLICIES.iter().map(|policy| along(lab, scene, policy)).collect::<Result<Vec<_>>>()?;
         let [reset, decay, none] = [0, 1, 2].map(|i| curves[i].last().map_or(f64::NAN, |(_, psnr)| *psnr));
         let what = format!("{name}: PSNR with decay above that with reset at the end");
         found.at_least(what, decay - reset, -0.1, "dB");
@@ -66,27 +61,17 @@ fn reset_interval(lab: &Lab) -> usize {
     lab.steps() / 3
 }
 
-/// PSNR of the held-out views along a run of a moving scene.
-fn moving_curve(lab: &Lab, scene: &Scene, policy: &str, changes: &[&str]) -> Result<Vec<(f64, f64)>> {
-    let strategy = strategy(lab, policy);
-    let strategy = strategy.iter().map(String::as_str);
-    let changes: Vec<&str> = strategy.chain([BACKGROUND]).chain(changes.iter().copied()).collect();
-    curve(lab, trial(lab, scene, &changes)?.begin(lab))
-}
-
-/// PSNR of the held-out views along a run of a static scene.
-fn static_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)>> {
-    let strategy = strategy(lab, policy);
-    let strategy = strategy.iter().map(String::as_str);
-    let changes: Vec<&str> = SHARED.into_iter().chain([BACKGROUND]).chain(strategy).collect();
-    curve(lab, Trial::<Still>::new(lab, scene.clone(), &changes)?.begin(lab))
-}
-
-/// Classic density control with an opacity policy, as `--set` overrides.
-fn strategy(lab: &Lab, policy: &str) -> [String; 4] {
+/// PSNR of the held-out views along a run of a scene by classic density control with an opacity policy.
+fn along(lab: &Lab, (name, scene, changes): (&str, &Scene, &[&str]), policy: &str) -> Result<Vec<(f64, f64)>> {
     let policy = format!("density.default.opacity_policy={policy}");
     let reset = format!("density.default.reset_every={}", reset_interval(lab));
-    ["density.strategy=default".into(), "density.stop=0.7".into(), policy, reset]
+    let fixed = [BACKGROUND, "density.strategy=default", "density.stop=0.7", &policy, &reset];
+    match name {
+        "still" => {
+            curve(lab, Trial::<Still>::new(lab, scene.clone(), &[&SHARED[..], &fixed, changes].concat())?.begin(lab))
+        }
+        _ => curve(lab, trial(lab, scene, &[&fixed, changes].concat())?.begin(lab)),
+    }
 }
 
 fn curve<M: SceneMethod>(lab: &Lab, mut session: Session<M>) -> Result<Vec<(f64, f64)>> {
