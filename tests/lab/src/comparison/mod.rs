@@ -26,9 +26,7 @@ use gsburn::report::comparison::{Gathered, Table, by_cpu};
 /// Runs on one data set compared.
 #[derive(Debug)]
 pub struct Comparison {
-    /// Its heading.
     pub title: String,
-    /// Charts.
     pub panels: Panels,
     /// Tables: every measurement, means over seeds, costs of qualities.
     pub tables: Vec<Table>,

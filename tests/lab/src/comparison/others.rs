@@ -15,7 +15,6 @@ pub const HEADER: &str = "program,seconds,psnr";
 /// A program's measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Other {
-    /// Its name.
     pub name: String,
     /// Seconds of training and held-out PSNR, dB, in the order of the file.
     pub points: Vec<(f64, f64)>,

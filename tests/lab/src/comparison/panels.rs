@@ -22,7 +22,6 @@ const CURVE: usize = 3;
 /// The charts, and the meaning of their points and colours.
 #[derive(Debug)]
 pub struct Panels {
-    /// The charts.
     pub charts: Vec<Scatter>,
 }
 

@@ -44,7 +44,6 @@ pub struct Lab {
     pub data: Option<PathBuf>,
     /// Fewer variants and steps.
     pub quick: bool,
-    /// The compute device.
     pub device: Device,
     quiet: bool,
     bar: ProgressBar,
@@ -226,7 +225,6 @@ impl<M: SceneMethod> Trial<M> {
 /// A run in progress, open to an experiment between its steps.
 pub struct Session<'a, M: SceneMethod> {
     lab: &'a Lab,
-    /// The fit.
     pub fit: session::Session<'a, M>,
 }
 

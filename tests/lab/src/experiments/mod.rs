@@ -40,7 +40,6 @@ pub const PIPELINES: [(&str, &[Experiment]); 3] = [
 pub struct Experiment {
     /// Its name on the command line and in file names.
     pub name: &'static str,
-    /// Its question.
     pub question: &'static str,
     /// Trainings, full and quick; used for the time left.
     pub runs: [usize; 2],
@@ -48,7 +47,6 @@ pub struct Experiment {
     pub steps: [usize; 2],
     /// Whether it runs only if it is named, because it takes long.
     pub on_request: bool,
-    /// Runs it.
     pub run: fn(&Lab, &mut Findings) -> Result<()>,
 }
 

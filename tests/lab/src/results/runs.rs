@@ -29,7 +29,6 @@ pub struct Run {
     recipe: Option<String>,
     #[serde(default)]
     set: Vec<String>,
-    /// The data set.
     data: PathBuf,
     /// The seeds; empty: those of the data file.
     #[serde(default)]

@@ -5,11 +5,8 @@ use anyhow::Result;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
-use super::trial::{Film, SAME_TIME, Score, mean, over_time, scores, small, time, trial};
+use super::trial::{Film, SAME_TIME, SEEN, Score, mean, over_time, scores, small, time, trial};
 use crate::experiments::{Findings, Lab, Series};
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
 
 /// When the motion changes.
 const EVENT: f64 = 0.85;

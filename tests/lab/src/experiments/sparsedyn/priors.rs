@@ -8,11 +8,8 @@ use gs_worlds::extrapolation::World;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::trial::{Film, means, scores, small, trial};
+use super::trial::{Film, SEEN, means, scores, small, trial};
 use crate::experiments::{Findings, Lab, Series, largest};
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
 
 /// Held-out photos up to this time are measured: later ones, and still more the future, show by which motion a run goes
 /// on, which differs from seed to seed by more than any prior does.

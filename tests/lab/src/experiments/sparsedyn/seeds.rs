@@ -3,15 +3,12 @@
 use anyhow::Result;
 use gs_worlds::extrapolation::World;
 
-use super::trial::{Film, means, scores, small, trial};
+use super::trial::{Film, SEEN, means, scores, small, trial};
 use crate::experiments::{Findings, Lab, Series};
 
 /// Seeds.
 const SEEDS: u64 = 8;
 const SEEDS_QUICK: u64 = 3;
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
 
 /// Largest standard deviation of PSNR over the image, dB: papers compare methods by differences of this size.
 const PSNR_BOUND: f64 = 0.3;

@@ -7,7 +7,7 @@ use gs_models::sparsedyn::RolloutOptions;
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_worlds::extrapolation::World;
 
-use super::trial::{Film, means, positions, scores, small, trial};
+use super::trial::{Film, SEEN, means, positions, scores, small, trial};
 use crate::experiments::lab::Session;
 use crate::experiments::{Findings, Lab, Series, largest};
 
@@ -18,9 +18,6 @@ const MODES: [(&str, &[&str]); 3] = [
     ("field, asked once", &["bodies.mode=field"]),
     ("field, asked at every stage", &["bodies.mode=field", "dynamics.ask=stage", "dynamics.integrator=rk2"]),
 ];
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
 
 /// Factors of the step.
 const FACTORS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];

@@ -14,6 +14,9 @@ use crate::experiments::lab::{Session, Trial};
 /// Width and height of the images, pixels.
 const SIZE: usize = 80;
 
+/// The last time that most experiments see.
+pub const SEEN: f64 = 0.75;
+
 /// Times closer than this are one.
 pub const SAME_TIME: f64 = 1e-6;
 
@@ -107,7 +110,6 @@ pub fn trial(lab: &Lab, scene: Scene, changes: &[&str]) -> Result<Trial<Sparsedy
 /// The scores of a photo.
 #[derive(Debug, Clone, Copy)]
 pub struct Score {
-    /// Its time.
     pub time: f64,
     /// PSNR over the image, dB.
     pub psnr: f64,

@@ -4,7 +4,7 @@
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
 
-use super::trial::{Film, means, scores, small, trial};
+use super::trial::{Film, SEEN, means, scores, small, trial};
 use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Training cameras.
@@ -16,10 +16,6 @@ const CAPS: [usize; 3] = [300, 1000, 3000];
 
 /// Degrees of the colours, with the middle cap.
 const DEGREES: [usize; 3] = [0, 1, 2];
-
-/// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the
-/// motion.
-const SEEN: f64 = 0.75;
 
 /// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that seeds may spread by.
 const CAP_BOUND: f64 = 0.6;
@@ -73,6 +69,7 @@ fn point(lab: &Lab, film: &Film, (cameras, cap, degree): (usize, usize, usize)) 
     let seen = scene.train.clone();
     let trial = trial(lab, scene, &[&cap_text, &degree_text])?;
     let session = trial.trained(lab)?;
+    // Not in the future, which would add the error of the motion.
     let test = means(&scores(lab, &session, &film.future(-1.0, SEEN)))[0];
     let train = means(&scores(lab, &session, &seen))[0];
     Ok(Point { cameras, cap, degree, gaussians: session.fit.trainer.gaussians().len(), test, train })
