@@ -36,9 +36,9 @@ pub fn stacked<'a>(charts: impl IntoIterator<Item = &'a Scatter>, command: &str)
 
 /// Charts, tables, warnings and the command that made them.
 fn section(comparison: &Comparison, command: &str) -> String {
-    let Comparison { title, panels, tables, warnings } = comparison;
+    let Comparison { title, charts, tables, warnings } = comparison;
     let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>{}</h2>\n<div class=\"plots\">\n", escaped(title));
-    panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
+    charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
     html += "</div>\n";
     warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(&printable(warning))));
     tables.iter().for_each(|table| html += &table.html());

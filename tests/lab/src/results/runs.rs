@@ -77,7 +77,7 @@ pub fn fill(data: &mut Data, (root, name): (&Path, &str), out: &Path, device: &s
         let path = root.join(chart);
         outputs::check(std::slice::from_ref(&path), &[])?;
         let compared = Comparison::new(&gather(&folders)?, &[]);
-        write_atomic(&path, stacked(&compared.panels.charts, &data.command).as_bytes())?;
+        write_atomic(&path, stacked(&compared.charts, &data.command).as_bytes())?;
     }
     Ok(true)
 }
