@@ -38,8 +38,7 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
         print(verdict);
     }
     if extension == "html" {
-        let html = page("Runs", std::slice::from_ref(&compared), &command);
-        write_atomic(&args.out, html.as_bytes())?;
+        write_atomic(&args.out, page(&compared, &command).as_bytes())?;
         print(format!("page   {}", args.out.display()));
     } else {
         write_atomic(&args.out, stacked(charts, &command).as_bytes())?;

@@ -27,7 +27,6 @@ use gsburn::report::comparison::{Gathered, Table, by_cpu};
 /// Runs on one data set compared.
 #[derive(Debug)]
 pub struct Comparison {
-    pub title: String,
     pub charts: Vec<Scatter>,
     /// Tables: every measurement, means over seeds, costs of qualities.
     pub tables: Vec<Table>,
@@ -44,7 +43,6 @@ impl Comparison {
         others::add_others(&mut charts, others);
         let costs = soonest::soonest(&curves, others, by_cpu(runs));
         Self {
-            title: "Accuracy against cost".into(),
             charts,
             tables: std::iter::once(Table::new(runs)).chain(seeds::spreads(&curves)).chain(costs).collect(),
             warnings: found.warnings.clone(),
