@@ -51,19 +51,14 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// An experiment with its trainings and the steps of each, full and quick.
-    const fn new(
-        name: &'static str,
-        question: &'static str,
-        (runs, steps): ([usize; 2], [usize; 2]),
-        run: fn(&Lab, &mut Findings) -> Result<()>,
-    ) -> Self {
-        Self { name, question, runs, steps, on_request: false, run }
+    /// An experiment that trains nothing.
+    const fn new(name: &'static str, question: &'static str, run: fn(&Lab, &mut Findings) -> Result<()>) -> Self {
+        Self { name, question, runs: [0; 2], steps: [0; 2], on_request: false, run }
     }
 
-    /// An experiment that trains nothing.
-    const fn untrained(name: &'static str, question: &'static str, run: fn(&Lab, &mut Findings) -> Result<()>) -> Self {
-        Self::new(name, question, ([0; 2], [0; 2]), run)
+    /// The experiment trains as often, each time so many steps, full and quick.
+    const fn trains(self, runs: [usize; 2], steps: [usize; 2]) -> Self {
+        Self { runs, steps, ..self }
     }
 
     /// The experiment runs only if it is named.
@@ -71,6 +66,17 @@ impl Experiment {
         Self { on_request: true, ..self }
     }
 }
+
+/// A list of experiments. Each has its question as a comment; then come its name, the function that runs it and, where it
+/// trains, its trainings and the steps of each, full and quick.
+macro_rules! experiments {
+    ($($(#[doc = $question:literal])+ $name:literal: $run:path
+        $(, $runs:tt of $steps:tt)? $(, $on_request:ident)?;)+) => {
+        [$($crate::experiments::Experiment::new($name, concat!($($question),+).trim_ascii(), $run)
+            $(.trains($runs, $steps))? $(.$on_request())?),+]
+    };
+}
+use experiments;
 
 /// The experiments to run.
 #[derive(Debug, Clone)]
@@ -191,8 +197,8 @@ mod tests {
     use super::*;
 
     static ALL: [Experiment; 2] = [
-        Experiment::untrained("depth", "", |_, _| bail!("not run")),
-        Experiment::untrained("long", "", |_, _| bail!("not run")).on_request(),
+        Experiment::new("depth", "", |_, _| bail!("not run")),
+        Experiment::new("long", "", |_, _| bail!("not run")).on_request(),
     ];
 
     #[test]
