@@ -67,8 +67,8 @@ impl Experiment {
     }
 }
 
-/// A list of experiments. Each has its question as a comment; then come its name, the function that runs it and, where it
-/// trains, its trainings and the steps of each, full and quick.
+/// A list of experiments. Each has its question as a comment; then come its name, the function that runs it and, where
+/// it trains, its trainings and the steps of each, full and quick.
 macro_rules! experiments {
     ($($(#[doc = $question:literal])+ $name:literal: $run:path
         $(, $runs:tt of $steps:tt)? $(, $on_request:ident)?;)+) => {
